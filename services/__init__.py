@@ -1,0 +1,1 @@
+"""The four services. They meet only on the bus and never import one another."""

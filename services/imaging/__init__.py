@@ -1,0 +1,1 @@
+"""Imaging: receive the C-arm's images, find the ring, calibrate the C-arm."""

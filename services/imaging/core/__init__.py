@@ -1,0 +1,1 @@
+"""Pure image analysis and calibration: arrays and values in, frozen results out."""

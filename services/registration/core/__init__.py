@@ -1,0 +1,1 @@
+"""Pure estimation and judgement: arrays and values in, frozen results out."""

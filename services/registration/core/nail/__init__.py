@@ -1,0 +1,1 @@
+"""The nail: coarse search, maximum likelihood on the pixels, covariance."""

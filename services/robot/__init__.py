@@ -1,0 +1,1 @@
+"""Robot: the hexapod's driver and the last authority on its motion."""

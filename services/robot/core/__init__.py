@@ -1,0 +1,1 @@
+"""Pure motion logic: the motion table, the guard and paths."""

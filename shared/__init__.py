@@ -1,0 +1,1 @@
+"""What the services have in common: errors, geometry, X-ray measurements, parts, messages, bus, runtime."""

@@ -1,0 +1,100 @@
+"""What one image says of the C-arm that made it: the value that imaging hands to registration."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.camera import DisplacementField, PinholeCamera
+from shared.geometry.frames import Camera, Ring
+from shared.geometry.transform import Transform
+
+NOT_OF_THE_RING = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallCandidates:
+    """Dark discs found in an image, whoever they belong to, in measured pixels of the unmirrored image.
+
+    Attributes
+    ----------
+    centre_px
+        Shape (N, 2).
+    radius_px
+        Shape (N,).
+    contrast
+        Depth of the disc relative to its surroundings in grey values, shape (N,), positive.
+    standard_deviation_px
+        Predicted standard deviation of the centre per axis, shape (N,).
+    ring_index
+        Index of the ring's ball that this disc is, or `NOT_OF_THE_RING`, shape (N,).
+    """
+
+    centre_px: NDArray[np.float64]
+    radius_px: NDArray[np.float64]
+    contrast: NDArray[np.float64]
+    standard_deviation_px: NDArray[np.float64]
+    ring_index: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Aperture:
+    """The usable part of the image: a disc (image intensifier). `None` in its place means the whole rectangle."""
+
+    centre_px: tuple[float, float]
+    radius_px: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CArmCalibration:
+    """Camera, distortion and ring pose of one image.
+
+    All pixels are those of the image after un-mirroring: when `mirrored`, column x of the image as received is column
+    `width_px - 1 - x` here.
+
+    Attributes
+    ----------
+    camera
+        Intrinsics in ideal pixels.
+    camera_from_ring
+        Pose of the ring.
+    distortion
+        Measured to ideal pixels.
+    source_covariance_mm2
+        Covariance of the focal spot's position in the ring's frame, shape (3, 3).
+    balls
+        All discs found, with those of the ring identified.
+    balls_expected
+        Number of balls of the ring.
+    distortion_residual_px, reprojection_rms_px
+        Cross-validated residual of the distortion, and rms residual of the identified balls.
+    runner_up_margin
+        Identified balls of the best identity minus those of the best different one.
+    """
+
+    width_px: int
+    height_px: int
+    mirrored: bool
+    camera: PinholeCamera
+    camera_from_ring: Transform[Camera, Ring]
+    distortion: DisplacementField
+    source_covariance_mm2: NDArray[np.float64]
+    balls: BallCandidates
+    balls_expected: int
+    distortion_residual_px: float
+    reprojection_rms_px: float
+    runner_up_margin: float
+    aperture: Aperture | None
+
+    @property
+    def balls_found(self) -> int:
+        """Number of the ring's balls that were found and identified."""
+        return int(np.count_nonzero(self.balls.ring_index != NOT_OF_THE_RING))
+
+    def image_from_camera(self, points_camera_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Measured pixels, shape (..., 2), where points of the camera frame, shape (..., 3), in mm, appear."""
+        return self.distortion.distort(self.camera.project(points_camera_mm))
+
+    def rays_camera(self, measured_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Unit directions, shape (..., 3), of the rays through measured pixels, shape (..., 2)."""
+        return self.camera.rays(self.distortion.undistort(measured_px))

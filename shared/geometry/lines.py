@@ -1,0 +1,60 @@
+"""Straight lines in space: distances, angles and where they meet a plane."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def read_only(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a contiguous copy that cannot be written to."""
+    copy = np.array(values, dtype=np.float64, order="C")
+    copy.setflags(write=False)
+    return copy
+
+
+def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scale vectors, shape (..., 3), to length one."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def angle_between_rad(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Angle between two directions, shape (3,) each, in radians; accurate near zero (atan2, never acos)."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """A directed line.
+
+    Attributes
+    ----------
+    point_mm
+        A point on the line, shape (3,).
+    direction
+        Unit direction, shape (3,).
+    """
+
+    point_mm: NDArray[np.float64]
+    direction: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if self.point_mm.shape != (3,) or self.direction.shape != (3,):
+            raise ValueError(f"expected shapes (3,) and (3,), got {self.point_mm.shape} and {self.direction.shape}")
+        object.__setattr__(self, "point_mm", read_only(self.point_mm))
+        object.__setattr__(self, "direction", read_only(unit(self.direction)))
+
+    def distance_mm(self, point_mm: NDArray[np.float64]) -> float:
+        """Distance of a point, shape (3,), from the line, in mm."""
+        offset = point_mm - self.point_mm
+        return float(np.linalg.norm(offset - self.direction * (offset @ self.direction)))
+
+    def at_plane(self, plane_point_mm: NDArray[np.float64], plane_normal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Point where the line meets a plane, shape (3,), in mm."""
+        along = (plane_point_mm - self.point_mm) @ plane_normal / (self.direction @ plane_normal)
+        return np.asarray(self.point_mm + along * self.direction)
+
+
+def across_axis_offset_mm(axis: Line, other: Line, at_point_mm: NDArray[np.float64]) -> float:
+    """How far `other` lies from `axis`, measured in the plane across `axis` through `at_point_mm`, in mm."""
+    return axis.distance_mm(other.at_plane(at_point_mm, axis.direction))

@@ -1,0 +1,123 @@
+"""The things with known shapes: ring, guide, nail. Frozen values with read-only arrays, in millimetres."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.lines import Line
+
+Material = Literal["steel", "Ti6Al4V"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallPattern:
+    """Steel balls of a ring or a guide.
+
+    Attributes
+    ----------
+    ids
+        Name of each ball.
+    position_mm
+        Centres in the part's frame, shape (N, 3).
+    diameter_mm
+        Shape (N,).
+    """
+
+    ids: tuple[str, ...]
+    position_mm: NDArray[np.float64]
+    diameter_mm: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """A round radiolucent plate of the ring, across its z axis."""
+
+    z_mm: float
+    radius_mm: float
+    thickness_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RingPart:
+    """The calibration ring on the detector."""
+
+    balls: BallPattern
+    plates: tuple[Plate, ...]
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hole:
+    """A cylindrical hole of a guide or a nail.
+
+    Attributes
+    ----------
+    axis
+        Directed along drilling, in the part's frame, through the point the part's file gives.
+    """
+
+    id: str
+    axis: Line
+    diameter_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """An axis-aligned block of Delrin: centre and full size in mm."""
+
+    centre_mm: tuple[float, float, float]
+    size_mm: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GuidePart:
+    """The drill guide."""
+
+    balls: BallPattern
+    holes: tuple[Hole, ...]
+    body: tuple[Box, ...]
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NailPart:
+    """The distal end of a nail. Its axis is the x axis; it ends at `tip_x_mm`."""
+
+    material: Material
+    diameter_mm: float
+    cannulation_diameter_mm: float
+    tip_x_mm: float
+    holes: tuple[Hole, ...]
+    sha256: str
+
+    @property
+    def radius_mm(self) -> float:
+        """Outer radius."""
+        return 0.5 * self.diameter_mm
+
+
+def hole_surface_points(nail: NailPart, hole: Hole) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where a hole's axis enters and leaves the nail's surface, in the nail's frame.
+
+    Returns
+    -------
+    tuple of arrays
+        Entry (the side where drilling begins) and exit, shape (3,) each, in mm.
+
+    Raises
+    ------
+    ValueError
+        When the axis does not cross the nail.
+    """
+    p, d = hole.axis.point_mm[1:], hole.axis.direction[1:]
+    a, b, c = float(d @ d), float(p @ d), float(p @ p) - nail.radius_mm**2
+    if a == 0.0 or b * b <= a * c:
+        raise ValueError(f"the axis of hole '{hole.id}' does not cross the nail of {nail.diameter_mm} mm diameter")
+    root = np.sqrt(b * b - a * c)
+    near, far = (-b - root) / a, (-b + root) / a
+    return hole.axis.point_mm + near * hole.axis.direction, hole.axis.point_mm + far * hole.axis.direction

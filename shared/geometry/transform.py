@@ -1,0 +1,115 @@
+"""Rigid transforms whose names cancel: `camera_from_guide @ guide_from_nail` is `camera_from_nail`."""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from shared.geometry.frames import Frame
+
+To = TypeVar("To", bound=Frame)
+From = TypeVar("From", bound=Frame)
+Other = TypeVar("Other", bound=Frame)
+
+_ORTHONORMAL_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transform(Generic[To, From]):
+    """A rigid motion that maps coordinates of frame `From` to coordinates of frame `To`, in millimetres."""
+
+    rigid: RigidTransform
+
+    @staticmethod
+    def identity() -> "Transform[To, From]":
+        """Both frames coincide."""
+        return Transform(RigidTransform.identity())
+
+    @staticmethod
+    def from_matrix(matrix: ArrayLike) -> "Transform[To, From]":
+        """Build from a homogeneous matrix.
+
+        Parameters
+        ----------
+        matrix
+            Shape (4, 4), column-vector convention, translation in mm.
+
+        Raises
+        ------
+        ValueError
+            When the shape is not (4, 4), or the rotation block is not right-handed and orthonormal within 1e-6.
+        """
+        m = np.asarray(matrix, dtype=np.float64)
+        if m.shape != (4, 4):
+            raise ValueError(f"expected a homogeneous matrix of shape (4, 4), got {m.shape}")
+        deviation = float(np.abs(m[:3, :3] @ m[:3, :3].T - np.eye(3)).max())
+        if deviation > _ORTHONORMAL_TOLERANCE or np.linalg.det(m[:3, :3]) < 0:
+            raise ValueError(
+                f"rotation block is not right-handed orthonormal: |R R' - I| = {deviation:.2g} "
+                f"(limit {_ORTHONORMAL_TOLERANCE:g}), det = {np.linalg.det(m[:3, :3]):+.3f}"
+            )
+        return Transform.from_rotation_translation(m[:3, :3], m[:3, 3])
+
+    @staticmethod
+    def from_rotation_translation(rotation: ArrayLike, translation_mm: ArrayLike) -> "Transform[To, From]":
+        """Build from a rotation matrix, shape (3, 3), and a translation, shape (3,), in mm."""
+        return Transform(
+            RigidTransform.from_components(
+                np.asarray(translation_mm, float), Rotation.from_matrix(np.asarray(rotation, float))
+            )
+        )
+
+    @staticmethod
+    def from_rotvec(rotation_vector_rad: ArrayLike, translation_mm: ArrayLike) -> "Transform[To, From]":
+        """Build from a rotation vector (axis times angle, rad), shape (3,), and a translation in mm, shape (3,)."""
+        return Transform(
+            RigidTransform.from_components(
+                np.asarray(translation_mm, float), Rotation.from_rotvec(np.asarray(rotation_vector_rad, float))
+            )
+        )
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """Homogeneous matrix, shape (4, 4)."""
+        return np.asarray(self.rigid.as_matrix(), dtype=np.float64)
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Rotation matrix, shape (3, 3)."""
+        return np.asarray(self.rigid.rotation.as_matrix(), dtype=np.float64)
+
+    @property
+    def rotation_vector_rad(self) -> NDArray[np.float64]:
+        """Axis times angle, shape (3,), in radians."""
+        return np.asarray(self.rigid.rotation.as_rotvec(), dtype=np.float64)
+
+    @property
+    def translation_mm(self) -> NDArray[np.float64]:
+        """Where the origin of `From` lies in `To`, shape (3,), in mm."""
+        return np.asarray(self.rigid.translation, dtype=np.float64)
+
+    def inverse(self) -> "Transform[From, To]":
+        """Map coordinates of `To` to coordinates of `From`."""
+        return Transform(self.rigid.inv())
+
+    @overload
+    def __matmul__(self, other: "Transform[From, Other]") -> "Transform[To, Other]": ...
+
+    @overload
+    def __matmul__(self, other: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+    def __matmul__(self, other: object) -> object:
+        """Chain with another transform, or map points of shape (3,) or (N, 3) in mm."""
+        if isinstance(other, Transform):
+            return Transform(self.rigid * other.rigid)
+        return self.points(np.asarray(other, dtype=np.float64))
+
+    def points(self, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map points, shape (..., 3), from frame `From` to frame `To`, in mm."""
+        return points_mm @ self.rotation.T + self.translation_mm
+
+    def directions(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rotate directions, shape (..., 3), from frame `From` to frame `To`."""
+        return directions @ self.rotation.T

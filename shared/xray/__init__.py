@@ -1,0 +1,1 @@
+"""Measurements in X-ray images that more than one service makes: balls and their centres."""
