@@ -1,0 +1,83 @@
+"""The key space: `distalock/v1/{room}/{service}/...`. Written once, here."""
+
+from dataclasses import dataclass
+
+from shared.messages.presence import ServiceName
+from shared.messages.robot import Verb
+
+PREFIX = "distalock/v1"
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """Keys of one operating room."""
+
+    room: str
+
+    def _key(self, *parts: str) -> str:
+        return "/".join((PREFIX, self.room, *parts))
+
+    @property
+    def frame(self) -> str:
+        """Raw pixels with a `FrameHeader` as attachment; publish, newest wins."""
+        return self._key("imaging", "frame")
+
+    def frame_by_hash(self, sha256: str) -> str:
+        """Query: the same pixels and header, by the image's hash, so that no single shot is lost."""
+        return self._key("imaging", "frames", sha256)
+
+    @property
+    def any_frame_by_hash(self) -> str:
+        """What imaging declares its frame queryable on."""
+        return self._key("imaging", "frames", "*")
+
+    @property
+    def calibration(self) -> str:
+        """`CalibrationMessage`; last value kept."""
+        return self._key("imaging", "calibration")
+
+    @property
+    def localisation(self) -> str:
+        """`LocalisationRecord`; last value kept."""
+        return self._key("registration", "localisation")
+
+    @property
+    def plan(self) -> str:
+        """`Plan`; last value kept. The robot knows plans from here, not from the gateway."""
+        return self._key("registration", "plan")
+
+    @property
+    def plan_request(self) -> str:
+        """Query with a `PlanRequest`, answered by a `PlanReply`."""
+        return self._key("registration", "command", "plan")
+
+    @property
+    def verification_request(self) -> str:
+        """Query with a `VerificationRequest`, answered by a `VerificationReply`."""
+        return self._key("registration", "command", "verify")
+
+    @property
+    def robot_state(self) -> str:
+        """`RobotState`; last value kept."""
+        return self._key("robot", "state")
+
+    def robot_command(self, verb: Verb) -> str:
+        """Query with a command, answered by a `CommandReply`."""
+        return self._key("robot", "command", verb)
+
+    @property
+    def case_context(self) -> str:
+        """`CaseContext` of the open case; last value kept."""
+        return self._key("ui_api", "case")
+
+    def heartbeat(self, service: ServiceName) -> str:
+        """`Heartbeat` of a service."""
+        return self._key(service, "heartbeat")
+
+    def status(self, service: ServiceName) -> str:
+        """`ServiceStatus` of a service; last value kept."""
+        return self._key(service, "status")
+
+    def alive(self, service: ServiceName) -> str:
+        """Liveliness token of a service."""
+        return self._key("alive", service)

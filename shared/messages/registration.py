@@ -1,0 +1,248 @@
+"""What registration publishes and answers: localisations, plans, verifications."""
+
+import hashlib
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from shared.messages.base import (
+    Finite,
+    Identifier,
+    Matrix3,
+    Matrix4,
+    Message,
+    ReasonMessage,
+    Sha256,
+    Vector3,
+    Verdict,
+    WireModel,
+    encode,
+)
+from shared.messages.imaging import ImageReference
+from shared.messages.robot import PlatformPoseMessage
+
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+Method = Literal["model", "fronto-parallel"]
+
+
+class LocalisedImage(WireModel):
+    """Which image, and how it was shown."""
+
+    sha256: Sha256
+    mirrored: bool | None
+
+
+class LocalisedCamera(WireModel):
+    """The C-arm as the ring shows it."""
+
+    intrinsic_matrix_px: Matrix3
+    camera_from_ring: Matrix4
+    balls_found: int
+    balls_expected: int
+    distortion_residual_px: Finite
+    reprojection_rms_px: Finite
+
+
+class LocalisedGuide(WireModel):
+    """The drill guide."""
+
+    camera_from_guide: Matrix4
+    balls_found: int
+    balls_expected: int
+    reprojection_rms_px: Finite
+
+
+class LocalisedNail(WireModel):
+    """The nail; `mirror_margin` is None for methods that know no mirror optimum."""
+
+    camera_from_nail: Matrix4
+    mirror_margin: Finite | None
+
+
+class StandardUncertainty(WireModel):
+    """Predicted rms of the two errors that count."""
+
+    entry_mm: Finite
+    axis_deg: Finite
+
+
+class LocalisedHole(WireModel):
+    """One nail hole's axis in the guide's frame."""
+
+    id: str
+    entry_point_guide_mm: Vector3
+    axis_guide: Vector3
+    tilt_to_ray_deg: Finite
+    chance_to_pass: Probability | None
+    standard_uncertainty: StandardUncertainty | None
+
+
+class CArmCorrection(WireModel):
+    """How to turn source and detector together, about the camera frame's axes, right-handed."""
+
+    about_image_x: Finite
+    about_image_y: Finite
+
+
+class Timing(WireModel):
+    """Wall time of the steps."""
+
+    total: Finite
+    ring: Finite | None = None
+    guide: Finite | None = None
+    nail: Finite | None = None
+
+
+class Localisation(Message):
+    """What `distalock locate` prints: both axes from one image, or why not."""
+
+    schema_name: Literal["distalock/localisation/1"] = Field("distalock/localisation/1", alias="schema")
+    verdict: Verdict
+    reasons: tuple[ReasonMessage, ...]
+    method: Method
+    image: LocalisedImage
+    camera: LocalisedCamera | None
+    guide: LocalisedGuide | None
+    nail: LocalisedNail | None
+    guide_from_nail: Matrix4 | None
+    holes: tuple[LocalisedHole, ...] | None
+    c_arm_correction_deg: CArmCorrection | None
+    timing_ms: Timing
+
+
+class LocalisationRecord(Message):
+    """A localisation with its provenance, as registration publishes it for every image of an open case.
+
+    Attributes
+    ----------
+    registration_epoch
+        Names the newest state of knowledge: ``{boot epoch of registration}.{counter}``. It changes with every new image
+        and every change of the case's set-up; anything that quotes an older epoch is stale and moves nothing.
+    robot_pose
+        Platform pose when the image arrived; None when the robot was unknown or moving, and then no plan can be made.
+    """
+
+    schema_name: Literal["distalock/localisation-record/1"] = Field("distalock/localisation-record/1", alias="schema")
+    localisation: Localisation
+    image: ImageReference
+    case_id: Identifier
+    case_revision: int = Field(ge=0)
+    registration_epoch: Identifier
+    robot_boot_epoch: Identifier | None
+    robot_pose: PlatformPoseMessage | None
+    ring_sha256: Sha256
+    guide_sha256: Sha256
+    nail_sha256: Sha256
+    software_version: str
+    overlay_png_base64: str | None = Field(None, description="What was found, drawn on the image, for people.")
+
+
+class PlanRequest(Message):
+    """Asks registration for the move that makes guide and nail axes coincide, from its newest accepted localisation.
+
+    `image_sha256` names the localisation: planning from any other than the newest is refused as stale.
+    """
+
+    schema_name: Literal["distalock/plan-request/1"] = Field("distalock/plan-request/1", alias="schema")
+    case_id: Identifier
+    image_sha256: Sha256
+    hole_ids: tuple[str, ...] = Field(min_length=1)
+
+
+class PredictedHoleError(WireModel):
+    """What remains at one hole after the planned move: its bias (unequal spacings) and standard uncertainty."""
+
+    id: str
+    offset_mm: Finite
+    angle_deg: Finite
+    standard_uncertainty: StandardUncertainty
+    chance_to_pass: Probability
+
+
+class Plan(Message):
+    """A move of the hexapod, ready for approval. Its hash names exactly this content."""
+
+    schema_name: Literal["distalock/plan/1"] = Field("distalock/plan/1", alias="schema")
+    case_id: Identifier
+    case_revision: int = Field(ge=0)
+    image_sha256: Sha256
+    registration_epoch: Identifier
+    robot_boot_epoch: Identifier
+    hexapod_sha256: Sha256
+    hole_ids: tuple[str, ...]
+    head_extension_mm: Finite
+    guide_from_target_guide: Matrix4
+    start_pose: PlatformPoseMessage
+    target_pose: PlatformPoseMessage
+    pivot_mm: Vector3
+    target_leg_lengths_mm: tuple[Finite, Finite, Finite, Finite, Finite, Finite]
+    travel_mm: Finite
+    travel_deg: Finite
+    axial_shift_mm: Finite = Field(description="Free travel along the drilling axis that was used to stay in reach.")
+    predicted: tuple[PredictedHoleError, ...]
+
+    def sha256(self) -> str:
+        """Hash of the plan's canonical JSON: what an approval quotes."""
+        return hashlib.sha256(encode(self)).hexdigest()
+
+
+class PlanReply(Message):
+    """A plan, or why there is none."""
+
+    schema_name: Literal["distalock/plan-reply/1"] = Field("distalock/plan-reply/1", alias="schema")
+    verdict: Verdict
+    code: str = Field(
+        "", description="Stable code of the refusal: stale, no_localisation, out_of_reach, unknown_hole, ..."
+    )
+    message: str = ""
+    plan: Plan | None = None
+
+
+class VerificationRequest(Message):
+    """Asks registration to compare the K-wires in one image or two with the nail's hole axes."""
+
+    schema_name: Literal["distalock/verification-request/1"] = Field("distalock/verification-request/1", alias="schema")
+    case_id: Identifier
+    image_sha256: tuple[Sha256, ...] = Field(min_length=1, max_length=2)
+
+
+class VerifiedWire(WireModel):
+    """One wire's axis against the axis of the nail hole of the same id."""
+
+    id: str
+    entry_offset_mm: Finite
+    exit_offset_mm: Finite
+    angle_deg: Finite
+    standard_uncertainty: StandardUncertainty
+    chance_to_pass: Probability
+
+
+class VerifiedGuideHole(WireModel):
+    """The guide hole's own axis against the nail hole's, from the same images: what a drill will follow."""
+
+    id: str
+    entry_offset_mm: Finite
+    exit_offset_mm: Finite
+    angle_deg: Finite
+    standard_uncertainty: StandardUncertainty
+    chance_to_pass: Probability
+
+
+class Verification(Message):
+    """What `distalock verify` prints."""
+
+    schema_name: Literal["distalock/verification/1"] = Field("distalock/verification/1", alias="schema")
+    verdict: Verdict
+    reasons: tuple[ReasonMessage, ...]
+    images: tuple[Sha256, ...]
+    wires: tuple[VerifiedWire, ...]
+    guide_holes: tuple[VerifiedGuideHole, ...] = ()
+
+
+class VerificationReply(Message):
+    """A verification, or why there is none (unknown image, no case, ...)."""
+
+    schema_name: Literal["distalock/verification-reply/1"] = Field("distalock/verification-reply/1", alias="schema")
+    code: str = ""
+    message: str = ""
+    verification: Verification | None = None

@@ -1,0 +1,129 @@
+"""What the robot service says and accepts.
+
+Commands take effect at most once and never late. Clocks of different hosts cannot be compared, so lateness is judged by
+the robot's own clock alone: every `RobotState` carries a sequence number, every command quotes the newest number its
+client has seen (`after_state_sequence`), and the robot refuses a command whose quoted state it published longer ago than
+the command's time to live.
+"""
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from shared.messages.base import Finite, Identifier, Message, Sha256, UnixNanoseconds, Vector3, WireModel
+
+
+class MotionState(StrEnum):
+    """States of the hexapod, as in the motion table."""
+
+    DISCONNECTED = "disconnected"
+    UNREFERENCED = "unreferenced"
+    REFERENCING = "referencing"
+    LOCKED = "locked"
+    MOVING = "moving"
+    STOPPED = "stopped"
+    FAULT = "fault"
+
+
+class StopLatch(StrEnum):
+    """The stop button: it latches until a person acknowledges it, and services start with it pressed."""
+
+    CLEAR = "clear"
+    LATCHED = "latched"
+
+
+class PlatformPoseMessage(WireModel):
+    """Platform pose as the controller counts it: X Y Z in mm, U V W in degrees, about the pivot."""
+
+    x_mm: Finite
+    y_mm: Finite
+    z_mm: Finite
+    u_deg: Finite
+    v_deg: Finite
+    w_deg: Finite
+
+
+class RobotState(Message):
+    """Everything others may know of the robot, published on change and at a steady rate."""
+
+    schema_name: Literal["distalock/robot-state/1"] = Field("distalock/robot-state/1", alias="schema")
+    boot_epoch: Identifier
+    sequence: int = Field(ge=0)
+    sent_at_ns: UnixNanoseconds
+    state: MotionState
+    stop: StopLatch
+    locked: bool = Field(description="Brake on and servo off, as read back from the controller.")
+    referenced: bool
+    pose: PlatformPoseMessage | None
+    leg_lengths_mm: tuple[Finite, Finite, Finite, Finite, Finite, Finite] | None
+    pivot_mm: Vector3
+    hexapod_sha256: Sha256
+    controller_identity: str = Field("", description="What the controller answered to *IDN?.")
+    registration_epoch: Identifier | None = Field(None, description="Newest epoch the robot has heard of.")
+    command_id: Identifier | None = Field(None, description="Command being carried out, or the last one.")
+    outcome: Literal["none", "moving", "reached", "stopped", "failed"] = Field(
+        "none", description="How the command in `command_id` ended, or that it is under way."
+    )
+    deviation_mm: Finite | None = Field(None, description="Read-back minus target after the last move.")
+    deviation_deg: Finite | None = None
+    detail: str = ""
+
+
+Verb = Literal["move", "stop", "reference", "acknowledge_stop", "reset"]
+
+
+class CommandEnvelope(WireModel):
+    """What every command carries so that it takes effect at most once and never late."""
+
+    command_id: Identifier
+    client: Identifier
+    client_sequence: int = Field(ge=0)
+    robot_boot_epoch: Identifier
+    after_state_sequence: int = Field(ge=0)
+    time_to_live_s: Annotated[float, Field(gt=0.0, le=2.0)] = 1.0
+    issued_at_ns: UnixNanoseconds = Field(description="For the record only: never compared.")
+
+
+class Approval(WireModel):
+    """A surgeon's consent to exactly one plan."""
+
+    plan_sha256: Sha256
+    approved_by: str = Field(min_length=1, max_length=128)
+    approved_at_ns: UnixNanoseconds
+
+
+class MoveCommand(Message):
+    """Move to the plan's target. `plan_json` is the plan's canonical JSON, as registration published it."""
+
+    schema_name: Literal["distalock/robot-move/1"] = Field("distalock/robot-move/1", alias="schema")
+    envelope: CommandEnvelope
+    plan_json: str
+    approval: Approval
+
+
+class PlainCommand(Message):
+    """A command without a plan: reference, acknowledge_stop, reset."""
+
+    schema_name: Literal["distalock/robot-command/1"] = Field("distalock/robot-command/1", alias="schema")
+    verb: Literal["reference", "acknowledge_stop", "reset"]
+    envelope: CommandEnvelope
+
+
+class StopCommand(Message):
+    """Stop: needs no envelope, is never stale, never a repeat."""
+
+    schema_name: Literal["distalock/robot-stop/1"] = Field("distalock/robot-stop/1", alias="schema")
+    client: Identifier
+    reason: str = ""
+
+
+class CommandReply(Message):
+    """The robot's answer. `accepted` means begun, not ended: the outcome appears in `RobotState`."""
+
+    schema_name: Literal["distalock/robot-reply/1"] = Field("distalock/robot-reply/1", alias="schema")
+    command_id: Identifier | None
+    verdict: Literal["accepted", "refused"]
+    code: str = ""
+    message: str = ""
+    state: MotionState
