@@ -7,7 +7,7 @@ that raises is logged and reported to the asker as an error; it never takes the 
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol
+from typing import Protocol, Self
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class Bus(Protocol):
     def presence(self) -> "Presence":
         """Liveliness tokens and the state of the link."""
 
-    def __enter__(self) -> "Bus": ...
+    def __enter__(self) -> Self: ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

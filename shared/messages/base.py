@@ -3,12 +3,12 @@
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from shared.errors import InputError, Reason, ReasonCode
-from shared.geometry.frames import Frame
-from shared.geometry.transform import Transform
+from shared.geometry.transform import From, To, Transform
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector3 = tuple[Finite, Finite, Finite]
@@ -83,7 +83,7 @@ class TransformMessage(WireModel):
     translation_mm: Vector3
 
     @staticmethod
-    def of(transform: "Transform[Frame, Frame]", to_frame: type[Frame], from_frame: type[Frame]) -> "TransformMessage":
+    def of(transform: Transform[To, From], to_frame: type[To], from_frame: type[From]) -> "TransformMessage":
         """From the core's value; the frames are named by their types."""
         wxyz = transform.rigid.rotation.as_quat(scalar_first=True)
         return TransformMessage(
@@ -93,8 +93,13 @@ class TransformMessage(WireModel):
             translation_mm=vector3(transform.translation_mm),
         )
 
-    def transform(self) -> "Transform[Frame, Frame]":
-        """To the core's value; the caller names the frames in its annotation after checking `to_frame`, `from_frame`."""
+    def transform(self, to_frame: type[To], from_frame: type[From]) -> Transform[To, From]:
+        """To the core's value; raises `MessageInvalid` when it is a transform between other frames."""
+        if (self.to_frame, self.from_frame) != (to_frame.__name__.lower(), from_frame.__name__.lower()):
+            raise MessageInvalid(
+                f"expected {to_frame.__name__.lower()}_from_{from_frame.__name__.lower()}, "
+                f"got {self.to_frame}_from_{self.from_frame}"
+            )
         w, x, y, z = self.rotation_wxyz
         norm = float(np.linalg.norm(self.rotation_wxyz))
         if abs(norm - 1.0) > 1e-6:
@@ -104,12 +109,12 @@ class TransformMessage(WireModel):
         )
 
 
-def vector3(values: "np.typing.NDArray[np.float64]") -> Vector3:
+def vector3(values: NDArray[np.float64]) -> Vector3:
     """Array of shape (3,) to a tuple of floats."""
     return (float(values[0]), float(values[1]), float(values[2]))
 
 
-def matrix4(transform: "Transform[Frame, Frame]") -> Matrix4:
+def matrix4(transform: Transform[To, From]) -> Matrix4:
     """Homogeneous matrix of a transform as nested tuples, row by row."""
     m = transform.matrix
     rows = [(float(r[0]), float(r[1]), float(r[2]), float(r[3])) for r in m]

@@ -9,7 +9,6 @@ from pydantic import Field
 from shared.geometry.calibration import Aperture, BallCandidates, CArmCalibration
 from shared.geometry.camera import DisplacementField, PinholeCamera
 from shared.geometry.frames import Camera, Ring
-from shared.geometry.transform import Transform
 from shared.messages.base import (
     Finite,
     Identifier,
@@ -142,13 +141,12 @@ class CalibrationValues(WireModel):
 
     def calibration(self) -> CArmCalibration:
         """To the core's value."""
-        camera_from_ring: Transform[Camera, Ring] = Transform(self.camera_from_ring.transform().rigid)
         return CArmCalibration(
             width_px=self.width_px,
             height_px=self.height_px,
             mirrored=self.mirrored,
             camera=PinholeCamera(np.array(self.intrinsic_matrix_px)),
-            camera_from_ring=camera_from_ring,
+            camera_from_ring=self.camera_from_ring.transform(Camera, Ring),
             distortion=_field(self.distortion),
             source_covariance_mm2=np.array(self.source_covariance_mm2),
             balls=_candidates(self.balls),

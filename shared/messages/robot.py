@@ -1,9 +1,9 @@
 """What the robot service says and accepts.
 
-Commands take effect at most once and never late. Clocks of different hosts cannot be compared, so lateness is judged by
-the robot's own clock alone: every `RobotState` carries a sequence number, every command quotes the newest number its
-client has seen (`after_state_sequence`), and the robot refuses a command whose quoted state it published longer ago than
-the command's time to live.
+Commands take effect at most once and never late. Clocks of different hosts cannot be compared, so lateness is judged
+by the robot's own clock alone: every `RobotState` carries a sequence number, every command quotes the newest number
+its client has seen (`after_state_sequence`), and the robot refuses a command whose quoted state it published longer
+ago than the command's time to live.
 """
 
 from enum import StrEnum
