@@ -1,0 +1,54 @@
+# The two commands a newcomer needs: `make demo` and `make test`. Both need only Python 3.11 or newer and make.
+PYTHON ?= python3
+BIN := .venv/bin
+INSTALLED := .venv/.installed
+# One thread per process: the services run side by side, and small matrices gain nothing from more.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help setup demo test check bench lock schemas clean
+
+help:
+	@echo "make demo    the whole procedure in the virtual operating room"
+	@echo "make test    everything CI runs"
+	@echo "make check   lint, types, import contracts, unit tests"
+	@echo "make bench   the full statistics; results go to docs/"
+	@echo "make setup   only the environment in .venv, with the command at .venv/bin/distalock"
+
+setup: $(INSTALLED)
+
+$(INSTALLED): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "distalock needs Python 3.11 or newer; $(PYTHON) is " + sys.version.split()[0] + ". Call: make PYTHON=python3.12 ...")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+demo: setup
+	$(BIN)/distalock demo $(ARGS)
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest -q -m "not slow" tests/unit tests/property tests/contract
+
+test: check
+	$(BIN)/python -m pytest -q -m slow tests/unit tests/property tests/contract
+	$(BIN)/python -m pytest -q tests/accuracy tests/e2e
+
+bench: setup
+	$(BIN)/distalock bench
+
+# Needs uv (installed into .venv for this purpose only); the lock carries hashes and no server addresses.
+lock: setup
+	$(BIN)/python -m pip install --quiet uv
+	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-emit-find-links --no-header --upgrade --output-file requirements.lock --quiet
+
+schemas: setup
+	$(BIN)/python -m shared.messages.schema_files
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info

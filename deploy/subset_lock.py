@@ -1,0 +1,60 @@
+"""Print the part of `requirements.lock` that one service needs, hashes and all.
+
+There is one lock for the whole project; a container installs only what its service asks for. The lock's ``# via``
+comments carry the dependency graph, so no package index and no installed package is needed to cut it.
+
+Usage: ``python deploy/subset_lock.py imaging > imaging.lock``
+"""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+_NAME = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)")
+_REQUIREMENT = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==")
+
+
+def normalised(name: str) -> str:
+    """Package name as package indexes compare it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def wanted_roots(pyproject: str, extra: str) -> set[str]:
+    """Direct dependencies of the project with one extra; raises `KeyError` for an unknown extra."""
+    project = tomllib.loads(pyproject)["project"]
+    requirements = project["dependencies"] + project["optional-dependencies"][extra]
+    return {normalised(match[1]) for r in requirements if (match := _NAME.match(r))}
+
+
+def lock_entries(lock: str) -> list[tuple[str, str, set[str]]]:
+    """Entries of the lock: (name, text, names of what asks for it)."""
+    entries: list[tuple[str, str, set[str]]] = []
+    for block in re.split(r"(?m)^(?=[A-Za-z0-9])", lock):
+        match = _REQUIREMENT.match(block)
+        if match:
+            via = re.findall(r"(?m)^    #(?: via|  ) +([A-Za-z0-9][A-Za-z0-9._-]*)", block)
+            entries.append((normalised(match[1]), block, {normalised(v) for v in via}))
+    return entries
+
+
+def subset(lock: str, roots: set[str]) -> str:
+    """The entries that `roots` need, directly or not, in the lock's order."""
+    entries = lock_entries(lock)
+    needed = set(roots)
+    while True:
+        more = {name for name, _, via in entries if via & needed} - needed
+        if not more:
+            return "".join(text for name, text, _ in entries if name in needed)
+        needed |= more
+
+
+if __name__ == "__main__":
+    service = sys.argv[1] if len(sys.argv) == 2 else sys.exit("usage: subset_lock.py EXTRA")
+    pyproject_text = (ROOT / "pyproject.toml").read_text()
+    try:
+        wanted = wanted_roots(pyproject_text, service)
+    except KeyError:
+        sys.exit(f"no extra named {service!r} in pyproject.toml")
+    sys.stdout.write(subset((ROOT / "requirements.lock").read_text(), wanted))
