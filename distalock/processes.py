@@ -1,0 +1,166 @@
+"""Start, watch and stop a set of local processes in order.
+
+Services are real processes even on one machine: what `distalock up` runs is what containers run.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+
+from shared.errors import ConfigurationError
+
+_STOP_PATIENCE_S = 8.0
+_POLL_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSpec:
+    """One process to run.
+
+    Attributes
+    ----------
+    name
+        For people, log files and error messages.
+    module
+        Python module to run with ``python -m``.
+    arguments, environment
+        Beyond what this process's own environment holds.
+    is_ready
+        Asked until true, before the next process starts.
+    """
+
+    name: str
+    module: str
+    is_ready: Callable[[], bool]
+    arguments: tuple[str, ...] = ()
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+
+class Fleet:
+    """The running processes. Started in the order given, stopped in the reverse order."""
+
+    def __init__(self, specs: Sequence[ProcessSpec], log_dir: Path, start_patience_s: float = 40.0) -> None:
+        self._specs = tuple(specs)
+        self._log_dir = log_dir
+        self._start_patience_s = start_patience_s
+        self._running: list[tuple[ProcessSpec, subprocess.Popen[bytes]]] = []
+
+    def __enter__(self) -> "Fleet":
+        self._log_dir.mkdir(parents=True, exist_ok=True)
+        try:
+            for spec in self._specs:
+                self._start(spec)
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process ids by name."""
+        return {spec.name: process.pid for spec, process in self._running}
+
+    def wait_until_one_ends(self, stop: threading.Event) -> str | None:
+        """Block until `stop` is set (then None) or a process ends by itself (then its name)."""
+        while not stop.wait(_POLL_S):
+            for spec, process in self._running:
+                if process.poll() is not None:
+                    return spec.name
+        return None
+
+    def last_words(self, name: str) -> str:
+        """Last line that a process wrote, for error messages."""
+        lines = self._log_file(name).read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else "it wrote nothing"
+
+    def stop(self) -> None:
+        """End every process, the last started first; those that do not leave in time are killed."""
+        for _, process in reversed(self._running):
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+                _wait_or_kill(process)
+        self._running.clear()
+
+    def _log_file(self, name: str) -> Path:
+        return self._log_dir / f"{name}.log"
+
+    def _start(self, spec: ProcessSpec) -> None:
+        with self._log_file(spec.name).open("wb") as log:
+            # A session of its own: Ctrl-C reaches only us, and we stop the others in order.
+            process = subprocess.Popen(
+                [sys.executable, "-m", spec.module, *spec.arguments],
+                env={**os.environ, **spec.environment},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self._running.append((spec, process))
+        deadline = time.monotonic() + self._start_patience_s
+        while not spec.is_ready():
+            if process.poll() is not None:
+                raise ConfigurationError(f"{spec.name} did not start: {self.last_words(spec.name)}")
+            if time.monotonic() > deadline:
+                raise ConfigurationError(
+                    f"{spec.name} was not ready after {self._start_patience_s:.0f} s; see {self._log_file(spec.name)}"
+                )
+            time.sleep(_POLL_S)
+
+
+def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:
+    try:
+        process.wait(_STOP_PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def tcp_port_answers(port: int, host: str = "127.0.0.1") -> bool:
+    """Whether something accepts connections on a local port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.settimeout(0.2)
+        return probe.connect_ex((host, port)) == 0
+
+
+def require_free_port(port: int, used_for: str, option: str) -> None:
+    """Refuse a port that is taken, before anything is started.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the port, its purpose and the option that chooses another.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise ConfigurationError(
+                f"port {port} for {used_for} is in use ({error.strerror}); end the program that holds it "
+                f"or choose another with {option}"
+            ) from None
+
+
+def free_ports(count: int) -> list[int]:
+    """Ports that are free now, all different."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_STREAM) for _ in range(count)]
+    try:
+        for s in sockets:
+            s.bind(("127.0.0.1", 0))
+        return [int(s.getsockname()[1]) for s in sockets]
+    finally:
+        for s in sockets:
+            s.close()
