@@ -1,0 +1,15 @@
+"""Numba's compiler with a type that survives mypy: the inner loops over pixels are compiled, everything else is numpy."""
+
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+import numba
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function to machine code on first use and keep the result on disk."""
+    machine_code: Callable[P, R] = numba.njit(cache=True, error_model="numpy")(function)
+    return machine_code

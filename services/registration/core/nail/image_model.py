@@ -1,0 +1,238 @@
+"""What the pixels of the window should show: how much of the background each pixel sees past nail and balls.
+
+The grey value of a pixel is  background * visible + floor * (1 - visible). `visible` follows from the metal on the
+ray: transmission exp(-(mu * path)^power), blurred, bent by the display's curve, sharpened by edge enhancement.
+"""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.compiled import compiled
+from services.registration.core.nail.paths import metal_path
+from services.registration.core.nail.pose import POSE_SIZE, Anchors, pose_from_parameters
+from services.registration.core.nail.window import SAMPLES_PX, Window
+from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.parts import NailPart
+from shared.geometry.transform import Transform
+
+_SAMPLES = len(SAMPLES_PX)
+_KERNEL_REACH = 4.0
+
+
+class Unknown(IntEnum):
+    """Place of each unknown in the parameter vector; the first six are the pose (`pose.py`)."""
+
+    FIRST_X_PX = 0
+    FIRST_Y_PX = 1
+    SECOND_X_PX = 2
+    SECOND_Y_PX = 3
+    PITCH_RAD = 4
+    ROLL_RAD = 5
+    HOLE_RADIUS_EXCESS_MM = 6
+    NAIL_RADIUS_EXCESS_MM = 7
+    LOG_ATTENUATION = 8
+    POWER = 9
+    LOG_BLUR_PX = 10
+    SHARPENING = 11
+    LOG_SHARPENING_WIDTH_PX = 12
+    CURVE = 13
+    DELRIN_PER_MM = 14
+
+
+PARAMETERS = len(Unknown)
+
+# Mean and standard deviation of what is known before the image is seen. Attenuation: effective values of 40-80 keV.
+ATTENUATION_PER_MM = {"steel": 1.0, "Ti6Al4V": 0.33}
+STEEL_IN_NAIL_MATERIAL = {"steel": 1.0, "Ti6Al4V": 3.2}
+PRIOR = {
+    Unknown.HOLE_RADIUS_EXCESS_MM: (0.0, 0.05),
+    Unknown.NAIL_RADIUS_EXCESS_MM: (0.0, 0.05),
+    Unknown.LOG_ATTENUATION: (0.0, 0.5),
+    Unknown.POWER: (0.8, 0.2),
+    Unknown.LOG_BLUR_PX: (float(np.log(1.2)), 0.35),
+    Unknown.SHARPENING: (0.2, 0.4),
+    Unknown.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
+    Unknown.CURVE: (0.0, 0.3),
+    Unknown.DELRIN_PER_MM: (0.02, 0.02),
+}
+
+# Steps of the numerical derivatives: about a tenth of a pixel at the rims, so that sub-pixel samples change by many.
+STEP = np.array(
+    [0.1, 0.1, 0.1, 0.1, 0.004, 0.004, 0.02, 0.02, 0.02, 0.01, 0.02, 0.02, 0.05, 0.02, 0.001]
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NailScene:
+    """All that is fixed during a fit: the window, the camera and the nail's nominal shape."""
+
+    window: Window
+    camera: PinholeCamera
+    anchors: Anchors
+    nail: NailPart
+
+    def pose(self, parameters: NDArray[np.float64]) -> Transform[Camera, Nail]:
+        """`camera_from_nail` that the parameters stand for."""
+        return pose_from_parameters(parameters[:POSE_SIZE], self.camera, self.anchors)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Appearance:
+    """Per compared pixel, shape (N,): share of the background that is seen, and what the guide's body leaves of it."""
+
+    visible: NDArray[np.float64]
+    delrin: NDArray[np.float64]
+
+
+def prior_mean() -> NDArray[np.float64]:
+    """Shape (PARAMETERS,); zero for the pose."""
+    return np.array([PRIOR[u][0] if u in PRIOR else 0.0 for u in Unknown])
+
+
+def prior_precision() -> NDArray[np.float64]:
+    """Inverse variances, shape (PARAMETERS,); zero for the pose."""
+    return np.array([PRIOR[u][1] ** -2 if u in PRIOR else 0.0 for u in Unknown])
+
+
+def transmission(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of the X-rays that pass the metal, mean over each pixel, on the whole rectangle, shape (rows, columns)."""
+    window, nail = scene.window, scene.nail
+    pose = scene.pose(parameters)
+    path = np.empty(len(window.directions))
+    excess = parameters[Unknown.HOLE_RADIUS_EXCESS_MM]
+    metal_path(
+        window.directions,
+        np.ascontiguousarray(pose.rotation),
+        pose.translation_mm,
+        nail.radius_mm + parameters[Unknown.NAIL_RADIUS_EXCESS_MM],
+        0.5 * nail.cannulation_diameter_mm,
+        np.array([h.axis.point_mm for h in nail.holes]),
+        np.array([h.axis.direction for h in nail.holes]),
+        np.array([0.5 * h.diameter_mm + excess for h in nail.holes]),
+        path,
+    )
+    attenuation = ATTENUATION_PER_MM[nail.material] * np.exp(parameters[Unknown.LOG_ATTENUATION])
+    out = np.ones(window.shape).ravel()
+    _mean_transmission(
+        path,
+        window.steel_mm,
+        STEEL_IN_NAIL_MATERIAL[nail.material],
+        attenuation,
+        parameters[Unknown.POWER],
+        window.support,
+        _SAMPLES,
+        out,
+    )
+    return out.reshape(window.shape)
+
+
+def appearance(
+    scene: NailScene, parameters: NDArray[np.float64], passed: NDArray[np.float64]
+) -> Appearance:
+    """Blur, display curve and edge enhancement on a transmission map (from `transmission`)."""
+    window = scene.window
+    blur = np.exp(parameters[Unknown.LOG_BLUR_PX]) / window.reduction
+    width = np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX]) / window.reduction
+    blurred = blurred_image(passed, float(blur))
+    bent = blurred * (1.0 + parameters[Unknown.CURVE] * (1.0 - blurred))
+    sharpening = parameters[Unknown.SHARPENING]
+    visible = (1.0 + sharpening) * bent - sharpening * blurred_image(bent, float(width))
+    body = blurred_image(window.delrin_mm, float(blur))
+    delrin = np.exp(-parameters[Unknown.DELRIN_PER_MM] * body.ravel()[window.compared])
+    return Appearance(visible.ravel()[window.compared], delrin)
+
+
+def render(scene: NailScene, parameters: NDArray[np.float64]) -> Appearance:
+    """Appearance from scratch."""
+    return appearance(scene, parameters, transmission(scene, parameters))
+
+
+_NEEDS_NO_NEW_PATHS = (
+    Unknown.LOG_BLUR_PX,
+    Unknown.SHARPENING,
+    Unknown.LOG_SHARPENING_WIDTH_PX,
+    Unknown.CURVE,
+    Unknown.DELRIN_PER_MM,
+)
+
+
+def render_with_derivatives(
+    scene: NailScene, parameters: NDArray[np.float64], free: NDArray[np.bool_]
+) -> tuple[Appearance, list[Appearance]]:
+    """Appearance and its derivatives by the free parameters (differences of one step), one `Appearance` each."""
+    passed = transmission(scene, parameters)
+    base = appearance(scene, parameters, passed)
+    derivatives = []
+    for unknown in Unknown:
+        if not free[unknown]:
+            continue
+        moved = parameters.copy()
+        moved[unknown] += STEP[unknown]
+        if unknown in _NEEDS_NO_NEW_PATHS:
+            there = appearance(scene, moved, passed)
+        else:
+            there = render(scene, moved)
+        derivatives.append(
+            replace(
+                there,
+                visible=(there.visible - base.visible) / STEP[unknown],
+                delrin=(there.delrin - base.delrin) / STEP[unknown],
+            )
+        )
+    return base, derivatives
+
+
+def blurred_image(image: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """Gaussian blur with edge values repeated."""
+    reach = max(1, int(np.ceil(_KERNEL_REACH * sigma)))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-3)) ** 2)
+    out = np.empty_like(image)
+    _separable_blur(image, kernel / kernel.sum(), np.empty_like(image), out)
+    return out
+
+
+@compiled
+def _separable_blur(
+    image: NDArray[np.float64],
+    kernel: NDArray[np.float64],
+    between: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    rows, columns = image.shape
+    reach = kernel.shape[0] // 2
+    for i in range(rows):
+        for j in range(columns):
+            total = kernel[reach] * image[i, j]
+            for k in range(1, reach + 1):
+                total += kernel[reach + k] * (image[i, max(j - k, 0)] + image[i, min(j + k, columns - 1)])
+            between[i, j] = total
+    for i in range(rows):
+        for j in range(columns):
+            out[i, j] = kernel[reach] * between[i, j]
+        for k in range(1, reach + 1):
+            above, below = max(i - k, 0), min(i + k, rows - 1)
+            for j in range(columns):
+                out[i, j] += kernel[reach + k] * (between[above, j] + between[below, j])
+
+
+@compiled
+def _mean_transmission(
+    path_mm: NDArray[np.float64],
+    steel_mm: NDArray[np.float64],
+    steel_in_nail_material: float,
+    attenuation: float,
+    power: float,
+    support: NDArray[np.int64],
+    samples: int,
+    out: NDArray[np.float64],
+) -> None:
+    for n in range(support.shape[0]):
+        total = 0.0
+        for s in range(n * samples, (n + 1) * samples):
+            depth = attenuation * (path_mm[s] + steel_in_nail_material * steel_mm[s])
+            total += np.exp(-(depth**power)) if depth > 0.0 else 1.0
+        out[support[n]] = total / samples

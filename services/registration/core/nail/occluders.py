@@ -1,0 +1,58 @@
+"""Known things that lie in front of or behind the nail: the guide's balls and body, and the ring's balls."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.paths import add_ball_paths, guide_body_path
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.parts import GuidePart, RingPart
+from shared.geometry.transform import Transform
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedGuide:
+    """A guide and where it is."""
+
+    part: GuidePart
+    camera_from_guide: Transform[Camera, Guide]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Occluders:
+    """What shares the image with the nail and has a known shape and place. `None`: not there, or not known."""
+
+    guide: PlacedGuide | None
+    ring: RingPart | None
+
+
+def steel_path_mm(
+    directions: NDArray[np.float64], occluders: Occluders, calibration: CArmCalibration
+) -> NDArray[np.float64]:
+    """Length of rays, directions of shape (N, 2) at z = 1, in steel balls of guide and ring; shape (N,), in mm."""
+    out = np.zeros(len(directions))
+    for centres_mm, diameters_mm in _balls_camera(occluders, calibration):
+        add_ball_paths(directions, np.ascontiguousarray(centres_mm), 0.5 * diameters_mm, out)
+    return out
+
+
+def delrin_path_mm(directions: NDArray[np.float64], occluders: Occluders) -> NDArray[np.float64]:
+    """Length of rays, directions of shape (N, 2) at z = 1, in the guide's body; shape (N,), in mm."""
+    if occluders.guide is None:
+        return np.zeros(len(directions))
+    return guide_body_path(directions, occluders.guide.camera_from_guide, occluders.guide.part)
+
+
+def _balls_camera(
+    occluders: Occluders, calibration: CArmCalibration
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    groups = []
+    if occluders.guide is not None:
+        balls = occluders.guide.part.balls
+        groups.append((occluders.guide.camera_from_guide.points(balls.position_mm), balls.diameter_mm))
+    if occluders.ring is not None:
+        balls = occluders.ring.balls
+        groups.append((calibration.camera_from_ring.points(balls.position_mm), balls.diameter_mm))
+    return groups
