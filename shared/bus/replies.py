@@ -1,0 +1,26 @@
+"""What a query that failed says, in the same words on every bus."""
+
+from shared.errors import DistalockError, NoReply
+
+
+def error_text(error: Exception) -> str:
+    """What the asker is told when a queryable's handler raises: our own sentence, or the kind of the foreign error."""
+    return str(error) if isinstance(error, DistalockError) else f"{type(error).__name__}: {error}"
+
+
+def no_answer(key: str) -> NoReply:
+    """Nobody answers this key now."""
+    return NoReply(
+        f"'{key}' brought no answer: nobody answers it, it is not permitted, or the link broke; "
+        "this does not mean that it was not carried out"
+    )
+
+
+def no_reply_in_time(key: str, timeout_s: float) -> NoReply:
+    """Somebody was asked and kept silent."""
+    return NoReply(f"'{key}' brought no reply within {timeout_s:g} s; it may have been carried out, or may be yet")
+
+
+def replied_with_error(key: str, text: str) -> NoReply:
+    """The handler at the other end raised."""
+    return NoReply(f"'{key}' was answered with an error: {text}")

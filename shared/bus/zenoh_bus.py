@@ -1,0 +1,256 @@
+"""The bus over Zenoh: a client of one router.
+
+Every service connects to the router and to nobody else: peers that link directly would bypass its access control.
+Samples, queries and tokens go through ring channels to one thread per declaration. A Python callback handed to Zenoh
+itself would, while it hangs, stall the whole session (measured on 1.10: one hung subscriber, and queries of the same
+session time out); here a hung handler costs its own key its oldest samples and nothing else.
+"""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self, TypeVar
+
+import structlog
+import zenoh
+
+from shared.bus.port import Answer, Query, Sample
+from shared.bus.replies import error_text, no_answer, no_reply_in_time, replied_with_error
+from shared.errors import BusUnavailable
+
+_LEASE_MS = 1000
+_RECONNECT_FIRST_MS = 100
+_RECONNECT_MOST_MS = 1000
+_SHARED_MEMORY_POOL_BYTES = 64 * 1024 * 1024
+_SHARED_MEMORY_FROM_BYTES = 64 * 1024
+_LAST_VALUE_CHECK_S = 0.5
+_OPEN_AGAIN_AFTER_S = 0.1
+_STREAM_DEPTH = 16
+_RETAINED_DEPTH = 256
+_QUERY_DEPTH = 64
+_TOKEN_DEPTH = 1024
+_TIMEOUT_TEXT = "Timeout"
+
+T_co = TypeVar("T_co", covariant=True)
+T = TypeVar("T")
+
+_log = structlog.get_logger("distalock.bus")
+
+
+@dataclass(frozen=True, slots=True)
+class BusSettings:
+    """Where the router is, and how long to wait for it."""
+
+    endpoint: str = "tcp/127.0.0.1:7447"
+    open_timeout_s: float = 10.0
+
+
+def open_bus(settings: BusSettings) -> "ZenohBus":
+    """Connect to the router. Use the result as a context manager.
+
+    Raises
+    ------
+    BusUnavailable
+        When no router answers within `open_timeout_s`.
+    """
+    deadline = time.monotonic() + settings.open_timeout_s
+    while True:
+        try:
+            return ZenohBus(zenoh.open(client_config(settings.endpoint)))
+        except zenoh.ZError as error:
+            if time.monotonic() + _OPEN_AGAIN_AFTER_S > deadline:
+                raise BusUnavailable(
+                    f"no router answered at {settings.endpoint} within {settings.open_timeout_s:g} s; "
+                    "start the router (python -m shared.bus.router) or correct the endpoint"
+                ) from error
+        time.sleep(_OPEN_AGAIN_AFTER_S)
+
+
+def client_config(endpoint: str) -> zenoh.Config:
+    """Configuration of a service's session: client, one endpoint, no scouting, no listeners, short lease."""
+    config = zenoh.Config()
+    values: dict[str, object] = {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": 0,
+        "connect/retry": {
+            "period_init_ms": _RECONNECT_FIRST_MS,
+            "period_max_ms": _RECONNECT_MOST_MS,
+            "period_increase_factor": 2,
+        },
+        "listen/endpoints": [],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/lease": _LEASE_MS,
+        "transport/shared_memory/transport_optimization/pool_size": _SHARED_MEMORY_POOL_BYTES,
+        "transport/shared_memory/transport_optimization/message_size_threshold": _SHARED_MEMORY_FROM_BYTES,
+        "transport/shared_memory/transport_optimization/messages": ["put"],
+    }
+    for key, value in values.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class _Undeclarable(Protocol):
+    """Anything Zenoh lets one declare."""
+
+    def undeclare(self) -> None: ...
+
+
+class _Declared:
+    """A declaration that can be closed twice."""
+
+    def __init__(self, declared: _Undeclarable) -> None:
+        self._declared = declared
+        self._lock = threading.Lock()
+        self._open = True
+
+    def close(self) -> None:
+        with self._lock:
+            was_open, self._open = self._open, False
+        if was_open:
+            self._declared.undeclare()
+
+
+class _Channel(_Undeclarable, Iterable[T_co], Protocol[T_co]):
+    """A declaration with a channel: iterating waits for the next item and ends when it is undeclared."""
+
+
+def _pump(channel: _Channel[T], handle: Callable[[T], None], key: str) -> _Declared:
+    """Hand every item to `handle` on a thread of its own, until the channel is undeclared."""
+
+    def run() -> None:
+        for item in channel:
+            try:
+                handle(item)
+            except Exception:  # noqa: BLE001 - the border of a task: the next item is handled all the same
+                _log.exception("bus handler raised", key=key)
+
+    threading.Thread(target=run, name=f"bus {key}", daemon=True).start()
+    return _Declared(channel)
+
+
+class _Publisher(_Declared):
+    def __init__(self, publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> None:
+        super().__init__(publisher)
+        self._publisher = publisher
+
+    def put(self, payload: bytes, attachment: bytes = b"") -> None:
+        self._publisher.put(payload, attachment=attachment)
+
+
+class ZenohBus:
+    """One Zenoh session: a `Bus`, and its own `Presence`."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+
+    def publisher(self, key: str) -> _Publisher:
+        """See `Bus`."""
+        return _Publisher(
+            self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP, express=True)
+        )
+
+    def retained_publisher(self, key: str) -> _Publisher:
+        """See `Bus`."""
+        return _Publisher(
+            zenoh.ext.declare_advanced_publisher(
+                self._session,
+                key,
+                congestion_control=zenoh.CongestionControl.DROP,
+                express=True,
+                cache=zenoh.ext.CacheConfig(max_samples=1),
+                sample_miss_detection=zenoh.ext.MissDetectionConfig(
+                    heartbeat=None, sporadic_heartbeat=_LAST_VALUE_CHECK_S
+                ),
+                publisher_detection=True,
+            )
+        )
+
+    def subscribe(self, key: str, handler: Callable[[Sample], None]) -> _Declared:
+        """See `Bus`."""
+        channel = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(_STREAM_DEPTH))
+        return _pump(channel, lambda sample: handler(_sample(sample)), key)
+
+    def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> _Declared:
+        """See `Bus`."""
+        channel = zenoh.ext.declare_advanced_subscriber(
+            self._session,
+            key,
+            zenoh.handlers.RingChannel(_RETAINED_DEPTH),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+            recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+        )
+        return _pump(channel, lambda sample: handler(_sample(sample)), key)
+
+    def queryable(self, key: str, handler: Callable[[Query], Answer]) -> _Declared:
+        """See `Bus`."""
+        channel = self._session.declare_queryable(key, zenoh.handlers.RingChannel(_QUERY_DEPTH))
+        return _pump(channel, lambda query: _answer(handler, query), key)
+
+    def query(self, key: str, payload: bytes, timeout_s: float) -> Answer:
+        """See `Bus`; raises `NoReply`."""
+        replies = self._session.get(
+            key,
+            payload=payload,
+            timeout=timeout_s,
+            target=zenoh.QueryTarget.BEST_MATCHING,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            express=True,
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                return Answer(reply.ok.payload.to_bytes(), _bytes(reply.ok.attachment))
+            text = reply.err.payload.to_string() if reply.err is not None else ""
+            if text == _TIMEOUT_TEXT:
+                raise no_reply_in_time(key, timeout_s)
+            raise replied_with_error(key, text)
+        raise no_answer(key)
+
+    def presence(self) -> "ZenohBus":
+        """The session itself."""
+        return self
+
+    def declare_alive(self, key: str) -> _Declared:
+        """See `Presence`."""
+        return _Declared(self._session.liveliness().declare_token(key))
+
+    def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> _Declared:
+        """See `Presence`."""
+        channel = self._session.liveliness().declare_subscriber(
+            key, zenoh.handlers.RingChannel(_TOKEN_DEPTH), history=True
+        )
+        return _pump(channel, lambda token: handler(str(token.key_expr), token.kind == zenoh.SampleKind.PUT), key)
+
+    def link_up(self) -> bool:
+        """See `Presence`."""
+        return bool(self._session.info.routers_zid())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _bytes(value: zenoh.ZBytes | None) -> bytes:
+    return b"" if value is None else value.to_bytes()
+
+
+def _sample(sample: zenoh.Sample) -> Sample:
+    return Sample(str(sample.key_expr), sample.payload.to_bytes(), _bytes(sample.attachment))
+
+
+def _answer(handler: Callable[[Query], Answer], query: zenoh.Query) -> None:
+    with query:
+        try:
+            answer = handler(Query(str(query.key_expr), _bytes(query.payload)))
+        except Exception as error:
+            query.reply_err(error_text(error))
+            raise
+        query.reply(query.key_expr, answer.payload, attachment=answer.attachment)
