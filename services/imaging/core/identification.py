@@ -1,0 +1,208 @@
+"""Tell which disc of an image is which ball of the ring: any rotation, mirrored or not, with others and gaps.
+
+Pairs of discs are laid on pairs of balls of one plate. Each such guess is scored in its neighbourhood, where distortion
+is little more than a similarity; the best guesses are grown outwards while a polynomial learns the distortion, and the
+number of balls explained in the end decides. The second-best different guess gives the margin.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from services.imaging.core.nominal import NominalGeometry
+from services.imaging.core.seeds import Array, Ints, Seeds, make_seeds
+from shared.geometry.calibration import BallCandidates
+from shared.geometry.parts import RingPart
+
+_NONE = -1
+_GROWN_SEEDS = 32
+_SIZE_TOLERANCE = 0.40
+
+
+@dataclass(frozen=True, slots=True)
+class GrowthStep:
+    """One step of growing: balls within `radius_mm` of the seed, a polynomial of `order`, matches within `reach_px`."""
+
+    radius_mm: float
+    order: int
+    reach_px: float
+
+
+_GROWTH = (
+    GrowthStep(45.0, 1, 7.0),
+    GrowthStep(60.0, 1, 7.0),
+    GrowthStep(75.0, 2, 6.0),
+    GrowthStep(95.0, 2, 6.0),
+    GrowthStep(120.0, 3, 6.0),
+    GrowthStep(400.0, 3, 5.0),
+    GrowthStep(400.0, 3, 3.0),
+    GrowthStep(400.0, 3, 2.5),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RingIdentity:
+    """Which candidate is which ball.
+
+    Attributes
+    ----------
+    mirrored
+        The image as given shows the ring mirrored.
+    candidate_of_ball
+        Index of the candidate of each ball of the ring, or -1, shape (M,).
+    predicted_px
+        Where each ball must be in the image as given, shape (M, 2).
+    identified
+        Number of balls with a candidate.
+    runner_up
+        The same number of the best different identity.
+    """
+
+    mirrored: bool
+    candidate_of_ball: Ints
+    predicted_px: Array
+    identified: int
+    runner_up: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grown:
+    mirrored: bool
+    matches: Ints
+    predicted_px: Array
+    count: int
+
+
+def identify_ring(candidates: BallCandidates, ring: RingPart, nominal: NominalGeometry) -> RingIdentity | None:
+    """Find the ring's constellation among dark discs.
+
+    Parameters
+    ----------
+    candidates
+        Dark discs, the clearest first; many may belong to other things.
+    ring
+        The ring.
+    nominal
+        C-arm values, wrong by up to ten per cent.
+
+    Returns
+    -------
+    RingIdentity or None
+        The best identity and how many balls the second-best explains; None when no guess explains eight balls.
+    """
+    if len(candidates.radius_px) < 8:
+        return None
+    constellation = Constellation.of(ring, nominal)
+    seeds = make_seeds(candidates, constellation.flat_mm, constellation.plate, nominal.ring_scale_px_per_mm)
+    matcher = _Matcher(candidates, constellation)
+    grown = [g for i in range(min(len(seeds), _GROWN_SEEDS)) if (g := _grow(seeds, i, matcher)) is not None]
+    if not grown:
+        return None
+    best = max(grown, key=lambda g: g.count)
+    different = [g.count for g in grown if not _same(g, best)]
+    return RingIdentity(best.mirrored, best.matches, best.predicted_px, best.count, max(different, default=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Constellation:
+    """The ring as a flat pattern: balls projected from the nominal source onto the plane z = 0.
+
+    Attributes
+    ----------
+    flat_mm
+        Shape (M, 2).
+    height
+        0 on the plane z = 0, 1 at the farthest ball, shape (M,).
+    plate
+        Number of the plate of each ball, shape (M,).
+    radius_px
+        Nominal radius of each shadow, shape (M,).
+    """
+
+    flat_mm: Array
+    height: Array
+    plate: Ints
+    radius_px: Array
+
+    @staticmethod
+    def of(ring: RingPart, nominal: NominalGeometry) -> "Constellation":
+        """From a ring and nominal C-arm values."""
+        position = ring.balls.position_mm
+        magnification = nominal.source_to_ring_mm / (nominal.source_to_ring_mm + position[:, 2])
+        farthest = max(float(np.abs(position[:, 2]).max()), 1e-6)
+        return Constellation(
+            flat_mm=position[:, :2] * magnification[:, None],
+            height=np.abs(position[:, 2]) / farthest,
+            plate=np.round(position[:, 2]).astype(np.int64),
+            radius_px=0.5 * ring.balls.diameter_mm * magnification * nominal.ring_scale_px_per_mm,
+        )
+
+
+class _Matcher:
+    """Nearest candidates of about the right size."""
+
+    def __init__(self, candidates: BallCandidates, constellation: Constellation) -> None:
+        self.centre_px = candidates.centre_px
+        self.constellation = constellation
+        self._radius = candidates.radius_px
+        self._tree = cKDTree(candidates.centre_px)
+
+    def match(self, predicted_px: Array, balls: Ints, reach_px: float) -> tuple[Ints, Ints]:
+        """Pairs (ball, candidate), one to one."""
+        distance, index = self._tree.query(predicted_px[balls], distance_upper_bound=reach_px)
+        found = np.isfinite(distance)
+        ball, candidate, distance = balls[found], index[found], distance[found]
+        ratio = self._radius[candidate] / self.constellation.radius_px[ball]
+        fits = np.abs(np.log(ratio)) < _SIZE_TOLERANCE
+        ball, candidate, distance = ball[fits], candidate[fits], distance[fits]
+        order = np.argsort(distance, kind="stable")
+        _, first = np.unique(candidate[order], return_index=True)
+        keep = order[first]
+        return ball[keep], candidate[keep]
+
+
+def _grow(seeds: Seeds, index: int, matcher: _Matcher) -> _Grown | None:
+    flat, height = matcher.constellation.flat_mm, matcher.constellation.height
+    predicted = seeds.predict(index, flat)
+    from_seed = np.hypot(*(flat - seeds.middle_mm[index]).T)
+    ball = candidate = np.zeros(0, dtype=np.int64)
+    for step in _GROWTH:
+        near = np.flatnonzero(from_seed < step.radius_mm)
+        ball, candidate = matcher.match(predicted, near, step.reach_px)
+        basis = warp_basis(flat, height, _affordable(step.order, len(ball)))
+        if len(ball) < max(6, basis.shape[1] + 1):
+            return None
+        coefficients, *_ = np.linalg.lstsq(basis[ball], matcher.centre_px[candidate], rcond=None)
+        predicted = basis @ coefficients
+    matches = np.full(len(flat), _NONE, dtype=np.int64)
+    matches[ball] = candidate
+    return _Grown(bool(seeds.mirrored[index]), matches, predicted, len(ball))
+
+
+def _affordable(order: int, matches: int) -> int:
+    """Highest order, up to `order`, that leaves at least as many matches over as it has coefficients."""
+    while order > 1 and matches < (order + 1) * (order + 2):
+        order -= 1
+    return order
+
+
+def warp_basis(flat_mm: Array, height: Array, order: int) -> Array:
+    """Polynomial of the flat pattern plus what a shifted source does to balls above the plane, shape (M, terms)."""
+    x, y = (flat_mm / 100.0).T
+    terms = [x**i * y**j for i in range(order + 1) for j in range(order + 1 - i)]
+    terms.append(height)
+    if order > 1:
+        terms += [height * x, height * y]
+    return np.stack(terms, axis=1)
+
+
+def _same(a: _Grown, b: _Grown) -> bool:
+    """Whether two identities agree in most of the balls that both explain."""
+    both = (a.matches != _NONE) & (b.matches != _NONE)
+    agree = int(np.count_nonzero(a.matches[both] == b.matches[both]))
+    return a.mirrored == b.mirrored and agree > 0.5 * min(a.count, b.count)
+
+
+Matches = NDArray[np.int64]

@@ -1,0 +1,42 @@
+"""What the C-arm says of itself: a start for the search, wrong by up to ten per cent."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.geometry.parts import RingPart
+
+# The plate next to the detector sits about this far from the image plane (housing, anti-scatter grid).
+_RING_TO_IMAGE_PLANE = 0.025
+
+
+@dataclass(frozen=True, slots=True)
+class NominalGeometry:
+    """Nominal values of the C-arm.
+
+    Attributes
+    ----------
+    source_to_detector_mm
+        Focal spot to image plane.
+    pixel_mm
+        Size of a pixel at the image plane.
+    """
+
+    source_to_detector_mm: float = 1000.0
+    pixel_mm: float = 0.235
+
+    @property
+    def source_to_ring_mm(self) -> float:
+        """Focal spot to the ring's plate next to the detector."""
+        return self.source_to_detector_mm * (1.0 - _RING_TO_IMAGE_PLANE)
+
+    @property
+    def ring_scale_px_per_mm(self) -> float:
+        """Pixels per millimetre in the ring's plane z = 0."""
+        return 1.0 / ((1.0 - _RING_TO_IMAGE_PLANE) * self.pixel_mm)
+
+    def ball_radius_px(self, ring: RingPart) -> tuple[float, float]:
+        """Nominal radius of the smallest and of the largest shadow of the ring's balls."""
+        depth = self.source_to_ring_mm + ring.balls.position_mm[:, 2]
+        radius = 0.5 * ring.balls.diameter_mm * self.source_to_detector_mm / (depth * self.pixel_mm)
+        return float(np.min(radius)), float(np.max(radius))
