@@ -1,0 +1,192 @@
+"""From start to end of a service's process.
+
+`service_main` (or `run_service`, when the settings are there already) is what a service's `__main__` calls. A process that is run by something else (uvicorn) uses
+`open_service` instead, which leaves signals alone.
+"""
+
+import os
+import secrets
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from typing import TypeVar
+
+import structlog
+
+from shared.bus.keys import Keys
+from shared.bus.port import Bus
+from shared.bus.zenoh_bus import BusSettings, open_bus
+from shared.errors import BusUnavailable, ConfigurationError, DistalockError
+from shared.messages.presence import ServiceName
+from shared.runtime.logging import Log, configure_logging
+from shared.runtime.presence import StatusReporter, beating
+from shared.runtime.settings import ServiceSettings, load_settings
+
+HEARTBEAT_HZ: dict[ServiceName, float] = {"imaging": 5.0, "registration": 5.0, "robot": 5.0, "ui_api": 20.0}
+_LEAVE_WITHIN_S = 10.0
+
+S = TypeVar("S", bound=ServiceSettings)
+BusOpener = Callable[[BusSettings], AbstractContextManager[Bus]]
+
+
+@dataclass(slots=True)
+class Runtime:
+    """What a service's composition gets beside the bus.
+
+    Attributes
+    ----------
+    boot_epoch
+        Names this run of the service: new with every start.
+    stop
+        Set when the service is to end; workers leave when they see it.
+    fault
+        Why the service ends with a fault, or None.
+    """
+
+    service: ServiceName
+    boot_epoch: str
+    keys: Keys
+    log: Log
+    status: StatusReporter
+    stop: threading.Event = field(default_factory=threading.Event)
+    fault: str | None = None
+
+    def fail(self, message: str) -> None:
+        """End the service with a fault: logged now, exit code 1. The first fault is kept."""
+        self.log.error("fault", detail=message)
+        self.fault = self.fault or message
+        self.stop.set()
+
+    def ready(self, detail: str = "") -> None:
+        """Report that the service does its work."""
+        self.status.report("ready", detail)
+
+    def degraded(self, detail: str) -> None:
+        """Report what the service cannot do at the moment, and what to do about it."""
+        self.status.report("degraded", detail)
+
+
+def software_version() -> str:
+    """Version of the installed package; ``0+unknown`` when run from a folder that was not installed."""
+    try:
+        return version("distalock")
+    except PackageNotFoundError:
+        return "0+unknown"
+
+
+@contextmanager
+def open_service(
+    name: ServiceName, settings: ServiceSettings, opener: S = TypeVar("S", bound=ServiceSettings)
+BusOpener = open_bus
+) -> Iterator[tuple[Bus, Runtime]]:
+    """Logging, bus, liveliness token, heartbeats and status of a service, for as long as the context lasts.
+
+    Reports ``starting`` on entry and ``stopping`` on leaving; the service calls `Runtime.ready` when it is.
+
+    Raises
+    ------
+    BusUnavailable
+        When no router answers in time.
+    """
+    boot_epoch = secrets.token_hex(8)
+    log = configure_logging(name, settings.room, boot_epoch, settings.log_level)
+    keys = Keys(settings.room)
+    with opener(BusSettings(settings.router_endpoint, settings.router_timeout_s)) as bus:
+        status = StatusReporter(bus.retained_publisher(keys.status(name)), name, boot_epoch, software_version())
+        runtime = Runtime(name, boot_epoch, keys, log, status)
+        status.report("starting")
+        with beating(bus, keys, name, boot_epoch, HEARTBEAT_HZ[name], lambda e: runtime.fail(f"heartbeat: {e}")):
+            log.info("started", version=software_version(), router=settings.router_endpoint)
+            try:
+                yield bus, runtime
+            finally:
+                status.report("stopping")
+    log.info("ended")
+
+
+def service_main(
+    name: ServiceName, kind: type[S], compose: Callable[[S, Bus, Runtime], AbstractContextManager[object]]
+) -> int:
+    """What a service's `__main__` returns to the shell: read the settings, then `run_service`."""
+    try:
+        settings = load_settings(kind)
+    except ConfigurationError as error:
+        return _refuse_start(name, error)
+    return run_service(name, settings, lambda bus, runtime: compose(settings, bus, runtime))
+
+
+def run_service(
+    name: ServiceName,
+    settings: ServiceSettings,
+    compose: Callable[[Bus, Runtime], AbstractContextManager[object]],
+    opener: S = TypeVar("S", bound=ServiceSettings)
+BusOpener = open_bus,
+) -> int:
+    """Run a service until SIGTERM, SIGINT or a fault. Call from the main thread.
+
+    Parameters
+    ----------
+    compose
+        Builds the service and runs it for as long as its context lasts. When it has not reported a condition itself by
+        the time it is entered, ``ready`` is reported.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after a clean end, 1 after a fault, 2 when it cannot start (one line on stderr says why).
+    """
+    try:
+        with (
+            _end_when_leaving_hangs(name) as leaving,
+            open_service(name, settings, opener) as (bus, runtime),
+            _signals_set(runtime.stop),
+            compose(bus, runtime),
+        ):
+            if runtime.status.condition == "starting":
+                runtime.ready()
+            runtime.stop.wait()
+            leaving.start()
+    except (ConfigurationError, BusUnavailable) as error:
+        return _refuse_start(name, error)
+    except Exception:  # noqa: BLE001 - the border of the process: the fault is logged and becomes the exit code
+        structlog.stdlib.get_logger(f"distalock.{name}").exception("fault")
+        return 1
+    return 1 if runtime.fault else 0
+
+
+def _refuse_start(name: ServiceName, error: DistalockError) -> int:
+    print(f"{name}: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
+    return 2
+
+
+@contextmanager
+def _signals_set(stop: threading.Event) -> Iterator[None]:
+    """SIGTERM and SIGINT set the event; the handlers before are put back on leaving."""
+    numbers = (signal.SIGTERM, signal.SIGINT)
+    before = [signal.signal(number, lambda *_: stop.set()) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _end_when_leaving_hangs(name: ServiceName) -> Iterator[threading.Timer]:
+    """A timer that ends the process by force, to be started when leaving begins: half left is worse than killed."""
+
+    def end() -> None:
+        log = structlog.stdlib.get_logger(f"distalock.{name}")
+        log.error("fault", detail=f"leaving took longer than {_LEAVE_WITHIN_S:g} s; ended by force")
+        os._exit(1)
+
+    timer = threading.Timer(_LEAVE_WITHIN_S, end)
+    timer.daemon = True
+    try:
+        yield timer
+    finally:
+        timer.cancel()
