@@ -1,7 +1,7 @@
 """From start to end of a service's process.
 
-`service_main` (or `run_service`, when the settings are there already) is what a service's `__main__` calls. A process that is run by something else (uvicorn) uses
-`open_service` instead, which leaves signals alone.
+`service_main` (or `run_service`, when the settings are there already) is what a service's `__main__` calls. A process
+that is run by something else (uvicorn) uses `open_service` instead, which leaves signals alone.
 """
 
 import os
@@ -80,8 +80,7 @@ def software_version() -> str:
 
 @contextmanager
 def open_service(
-    name: ServiceName, settings: ServiceSettings, opener: S = TypeVar("S", bound=ServiceSettings)
-BusOpener = open_bus
+    name: ServiceName, settings: ServiceSettings, opener: BusOpener = open_bus
 ) -> Iterator[tuple[Bus, Runtime]]:
     """Logging, bus, liveliness token, heartbeats and status of a service, for as long as the context lasts.
 
@@ -123,8 +122,7 @@ def run_service(
     name: ServiceName,
     settings: ServiceSettings,
     compose: Callable[[Bus, Runtime], AbstractContextManager[object]],
-    opener: S = TypeVar("S", bound=ServiceSettings)
-BusOpener = open_bus,
+    opener: BusOpener = open_bus,
 ) -> int:
     """Run a service until SIGTERM, SIGINT or a fault. Call from the main thread.
 
