@@ -1,0 +1,243 @@
+"""Where the drill guide is: its balls identified, measured where they must be, and fitted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.guide_search import GuideIdentity, search_guide
+from services.registration.core.pose import (
+    Correspondences,
+    RigidPose,
+    pose_covariance,
+    refine_pose,
+    residuals_px,
+)
+from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.lines import read_only
+from shared.geometry.parts import GuidePart, RingPart
+from shared.geometry.transform import Transform
+from shared.xray.measurement import BallMeasurements, MeasurementSettings, measure_balls
+
+LEAST_BALLS = 12
+LEAST_SHARE = 0.4
+LEAST_IDENTIFIED = 7
+LEAST_MARGIN = 3
+OUTLIER_SIGMAS = 4.0
+DISTORTION_CORRELATION_PX = 80.0
+_SYSTEMATIC_PX = 0.03
+_MOST_DISCS = 70
+_RADIUS_RANGE = (0.55, 1.5)
+_FIRST_LOOK = MeasurementSettings(drift_px=1.0)
+_SECOND_LOOK = MeasurementSettings(drift_px=0.4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GuideFit:
+    """The guide found in one image.
+
+    Attributes
+    ----------
+    camera_from_guide
+        Pose of the guide.
+    covariance
+        Shape (6, 6), of a small rotation (rad) and translation (mm) in the guide's own frame:
+        ``x_true = x + rotation x x + translation`` for points x in the guide's frame. The errors of the distortion
+        are in it, those of the camera's intrinsics are not (see `localise`).
+    ball_px
+        Measured pixels (un-mirrored image) of all balls, shape (N, 2); NaN where a ball was not used.
+    used
+        Balls the pose rests on, shape (N,).
+    ideal_px, standard_deviation_px
+        Undistorted pixels, shape (N, 2), and their standard deviations, shape (N,), as the fit used them.
+    balls_expected
+        N.
+    reprojection_rms_px
+        Rms distance of the used balls from where the pose puts them.
+    runner_up_margin
+        Balls that the identity explains, minus those of the best different one.
+    """
+
+    camera_from_guide: Transform[Camera, Guide]
+    covariance: NDArray[np.float64]
+    ball_px: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    ideal_px: NDArray[np.float64]
+    standard_deviation_px: NDArray[np.float64]
+    balls_expected: int
+    reprojection_rms_px: float
+    runner_up_margin: int
+
+    @property
+    def balls_found(self) -> int:
+        """Number of balls the pose rests on."""
+        return int(np.count_nonzero(self.used))
+
+
+def locate_guide(
+    pixels: NDArray[np.float32], calibration: CArmCalibration, ring: RingPart, guide: GuidePart
+) -> Accepted[GuideFit] | Rejected:
+    """Find the guide in an un-mirrored image, or say why it cannot be found.
+
+    Parameters
+    ----------
+    pixels
+        Grey values after un-mirroring, darker is denser, shape (rows, columns).
+    calibration
+        Of the same image; its discs that are not of the ring are the candidates.
+    """
+    ideal_px = calibration.distortion.undistort(_candidate_discs(calibration, guide))
+    identities = search_guide(calibration.camera, guide.balls.position_mm, ideal_px)
+    refusal = _judge_identity(identities, len(ideal_px), len(guide.balls))
+    if refusal is not None:
+        return Rejected((refusal,))
+    pose, seen, used = _fitted(pixels, calibration, ring, guide, identities[0].pose)
+    found, needed = int(np.count_nonzero(used)), needed_balls(len(guide.balls))
+    if found < needed:
+        return Rejected((_too_few(found, needed, len(guide.balls)),))
+    return Accepted(_guide_fit(calibration, guide, pose, seen, used, _margin(identities)))
+
+
+def needed_balls(count: int) -> int:
+    """How many of a guide's balls must be found: twelve, and two in five; guides with few balls need all but two."""
+    return min(max(LEAST_BALLS, int(np.ceil(LEAST_SHARE * count))), max(count - 2, 4))
+
+
+def _candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.float64]:
+    """Measured pixels of discs that may be guide balls, shape (M, 2): not the ring's, of a possible size, clear first."""
+    balls = calibration.balls
+    f, radius_mm = calibration.camera.focal_length_px, 0.5 * guide.balls.diameter_mm
+    smallest = _RADIUS_RANGE[0] * f * float(radius_mm.min()) / 900.0
+    largest = _RADIUS_RANGE[1] * f * float(radius_mm.max()) / 450.0
+    possible = (
+        (balls.ring_index == NOT_OF_THE_RING) & (balls.radius_px > smallest) & (balls.radius_px < largest)
+    )
+    index = np.flatnonzero(possible)
+    clear_first = np.argsort(balls.standard_deviation_px[index], kind="stable")
+    return np.asarray(balls.centre_px[index[clear_first[:_MOST_DISCS]]])
+
+
+def _margin(identities: list[GuideIdentity]) -> int:
+    return len(identities[0]) - (len(identities[1]) if len(identities) > 1 else 0)
+
+
+def _judge_identity(identities: list[GuideIdentity], discs: int, balls: int) -> Reason | None:
+    best = len(identities[0]) if identities else 0
+    if best < min(LEAST_IDENTIFIED, needed_balls(balls)):
+        return Reason(
+            ReasonCode.GUIDE_NOT_FOUND,
+            f"of {discs} discs that are not the ring's at most {best} fit the guide's pattern of {balls} balls "
+            f"(limit {LEAST_IDENTIFIED}); check that the drill guide is in the image and that the guide file is that "
+            "of this guide, then take one more image",
+        )
+    if _margin(identities) < LEAST_MARGIN:
+        return Reason(
+            ReasonCode.GUIDE_AMBIGUOUS,
+            f"two different positions of the guide explain {best} and {len(identities[1])} discs (limit of the "
+            f"difference {LEAST_MARGIN}); turn the C-arm a few degrees so that fewer balls are covered and take one "
+            "more image",
+        )
+    return None
+
+
+def _too_few(found: int, needed: int, expected: int) -> Reason:
+    return Reason(
+        ReasonCode.GUIDE_TOO_FEW_BALLS,
+        f"{found} of the guide's {expected} balls could be measured (limit {needed}); check that the guide file is "
+        "that of this guide, uncover the balls by turning the C-arm a few degrees and take one more image",
+    )
+
+
+def _fitted(
+    pixels: NDArray[np.float32],
+    calibration: CArmCalibration,
+    ring: RingPart,
+    guide: GuidePart,
+    pose: RigidPose,
+) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
+    """Measure all balls where the pose puts them and fit the pose to them, twice."""
+    used = np.zeros(len(guide.balls), dtype=bool)
+    seen = Correspondences(guide.balls.position_mm, np.full((len(guide.balls), 2), np.nan), np.ones(len(guide.balls)))
+    for settings in (_FIRST_LOOK, _SECOND_LOOK):
+        balls = _measured(pixels, calibration, ring, guide, pose, settings)
+        seen = _correspondences(calibration, guide, balls)
+        used = balls.seen.copy()
+        for _ in range(4):
+            if np.count_nonzero(used) < 4:
+                return pose, seen, used
+            pose = refine_pose(calibration.camera, pose, seen.chosen(used))
+            distance = np.linalg.norm(residuals_px(calibration.camera, pose, seen), axis=1)
+            scale = max(1.0, float(np.median(distance[used] / seen.standard_deviation_px[used])) / 1.18)
+            inliers = balls.seen & (distance < OUTLIER_SIGMAS * scale * seen.standard_deviation_px)
+            if np.array_equal(inliers, used):
+                break
+            used = inliers
+    return pose, seen, used
+
+
+def _measured(
+    pixels: NDArray[np.float32],
+    calibration: CArmCalibration,
+    ring: RingPart,
+    guide: GuidePart,
+    pose: RigidPose,
+    settings: MeasurementSettings,
+) -> BallMeasurements:
+    f = calibration.camera.focal_length_px
+    balls_camera = pose.points(guide.balls.position_mm)
+    ring_camera = calibration.camera_from_ring.points(ring.balls.position_mm)
+    return measure_balls(
+        pixels,
+        calibration.image_from_camera(balls_camera),
+        0.5 * f * guide.balls.diameter_mm / balls_camera[:, 2],
+        calibration.image_from_camera(ring_camera),
+        0.5 * f * ring.balls.diameter_mm / ring_camera[:, 2],
+        settings,
+    )
+
+
+def _correspondences(calibration: CArmCalibration, guide: GuidePart, balls: BallMeasurements) -> Correspondences:
+    centre = np.where(balls.seen[:, None], balls.centre_px, 0.0)
+    distortion = calibration.distortion.standard_deviation_at(centre)
+    deviation = np.sqrt(balls.standard_deviation_px**2 + distortion**2 + _SYSTEMATIC_PX**2)
+    return Correspondences(
+        guide.balls.position_mm, calibration.distortion.undistort(centre), np.where(balls.seen, deviation, 1.0)
+    )
+
+
+def _guide_fit(
+    calibration: CArmCalibration,
+    guide: GuidePart,
+    pose: RigidPose,
+    seen: Correspondences,
+    used: NDArray[np.bool_],
+    margin: int,
+) -> GuideFit:
+    chosen = seen.chosen(used)
+    residual = residuals_px(calibration.camera, pose, chosen)
+    # three fifths of the pose's freedom is spent per axis pair: 2 N values, 6 of them used up by the pose
+    freedom = max(2 * len(chosen) - 6, 1)
+    chi2 = float(np.sum(residual**2 / chosen.standard_deviation_px[:, None] ** 2)) / freedom
+    covariance = max(1.0, chi2) * pose_covariance(calibration.camera, pose, chosen, _shared_error(calibration, chosen))
+    measured = calibration.distortion.distort(np.where(used[:, None], seen.ideal_px, 0.0))
+    return GuideFit(
+        camera_from_guide=Transform.from_rotation_translation(pose.rotation, pose.translation_mm),
+        covariance=read_only(covariance),
+        ball_px=read_only(np.where(used[:, None], measured, np.nan)),
+        used=used,
+        ideal_px=read_only(seen.ideal_px),
+        standard_deviation_px=read_only(seen.standard_deviation_px),
+        balls_expected=len(guide.balls),
+        reprojection_rms_px=float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))),
+        runner_up_margin=margin,
+    )
+
+
+def _shared_error(calibration: CArmCalibration, chosen: Correspondences) -> NDArray[np.float64]:
+    """Covariance per axis of the distortion's error at the balls: neighbours share it, shape (N, N)."""
+    apart = np.linalg.norm(chosen.ideal_px[:, None] - chosen.ideal_px[None], axis=-1)
+    deviation = calibration.distortion.standard_deviation_at(chosen.ideal_px)
+    correlation = np.exp(-0.5 * (apart / DISTORTION_CORRELATION_PX) ** 2) - np.eye(len(chosen))
+    return np.asarray(deviation[:, None] * deviation[None] * correlation)

@@ -1,0 +1,150 @@
+"""Pose of a rigid body from where its points appear in the image: robust least squares with an honest covariance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from shared.geometry.camera import PinholeCamera
+
+_ITERATIONS = 30
+_HUBER_SIGMAS = 2.0
+_CONVERGED = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigidPose:
+    """A rotation and a translation: maps body coordinates to camera coordinates.
+
+    Attributes
+    ----------
+    rotation
+        Shape (3, 3).
+    translation_mm
+        Shape (3,).
+    """
+
+    rotation: NDArray[np.float64]
+    translation_mm: NDArray[np.float64]
+
+    def points(self, body_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Camera coordinates, shape (..., 3), of body points, shape (..., 3), in mm."""
+        return np.asarray(body_mm @ self.rotation.T + self.translation_mm)
+
+    def moved(self, step: NDArray[np.float64]) -> "RigidPose":
+        """The pose after a small motion in the body's own frame: rotation vector (rad) and translation (mm), (6,)."""
+        turned = self.rotation @ Rotation.from_rotvec(step[:3]).as_matrix()
+        return RigidPose(turned, self.translation_mm + self.rotation @ step[3:])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correspondences:
+    """Points of a body and where they were seen.
+
+    Attributes
+    ----------
+    body_mm
+        Shape (N, 3).
+    ideal_px
+        Undistorted pixels, shape (N, 2).
+    standard_deviation_px
+        Per axis, shape (N,).
+    """
+
+    body_mm: NDArray[np.float64]
+    ideal_px: NDArray[np.float64]
+    standard_deviation_px: NDArray[np.float64]
+
+    def chosen(self, mask: NDArray[np.bool_]) -> "Correspondences":
+        """Those where `mask`, shape (N,), is true."""
+        return Correspondences(self.body_mm[mask], self.ideal_px[mask], self.standard_deviation_px[mask])
+
+    def __len__(self) -> int:
+        return len(self.body_mm)
+
+
+def residuals_px(camera: PinholeCamera, pose: RigidPose, seen: Correspondences) -> NDArray[np.float64]:
+    """Seen minus projected, ideal pixels, shape (N, 2)."""
+    return seen.ideal_px - camera.project(pose.points(seen.body_mm))
+
+
+def projection_jacobian(
+    camera: PinholeCamera, pose: RigidPose, body_mm: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """How the projections of body points move with the pose (see `RigidPose.moved`), shape (N, 2, 6), px per rad, mm."""
+    K = camera.intrinsic_matrix_px
+    X, Y, Z = pose.points(body_mm).T
+    by_camera = np.zeros((len(body_mm), 2, 3))
+    by_camera[:, 0, 0] = K[0, 0] / Z
+    by_camera[:, 0, 1] = K[0, 1] / Z
+    by_camera[:, 0, 2] = -(K[0, 0] * X + K[0, 1] * Y) / Z**2
+    by_camera[:, 1, 1] = K[1, 1] / Z
+    by_camera[:, 1, 2] = -K[1, 1] * Y / Z**2
+    by_body = by_camera @ pose.rotation
+    # a turn by w moves the body's point x by w x x, so its derivative is -[x]x: row by row x cross gradient
+    by_rotation = np.cross(body_mm[:, None, :], by_body)
+    return np.concatenate([by_rotation, by_body], axis=2)
+
+
+def refine_pose(camera: PinholeCamera, start: RigidPose, seen: Correspondences) -> RigidPose:
+    """Move a pose to where it explains the seen points best, with Huber weights against outliers.
+
+    Levenberg-Marquardt on at least three points; the start must be near enough to project all points in front of the
+    focal spot.
+    """
+    pose, damping = start, 1e-3
+    cost = _huber_cost(residuals_px(camera, pose, seen), seen)
+    for _ in range(_ITERATIONS):
+        residual = residuals_px(camera, pose, seen)
+        weight = _huber_weights(residual, seen)
+        J = projection_jacobian(camera, pose, seen.body_mm)
+        normal = np.einsum("nik,n,nil->kl", J, weight, J)
+        gradient = np.einsum("nik,n,ni->k", J, weight, residual)
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
+        trial = pose.moved(step)
+        trial_cost = _huber_cost(residuals_px(camera, trial, seen), seen)
+        if trial_cost > cost:
+            damping *= 10.0
+            continue
+        converged = cost - trial_cost < _CONVERGED * (1.0 + cost)
+        pose, cost, damping = trial, trial_cost, max(damping * 0.1, 1e-12)
+        if converged:
+            break
+    return pose
+
+
+def _huber_weights(residual: NDArray[np.float64], seen: Correspondences) -> NDArray[np.float64]:
+    sigmas = np.linalg.norm(residual, axis=1) / seen.standard_deviation_px
+    return np.minimum(1.0, _HUBER_SIGMAS / np.maximum(sigmas, 1e-12)) / seen.standard_deviation_px**2
+
+
+def _huber_cost(residual: NDArray[np.float64], seen: Correspondences) -> float:
+    sigmas = np.linalg.norm(residual, axis=1) / seen.standard_deviation_px
+    linear = _HUBER_SIGMAS * (sigmas - 0.5 * _HUBER_SIGMAS)
+    return float(np.sum(np.where(sigmas <= _HUBER_SIGMAS, 0.5 * sigmas**2, linear)))
+
+
+def pose_covariance(
+    camera: PinholeCamera, pose: RigidPose, seen: Correspondences, common_covariance_px2: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Covariance of a fitted pose when neighbouring points share an error (the distortion's).
+
+    Weighted least squares with the weights of independent errors, covariance by the sandwich formula.
+
+    Parameters
+    ----------
+    common_covariance_px2
+        Covariance per axis of the errors that points share, shape (N, N), besides the independent ones.
+
+    Returns
+    -------
+    NDArray
+        Shape (6, 6): rotation vector (rad) and translation (mm) in the body's frame, as `RigidPose.moved` takes them.
+    """
+    J = projection_jacobian(camera, pose, seen.body_mm)
+    weighted = J / seen.standard_deviation_px[:, None, None] ** 2
+    inverse = np.linalg.inv(np.einsum("nik,nil->kl", weighted, J))
+    total = common_covariance_px2 + np.diag(seen.standard_deviation_px**2)
+    spread = np.einsum("nik,nm,mil->kl", weighted, total, weighted)
+    return np.asarray(inverse @ spread @ inverse)
