@@ -1,0 +1,163 @@
+"""One X-ray image of the virtual operating room, from a scenario and a state to grey values and exact truth."""
+
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from simulation.render import detector, display
+from simulation.render.attenuation import Material, spectrum
+from simulation.render.distortion import ideal_from_measured
+from simulation.render.scene import BallsInView, balls_in_view, pack_scene
+from simulation.render.tracer import PackedScene, refine_pixels, trace_image, trace_lengths
+from simulation.scenario.values import Scenario
+from simulation.truth import ImageTruth, image_truth
+from simulation.world import World, WorldState, world_at
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.float32]
+_SAMPLES = 8
+_EDGE = 0.015
+
+
+class Noise(StrEnum):
+    """Whether an image has quantum and electronic noise."""
+
+    REAL = "real"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class ImageFaults:
+    """What may be wrong with a shot.
+
+    Attributes
+    ----------
+    dose_factor
+        Share of the usual quanta.
+    motion_blur_px
+        Length of the smear, along a random direction.
+    overexposure
+        The display's white level is multiplied by this: above 1, light areas saturate.
+    """
+
+    dose_factor: float = 1.0
+    motion_blur_px: float = 0.0
+    overexposure: float = 1.0
+
+
+NO_FAULTS = ImageFaults()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """An image as the C-arm sends it, and the truth about it."""
+
+    pixels: display.Grey
+    truth: ImageTruth
+    world: World = field(repr=False)
+
+
+def render_scene(
+    scenario: Scenario,
+    state: WorldState,
+    shot_number: int = 0,
+    noise: Noise = Noise.REAL,
+    faults: ImageFaults = NO_FAULTS,
+) -> Shot:
+    """Take one X-ray image.
+
+    Parameters
+    ----------
+    shot_number
+        Seeds the noise together with the scenario's seed.
+
+    Returns
+    -------
+    Shot
+        Grey values, shape (rows, columns), 8 or 16 bits, and the truth.
+    """
+    world = world_at(scenario, state)
+    balls = balls_in_view(scenario, world)
+    packed = pack_scene(scenario, world, balls)
+    generator = np.random.default_rng([scenario.seed, shot_number, 0x5107])
+    signal = _signal(scenario, trace_primary(scenario, world, packed), noise, faults, generator)
+    window = detector.window(scenario.detector, scenario.c_arm.size_px)
+    shown = replace(scenario.display, white_level=scenario.display.white_level * faults.overexposure)
+    grey = display.grey_values(shown, signal, window)
+    truth = image_truth(scenario, world, balls, window, metal_behind_mm(world, packed, balls))
+    return Shot(display.as_shown(shown, grey), truth, world)
+
+
+def detector_points_mm(scenario: Scenario, world: World, measured_px: Floats) -> Floats:
+    """Where measured pixels, shape (..., 2), lie on the detector plane of the beam's frame, shape (..., 2), in mm."""
+    c = scenario.c_arm
+    ideal = ideal_from_measured(scenario.detector, measured_px, c.size_px, c.pixel_mm, world.rotation_deg)
+    return (ideal - world.intrinsic_matrix_px[:2, 2]) * c.pixel_mm
+
+
+def trace_primary(scenario: Scenario, world: World, packed: PackedScene) -> Image:
+    """Primary radiation at each pixel, relative to the open beam, shape (rows, columns).
+
+    One ray per pixel first; where neighbours differ, the mean of rays spread over the pixel and the focal spot.
+    """
+    beam = spectrum(scenario.exposure.tube_voltage_kV, scenario.exposure.filtration_mm_aluminium)
+    size = scenario.c_arm.size_px
+    rows, columns = np.mgrid[0:size, 0:size].astype(np.float64)
+    targets = detector_points_mm(scenario, world, np.stack([columns, rows], axis=-1))
+    primary, share = trace_image(packed, targets, beam.weight, beam.attenuation_per_mm)
+    edges = np.argwhere(_edges(primary))
+    at = (edges[:, 0], edges[:, 1])
+    steps = np.stack([np.gradient(targets, axis=1)[at], np.gradient(targets, axis=0)[at]], axis=1)
+    primary[at] = refine_pixels(
+        packed,
+        edges,
+        targets[at],
+        steps,
+        ray_samples(scenario.exposure.focal_spot_mm),
+        share[at].astype(np.float64),
+        beam.weight,
+        beam.attenuation_per_mm,
+    )
+    return np.asarray(primary)
+
+
+def _edges(primary: Image) -> NDArray[np.bool_]:
+    """Pixels next to which the signal changes by more than a small part."""
+    window = np.ones((3, 3), np.uint8)
+    brightest, darkest = cv2.dilate(primary, window), cv2.erode(primary, window)
+    # Twice, because the focal spot's penumbra reaches beyond the edge.
+    return np.asarray(cv2.dilate((brightest > (1.0 + _EDGE) * darkest).astype(np.uint8), window) > 0)
+
+
+def ray_samples(focal_spot_mm: float) -> Floats:
+    """Places in the pixel (px from its middle) and on the focal spot (mm), shape (samples, 4), with mean zero."""
+    half = qmc.Sobol(4, scramble=False).random_base2(int(np.log2(_SAMPLES // 2))) if _SAMPLES > 2 else np.zeros((1, 4))
+    spread = half + 0.5 / len(half) - 0.5
+    return np.concatenate([spread, -spread]) * np.array([1.0, 1.0, focal_spot_mm, focal_spot_mm])
+
+
+def metal_behind_mm(world: World, packed: PackedScene, balls: BallsInView) -> Floats:
+    """Path through metal other than balls on the ray to each ball's centre, shape (N,), in mm."""
+    scale = packed.detector_distance_mm / balls.centre_mm[:, 2]
+    targets = np.ascontiguousarray(balls.centre_mm[:, :2] * scale[:, None])
+    lengths = trace_lengths(packed, targets, np.full(len(targets), -1))
+    return lengths[:, Material.TITANIUM] + lengths[:, Material.STEEL]
+
+
+def _signal(
+    scenario: Scenario, primary: Image, noise: Noise, faults: ImageFaults, generator: np.random.Generator
+) -> Image:
+    """From primary radiation to the detector's signal."""
+    pixel_mm = scenario.c_arm.pixel_mm
+    exposure = replace(scenario.exposure, photons_per_px=scenario.exposure.photons_per_px * faults.dose_factor)
+    expected = detector.noise_free_signal(primary, scenario.detector, exposure, pixel_mm)
+    if faults.motion_blur_px > 0.0:
+        expected = detector.smeared(expected, faults.motion_blur_px, generator)
+    if noise is Noise.NONE:
+        return detector.detected(expected, exposure, pixel_mm)
+    counted = detector.with_quantum_noise(expected, exposure, generator)
+    return detector.with_electronic_noise(detector.detected(counted, exposure, pixel_mm), exposure, generator)

@@ -1,0 +1,277 @@
+"""The ray tracer: path lengths of every material along the ray of each pixel, and the polychromatic signal behind them.
+
+Shapes carry a class; a ray is cut at every surface it meets, and each stretch is given to one material by the classes it
+lies in (`_material`): metal displaces bone, bone displaces muscle, bores and drilled holes take away.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from simulation.render.femur import flare, tube
+from simulation.render.shapes import box, ellipsoid, frustum, sphere
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Classes of shapes. Plain integers: numba compiles them into the loop.
+THIGH, BONE, MARROW, DRILLED, NAIL, NAIL_VOID, DELRIN, DELRIN_VOID, PLATE, STEEL_PART = range(10)
+_CLASSES = 10
+# Materials of the stretches; the first seven are `attenuation.Material`, the last is bone's spongy inside.
+_AIR, _MUSCLE, _CORTEX, _DELRIN, _PMMA, _TITANIUM, _STEEL, _SPONGY = range(8)
+_MOST_EVENTS = 128
+_TEXTURE_STEP_MM = 2.5
+
+
+class PackedScene(NamedTuple):
+    """All shapes in the camera's frame, in mm, packed in rows for numba (see `shapes`)."""
+
+    ellipsoids: Floats
+    ellipsoid_class: Integers
+    bars: Floats
+    bar_class: Integers
+    delrin_boxes: Floats
+    delrin_axes: Floats
+    tubes: Floats
+    tube_class: Integers
+    bone_from_camera: Floats
+    balls: Floats
+    tile_start: Integers
+    tile_balls: Integers
+    tiles_across: int
+    tile_px: int
+    nail_material: int
+    texture: NDArray[np.float32]
+    texture_mm: float
+    spongy: Floats
+    detector_distance_mm: float
+
+
+@njit(cache=True, inline="always")
+def _material(inside: Integers, nail_material: int) -> int:
+    """Material of a stretch from the number of shapes of each class it lies in."""
+    if inside[STEEL_PART] > 0:
+        return _STEEL
+    if inside[NAIL] > 0 and inside[NAIL_VOID] == 0:
+        return nail_material
+    if inside[DELRIN] > 0 and inside[DELRIN_VOID] == 0:
+        return _DELRIN
+    if inside[PLATE] > 0:
+        return _PMMA
+    if inside[DRILLED] > 0 and inside[THIGH] > 0:
+        return _MUSCLE
+    if inside[MARROW] > 0:
+        return _SPONGY
+    if inside[BONE] > 0:
+        return _CORTEX
+    return _MUSCLE if inside[THIGH] > 0 else _AIR
+
+
+@njit(cache=True, inline="always")
+def _add(times: Floats, codes: Integers, n: int, near: float, far: float, shape_class: int) -> int:
+    """Insert both ends of a stretch into the sorted list of events."""
+    if near >= far or n + 2 > _MOST_EVENTS:
+        return n
+    for end in range(2):
+        t = near if end == 0 else far
+        i = n
+        while i > 0 and times[i - 1] > t:
+            times[i], codes[i] = times[i - 1], codes[i - 1]
+            i -= 1
+        times[i], codes[i] = t, shape_class if end == 0 else shape_class + _CLASSES
+        n += 1
+    return n
+
+
+@njit(cache=True)
+def _events(scene: PackedScene, tile: int, o: Floats, d: Floats, bone: Floats, times: Floats, codes: Integers) -> int:
+    """Collect where the ray enters and leaves every shape, in order."""
+    n = 0
+    for i in range(scene.ellipsoids.shape[0]):
+        a, b = ellipsoid(scene.ellipsoids[i], o, d)
+        n = _add(times, codes, n, a, b, scene.ellipsoid_class[i])
+    for i in range(scene.tubes.shape[0]):
+        a, b = tube(scene.tubes[i], bone[0], bone[1])
+        n = _add(times, codes, n, a, b, scene.tube_class[i])
+    for i in range(scene.bars.shape[0]):
+        a, b = frustum(scene.bars[i], o, d)
+        n = _add(times, codes, n, a, b, scene.bar_class[i])
+    for i in range(scene.delrin_boxes.shape[0]):
+        a, b = box(scene.delrin_boxes[i], scene.delrin_axes, o, d)
+        n = _add(times, codes, n, a, b, DELRIN)
+    if tile >= 0:
+        for k in range(scene.tile_start[tile], scene.tile_start[tile + 1]):
+            a, b = sphere(scene.balls[scene.tile_balls[k]], o, d)
+            n = _add(times, codes, n, a, b, STEEL_PART)
+    return n
+
+
+@njit(cache=True)
+def _lengths(
+    times: Floats, codes: Integers, n: int, scale: float, nail_material: int, inside: Integers, out: Floats
+) -> None:
+    """Add up the stretches per material, in mm."""
+    out[:] = 0.0
+    inside[:] = 0
+    for i in range(n - 1):
+        c = codes[i]
+        if c < _CLASSES:
+            inside[c] += 1
+        else:
+            inside[c - _CLASSES] -= 1
+        out[_material(inside, nail_material)] += (times[i + 1] - times[i]) * scale
+    out[_AIR] = 0.0
+
+
+@njit(cache=True)
+def _texture_at(volume: NDArray[np.float32], x: float, y: float, z: float) -> float:
+    """Trilinear look-up in a periodic volume."""
+    n = volume.shape[0]
+    fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
+    i, j, k = int(fx) % n, int(fy) % n, int(fz) % n
+    i1, j1, k1 = (i + 1) % n, (j + 1) % n, (k + 1) % n
+    x, y, z = x - fx, y - fy, z - fz
+    a = volume[i, j, k] * (1 - z) + volume[i, j, k1] * z
+    b = volume[i, j1, k] * (1 - z) + volume[i, j1, k1] * z
+    c = volume[i1, j, k] * (1 - z) + volume[i1, j, k1] * z
+    e = volume[i1, j1, k] * (1 - z) + volume[i1, j1, k1] * z
+    return (a * (1 - y) + b * y) * (1 - x) + (c * (1 - y) + e * y) * x
+
+
+@njit(cache=True)
+def _bone_share(scene: PackedScene, bone: Floats, times: Floats, codes: Integers, n: int) -> float:
+    """Mean share of mineral in the spongy bone along one ray, from the trabecular texture.
+
+    `spongy = [share in the metaphysis, share in the shaft, flare from x, flare to x, contrast]`.
+    """
+    near, far = 1e30, -1e30
+    for i in range(n):
+        if codes[i] == MARROW:
+            near = min(near, times[i])
+        elif codes[i] == MARROW + _CLASSES:
+            far = max(far, times[i])
+    if near >= far:
+        return 0.0
+    d = bone[1]
+    length = (far - near) * np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    steps = max(1, int(length / _TEXTURE_STEP_MM))
+    total = 0.0
+    for i in range(steps):
+        t = near + (i + 0.5) / steps * (far - near)
+        x, y, z = bone[0, 0] + t * d[0], bone[0, 1] + t * d[1], bone[0, 2] + t * d[2]
+        s = flare(x, scene.spongy[2], scene.spongy[3])
+        share = scene.spongy[1] + s * (scene.spongy[0] - scene.spongy[1])
+        texture = _texture_at(scene.texture, x / scene.texture_mm, y / scene.texture_mm, z / scene.texture_mm)
+        total += share * max(0.0, 1.0 + scene.spongy[4] * texture)
+    return total / steps
+
+
+@njit(cache=True)
+def _signal(lengths: Floats, share: float, weight: Floats, attenuation: Floats) -> float:
+    """Detected signal behind path lengths, relative to the open beam."""
+    cortex = lengths[_CORTEX] + share * lengths[_SPONGY]
+    muscle = lengths[_MUSCLE] + (1.0 - share) * lengths[_SPONGY]
+    total = 0.0
+    for e in range(weight.size):
+        exponent = muscle * attenuation[_MUSCLE, e] + cortex * attenuation[_CORTEX, e]
+        for m in range(_DELRIN, _STEEL + 1):
+            exponent += lengths[m] * attenuation[m, e]
+        total += weight[e] * np.exp(-exponent)
+    return total
+
+
+@njit(cache=True)
+def _aim(scene: PackedScene, target: Floats, source: Floats, ray: Floats, bone: Floats) -> float:
+    """Write the ray from a point of the focal spot to a point of the detector, and the same in the bone's frame."""
+    ray[0, 0], ray[0, 1], ray[0, 2] = source[0], source[1], 0.0
+    ray[1, 0], ray[1, 1] = target[0] - source[0], target[1] - source[1]
+    ray[1, 2] = scene.detector_distance_mm
+    m = scene.bone_from_camera
+    for i in range(3):
+        bone[0, i] = m[i, 0] * ray[0, 0] + m[i, 1] * ray[0, 1] + m[i, 2] * ray[0, 2] + m[i, 3]
+        bone[1, i] = m[i, 0] * ray[1, 0] + m[i, 1] * ray[1, 1] + m[i, 2] * ray[1, 2]
+    return float(np.sqrt(ray[1, 0] ** 2 + ray[1, 1] ** 2 + ray[1, 2] ** 2))
+
+
+@njit(cache=True, parallel=True)
+def trace_lengths(scene: PackedScene, targets_mm: Floats, tile: Integers) -> Floats:
+    """Path lengths, shape (N, 8), in mm, of the rays from the focal spot's middle to detector points, shape (N, 2).
+
+    Columns are `Material`, then spongy bone; that of air is 0.
+    """
+    count = targets_mm.shape[0]
+    out = np.zeros((count, 8))
+    for i in prange(count):
+        times, codes = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, np.int64)
+        ray, bone = np.empty((2, 3)), np.empty((2, 3))
+        scale = _aim(scene, targets_mm[i], np.zeros(2), ray, bone)
+        n = _events(scene, tile[i], ray[0], ray[1], bone, times, codes)
+        _lengths(times, codes, n, scale, scene.nail_material, np.empty(_CLASSES, np.int64), out[i])
+    return out
+
+
+@njit(cache=True, parallel=True)
+def trace_image(
+    scene: PackedScene, targets_mm: Floats, weight: Floats, attenuation: Floats
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """One ray per pixel, through its middle: relative signal and the spongy bone's mineral share, (rows, columns) each.
+
+    `targets_mm`, shape (rows, columns, 2): where each pixel lies on the detector.
+    """
+    rows, columns = targets_mm.shape[:2]
+    signal, share = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.float32)
+    for row in prange(rows):
+        times, codes = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, np.int64)
+        inside, lengths = np.empty(_CLASSES, np.int64), np.empty(8)
+        ray, bone, centre = np.empty((2, 3)), np.empty((2, 3)), np.zeros(2)
+        for column in range(columns):
+            scale = _aim(scene, targets_mm[row, column], centre, ray, bone)
+            tile = (row // scene.tile_px) * scene.tiles_across + column // scene.tile_px
+            n = _events(scene, tile, ray[0], ray[1], bone, times, codes)
+            _lengths(times, codes, n, scale, scene.nail_material, inside, lengths)
+            share[row, column] = _bone_share(scene, bone, times, codes, n) if lengths[_SPONGY] > 0.0 else 0.0
+            signal[row, column] = _signal(lengths, share[row, column], weight, attenuation)
+    return signal, share
+
+
+@njit(cache=True, parallel=True)
+def refine_pixels(
+    scene: PackedScene,
+    pixels: Integers,
+    targets_mm: Floats,
+    step_mm: Floats,
+    samples: Floats,
+    share: Floats,
+    weight: Floats,
+    attenuation: Floats,
+) -> Floats:
+    """Mean signal of pixels, shape (N,), over samples of the pixel's area and of the focal spot.
+
+    Parameters
+    ----------
+    pixels
+        Row and column, shape (N, 2).
+    targets_mm, step_mm
+        Middle of each pixel on the detector, shape (N, 2), and the steps to the next column and row, shape (N, 2, 2).
+    samples
+        Shape (S, 4): place in the pixel, in pixels from its middle, and on the focal spot, in mm.
+    share
+        Mineral share of the spongy bone, shape (N,).
+    """
+    out = np.zeros(pixels.shape[0])
+    for i in prange(pixels.shape[0]):
+        times, codes = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, np.int64)
+        inside, lengths = np.empty(_CLASSES, np.int64), np.empty(8)
+        ray, bone, target = np.empty((2, 3)), np.empty((2, 3)), np.empty(2)
+        tile = (pixels[i, 0] // scene.tile_px) * scene.tiles_across + pixels[i, 1] // scene.tile_px
+        for s in range(samples.shape[0]):
+            for k in range(2):
+                target[k] = targets_mm[i, k] + samples[s, 0] * step_mm[i, 0, k] + samples[s, 1] * step_mm[i, 1, k]
+            scale = _aim(scene, target, samples[s, 2:], ray, bone)
+            n = _events(scene, tile, ray[0], ray[1], bone, times, codes)
+            _lengths(times, codes, n, scale, scene.nail_material, inside, lengths)
+            out[i] += _signal(lengths, share[i], weight, attenuation)
+        out[i] /= samples.shape[0]
+    return out

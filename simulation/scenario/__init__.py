@@ -1,0 +1,1 @@
+"""Seeded scenarios of the virtual operating room: values, file form and sampling."""
