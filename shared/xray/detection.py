@@ -8,17 +8,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
-from shared.xray.discs import Array, DiscFits, DiscPriors, fit_discs
-from shared.xray.patches import patches_around
+from shared.xray.discs import Array, DiscFit, DiscPriors, FloatImage, Mask, fit_discs
 
-FloatImage = NDArray[np.float32]
-
-_SCALE_STEP = 1.22
-_BLUR_PX = 1.3
+_SCALE_STEP = 1.35
+_BLUR_PX = 1.5
+_BLUR_SD_PX = 0.4
 _MARGIN_PX = 3.0
+_DRIFT_PX = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,37 +30,19 @@ class DetectionLimits:
     contrast_to_noise
         Least fitted contrast over the residual noise of the fit.
     most
-        Candidates kept, best first.
+        First candidates that are fitted, best first.
     """
 
-    correlation: float = 0.5
+    correlation: float = 0.55
     contrast_to_noise: float = 4.0
-    most: int = 600
-
-
-def ball_radius_range_px(
-    diameters_mm: Array, pixel_mm: float, magnification_range: tuple[float, float], tolerance: float
-) -> tuple[float, float]:
-    """Least and largest radius of balls' shadows.
-
-    Parameters
-    ----------
-    diameters_mm
-        Of all balls that may appear.
-    pixel_mm
-        Nominal size of a pixel at the detector.
-    magnification_range
-        Of the planes in which the balls may lie.
-    tolerance
-        Relative error of the nominal values.
-    """
-    radius = 0.5 * np.array([diameters_mm.min(), diameters_mm.max()]) / pixel_mm
-    low, high = radius * np.array(magnification_range) * np.array([1.0 - tolerance, 1.0 + tolerance])
-    return float(low), float(high)
+    most: int = 400
 
 
 def detect_balls(
-    pixels: FloatImage, radius_range_px: tuple[float, float], limits: DetectionLimits | None = None
+    pixels: FloatImage,
+    usable: Mask,
+    radius_range_px: tuple[float, float],
+    limits: DetectionLimits = DetectionLimits(),  # noqa: B008  # frozen
 ) -> BallCandidates:
     """Find all dark discs of a range of radii.
 
@@ -70,44 +50,61 @@ def detect_balls(
     ----------
     pixels
         Grey values, darker is denser, shape (rows, columns).
+    usable
+        Pixels that hold X-rays (see `find_usable_area`), shape (rows, columns).
     radius_range_px
         Least and largest radius of the shadows.
     limits
-        What counts as a ball; by default tuned for recall.
+        What counts as a ball; by default set for recall.
 
     Returns
     -------
     BallCandidates
         Sorted by contrast to noise, largest first; none is identified yet.
     """
-    limits = limits or DetectionLimits()
-    seeds, radii = _seeds(pixels, radius_range_px, limits)
-    if len(seeds) == 0:
-        return _candidates(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0))
-    fits = _fit_each(pixels, seeds, radii)
-    return _accepted(fits, seeds, radius_range_px, limits)
+    seeds, radii = _seeds(pixels, usable, radius_range_px, limits)
+    fits = [_fit(pixels, usable, seed, float(radius)) for seed, radius in zip(seeds, radii, strict=True)]
+    good = [
+        fit
+        for fit, seed in zip(fits, seeds, strict=True)
+        if fit is not None and _is_ball(fit, seed, radius_range_px, limits)
+    ]
+    return _candidates(good, 0.5 * radius_range_px[0])
 
 
 def _seeds(
-    pixels: FloatImage, radius_range_px: tuple[float, float], limits: DetectionLimits
+    pixels: FloatImage, usable: Mask, radius_range_px: tuple[float, float], limits: DetectionLimits
 ) -> tuple[Array, Array]:
     """Local maxima over place and scale: pixels (N, 2) and radii (N,)."""
     low, high = radius_range_px
     count = max(1, int(np.ceil(np.log(high / low) / np.log(_SCALE_STEP))))
     radii = low * (high / low) ** ((np.arange(count) + 0.5) / count)
+    filled = _filled(pixels, usable)
     best = np.full(pixels.shape, -1.0, dtype=np.float32)
-    which = np.zeros(pixels.shape, dtype=np.int64)
+    which = np.zeros(pixels.shape, dtype=np.uint8)
     for index, radius in enumerate(radii):
-        score = disc_correlation(pixels, float(radius))
+        score = disc_correlation(filled, float(radius))
         better = score > best
-        best[better] = score[better]
+        np.copyto(best, score, where=better)
         which[better] = index
     size = 2 * int(np.ceil(0.7 * low)) + 1
-    peak = (best >= cv2.dilate(best, np.ones((size, size), np.uint8))) & (best > limits.correlation)
+    peak = (best >= cv2.dilate(best, np.ones((size, size), np.uint8))) & (best > limits.correlation) & usable
     rows, columns = np.nonzero(peak)
     order = np.argsort(-best[rows, columns], kind="stable")[: limits.most]
     rows, columns = rows[order], columns[order]
     return np.stack([columns, rows], axis=1).astype(np.float64), radii[which[rows, columns]]
+
+
+def _filled(pixels: FloatImage, usable: Mask) -> FloatImage:
+    """Continue the image beyond its usable area, so that the area's rim casts no shadow."""
+    if usable.all():
+        return pixels
+    weight = usable.astype(np.float32)
+    size = (31, 31)
+    inside = cv2.blur(weight, size)
+    mean = cv2.blur(pixels * weight, size) / np.maximum(inside, 1e-6)
+    level = np.float32(np.median(pixels[usable]))
+    return np.where(usable, pixels, np.where(inside > 1e-3, mean, level)).astype(np.float32)
 
 
 def disc_correlation(pixels: FloatImage, radius_px: float) -> FloatImage:
@@ -119,58 +116,56 @@ def disc_correlation(pixels: FloatImage, radius_px: float) -> FloatImage:
     disc = 1.0 / (1.0 + np.exp((distance - radius_px) / (0.6 * _BLUR_PX)))
     template = window * (disc - (window * disc).sum() / window.sum())
     norm = float(np.sqrt((template**2).sum()))
-    image = pixels.astype(np.float64) - float(np.median(pixels))
-    response = _filter(image, -template / norm)
-    mean = _filter(image, window / window.sum())
-    energy = _filter(image**2, window / window.sum()) - mean**2
-    floor = _energy_floor(pixels)
-    deviation = np.sqrt(np.maximum(energy, floor) * window.sum())
-    return np.asarray(response / deviation, dtype=np.float32)
+    low, middle, high = np.percentile(pixels[::8, ::8], [1.0, 50.0, 99.0])
+    image = ((pixels - middle) / max(high - low, 1e-6)).astype(np.float32)
+    mean_kernel = window / window.sum()
+    variance = _filter(np.square(image), mean_kernel) - np.square(_filter(image, mean_kernel))
+    # Below a thousandth of the image's span a window holds nothing but rounding.
+    deviation = np.sqrt(np.maximum(variance, 1e-6) * window.sum())
+    return np.asarray(_filter(image, -template / norm) / deviation, dtype=np.float32)
 
 
-def _filter(image: Array, kernel: Array) -> Array:
-    return np.asarray(cv2.filter2D(image, cv2.CV_64F, kernel, borderType=cv2.BORDER_REPLICATE))
+def _filter(image: FloatImage, kernel: Array) -> FloatImage:
+    return np.asarray(cv2.filter2D(image, cv2.CV_32F, kernel.astype(np.float32), borderType=cv2.BORDER_REPLICATE))
 
 
-def _energy_floor(pixels: FloatImage) -> float:
-    """A variance below which a window holds nothing but rounding: a thousandth of the image's span, squared."""
-    low, high = np.percentile(pixels[::8, ::8], [1.0, 99.0])
-    return float(max(high - low, 1e-6) * 1e-3) ** 2
-
-
-def _fit_each(pixels: FloatImage, seeds: Array, radii: Array) -> DiscFits:
-    reach = radii[:, None] + _MARGIN_PX + 1.0
-    priors = DiscPriors(radii[:, None], 0.25 * radii[:, None], _BLUR_PX, 0.4, 2.0)
-    return fit_discs(patches_around(pixels, seeds[:, None, :], reach), seeds[:, None, :], priors)
-
-
-def _accepted(
-    fits: DiscFits, seeds: Array, radius_range_px: tuple[float, float], limits: DetectionLimits
-) -> BallCandidates:
-    centre, radius, contrast = fits.centre_px[:, 0], fits.radius_px[:, 0], fits.contrast[:, 0]
-    strength = contrast / fits.residual
-    low, high = radius_range_px
-    good = (
-        (strength > limits.contrast_to_noise)
-        & (contrast > 6.0 * fits.contrast_sd[:, 0])
-        & (radius > 0.6 * low)
-        & (radius < 1.3 * high)
-        & (np.hypot(*(centre - seeds).T) < 0.75 * radius)
+def _fit(pixels: FloatImage, usable: Mask, seed: Array, radius: float) -> DiscFit | None:
+    priors = DiscPriors(
+        seed[None], _DRIFT_PX, np.array([radius]), np.array([0.25 * radius]), _BLUR_PX, _BLUR_SD_PX
     )
-    order = np.flatnonzero(good)[np.argsort(-strength[good], kind="stable")]
-    order = order[_first_of_each_place(centre[order], 0.5 * low)]
-    variance = 0.5 * np.einsum("gkk->g", fits.centre_covariance_px2[order, 0][:, :, :])
-    return _candidates(centre[order], radius[order], contrast[order], np.sqrt(variance))
+    return fit_discs(pixels, usable, priors, _MARGIN_PX, passes=1)
 
 
-def _first_of_each_place(centre_px: Array, closest_px: float) -> NDArray[np.bool_]:
+def _is_ball(fit: DiscFit, seed: Array, radius_range_px: tuple[float, float], limits: DetectionLimits) -> bool:
+    low, high = radius_range_px
+    radius = float(fit.radius_px[0])
+    return bool(
+        fit.contrast[0] > limits.contrast_to_noise * fit.noise
+        and fit.contrast[0] > 6.0 * fit.contrast_sd[0]
+        and 0.5 * low < radius < 1.3 * high
+        and np.hypot(*(fit.centre_px[0] - seed)) < max(0.75 * radius, 2.0)
+    )
+
+
+def _candidates(fits: list[DiscFit], closest_px: float) -> BallCandidates:
+    """Sort by contrast to noise and keep the first of each place."""
+    fits = sorted(fits, key=lambda f: -float(f.contrast[0]) / f.noise)
+    centre = np.array([f.centre_px[0] for f in fits]).reshape(-1, 2)
+    keep = _first_of_each_place(centre, closest_px)
+    fits = [f for f, kept in zip(fits, keep, strict=True) if kept]
+    return BallCandidates(
+        centre_px=centre[keep],
+        radius_px=np.array([f.radius_px[0] for f in fits], dtype=np.float64),
+        contrast=np.array([f.contrast[0] for f in fits], dtype=np.float64),
+        standard_deviation_px=np.array([np.sqrt(0.5 * np.trace(f.centre_covariance_px2[0])) for f in fits], float),
+        ring_index=np.full(len(fits), NOT_OF_THE_RING, dtype=np.int64),
+    )
+
+
+def _first_of_each_place(centre_px: Array, closest_px: float) -> Mask:
     """Mark those that no earlier one of the list is closer to than `closest_px`."""
     distance = np.hypot(*(centre_px[:, None] - centre_px[None]).transpose(2, 0, 1))
     keep = np.ones(len(centre_px), dtype=bool)
     for i in range(len(centre_px)):
         keep[i] = not bool(np.any(keep[:i] & (distance[i, :i] < closest_px)))
     return keep
-
-
-def _candidates(centre: Array, radius: Array, contrast: Array, deviation: Array) -> BallCandidates:
-    return BallCandidates(centre, radius, contrast, deviation, np.full(len(centre), NOT_OF_THE_RING, dtype=np.int64))

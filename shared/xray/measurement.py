@@ -7,14 +7,11 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from shared.xray.discs import Array, DiscFits, DiscPriors, Patches, fit_discs
-from shared.xray.patches import patches_around
-
-FloatImage = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from shared.xray.discs import Array, DiscFit, DiscPriors, FloatImage, Mask, fit_discs
 
 _TOUCH_PX = 2.5
-_KEEP_OUT_PX = 2.5
+_LOOSENING_PX = 0.75
+_KEEP_OUT_PX = 2.0
 _LARGEST_GROUP = 5
 
 
@@ -38,13 +35,26 @@ class MeasurementSettings:
         Ratio of a centre's real to its white-noise standard deviation: the noise of images is correlated.
     """
 
-    reach_px: float = 4.0
+    reach_px: float = 3.5
     drift_px: float = 1.0
-    radius_tolerance: float = 0.10
-    blur_px: float = 1.3
-    blur_sd_px: float = 0.3
+    radius_tolerance: float = 0.15
+    blur_px: float = 1.5
+    blur_sd_px: float = 0.4
     contrast_to_sd: float = 8.0
     noise_factor: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discs:
+    """Places and radii of discs, shapes (N, 2) and (N,), in pixels."""
+
+    centre_px: Array
+    radius_px: Array
+
+    @staticmethod
+    def none() -> "Discs":
+        """No discs."""
+        return Discs(np.zeros((0, 2)), np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +64,7 @@ class BallMeasurements:
     Attributes
     ----------
     seen
-        Whether the ball was found, shape (N,); where False the other values mean nothing.
+        Whether the ball was found, shape (N,); where False the other values mean nothing (NaN or what a fit said).
     centre_px
         Shape (N, 2).
     standard_deviation_px
@@ -75,125 +85,124 @@ class BallMeasurements:
 
 def measure_balls(
     pixels: FloatImage,
-    predicted_px: Array,
-    radius_px: Array,
-    neighbours_px: Array | None = None,
-    neighbour_radius_px: Array | None = None,
-    settings: MeasurementSettings | None = None,
+    usable: Mask,
+    predicted: Discs,
+    neighbours: Discs,
+    settings: MeasurementSettings = MeasurementSettings(),  # noqa: B008  # frozen
 ) -> BallMeasurements:
     """Measure the centres of balls near predicted places.
 
     Parameters
     ----------
-    pixels
-        Grey values, darker is denser, shape (rows, columns).
-    predicted_px, radius_px
-        Where the balls must be and how large their shadows are, shapes (N, 2) and (N,).
-    neighbours_px, neighbour_radius_px
-        Other discs, fitted together with the balls they touch but not reported, shapes (M, 2) and (M,).
+    pixels, usable
+        Grey values, darker is denser, and the pixels that hold X-rays, shape (rows, columns).
+    predicted
+        Where the balls must be and how large their shadows are.
+    neighbours
+        Other discs, fitted together with the balls they touch but not reported. Those that lie on a predicted ball
+        are taken for the ball itself.
     settings
         How to measure.
 
     Returns
     -------
     BallMeasurements
-        One row per predicted ball; balls without contrast (over metal) or that drift away are not `seen`.
+        One row per predicted ball; balls without contrast (over metal), cut by the rim or drifting away are not `seen`.
     """
-    settings = settings or MeasurementSettings()
-    others = np.zeros((0, 2)) if neighbours_px is None else neighbours_px
-    other_radius = np.zeros(0) if neighbour_radius_px is None else neighbour_radius_px
-    places = np.concatenate([predicted_px, others])
-    radii = np.concatenate([radius_px, other_radius])
-    result = _Collected(len(places))
-    for members in _groups(places, radii):
-        wanted = members[(members < len(predicted_px)).any(axis=1)]
-        if len(wanted):
-            _measure_groups(pixels, places, radii, wanted, settings, result)
-    return result.measurements(len(predicted_px), predicted_px, settings)
+    count = len(predicted.radius_px)
+    others = _not_the_balls(neighbours, predicted)
+    discs = Discs(
+        np.concatenate([predicted.centre_px, others.centre_px]), np.concatenate([predicted.radius_px, others.radius_px])
+    )
+    rows: dict[int, tuple[DiscFit, int]] = {}
+    inside = _inside(usable, predicted)
+    for members in _groups(discs):
+        if members.min() >= count or not inside[members[members < count]].any():
+            continue
+        fit = _fit_group(pixels, usable, discs, members, settings)
+        if fit is not None:
+            rows.update({int(disc): (fit, place) for place, disc in enumerate(members)})
+    return _measurements(predicted, inside, rows, settings)
 
 
-class _Collected:
-    """Results of all groups, by disc."""
-
-    def __init__(self, count: int) -> None:
-        self.centre = np.full((count, 2), np.nan)
-        self.deviation = np.full(count, np.nan)
-        self.radius = np.full(count, np.nan)
-        self.contrast = np.zeros(count)
-        self.strength = np.zeros(count)
-        self.overlapped = np.zeros(count, dtype=bool)
-
-    def add(self, members: NDArray[np.int64], fits: DiscFits) -> None:
-        """Enter the fits of groups whose discs are `members`, shape (G, K)."""
-        self.centre[members] = fits.centre_px
-        self.deviation[members] = np.sqrt(0.5 * np.einsum("gkii->gk", fits.centre_covariance_px2))
-        self.radius[members] = fits.radius_px
-        self.contrast[members] = fits.contrast
-        self.strength[members] = fits.contrast / fits.contrast_sd
-        self.overlapped[members] = members.shape[1] > 1
-
-    def measurements(self, count: int, predicted_px: Array, settings: MeasurementSettings) -> BallMeasurements:
-        """Judge the first `count` discs."""
-        drift = np.hypot(*(self.centre[:count] - predicted_px).T)
-        seen = (
-            np.isfinite(self.deviation[:count])
-            & (self.contrast[:count] > 0.0)
-            & (self.strength[:count] > settings.contrast_to_sd)
-            & (drift < 4.0 * settings.drift_px)
-        )
-        return BallMeasurements(
-            seen,
-            self.centre[:count],
-            settings.noise_factor * self.deviation[:count],
-            self.radius[:count],
-            self.contrast[:count],
-            self.overlapped[:count],
-        )
+def _not_the_balls(neighbours: Discs, predicted: Discs) -> Discs:
+    """Neighbours that are not one of the predicted balls itself."""
+    distance = np.hypot(*(neighbours.centre_px[:, None] - predicted.centre_px[None]).transpose(2, 0, 1))
+    near = np.maximum(0.6 * predicted.radius_px, 2.0)
+    own = (distance < near[None]).any(axis=1)
+    return Discs(neighbours.centre_px[~own], neighbours.radius_px[~own])
 
 
-def _groups(places: Array, radii: Array) -> list[NDArray[np.int64]]:
-    """Discs that touch, as arrays of equal group size, shape (G, K) each."""
-    distance = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
-    touch = distance < radii[:, None] + radii[None] + _TOUCH_PX
+def _inside(usable: Mask, discs: Discs) -> Mask:
+    """Discs that lie whole in the usable area."""
+    rows, columns = usable.shape
+    angle = np.arange(8) * np.pi / 4.0
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = discs.centre_px[:, None] + discs.radius_px[:, None, None] * rim[None]
+    x, y = np.round(points).astype(np.int64).transpose(2, 0, 1)
+    there = (x >= 0) & (y >= 0) & (x < columns) & (y < rows)
+    return np.asarray((there & usable[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)]).all(axis=1))
+
+
+def _groups(discs: Discs) -> list[NDArray[np.int64]]:
+    """Indices of discs that touch; chains of many are cut at their loosest contacts."""
+    distance = np.hypot(*(discs.centre_px[:, None] - discs.centre_px[None]).transpose(2, 0, 1))
+    gap = distance - discs.radius_px[:, None] - discs.radius_px[None]
     reach = _TOUCH_PX
     while True:
-        count, label = connected_components(coo_matrix(touch), directed=False)
-        if np.bincount(label, minlength=1).max() <= _LARGEST_GROUP or reach < -20.0:
+        count, label = connected_components(coo_matrix(gap < reach), directed=False)
+        sizes = np.bincount(label, minlength=count)
+        if sizes.max(initial=0) <= _LARGEST_GROUP:
             break
-        # Chains of balls side by side: cut at the loosest contacts, which then only mask each other's pixels.
-        reach -= 0.5
-        touch = distance < radii[:, None] + radii[None] + reach
+        reach -= _LOOSENING_PX
     order = np.argsort(label, kind="stable")
-    members = np.split(order, np.cumsum(np.bincount(label, minlength=count))[:-1])
-    sizes = sorted({len(m) for m in members})
-    return [np.stack([m for m in members if len(m) == size]).astype(np.int64) for size in sizes]
+    return [m.astype(np.int64) for m in np.split(order, np.cumsum(sizes)[:-1])]
 
 
-def _measure_groups(
-    pixels: FloatImage,
-    places: Array,
-    radii: Array,
-    members: NDArray[np.int64],
-    settings: MeasurementSettings,
-    result: _Collected,
-) -> None:
-    start, radius = places[members], radii[members]
-    patches = patches_around(pixels, start, radius + settings.reach_px)
-    patches = _without_others(patches, members, places, radii)
+def _fit_group(
+    pixels: FloatImage, usable: Mask, discs: Discs, members: NDArray[np.int64], settings: MeasurementSettings
+) -> DiscFit | None:
+    centre, radius = discs.centre_px[members], discs.radius_px[members]
     priors = DiscPriors(
-        radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px, settings.drift_px
+        centre, settings.drift_px, radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px
     )
-    result.add(members, fit_discs(patches, start, priors))
+    free = _without_others(usable, discs, members, settings.reach_px)
+    return fit_discs(pixels, free, priors, settings.reach_px)
 
 
-def _without_others(patches: Patches, members: NDArray[np.int64], places: Array, radii: Array) -> Patches:
-    """Leave out pixels under discs that do not belong to the group."""
-    weight = patches.weight.copy()
-    for group, own in enumerate(members):
-        reach = np.ptp(patches.x_px[group]) + 20.0
-        near = np.hypot(*(places - places[own[0]]).T) < reach
-        near[own] = False
-        for other in np.flatnonzero(near):
-            distance2 = (patches.x_px[group] - places[other, 0]) ** 2 + (patches.y_px[group] - places[other, 1]) ** 2
-            weight[group] *= distance2 > (radii[other] + _KEEP_OUT_PX) ** 2
-    return Patches(patches.x_px, patches.y_px, patches.grey, weight)
+def _without_others(usable: Mask, discs: Discs, members: NDArray[np.int64], reach_px: float) -> Mask:
+    """Usable pixels that are not under discs of other groups."""
+    own_centre, own_radius = discs.centre_px[members], discs.radius_px[members]
+    distance = np.hypot(*(discs.centre_px[:, None] - own_centre[None]).transpose(2, 0, 1))
+    near = (distance < discs.radius_px[:, None] + own_radius[None] + reach_px + _KEEP_OUT_PX).any(axis=1)
+    near[members] = False
+    if not near.any():
+        return usable
+    free = usable.copy()
+    for (x, y), radius in zip(discs.centre_px[near], discs.radius_px[near] + _KEEP_OUT_PX, strict=True):
+        window = (
+            slice(max(int(y - radius), 0), max(int(y + radius) + 2, 0)),
+            slice(max(int(x - radius), 0), max(int(x + radius) + 2, 0)),
+        )
+        rows, columns = np.ogrid[window]
+        part = free[window]
+        part &= ((columns - x) ** 2 + (rows - y) ** 2 > radius**2)[: part.shape[0], : part.shape[1]]
+    return free
+
+
+def _measurements(
+    predicted: Discs, inside: Mask, rows: dict[int, tuple[DiscFit, int]], settings: MeasurementSettings
+) -> BallMeasurements:
+    count = len(predicted.radius_px)
+    centre, values = np.full((count, 2), np.nan), np.full((count, 4), np.nan)
+    overlapped = np.zeros(count, dtype=bool)
+    for ball, (fit, k) in rows.items():
+        if ball < count:
+            centre[ball] = fit.centre_px[k]
+            deviation = settings.noise_factor * np.sqrt(0.5 * np.trace(fit.centre_covariance_px2[k]))
+            values[ball] = deviation, fit.radius_px[k], fit.contrast[k], fit.contrast[k] / fit.contrast_sd[k]
+            overlapped[ball] = len(fit.radius_px) > 1
+    deviation, radius, contrast, strength = values.T
+    drift = np.hypot(*(centre - predicted.centre_px).T)
+    seen = inside & np.isfinite(deviation) & (strength > settings.contrast_to_sd) & (drift < 4.0 * settings.drift_px)
+    return BallMeasurements(seen, centre, deviation, radius, contrast, overlapped)

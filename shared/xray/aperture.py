@@ -1,0 +1,107 @@
+"""The usable part of an image: an intensifier's round aperture, collimator blades, or the whole rectangle."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.calibration import Aperture
+
+FloatImage = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+_BORDER_STEP = 0.04
+_LEAST_BORDER = 0.01
+_CIRCLE_RESIDUAL_PX = 2.0
+_LEAST_ON_CIRCLE = 0.5
+_INSET_PX = 2
+_REDUCTION = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UsableArea:
+    """Where the image holds X-rays.
+
+    Attributes
+    ----------
+    mask
+        True inside, shape of the image.
+    aperture
+        The circle, when the area is one.
+    """
+
+    mask: Mask
+    aperture: Aperture | None
+
+
+def find_usable_area(pixels: FloatImage) -> UsableArea:
+    """Find the part of the image that is not the black surround of an aperture or of collimator blades.
+
+    Parameters
+    ----------
+    pixels
+        Grey values, darker is denser, shape (rows, columns).
+
+    Returns
+    -------
+    UsableArea
+        The whole rectangle when there is no surround.
+    """
+    small = np.ascontiguousarray(pixels[::_REDUCTION, ::_REDUCTION])
+    inside = _not_surround(small)
+    if inside.mean() > 1.0 - _LEAST_BORDER:
+        return UsableArea(np.ones(pixels.shape, dtype=bool), None)
+    circle = _circle(_rim_points(inside) * _REDUCTION)
+    if circle is None:
+        rows, columns = pixels.shape
+        grown = cv2.resize(inside.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST)
+        kernel = np.ones((2 * _INSET_PX + 3,) * 2, np.uint8)
+        return UsableArea(cv2.erode(grown, kernel, borderValue=1) > 0, None)
+    return UsableArea(_disc_mask(pixels.shape, circle), circle)
+
+
+def _not_surround(pixels: FloatImage) -> Mask:
+    """Largest bright region without the darkness that is joined to the image's border, holes filled."""
+    low, high = np.percentile(pixels, [0.5, 95.0])
+    dark = (pixels <= low + _BORDER_STEP * (high - low)).astype(np.uint8)
+    _, label = cv2.connectedComponents(dark, connectivity=4)
+    border = np.unique(np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]]))
+    surround = np.isin(label, border[border > 0])
+    inside = cv2.morphologyEx((~surround).astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    count, label, stats, _ = cv2.connectedComponentsWithStats(inside)
+    if count < 2:
+        return np.ones(pixels.shape, dtype=bool)
+    return np.asarray(label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
+
+
+def _rim_points(inside: Mask) -> NDArray[np.float64]:
+    """Pixels (x, y) of the area's rim that do not lie on the image's own border, shape (N, 2)."""
+    contours, _ = cv2.findContours(inside.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    points = max(contours, key=len).reshape(-1, 2).astype(np.float64)
+    rows, columns = inside.shape
+    x, y = points.T
+    return points[(x > 1) & (y > 1) & (x < columns - 2) & (y < rows - 2)]
+
+
+def _circle(points: NDArray[np.float64]) -> Aperture | None:
+    """Circle through most of the points, by least squares with the worst points left out in turns."""
+    if len(points) < 40:
+        return None
+    kept = points
+    for _ in range(6):
+        design = np.column_stack([2.0 * kept, np.ones(len(kept))])
+        solution, *_ = np.linalg.lstsq(design, np.square(kept).sum(axis=1), rcond=None)
+        centre = solution[:2]
+        radius = float(np.sqrt(max(solution[2] + centre @ centre, 0.0)))
+        residual = np.abs(np.hypot(*(points - centre).T) - radius)
+        kept = points[residual < max(_CIRCLE_RESIDUAL_PX, float(np.quantile(residual, 0.6)))]
+    if np.mean(residual < _CIRCLE_RESIDUAL_PX) < _LEAST_ON_CIRCLE:
+        return None
+    return Aperture((float(centre[0]), float(centre[1])), radius)
+
+
+def _disc_mask(shape: tuple[int, ...], circle: Aperture) -> Mask:
+    y, x = np.ogrid[: shape[0], : shape[1]]
+    distance2 = (x - circle.centre_px[0]) ** 2 + (y - circle.centre_px[1]) ** 2
+    return np.asarray(distance2 <= (circle.radius_px - _INSET_PX) ** 2)
