@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
+from typing import Self
 
 from shared.errors import ConfigurationError
 
@@ -47,13 +48,20 @@ class ProcessSpec:
 class Fleet:
     """The running processes. Started in the order given, stopped in the reverse order."""
 
-    def __init__(self, specs: Sequence[ProcessSpec], log_dir: Path, start_patience_s: float = 40.0) -> None:
+    def __init__(
+        self,
+        specs: Sequence[ProcessSpec],
+        log_dir: Path,
+        start_patience_s: float = 60.0,
+        stop: threading.Event | None = None,
+    ) -> None:
         self._specs = tuple(specs)
         self._log_dir = log_dir
         self._start_patience_s = start_patience_s
+        self._stop = stop or threading.Event()
         self._running: list[tuple[ProcessSpec, subprocess.Popen[bytes]]] = []
 
-    def __enter__(self) -> "Fleet":
+    def __enter__(self) -> Self:
         self._log_dir.mkdir(parents=True, exist_ok=True)
         try:
             for spec in self._specs:
@@ -73,9 +81,9 @@ class Fleet:
         """Process ids by name."""
         return {spec.name: process.pid for spec, process in self._running}
 
-    def wait_until_one_ends(self, stop: threading.Event) -> str | None:
-        """Block until `stop` is set (then None) or a process ends by itself (then its name)."""
-        while not stop.wait(_POLL_S):
+    def wait_until_one_ends(self) -> str | None:
+        """Block until the stop event is set (then None) or a process ends by itself (then its name)."""
+        while not self._stop.wait(_POLL_S):
             for spec, process in self._running:
                 if process.poll() is not None:
                     return spec.name
@@ -111,6 +119,8 @@ class Fleet:
         self._running.append((spec, process))
         deadline = time.monotonic() + self._start_patience_s
         while not spec.is_ready():
+            if self._stop.is_set():
+                raise ConfigurationError(f"interrupted while {spec.name} was starting; everything was stopped again")
             if process.poll() is not None:
                 raise ConfigurationError(f"{spec.name} did not start: {self.last_words(spec.name)}")
             if time.monotonic() > deadline:

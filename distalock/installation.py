@@ -1,0 +1,128 @@
+"""The processes of a whole installation on one machine: router, services and, if wanted, the virtual operating room."""
+
+import json
+import threading
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import httpx
+
+from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """Where an installation listens, on the loopback interface."""
+
+    router: int = 7447
+    rest: int = 8000
+    dicom: int = 11112
+    gcs: int = 50000
+    control: int = 8900
+
+    @staticmethod
+    def any_free() -> "Ports":
+        """Five ports that nobody uses now."""
+        return Ports(*free_ports(5))
+
+    @property
+    def rest_url(self) -> str:
+        """Address of the gateway, and of the console."""
+        return f"http://127.0.0.1:{self.rest}"
+
+    @property
+    def control_url(self) -> str:
+        """Address of the virtual operating room's control API."""
+        return f"http://127.0.0.1:{self.control}"
+
+
+@dataclass(frozen=True, slots=True)
+class Installation:
+    """What to run.
+
+    Attributes
+    ----------
+    controller_url
+        pyserial URL of the real hexapod controller; None to run the virtual operating room instead.
+    scenario_arguments
+        How to choose the virtual room's scenario: ``("--seed", "3")`` or ``("--scenario", FILE)``.
+    """
+
+    ports: Ports
+    state_dir: Path
+    controller_url: str | None = None
+    scenario_arguments: tuple[str, ...] = ()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the virtual operating room stands where the hospital's hardware would stand."""
+        return self.controller_url is None
+
+    def require_free_ports(self) -> None:
+        """Refuse ports in use before anything starts; raises `ConfigurationError`."""
+        wanted = [("router", "the router"), ("rest", "the REST gateway"), ("dicom", "DICOM reception")]
+        if self.simulated:
+            wanted += [("gcs", "the virtual hexapod controller"), ("control", "the virtual operating room's control")]
+        for name, used_for in wanted:
+            require_free_port(getattr(self.ports, name), used_for, f"--{name}-port")
+
+    def specs(self) -> list[ProcessSpec]:
+        """Processes in the order of starting; the gateway is last, and ready when all services are alive."""
+        ports, environment = self.ports, self._environment()
+        router = ProcessSpec(
+            "router",
+            "shared.bus.router",
+            lambda: tcp_port_answers(ports.router),
+            ("--listen", f"tcp/127.0.0.1:{ports.router}"),
+        )
+        services = [
+            ProcessSpec("imaging", "services.imaging", _at_once, environment=environment),
+            ProcessSpec("registration", "services.registration", _at_once, environment=environment),
+            ProcessSpec("robot", "services.robot", _at_once, environment=environment),
+            ProcessSpec("ui_api", "services.ui_api", lambda: _answers_ok(f"{ports.rest_url}/readyz"), (), environment),
+        ]
+        return [router, *([self._virtual_room(environment)] if self.simulated else []), *services]
+
+    def _virtual_room(self, environment: Mapping[str, str]) -> ProcessSpec:
+        ports = self.ports
+        arguments = (
+            *("--gcs-port", str(ports.gcs)),
+            *("--control-port", str(ports.control)),
+            *("--dicom-target", f"127.0.0.1:{ports.dicom}"),
+            *self.scenario_arguments,
+        )
+        return ProcessSpec(
+            "virtual-or", "simulation", lambda: _answers_ok(f"{ports.control_url}/healthz"), arguments, environment
+        )
+
+    def _environment(self) -> dict[str, str]:
+        return {
+            "DISTALOCK_ROUTER_ENDPOINT": f"tcp/127.0.0.1:{self.ports.router}",
+            "DISTALOCK_STATE_DIR": str(self.state_dir),
+            "DISTALOCK_IMAGING_DICOM_PORT": str(self.ports.dicom),
+            "DISTALOCK_ROBOT_CONTROLLER_URL": self.controller_url or f"socket://127.0.0.1:{self.ports.gcs}",
+            "DISTALOCK_UI_API_PORT": str(self.ports.rest),
+        }
+
+    def fleet(self, stop: threading.Event) -> Fleet:
+        """The processes, not yet started; setting `stop` ends their starting and their being watched."""
+        return Fleet(self.specs(), self.state_dir / "logs", stop=stop)
+
+    def write_directory(self, pids: Mapping[str, int]) -> Path:
+        """Write who runs where to `installation.json` in the state folder, for tools and tests."""
+        file = self.state_dir / "installation.json"
+        content = {"ports": asdict(self.ports), "pids": dict(pids), "simulated": self.simulated}
+        file.write_text(json.dumps(content, indent=1) + "\n")
+        return file
+
+
+def _at_once() -> bool:
+    return True
+
+
+def _answers_ok(url: str) -> bool:
+    try:
+        return httpx.get(url, timeout=1.0).status_code == httpx.codes.OK
+    except httpx.HTTPError:
+        return False

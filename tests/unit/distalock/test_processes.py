@@ -1,0 +1,100 @@
+"""A fleet of processes: order, readiness, last words, ports."""
+
+import socket
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
+from shared.errors import ConfigurationError
+
+
+def write_module(folder: Path, name: str, body: str) -> None:
+    (folder / f"{name}.py").write_text(body)
+
+
+def spec(folder: Path, name: str) -> ProcessSpec:
+    return ProcessSpec(name, name, lambda: True, environment={"PYTHONPATH": str(folder)})
+
+
+def never_ready(folder: Path, name: str) -> ProcessSpec:
+    return ProcessSpec(name, name, lambda: False, environment={"PYTHONPATH": str(folder)})
+
+
+WAITS = """\
+import signal, sys
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+print("up", flush=True)
+signal.pause()
+"""
+
+
+def test_starts_all_and_leaves_none_behind(tmp_path: Path) -> None:
+    write_module(tmp_path, "one", WAITS)
+    write_module(tmp_path, "two", WAITS)
+    with Fleet([spec(tmp_path, "one"), spec(tmp_path, "two")], tmp_path / "logs") as fleet:
+        pids = fleet.pids
+        assert set(pids) == {"one", "two"}
+    assert not any(Path(f"/proc/{pid}").exists() for pid in pids.values())
+
+
+def test_says_what_the_process_said_when_it_did_not_start(tmp_path: Path) -> None:
+    write_module(tmp_path, "dies", "import sys\nsys.exit('the tube is cold')\n")
+    with (
+        pytest.raises(ConfigurationError, match="dies did not start: the tube is cold"),
+        Fleet([never_ready(tmp_path, "dies")], tmp_path / "logs"),
+    ):
+        pytest.fail("entered a fleet that did not start")
+
+
+def test_gives_up_on_a_process_that_is_never_ready(tmp_path: Path) -> None:
+    write_module(tmp_path, "slow", WAITS)
+    with (
+        pytest.raises(ConfigurationError, match=r"slow was not ready after 1 s; see .*slow\.log"),
+        Fleet([never_ready(tmp_path, "slow")], tmp_path / "logs", start_patience_s=1.0),
+    ):
+        pytest.fail("entered a fleet that did not start")
+
+
+def test_names_the_process_that_ended_by_itself(tmp_path: Path) -> None:
+    write_module(tmp_path, "ends", "print('last words')\n")
+    with Fleet([spec(tmp_path, "ends")], tmp_path / "logs") as fleet:
+        assert fleet.wait_until_one_ends() == "ends"
+        assert fleet.last_words("ends") == "last words"
+
+
+def test_a_stop_event_ends_the_waiting(tmp_path: Path) -> None:
+    write_module(tmp_path, "one", WAITS)
+    stop = threading.Event()
+    stop.set()
+    with Fleet([spec(tmp_path, "one")], tmp_path / "logs", stop=stop) as fleet:
+        assert fleet.wait_until_one_ends() is None
+
+
+def test_a_stop_event_ends_the_starting(tmp_path: Path) -> None:
+    write_module(tmp_path, "slow", WAITS)
+    stop = threading.Event()
+    stop.set()
+    with (
+        pytest.raises(ConfigurationError, match="interrupted while slow was starting"),
+        Fleet([never_ready(tmp_path, "slow")], tmp_path / "logs", stop=stop),
+    ):
+        pytest.fail("entered a fleet that was interrupted")
+
+
+def test_a_port_in_use_is_refused_with_the_option_that_helps() -> None:
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        port = holder.getsockname()[1]
+        assert tcp_port_answers(port)
+        with pytest.raises(ConfigurationError, match=rf"port {port} for REST is in use .*--rest-port"):
+            require_free_port(port, "REST", "--rest-port")
+
+
+def test_free_ports_differ() -> None:
+    ports = free_ports(5)
+    assert len(set(ports)) == 5
+    assert sys.platform != "linux" or not any(tcp_port_answers(p) for p in ports)
