@@ -8,7 +8,6 @@ number of balls explained in the end decides. The second-best different guess gi
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.imaging.core.nominal import NominalGeometry
@@ -18,7 +17,8 @@ from shared.geometry.parts import RingPart
 
 _NONE = -1
 _GROWN_SEEDS = 32
-_SIZE_TOLERANCE = 0.40
+# Log of measured over nominal radius: bright air swallows the rim of small balls, nothing makes shadows much larger.
+_SIZE_RANGE = (-0.85, 0.40)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,8 +154,8 @@ class _Matcher:
         distance, index = self._tree.query(predicted_px[balls], distance_upper_bound=reach_px)
         found = np.isfinite(distance)
         ball, candidate, distance = balls[found], index[found], distance[found]
-        ratio = self._radius[candidate] / self.constellation.radius_px[ball]
-        fits = np.abs(np.log(ratio)) < _SIZE_TOLERANCE
+        ratio = np.log(self._radius[candidate] / self.constellation.radius_px[ball])
+        fits = (ratio > _SIZE_RANGE[0]) & (ratio < _SIZE_RANGE[1])
         ball, candidate, distance = ball[fits], candidate[fits], distance[fits]
         order = np.argsort(distance, kind="stable")
         _, first = np.unique(candidate[order], return_index=True)
@@ -204,5 +204,3 @@ def _same(a: _Grown, b: _Grown) -> bool:
     agree = int(np.count_nonzero(a.matches[both] == b.matches[both]))
     return a.mirrored == b.mirrored and agree > 0.5 * min(a.count, b.count)
 
-
-Matches = NDArray[np.int64]
