@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 _ROUNDS = 4
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def flare(x: float, start: float, end: float) -> float:
     """Smooth step from 0 at `start` to 1 at `end`."""
     s = (x - start) / (end - start)
@@ -21,7 +21,7 @@ def flare(x: float, start: float, end: float) -> float:
     return s * s * (3.0 - 2.0 * s)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _section_roots(row: Floats, at: float, o: Floats, d: Floats) -> tuple[float, float]:
     s = flare(at, row[0], row[1])
     a = row[2] + s * (row[3] - row[2])
@@ -35,7 +35,7 @@ def _section_roots(row: Floats, at: float, o: Floats, d: Floats) -> tuple[float,
     return (-q - w) / p, (-q + w) / p
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def tube(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     """Stretch of a ray, given in the bone's frame, inside the tube.
 

@@ -13,7 +13,7 @@ _MISS = (1.0, 0.0)
 _TINY = 1e-12
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def slab(origin: float, direction: float, low: float, high: float) -> tuple[float, float]:
     """Stretch of a ray between two parallel planes, along one coordinate."""
     if abs(direction) < _TINY:
@@ -22,7 +22,7 @@ def slab(origin: float, direction: float, low: float, high: float) -> tuple[floa
     return (a, b) if a < b else (b, a)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def sphere(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     """`row = [cx, cy, cz, radius]`."""
     x, y, z = o[0] - row[0], o[1] - row[1], o[2] - row[2]
@@ -36,7 +36,7 @@ def sphere(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     return (-b - s) / a, (-b + s) / a
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ellipsoid(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     """`row = [cx, cy, cz, M (9, row by row)]`, where M maps an offset from the centre to the unit sphere."""
     a = b = c = 0.0
@@ -56,7 +56,7 @@ def ellipsoid(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     return (-b - s) / a, (-b + s) / a
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def frustum(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     """A straight or conical piece of a round bar.
 
@@ -91,7 +91,7 @@ def frustum(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     return max(near, second), far
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def box(row: Floats, axes: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     """`row = [cx, cy, cz, half x, half y, half z]`; the rows of `axes`, shape (3, 3), are the box's unit axes."""
     near, far = -1e30, 1e30

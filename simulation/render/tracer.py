@@ -49,7 +49,7 @@ class PackedScene(NamedTuple):
     detector_distance_mm: float
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _material(inside: Integers, nail_material: int) -> int:
     """Material of a stretch from the number of shapes of each class it lies in."""
     if inside[STEEL_PART] > 0:
@@ -69,7 +69,7 @@ def _material(inside: Integers, nail_material: int) -> int:
     return _MUSCLE if inside[THIGH] > 0 else _AIR
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _add(times: Floats, codes: Integers, n: int, near: float, far: float, shape_class: int) -> int:
     """Insert both ends of a stretch into the sorted list of events."""
     if near >= far or n + 2 > _MOST_EVENTS:
@@ -85,22 +85,35 @@ def _add(times: Floats, codes: Integers, n: int, near: float, far: float, shape_
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _events(scene: PackedScene, tile: int, o: Floats, d: Floats, bone: Floats, times: Floats, codes: Integers) -> int:
-    """Collect where the ray enters and leaves every shape, in order."""
+    """Collect where the ray enters and leaves every shape, in order.
+
+    Solids come before what is taken from them: voids and marrow are not tried when the ray misses their solid.
+    """
     n = 0
+    hit_nail = hit_delrin = hit_bone = False
     for i in range(scene.ellipsoids.shape[0]):
         a, b = ellipsoid(scene.ellipsoids[i], o, d)
+        hit_nail |= a < b and scene.ellipsoid_class[i] == NAIL
         n = _add(times, codes, n, a, b, scene.ellipsoid_class[i])
     for i in range(scene.tubes.shape[0]):
+        if scene.tube_class[i] == MARROW and not hit_bone:
+            continue
         a, b = tube(scene.tubes[i], bone[0], bone[1])
+        hit_bone |= a < b
         n = _add(times, codes, n, a, b, scene.tube_class[i])
-    for i in range(scene.bars.shape[0]):
-        a, b = frustum(scene.bars[i], o, d)
-        n = _add(times, codes, n, a, b, scene.bar_class[i])
     for i in range(scene.delrin_boxes.shape[0]):
         a, b = box(scene.delrin_boxes[i], scene.delrin_axes, o, d)
+        hit_delrin |= a < b
         n = _add(times, codes, n, a, b, DELRIN)
+    for i in range(scene.bars.shape[0]):
+        kind = scene.bar_class[i]
+        if (kind == NAIL_VOID and not hit_nail) or (kind == DELRIN_VOID and not hit_delrin):
+            continue
+        a, b = frustum(scene.bars[i], o, d)
+        hit_nail |= a < b and kind == NAIL
+        n = _add(times, codes, n, a, b, kind)
     if tile >= 0:
         for k in range(scene.tile_start[tile], scene.tile_start[tile + 1]):
             a, b = sphere(scene.balls[scene.tile_balls[k]], o, d)
@@ -108,7 +121,7 @@ def _events(scene: PackedScene, tile: int, o: Floats, d: Floats, bone: Floats, t
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _lengths(
     times: Floats, codes: Integers, n: int, scale: float, nail_material: int, inside: Integers, out: Floats
 ) -> None:
@@ -125,7 +138,7 @@ def _lengths(
     out[_AIR] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _texture_at(volume: NDArray[np.float32], x: float, y: float, z: float) -> float:
     """Trilinear look-up in a periodic volume."""
     n = volume.shape[0]
@@ -140,7 +153,7 @@ def _texture_at(volume: NDArray[np.float32], x: float, y: float, z: float) -> fl
     return (a * (1 - y) + b * y) * (1 - x) + (c * (1 - y) + e * y) * x
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _bone_share(scene: PackedScene, bone: Floats, times: Floats, codes: Integers, n: int) -> float:
     """Mean share of mineral in the spongy bone along one ray, from the trabecular texture.
 
@@ -168,7 +181,7 @@ def _bone_share(scene: PackedScene, bone: Floats, times: Floats, codes: Integers
     return total / steps
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _signal(lengths: Floats, share: float, weight: Floats, attenuation: Floats) -> float:
     """Detected signal behind path lengths, relative to the open beam."""
     cortex = lengths[_CORTEX] + share * lengths[_SPONGY]
@@ -182,7 +195,7 @@ def _signal(lengths: Floats, share: float, weight: Floats, attenuation: Floats) 
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _aim(scene: PackedScene, target: Floats, source: Floats, ray: Floats, bone: Floats) -> float:
     """Write the ray from a point of the focal spot to a point of the detector, and the same in the bone's frame."""
     ray[0, 0], ray[0, 1], ray[0, 2] = source[0], source[1], 0.0
@@ -195,7 +208,7 @@ def _aim(scene: PackedScene, target: Floats, source: Floats, ray: Floats, bone: 
     return float(np.sqrt(ray[1, 0] ** 2 + ray[1, 1] ** 2 + ray[1, 2] ** 2))
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, error_model="numpy", parallel=True)
 def trace_lengths(scene: PackedScene, targets_mm: Floats, tile: Integers) -> Floats:
     """Path lengths, shape (N, 8), in mm, of the rays from the focal spot's middle to detector points, shape (N, 2).
 
@@ -212,7 +225,7 @@ def trace_lengths(scene: PackedScene, targets_mm: Floats, tile: Integers) -> Flo
     return out
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, error_model="numpy", parallel=True)
 def trace_image(
     scene: PackedScene, targets_mm: Floats, weight: Floats, attenuation: Floats
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -236,7 +249,7 @@ def trace_image(
     return signal, share
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, error_model="numpy", parallel=True)
 def refine_pixels(
     scene: PackedScene,
     pixels: Integers,

@@ -35,6 +35,16 @@ class Parts:
 
 
 @dataclass(frozen=True, slots=True)
+class PartNames:
+    """Names of the parts in the catalogue, or the files they were read from."""
+
+    ring: str
+    guide: str
+    nail: str
+    hexapod: str
+
+
+@dataclass(frozen=True, slots=True)
 class Anatomy:
     """Distal femur and thigh, in the bone's frame: +x distal along the canal, +z in the direction of drilling.
 
@@ -222,11 +232,19 @@ class Display:
 
 @dataclass(frozen=True, slots=True)
 class Drilling:
-    """Forces when drilling."""
+    """The drill, and how the guide yields to it.
 
-    drill_diameter_mm: float
-    drill_force_n: tuple[float, float]
-    mount_yields: float
+    Attributes
+    ----------
+    force_n
+        Range of the sideways force; each drilling has its own.
+    stiffness_share
+        How stiff the mount leaves the robot: 1 is as stiff as the robot's own file says.
+    """
+
+    diameter_mm: float
+    force_n: tuple[float, float]
+    stiffness_share: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,6 +256,7 @@ class Scenario:
     mount: MountKind
     head_extension_mm: float
     parts: Parts
+    part_names: PartNames
     anatomy: Anatomy
     placement: Placement
     c_arm: CArm
