@@ -1,0 +1,71 @@
+"""The verdict: may this localisation move a robot? And if not, why, in words that help."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from services.registration.core.alignment import CArmTurn
+from services.registration.core.hole_axes import HoleEstimate, NailEstimate
+from shared.errors import Reason, ReasonCode
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.parts import NailPart
+
+LARGEST_ENTRY_BOUND_MM = 1.0
+LARGEST_AXIS_BOUND_DEG = 1.5
+LEAST_CHANCE = 0.99
+LARGEST_TILT_DEG = 14.0
+LARGEST_DISTORTION_SD_PX = 0.5
+
+
+def judge(
+    calibration: CArmCalibration,
+    nail: NailPart,
+    estimate: NailEstimate,
+    holes: tuple[HoleEstimate, ...],
+    correction: CArmTurn,
+) -> tuple[Reason, ...]:
+    """Reasons against a localisation in which ring, guide and nail were all found; none means accepted."""
+    return (
+        *_extrapolated(calibration, nail, estimate),
+        *(reason for hole in holes for reason in _tilted(hole, correction)),
+        *(reason for hole in holes for reason in _uncertain(hole)),
+    )
+
+
+def _extrapolated(calibration: CArmCalibration, nail: NailPart, estimate: NailEstimate) -> Iterator[Reason]:
+    for hole in nail.holes:
+        place = calibration.image_from_camera(estimate.camera_from_nail @ hole.axis.point_mm)
+        deviation = float(calibration.distortion.standard_deviation_at(place))
+        if not deviation <= LARGEST_DISTORTION_SD_PX:
+            yield Reason(
+                ReasonCode.CALIBRATION_EXTRAPOLATED,
+                f"nail hole '{hole.id}' lies at ({place[0]:.0f}, {place[1]:.0f}) px, where the ring's balls leave the "
+                f"image's distortion uncertain by {deviation:.2f} px (limit {LARGEST_DISTORTION_SD_PX}); move the "
+                "C-arm until the holes are nearer to the image's centre and take one more image",
+            )
+
+
+def _tilted(hole: HoleEstimate, correction: CArmTurn) -> Iterator[Reason]:
+    if hole.tilt_to_ray_deg > LARGEST_TILT_DEG:
+        yield Reason(
+            ReasonCode.TILT_TOO_LARGE,
+            f"the axis of nail hole '{hole.id}' is tilted by {hole.tilt_to_ray_deg:.1f}° against the beam "
+            f"(limit {LARGEST_TILT_DEG:g}°); turn the C-arm by {correction.about_x_deg:+.1f}° about the image's x axis "
+            f"and {correction.about_y_deg:+.1f}° about its y axis and take one more image",
+        )
+
+
+def _uncertain(hole: HoleEstimate) -> Iterator[Reason]:
+    if hole.offset is None:
+        return
+    bounds = (hole.offset.entry_bound_mm, hole.offset.axis_bound_deg)
+    chance = hole.offset.chance_to_pass(hole.diameter_mm)
+    within = bounds[0] <= LARGEST_ENTRY_BOUND_MM and bounds[1] <= LARGEST_AXIS_BOUND_DEG
+    if not (within and np.isfinite(chance) and chance >= LEAST_CHANCE):
+        yield Reason(
+            ReasonCode.UNCERTAINTY_TOO_LARGE,
+            f"the axis of nail hole '{hole.id}' is known to {bounds[0]:.2f} mm and {bounds[1]:.2f}° with 95 % "
+            f"confidence (limits {LARGEST_ENTRY_BOUND_MM:g} mm and {LARGEST_AXIS_BOUND_DEG:g}°), and a 4 mm drill would "
+            f"pass it with a chance of {chance:.3f} (limit {LEAST_CHANCE}); take one more image with more dose, the "
+            "hole in the middle of the image and no balls over it",
+        )

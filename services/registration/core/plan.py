@@ -1,0 +1,247 @@
+"""Which move of the hexapod makes the guide's hole axes coincide with the nail's, within reach and by the least travel.
+
+The move is found in the guide's own frame as `guide_from_target_guide`: where the guide has to be, seen from where it
+is. Along the drilling axis (and, for a single hole, about it) the guide may be anywhere: that freedom is used only when
+the hexapod cannot make the shortest move.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.axis_match import AxisPair, match_axes
+from services.registration.core.hole_axes import HoleEstimate
+from services.registration.core.passing import AxisOffset, angle_deg, axis_offset_mm
+from shared.errors import Accepted
+from shared.geometry.frames import Guide, RobotBase, RobotTop
+from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
+from shared.geometry.hexapod_limits import limit_margins, limit_violations, path_violations
+from shared.geometry.lines import Line
+from shared.geometry.parts import GuidePart
+from shared.geometry.transform import Transform
+
+LARGEST_RESIDUAL_MM = 0.25
+LONGEST_AXIAL_SHIFT_MM = 8.0
+LARGEST_AXIAL_TURN_DEG = 20.0
+# What the hexapod adds: standard deviation per axis at the guide, from its accuracy of 0.05 mm over its joints' radius.
+ROBOT_SD_MM = 0.03
+ROBOT_SD_DEG = 0.03
+_SHIFTS_MM = np.linspace(-LONGEST_AXIAL_SHIFT_MM, LONGEST_AXIAL_SHIFT_MM, 65)
+_TURNS_DEG = np.linspace(-LARGEST_AXIAL_TURN_DEG, LARGEST_AXIAL_TURN_DEG, 21)
+_MM_PER_DEG = 0.5
+_PATHS_TRIED = 40
+
+
+class PlanRefusal(StrEnum):
+    """Why there is no plan."""
+
+    UNKNOWN_HOLE = "unknown_hole"
+    UNKNOWN_UNCERTAINTY = "unknown_uncertainty"
+    SPACINGS_DIFFER = "spacings_differ"
+    OUT_OF_REACH = "out_of_reach"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRefused:
+    """No plan, and why: code and one sentence with figures and the remedy."""
+
+    code: PlanRefusal
+    message: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotNow:
+    """The hexapod as it stood when the image was taken.
+
+    Attributes
+    ----------
+    pivot_mm
+        Centre of rotation in the top's frame, shape (3,).
+    """
+
+    hexapod: HexapodPart
+    pose: PlatformPose
+    pivot_mm: NDArray[np.float64]
+    head_extension_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedHole:
+    """What remains at one hole after the move."""
+
+    id: str
+    offset: AxisOffset
+    angle_deg: float
+    chance_to_pass: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedMove:
+    """A move of the platform.
+
+    Attributes
+    ----------
+    leg_lengths_mm
+        At the target, shape (6,).
+    travel_mm, travel_deg
+        Displacement of the guide's middle and rotation of the guide.
+    axial_shift_mm, axial_turn_deg
+        Free travel along and about the drilling axis that was used to stay in reach.
+    """
+
+    guide_from_target_guide: Transform[Guide, Guide]
+    target_pose: PlatformPose
+    leg_lengths_mm: NDArray[np.float64]
+    travel_mm: float
+    travel_deg: float
+    axial_shift_mm: float
+    axial_turn_deg: float
+    predicted: tuple[PredictedHole, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Freedom:
+    """A use of the freedom along and about the drilling axis, and where the hexapod would stand."""
+
+    shift_mm: float
+    turn_deg: float
+    guide_from_target_guide: Transform[Guide, Guide]
+    pose: PlatformPose
+
+
+def plan_move(
+    holes: tuple[HoleEstimate, ...], guide: GuidePart, hole_ids: tuple[str, ...], robot: RobotNow
+) -> Accepted[PlannedMove] | PlanRefused:
+    """Plan the move after which the guide's holes of these names lie on the nail's axes.
+
+    Parameters
+    ----------
+    holes
+        Of an accepted localisation.
+    hole_ids
+        One hole, or several when the guide's spacing equals the nail's.
+    """
+    wanted = _wanted(holes, guide, hole_ids)
+    if isinstance(wanted, PlanRefused):
+        return wanted
+    pairs = tuple(AxisPair(guide_axis, h.axis_guide, h.entry_guide_mm, h.exit_guide_mm) for h, guide_axis in wanted)
+    shortest = match_axes(pairs)
+    residual_mm = max(float(np.abs(axis_offset_mm(p.target, p.moved(shortest), p.entry_mm, p.exit_mm)).max()) for p in pairs)
+    if residual_mm > LARGEST_RESIDUAL_MM:
+        return PlanRefused(
+            PlanRefusal.SPACINGS_DIFFER,
+            f"guide and nail axes of {_names(hole_ids)} cannot coincide at once: {residual_mm:.2f} mm would remain "
+            f"(limit {LARGEST_RESIDUAL_MM:g} mm); plan one hole per move",
+        )
+    turns_deg = _TURNS_DEG if len(pairs) == 1 else np.zeros(1)
+    chosen = _within_reach(shortest, pairs[0].target, turns_deg, robot)
+    if isinstance(chosen, PlanRefused):
+        return chosen
+    return Accepted(_planned(chosen, wanted, robot))
+
+
+def _wanted(
+    holes: tuple[HoleEstimate, ...], guide: GuidePart, hole_ids: tuple[str, ...]
+) -> tuple[tuple[HoleEstimate, Line], ...] | PlanRefused:
+    """Nail hole and guide axis of each name."""
+    nail_holes, guide_holes = {h.id: h for h in holes}, {h.id: h.axis for h in guide.holes}
+    known = sorted(nail_holes.keys() & guide_holes.keys())
+    unknown = [i for i in hole_ids if i not in known]
+    if unknown or not hole_ids or len(set(hole_ids)) < len(hole_ids):
+        what = f"hole '{unknown[0]}' is not" if unknown else "the list of holes is empty or names one twice; no hole is"
+        return PlanRefused(
+            PlanRefusal.UNKNOWN_HOLE, f"{what} one of the holes that guide and nail share: {', '.join(known)}"
+        )
+    if any(nail_holes[i].offset is None for i in hole_ids):
+        return PlanRefused(
+            PlanRefusal.UNKNOWN_UNCERTAINTY,
+            "the localisation does not know its own errors (method fronto-parallel); localise with the model method",
+        )
+    return tuple((nail_holes[i], guide_holes[i]) for i in hole_ids)
+
+
+def _within_reach(
+    shortest: Transform[Guide, Guide], axis: Line, turns_deg: NDArray[np.float64], robot: RobotNow
+) -> _Freedom | PlanRefused:
+    """The use of the freedom with the least travel that the hexapod can make, along the whole way."""
+    uses = sorted(((s, t) for s in _SHIFTS_MM for t in turns_deg), key=lambda u: abs(u[0]) + _MM_PER_DEG * abs(u[1]))
+    tried = [_freedom(shortest, axis, float(s), float(t), robot) for s, t in uses]
+    poses = np.array([f.pose.as_array() for f in tried])
+    legs_mm, joints_deg = limit_margins(robot.hexapod, poses, robot.pivot_mm)
+    reachable = np.flatnonzero((legs_mm >= 0.0) & (joints_deg >= 0.0))
+    for k in reachable[:_PATHS_TRIED]:
+        if not path_violations(robot.hexapod, robot.pose, tried[k].pose, robot.pivot_mm):
+            return tried[k]
+    nearest = tried[int(np.argmax(np.minimum(legs_mm, joints_deg)))]
+    return PlanRefused(PlanRefusal.OUT_OF_REACH, _out_of_reach(tried[0], nearest, robot))
+
+
+def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str:
+    violations = list(_violations(shortest, robot))
+    also = list(_violations(nearest, robot))
+    return (
+        f"the hexapod cannot bring the guide onto the axes: {'; '.join(violations or also)}. With up to "
+        f"{LONGEST_AXIAL_SHIFT_MM:g} mm along the axis it comes nearest at {nearest.shift_mm:+.1f} mm"
+        + (f", where still {also[0]}" if also else ", but the way there leaves the workspace")
+    )
+
+
+def _violations(freedom: _Freedom, robot: RobotNow) -> Iterator[str]:
+    for violation in limit_violations(robot.hexapod, freedom.pose, robot.pivot_mm):
+        yield violation.message
+
+
+def _freedom(
+    shortest: Transform[Guide, Guide], axis: Line, shift_mm: float, turn_deg: float, robot: RobotNow
+) -> _Freedom:
+    """Move the target along and about the nail's axis (given in the guide's frame)."""
+    turn: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(turn_deg) * axis.direction, np.zeros(3))
+    fixed_point = axis.point_mm - turn.rotation @ axis.point_mm + shift_mm * axis.direction
+    along: Transform[Guide, Guide] = Transform.from_rotation_translation(turn.rotation, fixed_point)
+    guide_from_target_guide = along @ shortest
+    return _Freedom(shift_mm, turn_deg, guide_from_target_guide, _platform_pose(guide_from_target_guide, robot))
+
+
+def _platform_pose(guide_from_target_guide: Transform[Guide, Guide], robot: RobotNow) -> PlatformPose:
+    top_from_guide = robot.hexapod.top_from_guide(robot.head_extension_mm)
+    base_from_top_now: Transform[RobotBase, RobotTop] = base_from_top(robot.hexapod, robot.pose, robot.pivot_mm)
+    base_from_top_target = base_from_top_now @ top_from_guide @ guide_from_target_guide @ top_from_guide.inverse()
+    return platform_pose(robot.hexapod, base_from_top_target, robot.pivot_mm)
+
+
+def _planned(
+    chosen: _Freedom, wanted: tuple[tuple[HoleEstimate, Line], ...], robot: RobotNow
+) -> PlannedMove:
+    move = chosen.guide_from_target_guide
+    return PlannedMove(
+        guide_from_target_guide=move,
+        target_pose=chosen.pose,
+        leg_lengths_mm=leg_lengths_mm(robot.hexapod, chosen.pose.as_array(), robot.pivot_mm),
+        travel_mm=float(np.linalg.norm(move.translation_mm)),
+        travel_deg=float(np.degrees(np.linalg.norm(move.rotation_vector_rad))),
+        axial_shift_mm=chosen.shift_mm,
+        axial_turn_deg=chosen.turn_deg,
+        predicted=tuple(_predicted(hole, axis, move) for hole, axis in wanted),
+    )
+
+
+def _predicted(hole: HoleEstimate, guide_axis: Line, move: Transform[Guide, Guide]) -> PredictedHole:
+    """Bias of the move and uncertainty of localisation and robot, at one hole."""
+    assert hole.offset is not None  # checked in `_wanted`
+    after = Line(move @ guide_axis.point_mm, move.directions(guide_axis.direction))
+    mean = axis_offset_mm(hole.axis_guide, after, hole.entry_guide_mm, hole.exit_guide_mm)
+    lever_mm = float((hole.entry_guide_mm - after.point_mm) @ hole.axis_guide.direction)
+    robot = _robot_covariance(np.array([lever_mm, lever_mm + hole.offset.length_mm]))
+    offset = AxisOffset(mean, hole.offset.covariance_mm2 + robot, hole.offset.length_mm)
+    return PredictedHole(
+        hole.id, offset, angle_deg(hole.axis_guide, after), offset.chance_to_pass(hole.diameter_mm)
+    )
+
+
+def _robot_covariance(levers_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Offsets at entry and exit that the robot's own errors make, shape (4, 4): a shift and a tilt about the guide."""
+    tilt = np.radians(ROBOT_SD_DEG) ** 2 * np.outer(levers_mm, levers_mm)
+    return np.asarray(np.kron(ROBOT_SD_MM**2 + tilt, np.eye(2)))
