@@ -1,0 +1,129 @@
+"""From pixels to the ring's balls by name: detect, identify, and say why when it fails."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.imaging.core.identification import RingIdentity, identify_ring
+from services.imaging.core.image_checks import CLIPPED_SUSPECT, clipped_fraction, saturated_reason
+from services.imaging.core.nominal import NominalGeometry
+from shared.errors import Reason, ReasonCode, Rejected
+from shared.geometry.calibration import BallCandidates
+from shared.geometry.parts import RingPart
+from shared.xray.aperture import UsableArea
+from shared.xray.detection import detect_balls
+from shared.xray.discs import FloatImage
+
+_RADIUS_TOLERANCE = 0.2
+_LEAST_FRACTION = 0.2
+_LEAST_BALLS = 16
+_RUNNER_UP_LIMIT = 0.6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundRing:
+    """The ring in the image as received.
+
+    Attributes
+    ----------
+    candidates
+        All dark discs.
+    identity
+        Which of them is which ball.
+    """
+
+    candidates: BallCandidates
+    identity: RingIdentity
+
+
+def find_ring(
+    pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: NominalGeometry
+) -> FoundRing | Rejected:
+    """Detect dark discs and identify the ring among them.
+
+    Parameters
+    ----------
+    pixels, area
+        Image as received, darker is denser, and its usable area.
+    ring, nominal
+        What to look for, and nominal C-arm values.
+
+    Returns
+    -------
+    FoundRing or Rejected
+        Rejected with `ring_not_found`, `ring_ambiguous`, `saturated` or `image_unusable` (inverted).
+    """
+    found = _search(pixels, area, ring, nominal)
+    if isinstance(found.identity, RingIdentity) and _enough(found.identity, ring):
+        if _ambiguous(found.identity):
+            return Rejected((_ambiguous_reason(found.identity),))
+        return FoundRing(found.candidates, found.identity)
+    inverted = _search(_inverted(pixels, area), area, ring, nominal)
+    if inverted.identity is not None and _enough(inverted.identity, ring) and not _ambiguous(inverted.identity):
+        return Rejected((_inverted_reason(inverted.identity),))
+    return Rejected(_not_found_reasons(found, pixels, area, ring))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    candidates: BallCandidates
+    identity: RingIdentity | None
+
+
+def _search(pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: NominalGeometry) -> _Search:
+    low, high = nominal.ball_radius_px(ring)
+    radii = (low * (1.0 - _RADIUS_TOLERANCE), high * (1.0 + _RADIUS_TOLERANCE))
+    candidates = detect_balls(pixels, area.mask, radii)
+    return _Search(candidates, identify_ring(candidates, ring, nominal))
+
+
+def _inverted(pixels: FloatImage, area: UsableArea) -> FloatImage:
+    values = pixels[area.mask]
+    return np.asarray(values.max() + values.min() - pixels, dtype=np.float32)
+
+
+def _needed(ring: RingPart) -> int:
+    return max(_LEAST_BALLS, int(np.ceil(_LEAST_FRACTION * len(ring.balls))))
+
+
+def _enough(identity: RingIdentity, ring: RingPart) -> bool:
+    return identity.identified >= _needed(ring)
+
+
+def _ambiguous(identity: RingIdentity) -> bool:
+    return identity.runner_up > _RUNNER_UP_LIMIT * identity.identified
+
+
+def _ambiguous_reason(identity: RingIdentity) -> Reason:
+    limit = int(_RUNNER_UP_LIMIT * identity.identified)
+    return Reason(
+        ReasonCode.RING_AMBIGUOUS,
+        f"one way to name the ring's balls explains {identity.identified}, a different one {identity.runner_up} "
+        f"(limit {limit}); check that the ring's file fits this ring, uncover more of it and take another image",
+    )
+
+
+def _inverted_reason(identity: RingIdentity) -> Reason:
+    return Reason(
+        ReasonCode.IMAGE_UNUSABLE,
+        f"{identity.identified} of the ring's balls are brighter than their surroundings (limit 0): the image is "
+        "inverted and carries no tag that says so; switch the C-arm's display to dark metal and send it again",
+    )
+
+
+def _not_found_reasons(
+    found: _Search, pixels: FloatImage, area: UsableArea, ring: RingPart
+) -> tuple[Reason, ...]:
+    explained = 0 if found.identity is None else found.identity.identified
+    reasons = [
+        Reason(
+            ReasonCode.RING_NOT_FOUND,
+            f"of {len(found.candidates.radius_px)} dark discs at most {explained} fit the ring's pattern of "
+            f"{len(ring.balls)} balls (at least {_needed(ring)}); check that the ring is mounted, that its file is the "
+            "right one and that the nominal C-arm values are within 10 %",
+        )
+    ]
+    clipped = clipped_fraction(pixels, area.mask)
+    if clipped > CLIPPED_SUSPECT:
+        reasons.append(saturated_reason(clipped, CLIPPED_SUSPECT))
+    return tuple(reasons)
