@@ -1,0 +1,204 @@
+"""Fit one K-wire's axis, in the guide's frame, to its outlines in one image or more.
+
+Besides the wire's own unknowns (`WireModel`), every image has an error of the wire's apparent radius and one of the
+guide's pose, each with its prior. What the images do not show stays as uncertain as its prior: one oblique image leaves
+the axis free within a plane, and the covariance says so.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from services.registration.core.wires_model import SHARED, START, TIP, WireModel
+from services.registration.core.wires_outline import EdgeMatches, Outline, Stack, match_edges, outline_of, stack_discs
+from services.registration.core.wires_view import PreparedView
+from shared.geometry.lines import Line, read_only
+
+_PER_VIEW = 7
+_RADIUS_SD_PX = 0.3
+_EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
+_ROBUST_PX = 1.2
+_LEAST_STRENGTH = 4.0
+_SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
+_PENALTY_OF_MISSING = 0.5
+_REACHES_PX = (6.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.5, 2.5, 2.5, 2.5)
+_SEEN_WITHIN_PX = 1.0
+_STEPS = np.array([1e-3] * (SHARED + 1) + [1e-5] * 3 + [1e-3] * 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WireFit:
+    """A wire's axis as the images show it.
+
+    Attributes
+    ----------
+    line_guide
+        In the guide's frame, directed along drilling.
+    offsets_mm, covariance_mm2
+        Offsets across the guide hole's axis at the guide and at the nail (see `WireModel`), shapes (4,) and (4, 4).
+    seen_px, free_px
+        Length of outline that was found in each image, and that is not hidden there, in pixels.
+    darkness
+        How dark the wire is between the nail's metal (1) and what lies beside the wire (0), median over all images.
+    """
+
+    model: WireModel
+    line_guide: Line
+    offsets_mm: NDArray[np.float64]
+    covariance_mm2: NDArray[np.float64]
+    seen_px: tuple[float, ...]
+    free_px: tuple[float, ...]
+    darkness: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shape:
+    """A wire's outline in one view; `length_px` is what each point stands for, shape (M,)."""
+
+    stack: Stack
+    outline: Outline
+    length_px: NDArray[np.float64]
+    free: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Linearised observations of one view: derivatives along the normals, shifts, weights, effective number."""
+
+    shape: _Shape
+    matches: EdgeMatches
+    derivative: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    effective_count: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _System:
+    normal: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    mean_square: float
+    rows: tuple[_Rows, ...]
+
+
+def fit_wire(views: tuple[PreparedView, ...], model: WireModel) -> WireFit:
+    """Find a wire near its guide hole's axis and fit it in all views together.
+
+    The axis is searched on a grid of places at the nail (8 mm about the guide's axis), then moved by Gauss-Newton steps
+    to where the outline's points meet edges of the images, with Cauchy weights. Whether what was found is a wire is for
+    the caller to judge, by how much of its outline was seen.
+    """
+    state = np.concatenate([_search(views, model), np.zeros(_PER_VIEW * len(views))])
+    for reach_px in _REACHES_PX:
+        system = _linearised(views, model, state, reach_px)
+        state = state + np.linalg.solve(system.normal, system.gradient)
+    system = _linearised(views, model, state, _REACHES_PX[-1])
+    covariance = np.asarray(np.linalg.inv(system.normal)[:4, :4] * max(1.0, system.mean_square), dtype=np.float64)
+    darkness = np.concatenate([_darkness(view, rows) for view, rows in zip(views, system.rows, strict=True)])
+    return WireFit(
+        model,
+        model.line_guide(state[:4]),
+        read_only(state[:4]),
+        read_only(covariance),
+        tuple(_seen_px(rows) for rows in system.rows),
+        tuple(float(rows.shape.length_px[rows.shape.free].sum()) for rows in system.rows),
+        float(np.median(darkness)) if darkness.size else 0.0,
+    )
+
+
+def _search(views: tuple[PreparedView, ...], model: WireModel) -> NDArray[np.float64]:
+    """Best of a grid of axes through the middle of the guide hole: length of outline on edges, less what shows none."""
+    steps = np.arange(-_SEARCH_REACH_MM, _SEARCH_REACH_MM + 1e-9, _SEARCH_STEP_MM)
+    best, best_score = model.mean, -np.inf
+    for x in steps:
+        for y in steps:
+            unknowns = model.mean.copy()
+            unknowns[2:4] = x, y
+            deviation = unknowns - model.mean
+            score = -0.5 * float(deviation @ model.precision @ deviation)
+            for view in views:
+                shape = _shape(view, model, np.concatenate([unknowns, np.zeros(_PER_VIEW)]))
+                matches = match_edges(view, shape.outline, _SEARCH_REACH_PX, _LEAST_STRENGTH)
+                seen = matches.index[shape.free[matches.index]]
+                score += float(shape.length_px[seen].sum())
+                score -= _PENALTY_OF_MISSING * float(shape.length_px[shape.free].sum())
+            if score > best_score:
+                best, best_score = unknowns, score
+    return best
+
+
+def _linearised(
+    views: tuple[PreparedView, ...], model: WireModel, state: NDArray[np.float64], reach_px: float
+) -> _System:
+    """Normal equations of all views and priors at a state."""
+    normal, gradient = np.zeros((state.size, state.size)), np.zeros(state.size)
+    normal[:SHARED, :SHARED] = model.precision
+    gradient[:SHARED] = model.precision @ (model.mean - state[:SHARED])
+    all_rows = []
+    for k, view in enumerate(views):
+        own = SHARED + k * _PER_VIEW + np.arange(_PER_VIEW)
+        prior = np.zeros((_PER_VIEW, _PER_VIEW))
+        prior[0, 0] = _RADIUS_SD_PX**-2
+        prior[1:, 1:] = np.linalg.inv(view.view.guide_covariance)
+        normal[np.ix_(own, own)] += prior
+        gradient[own] -= prior @ state[own]
+        columns = np.concatenate([np.arange(SHARED), own])
+        rows = _rows(view, model, state[columns], reach_px)
+        weighted = rows.weight[:, None] * rows.derivative
+        normal[np.ix_(columns, columns)] += weighted.T @ rows.derivative
+        gradient[columns] += weighted.T @ rows.matches.shift_px
+        all_rows.append(rows)
+    squares = sum(float(rows.weight @ rows.matches.shift_px**2) for rows in all_rows)
+    count = sum(rows.effective_count for rows in all_rows)
+    return _System(normal, gradient, squares / max(count, 1.0), tuple(all_rows))
+
+
+def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> _Rows:
+    shape = _shape(view, model, unknowns)
+    matches = match_edges(view, shape.outline, reach_px, _LEAST_STRENGTH)
+    disc, outward = shape.outline.disc[matches.index], shape.outline.outward[matches.index]
+    derivative = np.empty((len(disc), unknowns.size))
+    for j, step in enumerate(_STEPS):
+        moved = unknowns.copy()
+        moved[j] += step
+        stack = _stack(view, model, moved, len(shape.stack.radius_px))
+        derivative[:, j] = np.einsum("ij,ij->i", (stack.centre_px - shape.stack.centre_px)[disc], outward) / step
+        if j in (START, TIP, SHARED):
+            # Elsewhere a change of apparent radius is left to the view's own radius error: edges shift with contrast.
+            derivative[:, j] += (stack.radius_px - shape.stack.radius_px)[disc] / step
+    crowding = np.maximum(_EDGE_CORRELATION_PX / np.maximum(shape.length_px[matches.index], 1e-6), 1.0)
+    weight = 1.0 / (_EDGE_SD_PX**2 * crowding * (1.0 + (matches.shift_px / _ROBUST_PX) ** 2))
+    return _Rows(shape, matches, derivative, weight, float((1.0 / crowding).sum()))
+
+
+def _stack(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], count: int) -> Stack:
+    points = model.points_guide_mm(unknowns[:SHARED], count)
+    turn, shift = unknowns[SHARED + 1 : SHARED + 4], unknowns[SHARED + 4 :]
+    points = points @ np.asarray(Rotation.from_rotvec(turn).as_matrix()).T + shift
+    stack = stack_discs(view.view.calibration, view.view.camera_from_guide, points, model.radius_mm)
+    return Stack(stack.centre_px, stack.radius_px + unknowns[SHARED])
+
+
+def _shape(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> _Shape:
+    rough = _stack(view, model, unknowns, 3)
+    way_px = float(np.linalg.norm(np.diff(rough.centre_px, axis=0), axis=1).sum())
+    stack = _stack(view, model, unknowns, int(np.clip(way_px / 3.0, 12, 250)))
+    outline = outline_of(stack)
+    # The cap at the begin of the wire does not count: where it is, nobody knows.
+    free = view.is_free(outline.point_px) & (outline.disc > 0)
+    return _Shape(stack, outline, outline.length_px(stack), free)
+
+
+def _seen_px(rows: _Rows) -> float:
+    close = rows.matches.index[np.abs(rows.matches.shift_px) < _SEEN_WITHIN_PX]
+    return float(rows.shape.length_px[close[rows.shape.free[close]]].sum())
+
+
+def _darkness(view: PreparedView, rows: _Rows) -> NDArray[np.float64]:
+    """Darkness of the wire just inside each edge that was found, shape (N,)."""
+    index = rows.matches.index
+    point, outward = rows.shape.outline.point_px[index], rows.shape.outline.outward[index]
+    radius = rows.shape.stack.radius_px[rows.shape.outline.disc[index]][:, None]
+    inside, outside = view.grey(point - 0.7 * radius * outward), view.grey(point + 0.6 * radius * outward)
+    return np.asarray((outside - inside) / np.maximum(outside - view.metal_grey, 1e-9))

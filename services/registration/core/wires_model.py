@@ -1,0 +1,92 @@
+"""What is known of a K-wire before any image is looked at: it passes through a hole of the guide, with play."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.lines import Line, read_only
+from shared.geometry.parts import GuidePart, Hole
+
+SHARED = 6
+START, TIP = 4, 5
+_STICKS_OUT_MM, _STICKS_OUT_SD_MM = 40.0, 25.0
+_TIP_SD_MM = 8.0
+_LEAST_PLAY_SD_MM = 0.05
+_BORE_HALF_LENGTH_MM = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WireModel:
+    """A wire's unknowns and their prior.
+
+    The unknowns are: offset of the wire's axis across the guide hole's at the point that the guide's file gives (two)
+    and at the nail (two), and where the wire begins and ends along the hole's axis; all in mm.
+
+    Attributes
+    ----------
+    hole
+        The guide hole it passes through.
+    across
+        Two unit directions across the hole's axis, shape (2, 3), in the guide's frame.
+    nail_along_mm
+        Where the nail is, along the guide hole's axis.
+    mean, precision
+        Prior of the unknowns, shapes (6,) and (6, 6).
+    """
+
+    hole: Hole
+    radius_mm: float
+    across: NDArray[np.float64]
+    nail_along_mm: float
+    mean: NDArray[np.float64]
+    precision: NDArray[np.float64]
+
+    def points_guide_mm(self, unknowns: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+        """Points along the wire's axis from begin to end, shape (count, 3), in the guide's frame."""
+        along = np.linspace(unknowns[START], unknowns[TIP], count)
+        fraction = (along / self.nail_along_mm)[:, None]
+        offset = (1.0 - fraction) * unknowns[0:2] + fraction * unknowns[2:4]
+        return np.asarray(self.hole.axis.point_mm + along[:, None] * self.hole.axis.direction + offset @ self.across)
+
+    def line_guide(self, offsets_mm: NDArray[np.float64]) -> Line:
+        """The wire's axis in the guide's frame, from the four offsets, shape (4,)."""
+        start = self.hole.axis.point_mm + offsets_mm[0:2] @ self.across
+        slope = (offsets_mm[2:4] - offsets_mm[0:2]) / self.nail_along_mm
+        return Line(start, self.hole.axis.direction + slope @ self.across)
+
+
+def wire_model(guide: GuidePart, hole: Hole, wire_diameter_mm: float, nail_along_mm: float) -> WireModel:
+    """Prior of a wire through a guide hole.
+
+    At both ends of the bore the wire may lie anywhere that its diameter allows, equally likely: a standard deviation
+    per axis of half the play's radius. It sticks out of the guide on the surgeon's side and ends near the nail.
+    """
+    direction = hole.axis.direction
+    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+    first /= np.linalg.norm(first)
+    across = np.stack([first, np.cross(direction, first)])
+    ends_mm = bore_ends_mm(guide, hole)
+    play_sd_mm = max(0.25 * (hole.diameter_mm - wire_diameter_mm), _LEAST_PLAY_SD_MM)
+    precision = np.zeros((SHARED, SHARED))
+    for along_mm in ends_mm:
+        fraction = along_mm / nail_along_mm
+        for axis in range(2):
+            row = np.zeros(SHARED)
+            row[axis], row[2 + axis] = 1.0 - fraction, fraction
+            precision += np.outer(row, row) / play_sd_mm**2
+    precision[START, START], precision[TIP, TIP] = _STICKS_OUT_SD_MM**-2, _TIP_SD_MM**-2
+    mean = np.array([0.0, 0.0, 0.0, 0.0, ends_mm[0] - _STICKS_OUT_MM, nail_along_mm])
+    return WireModel(
+        hole, 0.5 * wire_diameter_mm, read_only(across), nail_along_mm, read_only(mean), read_only(precision)
+    )
+
+
+def bore_ends_mm(guide: GuidePart, hole: Hole) -> tuple[float, float]:
+    """Where a guide hole enters and leaves the guide's body, along its axis from the point in the guide's file."""
+    ends: list[float] = []
+    for box in guide.body:
+        middle = float((np.array(box.centre_mm) - hole.axis.point_mm) @ hole.axis.direction)
+        reach = float(0.5 * np.array(box.size_mm) @ np.abs(hole.axis.direction))
+        ends += [middle - reach, middle + reach]
+    return (min(ends), max(ends)) if ends else (-_BORE_HALF_LENGTH_MM, _BORE_HALF_LENGTH_MM)

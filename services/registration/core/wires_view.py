@@ -1,0 +1,149 @@
+"""One X-ray image prepared for measuring K-wires: its slopes, and where the view on a wire is free."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.paths import metal_path
+from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.parts import GuidePart, NailPart
+from shared.geometry.transform import Transform
+
+_GRID_STEP_PX = 2
+_METAL_MM = 0.4
+_MARGIN_PX = 2.0
+_BORDER_PX = 6.0
+_BLUR_PX = 1.2
+_MEDIAN_OF_RAYLEIGH = 1.1774
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WireView:
+    """An image with wires, and where the guide is in it.
+
+    Attributes
+    ----------
+    pixels
+        Un-mirrored image, shape (height, width), darker is denser.
+    guide_covariance
+        Of `camera_from_guide`: a small rotation (rad), then translation (mm), in the guide's own frame, shape (6, 6).
+    """
+
+    pixels: NDArray[np.float32]
+    calibration: CArmCalibration
+    camera_from_guide: Transform[Camera, Guide]
+    guide_covariance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedView:
+    """A view with what the wire fit reads from it.
+
+    Attributes
+    ----------
+    smooth, slope_x, slope_y
+        Lightly smoothed image and its derivatives, per pixel, shape (height, width).
+    free
+        False where nail, balls, or the image's border hide a wire, shape (height, width).
+    noise
+        Robust spread of the slope in the free part of the image (texture and noise).
+    metal_grey
+        Grey value of the nail's metal.
+    """
+
+    view: WireView
+    smooth: NDArray[np.float32]
+    slope_x: NDArray[np.float32]
+    slope_y: NDArray[np.float32]
+    free: NDArray[np.bool_]
+    noise: float
+    metal_grey: float
+
+    def is_free(self, points_px: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether points, shape (..., 2), lie in the free part of the image."""
+        rows, columns = self.free.shape
+        x, y = np.rint(points_px[..., 0]).astype(np.int64), np.rint(points_px[..., 1]).astype(np.int64)
+        inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+        return np.asarray(inside & self.free[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)])
+
+    def grey(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Grey values of the smoothed image at points, shape (N, 2); shape (N,)."""
+        x, y = (points_px[:, k, None].astype(np.float32) for k in range(2))
+        return np.asarray(cv2.remap(self.smooth, x, y, cv2.INTER_LINEAR)[:, 0], dtype=np.float64)
+
+    def outward_slope(self, points_px: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Slope along directions, shape (M, S, 2), at points, shape (M, S, 2); positive where it gets brighter."""
+        x, y = points_px[..., 0].astype(np.float32), points_px[..., 1].astype(np.float32)
+        along_x, along_y = (cv2.remap(s, x, y, cv2.INTER_LINEAR) for s in (self.slope_x, self.slope_y))
+        return np.asarray(along_x * outward[..., 0] + along_y * outward[..., 1], dtype=np.float64)
+
+
+def prepare_view(
+    view: WireView, guide: GuidePart, nail: NailPart, guide_from_nail: Transform[Guide, Nail]
+) -> PreparedView:
+    """Mask what hides the wires (the nail where it is not open, balls, the border) and take the image's slopes."""
+    smooth = np.asarray(cv2.GaussianBlur(view.pixels.astype(np.float32), (0, 0), _BLUR_PX), dtype=np.float32)
+    slope_x = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=0.125), dtype=np.float32)
+    slope_y = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=0.125), dtype=np.float32)
+    metal = _metal(view, nail, view.camera_from_guide @ guide_from_nail)
+    bright = _in_border(view.calibration)
+    free = bright & ~metal & ~_balls(view, guide)
+    steepness = np.hypot(slope_x[free], slope_y[free])
+    noise = float(np.median(steepness)) / _MEDIAN_OF_RAYLEIGH if steepness.size else 1.0
+    metal_grey = float(np.percentile(smooth[metal & bright], 20)) if (metal & bright).any() else 0.0
+    return PreparedView(view, smooth, slope_x, slope_y, free, max(noise, 1e-12), metal_grey)
+
+
+def _metal(view: WireView, nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.bool_]:
+    calibration = view.calibration
+    x = np.arange(0, calibration.width_px + _GRID_STEP_PX, _GRID_STEP_PX, dtype=np.float64)
+    y = np.arange(0, calibration.height_px + _GRID_STEP_PX, _GRID_STEP_PX, dtype=np.float64)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    rays = calibration.rays_camera(grid).reshape(-1, 3)
+    length_mm = np.zeros(len(rays))
+    metal_path(
+        np.ascontiguousarray(rays[:, :2] / rays[:, 2:]),
+        camera_from_nail.rotation,
+        camera_from_nail.translation_mm,
+        nail.radius_mm,
+        0.0,
+        np.array([hole.axis.point_mm for hole in nail.holes]),
+        np.array([hole.axis.direction for hole in nail.holes]),
+        np.array([0.5 * hole.diameter_mm for hole in nail.holes]),
+        length_mm,
+    )
+    columns, rows = np.meshgrid(
+        *(np.arange(n, dtype=np.float32) for n in (calibration.width_px, calibration.height_px))
+    )
+    coarse = length_mm.reshape(grid.shape[:2]).astype(np.float32)
+    full = cv2.remap(coarse, columns / _GRID_STEP_PX, rows / _GRID_STEP_PX, cv2.INTER_LINEAR)
+    size = 2 * int(np.ceil(_MARGIN_PX)) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.dilate((full > _METAL_MM).astype(np.uint8), kernel) > 0)
+
+
+def _balls(view: WireView, guide: GuidePart) -> NDArray[np.bool_]:
+    calibration = view.calibration
+    mask = np.zeros((calibration.height_px, calibration.width_px), dtype=np.uint8)
+    in_camera_mm = view.camera_from_guide.points(guide.balls.position_mm)
+    guide_px = calibration.image_from_camera(in_camera_mm)
+    radii_px = 0.5 * guide.balls.diameter_mm * calibration.camera.focal_length_px / in_camera_mm[:, 2]
+    ring = calibration.balls.ring_index != NOT_OF_THE_RING
+    centres = np.concatenate([guide_px, calibration.balls.centre_px[ring]])
+    radii = np.concatenate([radii_px, calibration.balls.radius_px[ring]])
+    for (x, y), radius in zip(centres, radii, strict=True):
+        cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius + _MARGIN_PX)), 1, thickness=-1)
+    return np.asarray(mask > 0)
+
+
+def _in_border(calibration: CArmCalibration) -> NDArray[np.bool_]:
+    y, x = np.mgrid[0 : calibration.height_px, 0 : calibration.width_px]
+    inside = (x >= _BORDER_PX) & (x <= calibration.width_px - 1 - _BORDER_PX)
+    inside &= (y >= _BORDER_PX) & (y <= calibration.height_px - 1 - _BORDER_PX)
+    if calibration.aperture is not None:
+        centre = calibration.aperture.centre_px
+        inside &= np.hypot(x - centre[0], y - centre[1]) <= calibration.aperture.radius_px - _BORDER_PX
+    return np.asarray(inside)
