@@ -85,39 +85,47 @@ class BallMeasurements:
 
 def measure_balls(
     pixels: FloatImage,
-    usable: Mask,
-    predicted: Discs,
-    neighbours: Discs,
-    settings: MeasurementSettings = MeasurementSettings(),  # noqa: B008  # frozen
+    predicted_px: Array,
+    radius_px: Array,
+    neighbours_px: Array | None = None,
+    neighbour_radius_px: Array | None = None,
+    settings: MeasurementSettings | None = None,
+    usable: Mask | None = None,
 ) -> BallMeasurements:
     """Measure the centres of balls near predicted places.
 
     Parameters
     ----------
-    pixels, usable
-        Grey values, darker is denser, and the pixels that hold X-rays, shape (rows, columns).
-    predicted
-        Where the balls must be and how large their shadows are.
-    neighbours
-        Other discs, fitted together with the balls they touch but not reported. Those that lie on a predicted ball
-        are taken for the ball itself.
+    pixels
+        Grey values, darker is denser, shape (rows, columns).
+    predicted_px, radius_px
+        Where the balls must be and how large their shadows are, shapes (N, 2) and (N,).
+    neighbours_px, neighbour_radius_px
+        Other discs, fitted together with the balls they touch but not reported, shapes (M, 2) and (M,). Those that lie
+        on a predicted ball are taken for the ball itself.
     settings
         How to measure.
+    usable
+        Pixels that hold X-rays (see `find_usable_area`), shape (rows, columns); all by default.
 
     Returns
     -------
     BallMeasurements
         One row per predicted ball; balls without contrast (over metal), cut by the rim or drifting away are not `seen`.
     """
-    count = len(predicted.radius_px)
-    others = _not_the_balls(neighbours, predicted)
+    settings = settings or MeasurementSettings()
+    usable = np.ones(pixels.shape, dtype=bool) if usable is None else usable
+    predicted, neighbours = Discs(predicted_px, radius_px), Discs.none()
+    if neighbours_px is not None and neighbour_radius_px is not None:
+        neighbours = _not_the_balls(Discs(neighbours_px, neighbour_radius_px), predicted)
+    count = len(radius_px)
     discs = Discs(
-        np.concatenate([predicted.centre_px, others.centre_px]), np.concatenate([predicted.radius_px, others.radius_px])
+        np.concatenate([predicted_px, neighbours.centre_px]), np.concatenate([radius_px, neighbours.radius_px])
     )
     rows: dict[int, tuple[DiscFit, int]] = {}
     inside = _inside(usable, predicted)
     for members in _groups(discs):
-        if members.min() >= count or not inside[members[members < count]].any():
+        if not inside[members[members < count]].any():
             continue
         fit = _fit_group(pixels, usable, discs, members, settings)
         if fit is not None:

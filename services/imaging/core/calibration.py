@@ -124,7 +124,7 @@ def _estimate_and_judge(
     """Measure and estimate twice: the first estimate says where the balls of the second measurement must be."""
     predicted, settings = view.predicted, _FIRST_LOOK
     start = np.array([0.0, 0.0, -nominal.source_to_ring_mm])
-    measured = measure_balls(view.pixels, view.area.mask, predicted, view.others, settings)
+    measured = _measure(view, predicted, settings)
     for settings in (_SECOND_LOOK, None):
         if (few := _too_few(measured.seen, ring)) is not None:
             return Rejected((few,))
@@ -135,11 +135,23 @@ def _estimate_and_judge(
             ideal = estimate.gauge.pixels(on_plane(ring.balls.position_mm, estimate.source_mm))
             radius = np.where(measured.seen, measured.radius_px, predicted.radius_px)
             predicted = Discs(model.field.distort(ideal), radius)
-            measured = measure_balls(view.pixels, view.area.mask, predicted, view.others, settings)
+            measured = _measure(view, predicted, settings)
     reasons = _judge(view, measured, estimate, model)
     if reasons:
         return Rejected(reasons)
     return Accepted(_calibration(view, measured, estimate, model))
+
+
+def _measure(view: _View, predicted: Discs, settings: MeasurementSettings) -> BallMeasurements:
+    return measure_balls(
+        view.pixels,
+        predicted.centre_px,
+        predicted.radius_px,
+        view.others.centre_px,
+        view.others.radius_px,
+        settings,
+        view.area.mask,
+    )
 
 
 def _too_few(seen: Mask, ring: RingPart) -> Reason | None:
