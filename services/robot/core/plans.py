@@ -1,0 +1,79 @@
+"""What the robot knows of plans: from registration itself, never from whoever asks for the move."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.frames import Guide
+from shared.geometry.hexapod import PlatformPose
+from shared.geometry.transform import Transform
+
+REMEMBERED_PLANS = 32
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedMove:
+    """A plan as registration published it.
+
+    Attributes
+    ----------
+    sha256
+        Hash of the plan's bytes.
+    guide_from_target_guide
+        Where the guide is to go, seen from where it is.
+    pivot_mm
+        Centre of rotation in the top's frame, shape (3,), that both poses refer to.
+    target_leg_lengths_mm
+        Shape (6,), as registration computed them.
+    """
+
+    sha256: str
+    case_id: str
+    case_revision: int
+    registration_epoch: str
+    robot_boot_epoch: str
+    hexapod_sha256: str
+    head_extension_mm: float
+    guide_from_target_guide: Transform[Guide, Guide]
+    start_pose: PlatformPose
+    target_pose: PlatformPose
+    pivot_mm: NDArray[np.float64]
+    target_leg_lengths_mm: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RegistrationView:
+    """What registration and the open case have made known so far.
+
+    Attributes
+    ----------
+    epoch
+        Registration epoch of the newest localisation, accepted or not; None before the first, and when it is unreadable.
+    case
+        Id and revision of the open case; None before the first word of it.
+    plans
+        Hash and time of arrival of the newest plans, oldest first.
+    """
+
+    epoch: str | None = None
+    case: tuple[str | None, int] | None = None
+    plans: tuple[tuple[str, float], ...] = ()
+
+    def with_epoch(self, epoch: str | None) -> "RegistrationView":
+        """A newer localisation: plans of other epochs are stale from now on."""
+        return replace(self, epoch=epoch)
+
+    def with_case(self, case_id: str | None, revision: int) -> "RegistrationView":
+        """The case was opened, changed or closed."""
+        return replace(self, case=(case_id, revision))
+
+    def with_plan(self, sha256: str, now_s: float) -> "RegistrationView":
+        """A plan arrived; arriving again does not make it younger."""
+        if self.arrival_s(sha256) is not None:
+            return self
+        return replace(self, plans=(*self.plans, (sha256, now_s))[-REMEMBERED_PLANS:])
+
+    def arrival_s(self, sha256: str) -> float | None:
+        """When registration published this plan; None when it never did."""
+        return next((arrived_s for known, arrived_s in self.plans if known == sha256), None)

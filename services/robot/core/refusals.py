@@ -1,0 +1,62 @@
+"""Why the robot does not do what it was asked: codes that stay, sentences for people."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class RefusalCode(StrEnum):
+    """Stable names of refusals: consoles, records and tests rely on them."""
+
+    # The command itself (at most once, never late)
+    MESSAGE_INVALID = "message_invalid"
+    WRONG_BOOT_EPOCH = "wrong_boot_epoch"
+    COMMAND_EXPIRED = "command_expired"
+    STATE_NOT_PUBLISHED = "state_not_published"
+    COMMAND_OUT_OF_ORDER = "command_out_of_order"
+    COMMAND_ID_REUSED = "command_id_reused"
+    OUTCOME_UNKNOWN = "outcome_unknown"
+
+    # The motion table
+    NOT_CONNECTED = "not_connected"
+    STOP_IN_FORCE = "stop_in_force"
+    NOT_REFERENCED = "not_referenced"
+    BUSY = "busy"
+    IN_FAULT = "in_fault"
+    NOTHING_TO_DO = "nothing_to_do"
+
+    # The guard
+    LINK_LOST = "link_lost"
+    HEARTBEAT_MISSING = "heartbeat_missing"
+    POSE_UNKNOWN = "pose_unknown"
+    NOT_LOCKED = "not_locked"
+    APPROVAL_MISMATCH = "approval_mismatch"
+    PLAN_UNKNOWN = "plan_unknown"
+    PLAN_STALE = "plan_stale"
+    PLAN_EXPIRED = "plan_expired"
+    PLAN_BEFORE_RECONNECTION = "plan_before_reconnection"
+    PLAN_ALREADY_EXECUTED = "plan_already_executed"
+    PLAN_OF_ANOTHER_CASE = "plan_of_another_case"
+    PLAN_FOR_ANOTHER_ROBOT = "plan_for_another_robot"
+    PIVOT_MISMATCH = "pivot_mismatch"
+    START_POSE_DIFFERS = "start_pose_differs"
+    TARGET_INCONSISTENT = "target_inconsistent"
+    LEG_LENGTHS_INCONSISTENT = "leg_lengths_inconsistent"
+    HEAD_EXTENSION = "head_extension"
+    STEP_TOO_LARGE = "step_too_large"
+    OUT_OF_REACH = "out_of_reach"
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A refusal that was to be expected.
+
+    Attributes
+    ----------
+    code
+        Stable name.
+    message
+        One sentence: what was measured, the limit, what to do.
+    """
+
+    code: RefusalCode
+    message: str

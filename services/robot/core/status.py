@@ -1,0 +1,127 @@
+"""What is known of the robot at one moment, and what a new reading makes of it. Pure."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, assert_never
+
+from services.robot.core.motion import Event, MotionState
+from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
+from services.robot.core.supervision import Finding, MoveUnderWay, judge_at_rest, judge_moving, judge_referencing
+from shared.geometry.hexapod import PlatformPose
+
+Outcome = Literal["none", "moving", "reached", "stopped", "failed"]
+
+OLDEST_READING_S = 0.5
+UNDER_WAY = (MotionState.MOVING, MotionState.REFERENCING)
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceUnderWay:
+    """Reference that is being carried out: where the robot stood, how far it may move, and when it began."""
+
+    before: PlatformPose
+    allowed: Deviation
+    began_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriveStatus:
+    """Everything known of the robot at one moment. All times are of the service's own monotonic clock.
+
+    Attributes
+    ----------
+    generation
+        Counts transitions: a reading or a finding of an older generation says nothing about the present state.
+    reading
+        What the controller last said; None when it is not known.
+    reading_generation, reading_s
+        Under which generation, and when, that reading was begun.
+    connected_s
+        When the controller was last connected.
+    task
+        What is under way, or was last.
+    command_id, outcome, deviation
+        The command under way, or the last one, and how it ended.
+    """
+
+    state: MotionState = MotionState.DISCONNECTED
+    detail: str = "the service has just started"
+    generation: int = 0
+    reading: ControllerReading | None = None
+    reading_generation: int = -1
+    reading_s: float = 0.0
+    identity: str = ""
+    connected_s: float = 0.0
+    task: MoveUnderWay | ReferenceUnderWay | None = None
+    command_id: str | None = None
+    outcome: Outcome = "none"
+    deviation: Deviation | None = None
+
+    def fresh_reading(self, now_s: float) -> ControllerReading | None:
+        """The reading, unless it is older than half a second or than the present state."""
+        is_fresh = self.reading_generation == self.generation and now_s - self.reading_s <= OLDEST_READING_S
+        return self.reading if is_fresh else None
+
+    def after_transition(self, event: Event, state: MotionState, detail: str) -> "DriveStatus":
+        """The status right after an event of the motion table."""
+        return replace(
+            self,
+            state=state,
+            detail=detail,
+            generation=self.generation + 1,
+            outcome=_outcome_after(self.outcome, event, state),
+        )
+
+
+def with_reading(
+    status: DriveStatus, reading: ControllerReading, began_s: float, now_s: float
+) -> tuple[DriveStatus, Finding | None]:
+    """Take in a reading that was begun under the present generation; the event it means, if any, is still to happen."""
+    status = replace(status, reading=reading, reading_generation=status.generation, reading_s=began_s)
+    match status.state:
+        case MotionState.MOVING:
+            return _while_moving(status, reading, now_s)
+        case MotionState.REFERENCING:
+            return status, _while_referencing(status, reading, now_s)
+        case MotionState.LOCKED | MotionState.UNREFERENCED | MotionState.STOPPED:
+            finding = judge_at_rest(status.state, reading)
+            return (status, finding) if finding else _read_back(status, reading)
+        case MotionState.FAULT | MotionState.DISCONNECTED:
+            return status, None
+        case _:
+            assert_never(status.state)
+
+
+def _while_moving(status: DriveStatus, reading: ControllerReading, now_s: float) -> tuple[DriveStatus, Finding | None]:
+    if not isinstance(status.task, MoveUnderWay):
+        return status, Finding(Event.FAULT_SEEN, "the robot is moving without a permitted move; keep clear of it")
+    at_rest_s = None if reading.moving else (status.task.at_rest_s or now_s)
+    move = replace(status.task, at_rest_s=at_rest_s)
+    return replace(status, task=move), judge_moving(move, reading, now_s)
+
+
+def _while_referencing(status: DriveStatus, reading: ControllerReading, now_s: float) -> Finding | None:
+    if not isinstance(status.task, ReferenceUnderWay):
+        return Finding(Event.FAULT_SEEN, "the robot is being referenced without a request; keep clear of it")
+    return judge_referencing(status.task.before, reading, now_s - status.task.began_s, status.task.allowed)
+
+
+def _read_back(status: DriveStatus, reading: ControllerReading) -> tuple[DriveStatus, Finding | None]:
+    """Compare once more after locking: that is where the guide is held."""
+    if status.state is not MotionState.LOCKED or status.outcome != "moving":
+        return status, None
+    if not isinstance(status.task, MoveUnderWay):
+        return replace(status, outcome="reached"), None
+    off = deviation(status.task.permitted.target, reading.pose)
+    status = replace(status, deviation=off)
+    if off.exceeds(READ_BACK_TOLERANCE):
+        return status, Finding(
+            Event.FAULT_SEEN,
+            f"locking moved the robot {off} from its target (limits {READ_BACK_TOLERANCE}); check the brakes",
+        )
+    return replace(status, outcome="reached", detail=f"on the target within {off}, locked"), None
+
+
+def _outcome_after(outcome: Outcome, event: Event, state: MotionState) -> Outcome:
+    if outcome != "moving" or state in (*UNDER_WAY, MotionState.LOCKED):
+        return outcome
+    return "stopped" if state is MotionState.STOPPED or event is Event.SHUT_DOWN else "failed"

@@ -1,0 +1,53 @@
+"""The port to a hexapod controller: seven methods, whatever stands behind them."""
+
+from typing import Protocol
+
+from services.robot.core.readings import ControllerReading
+from shared.errors import DeviceError
+from shared.geometry.hexapod import PlatformPose
+
+
+class StopInForce(DeviceError):
+    """A motion command was held back because a stop was asked for before it went out."""
+
+    code = "stop_in_force"
+
+
+class HexapodController(Protocol):
+    """A connected controller. All but `stop_now` may be called from one thread at a time only.
+
+    A stop is in force from the moment of connection until `release_stop`.
+    """
+
+    @property
+    def identity(self) -> str:
+        """What the controller says it is."""
+
+    def read(self) -> ControllerReading:
+        """Ask for pose, motion, servo, brake, reference and error; raises `DeviceError` on silence or garbage."""
+
+    def reference(self) -> None:
+        """Begin reference. Absolute encoders: nothing moves, and the robot stays locked."""
+
+    def move(self, target: PlatformPose, speed_mm_per_s: float) -> None:
+        """Unlock (servo on, then brake off) and begin a move.
+
+        Raises
+        ------
+        StopInForce
+            When a stop was asked for: nothing was begun, or what was begun has been stopped.
+        DeviceError
+            When the controller refuses, stays silent, or reads back another target.
+        """
+
+    def lock(self) -> None:
+        """Brake on, then servo off, read back; raises `DeviceError` when they are not."""
+
+    def stop_now(self) -> None:
+        """Stop abruptly and lock, without waiting for anything: from any thread, at any time. Never raises."""
+
+    def release_stop(self) -> None:
+        """Let motion commands through again."""
+
+    def close(self) -> None:
+        """Leave the line."""

@@ -1,0 +1,191 @@
+"""A hexapod controller that speaks PI GCS 2.0."""
+
+from functools import partial
+
+import numpy as np
+
+from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, deviation
+from services.robot.core.supervision import STOPPED_BY_COMMAND, error_sentence
+from services.robot.devices import gcs_codec as codec
+from services.robot.devices.controller import StopInForce
+from services.robot.devices.gcs_line import GcsLine, Port
+from shared.errors import DeviceError
+from shared.geometry.hexapod import AXES, HexapodPart, PlatformPose
+
+BRAKES_ON = codec.command("BRA", codec.on_all_axes(1))
+BRAKES_OFF = codec.command("BRA", codec.on_all_axes(0))
+SERVOS_ON = codec.command("SVO", codec.on_all_axes(1))
+SERVOS_OFF = codec.command("SVO", codec.on_all_axes(0))
+# The stop byte, then brakes on and servos off, in one write: locking must not wait for anybody's question either.
+STOP_AND_LOCK = codec.STOP_ALL + BRAKES_ON + SERVOS_OFF
+MARKER = (codec.query("SAI"), AXES)
+PIVOT_AXES = ("R", "S", "T")
+
+REPLY_TIMEOUT_S = 0.25
+WRITTEN_TOLERANCE = 1e-4
+SPEED_TOLERANCE_MM_PER_S = 1e-3
+
+
+class GcsController:
+    """The controller behind a port, stopped and locked as found or made so.
+
+    Raises
+    ------
+    DeviceError
+        When it does not answer, is not a GCS 2.0 hexapod with the axes X Y Z U V W, or cannot be locked.
+    """
+
+    def __init__(self, port: Port, hexapod: HexapodPart, reply_timeout_s: float = REPLY_TIMEOUT_S) -> None:
+        self._line = GcsLine(port, STOP_AND_LOCK, MARKER, reply_timeout_s)
+        try:
+            self._line.stop_now()
+            self._check_axes()
+            self.lock()
+            self._identity = self._line.ask(codec.query("*IDN"), partial(codec.parse_text, question="*IDN?"))
+            self._check_syntax_version()
+            self._set_pivot(hexapod)
+        except DeviceError:
+            self._line.close()
+            raise
+
+    @property
+    def identity(self) -> str:
+        """What the controller answered to `*IDN?`."""
+        return self._identity
+
+    def read(self) -> ControllerReading:
+        """Ask for everything; about 7 questions. See `HexapodController`."""
+        brakes = self._switches("BRA")
+        servos = self._switches("SVO")
+        pose = self._pose("POS")
+        moving = self._line.ask(codec.MOTION_STATUS, codec.parse_motion_status)
+        on_target = self._switches("ONT")
+        referenced = self._switches("FRF")
+        return ControllerReading(
+            pose=pose,
+            moving=moving,
+            on_target=all(on_target),
+            locked=all(brakes) and not any(servos),
+            unlocked=not any(brakes) and all(servos),
+            referenced=all(referenced),
+            error_code=self._error_code(),
+        )
+
+    def reference(self) -> None:
+        """Begin reference of all axes."""
+        self._line.write_unless_stopped(b"FRF " + " ".join(AXES).encode("ascii") + b"\n")
+        self._refuse_errors("reference")
+
+    def move(self, target: PlatformPose, speed_mm_per_s: float) -> None:
+        """Check, set the speed, unlock, and begin; see `HexapodController`."""
+        self._check_no_pending_target()
+        self._set_speed(speed_mm_per_s)
+        self._check_reachable(target)
+        self._line.write_unless_stopped(SERVOS_ON)
+        self._line.write_unless_stopped(BRAKES_OFF)
+        self._refuse_errors("unlock")
+        self._line.write_unless_stopped(codec.command("MOV", codec.pose_values(target)))
+        self._refuse_errors("move")
+        self._check_target(target)
+
+    def lock(self) -> None:
+        """Brakes on, then servos off, and read back."""
+        self._line.write(BRAKES_ON)
+        self._line.write(SERVOS_OFF)
+        brakes, servos = self._switches("BRA"), self._switches("SVO")
+        if not all(brakes) or any(servos):
+            off = [a for a, on in zip(AXES, brakes, strict=True) if not on]
+            on = [a for a, on in zip(AXES, servos, strict=True) if on]
+            raise DeviceError(
+                f"the robot does not lock: brakes off on {off}, servos on on {on}; do not drill, switch it off"
+            )
+        code = self._error_code()
+        if code not in (0, STOPPED_BY_COMMAND):
+            raise DeviceError(f"locking the robot failed: {error_sentence(code)}")
+
+    def stop_now(self) -> None:
+        """Stop and lock at once; see `HexapodController`."""
+        self._line.stop_now()
+
+    def release_stop(self) -> None:
+        """Let motion commands through again."""
+        self._line.release_stop()
+
+    def close(self) -> None:
+        """Leave the line."""
+        self._line.close()
+
+    def _check_axes(self) -> None:
+        axes = self._line.ask(codec.query("SAI"), partial(codec.parse_axis_names, question="SAI?"))
+        if axes != AXES:
+            raise DeviceError(
+                f"the controller has the axes {' '.join(axes)}, a hexapod has {' '.join(AXES)}; check the URL"
+            )
+
+    def _check_syntax_version(self) -> None:
+        version = self._line.ask(codec.query("CSV"), partial(codec.parse_number, question="CSV?"))
+        if version != 2.0:
+            raise DeviceError(f"the controller speaks GCS {version:g}, this driver speaks GCS 2.0; set its syntax to 2")
+
+    def _set_pivot(self, hexapod: HexapodPart) -> None:
+        wanted = tuple(float(v) for v in hexapod.pivot_mm)
+        if not np.allclose(self._pivot(), wanted, rtol=0.0, atol=WRITTEN_TOLERANCE):
+            self._line.write(codec.command("SPI", dict(zip(PIVOT_AXES, wanted, strict=True))))
+            self._refuse_errors("set the pivot")
+        found = self._pivot()
+        if not np.allclose(found, wanted, rtol=0.0, atol=WRITTEN_TOLERANCE):
+            raise DeviceError(f"the controller's pivot is {found} mm after setting it to {wanted} mm; set it by hand")
+
+    def _pivot(self) -> tuple[float, ...]:
+        parse = partial(codec.parse_axis_values, axes=PIVOT_AXES, question="SPI?")
+        return self._line.ask(codec.query("SPI", PIVOT_AXES), parse)
+
+    def _check_no_pending_target(self) -> None:
+        # With the servo on, the robot goes to whatever target the controller still holds: it must be where it stands.
+        off = deviation(self._pose("MOV"), self._pose("POS"))
+        if off.exceeds(READ_BACK_TOLERANCE):
+            raise DeviceError(
+                f"the controller holds a target {off} from where the robot stands (limits {READ_BACK_TOLERANCE}) and "
+                "would go there when unlocked; reset it"
+            )
+
+    def _set_speed(self, speed_mm_per_s: float) -> None:
+        self._line.write(f"VLS {speed_mm_per_s:.6f}\n".encode("ascii"))
+        self._refuse_errors("set the speed")
+        found = self._line.ask(codec.query("VLS"), partial(codec.parse_number, question="VLS?"))
+        if abs(found - speed_mm_per_s) > SPEED_TOLERANCE_MM_PER_S:
+            raise DeviceError(f"the controller's speed is {found:g} mm/s after setting it to {speed_mm_per_s:g} mm/s")
+
+    def _check_reachable(self, target: PlatformPose) -> None:
+        question = codec.command("VMO?", codec.pose_values(target))
+        if self._line.ask(question, partial(codec.parse_integer, question="VMO?")) != 1:
+            raise DeviceError("the controller says that it cannot reach the target; compare its limits with our file")
+
+    def _check_target(self, target: PlatformPose) -> None:
+        taken = self._pose("MOV")
+        apart = float(np.abs(taken.as_array() - target.as_array()).max())
+        if not apart <= WRITTEN_TOLERANCE:
+            self.stop_now()
+            raise DeviceError(
+                f"the controller took the target {taken} for {target}, {apart:.6f} apart; "
+                "it was stopped, check the cable"
+            )
+
+    def _refuse_errors(self, doing: str) -> None:
+        code = self._error_code()
+        if code == STOPPED_BY_COMMAND:
+            raise StopInForce(f"could not {doing}: {error_sentence(code)}")
+        if code:
+            self.stop_now()
+            raise DeviceError(f"could not {doing}: {error_sentence(code)}")
+
+    def _error_code(self) -> int:
+        # Never asked again when garbled: asking has cleared the error, and a lost error must not pass for none.
+        return self._line.ask_once(codec.query("ERR"), partial(codec.parse_integer, question="ERR?"))
+
+    def _switches(self, name: str) -> tuple[bool, ...]:
+        parse = partial(codec.parse_switches, axes=AXES, question=f"{name}?")
+        return self._line.ask(codec.query(name, AXES), parse)
+
+    def _pose(self, name: str) -> PlatformPose:
+        return self._line.ask(codec.query(name, AXES), partial(codec.parse_pose, question=f"{name}?"))

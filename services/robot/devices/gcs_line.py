@@ -1,0 +1,229 @@
+"""The line to a GCS controller: one background reader, one question at a time, and a stop that waits for neither.
+
+Three locks keep apart what must not wait for another:
+
+- the question lock is held from a question to its answer (by one thread at a time);
+- the write lock is held only while bytes are handed to the operating system;
+- the stop takes the write lock if it can have it at once, and writes regardless if it cannot: the controller
+  recognises the stop byte anywhere in the stream.
+
+Every command that could set the robot in motion is written under the write lock after a look at the stop flag, and the
+flag is looked at once more afterwards. So either the stop's bytes follow the command's, or the command never goes out.
+"""
+
+import contextlib
+import os
+import queue
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeVar
+
+import serial
+
+from services.robot.devices.controller import StopInForce
+from services.robot.devices.gcs_codec import ReplyGarbled
+from shared.errors import DeviceError
+
+READ_POLL_S = 0.05
+WRITE_TIMEOUT_S = 0.1
+STOP_WAITS_FOR_WRITER_S = 0.005
+LONGEST_LINE = 1024
+MOST_LINES = 128
+MOST_STALE_REPLIES = 64
+READ_ATTEMPTS = 3
+
+T = TypeVar("T")
+
+
+class ControllerSilent(DeviceError):
+    """The controller did not answer in time, or the line is gone."""
+
+    code = "controller_silent"
+
+
+class Port(Protocol):
+    """What is used of pyserial."""
+
+    def read(self, size: int = 1, /) -> bytes:
+        """Up to `size` bytes; fewer after the time-out."""
+
+    def write(self, data: bytes, /) -> int | None:
+        """Hand bytes over."""
+
+    def close(self) -> None:
+        """Close."""
+
+
+def open_port(url: str, baud: int) -> Port:
+    """Open a device name or a pyserial URL (`/dev/ttyUSB0`, `socket://host:50000`, `rfc2217://host:port`).
+
+    Raises
+    ------
+    DeviceError
+        When it cannot be opened.
+    """
+    try:
+        port = serial.serial_for_url(url, baudrate=baud, timeout=READ_POLL_S, write_timeout=WRITE_TIMEOUT_S)
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise DeviceError(
+            f"the hexapod controller at '{url}' cannot be reached: {error}; check power and cable"
+        ) from None
+    if url.startswith("socket://"):
+        _send_at_once(port.fileno())
+    return port
+
+
+def _send_at_once(file_number: int) -> None:
+    # Otherwise TCP may hold a stop back, up to 40 ms, until an earlier command has been acknowledged.
+    with socket.socket(fileno=os.dup(file_number)) as same_connection:
+        same_connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+class GcsLine:
+    """Questions and commands over a port. Starts with the stop in force."""
+
+    def __init__(
+        self, port: Port, stop_message: bytes, marker: tuple[bytes, Sequence[str]], reply_timeout_s: float
+    ) -> None:
+        """Take over a port.
+
+        Parameters
+        ----------
+        stop_message
+            What is sent to stop, as one write.
+        marker
+            A question and its only possible answer, which looks like no other answer: used to find the place in the
+            stream again.
+        """
+        self._port = port
+        self._stop_message = stop_message
+        self._marker_question, self._marker_answer = marker[0], list(marker[1])
+        self._reply_timeout_s = reply_timeout_s
+        self._question_lock = threading.Lock()
+        self._write_lock = threading.Lock()
+        self._stop = threading.Event()
+        self._stop.set()
+        self._closing = threading.Event()
+        self._lost = ""
+        self._in_step = True
+        self._replies: queue.Queue[list[str]] = queue.Queue(maxsize=MOST_STALE_REPLIES)
+        self._reader = threading.Thread(target=self._read_forever, name="gcs-reader", daemon=True)
+        self._reader.start()
+
+    def ask(self, question: bytes, parse: Callable[[list[str]], T]) -> T:
+        """Ask, and ask again when the answer is garbled: for questions that change nothing.
+
+        Raises
+        ------
+        ControllerSilent
+            When no answer comes in time.
+        ReplyGarbled
+            When three answers in a row are garbled.
+        """
+        for _ in range(READ_ATTEMPTS - 1):
+            with contextlib.suppress(ReplyGarbled):
+                return self.ask_once(question, parse)
+        return self.ask_once(question, parse)
+
+    def ask_once(self, question: bytes, parse: Callable[[list[str]], T]) -> T:
+        """Ask once; raises `ControllerSilent` or `ReplyGarbled`."""
+        with self._question_lock:
+            if not self._in_step:
+                self._find_step()
+            self._drop_stale_replies()
+            self._in_step = False
+            self.write(question)
+            value = parse(self._next_reply(question))
+            self._in_step = True
+            return value
+
+    def write(self, message: bytes) -> None:
+        """Send a command that cannot set anything in motion."""
+        with self._write_lock:
+            self._hand_over(message)
+
+    def write_unless_stopped(self, message: bytes) -> None:
+        """Send a command that could lead to motion; raises `StopInForce` when a stop came before or meanwhile."""
+        with self._write_lock:
+            if self._stop.is_set():
+                raise StopInForce("a stop is in force: the motion command was not sent")
+            self._hand_over(message)
+        if self._stop.is_set():
+            self.stop_now()
+            raise StopInForce("a stop came while the motion command was being sent: it was stopped")
+
+    def stop_now(self) -> None:
+        """Send the stop message at once, from any thread. Never raises and never waits for an answer."""
+        self._stop.set()
+        got_lock = self._write_lock.acquire(timeout=STOP_WAITS_FOR_WRITER_S)
+        try:
+            with contextlib.suppress(DeviceError):
+                self._hand_over(self._stop_message)
+        finally:
+            if got_lock:
+                self._write_lock.release()
+
+    def release_stop(self) -> None:
+        """Let commands that could lead to motion through again."""
+        self._stop.clear()
+
+    def close(self) -> None:
+        """Leave the line."""
+        self._closing.set()
+        self._reader.join()
+        self._port.close()
+
+    def _find_step(self) -> None:
+        """Discard answers that come late until the marker's has come: answers keep their order."""
+        self.write(self._marker_question)
+        for _ in range(MOST_STALE_REPLIES):
+            if self._next_reply(self._marker_question) == self._marker_answer:
+                self._in_step = True
+                return
+        raise ControllerSilent("the controller keeps sending what was not asked for; switch it off and on again")
+
+    def _next_reply(self, question: bytes) -> list[str]:
+        try:
+            reply = self._replies.get(timeout=self._reply_timeout_s)
+        except queue.Empty:
+            shown = "#5" if len(question) == 1 else question.decode("ascii").strip()
+            cause = self._lost or f"no answer to '{shown}' within {self._reply_timeout_s:g} s"
+            raise ControllerSilent(f"the hexapod controller is silent: {cause}; check its power and cable") from None
+        return reply
+
+    def _drop_stale_replies(self) -> None:
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._replies.get_nowait()
+
+    def _hand_over(self, message: bytes) -> None:
+        try:
+            self._port.write(message)
+        except (serial.SerialException, OSError) as error:
+            raise ControllerSilent(f"the line to the hexapod controller is broken: {error}; check the cable") from None
+
+    def _read_forever(self) -> None:
+        line, reply = bytearray(), list[str]()
+        while not self._closing.is_set():
+            try:
+                received = self._port.read(1)
+            except (serial.SerialException, OSError) as error:
+                self._lost = f"the line is broken ({error})"
+                return
+            for byte in received:
+                if byte != ord("\n"):
+                    line.append(byte)
+                    del line[:-LONGEST_LINE]
+                    continue
+                text = line.decode("ascii", errors="replace")
+                line.clear()
+                reply.append(text.strip(" \r"))
+                if not text.endswith(" ") or len(reply) >= MOST_LINES:
+                    self._keep(reply)
+                    reply = []
+
+    def _keep(self, reply: list[str]) -> None:
+        # A full queue means that nobody waits for these answers: the newest are as worthless as the oldest.
+        with contextlib.suppress(queue.Full):
+            self._replies.put_nowait(reply)

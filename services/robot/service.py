@@ -1,0 +1,215 @@
+"""The robot on the bus: messages in, drive and guard, messages out."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+from services.robot import translate
+from services.robot.core.envelope import CommandLedger, Envelope, Repeat
+from services.robot.core.guard import GuardLimits, PermittedMove, Situation, check_move
+from services.robot.core.plans import PlannedMove, RegistrationView
+from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.status import UNDER_WAY, DriveStatus
+from services.robot.drive import Drive
+from services.robot.gateway_watch import GatewayWatch
+from shared.bus.keys import Keys
+from shared.bus.port import Answer, Bus, Query, Sample
+from shared.errors import InputError
+from shared.geometry.hexapod import HexapodPart
+from shared.messages.base import decode, encode
+from shared.messages.cases import CaseContext
+from shared.messages.registration import LocalisationRecord
+from shared.messages.robot import CommandReply, MoveCommand, PlainCommand, StopCommand
+
+PUBLISH_MOVING_S = 0.03
+PUBLISH_AT_REST_S = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotParts:
+    """What the service is made of.
+
+    Attributes
+    ----------
+    clock_s
+        Monotonic clock.
+    note_change
+        Called after the state or its explanation has changed: for logs and health.
+    """
+
+    hexapod: HexapodPart
+    limits: GuardLimits
+    drive: Drive
+    boot_epoch: str
+    clock_s: Callable[[], float]
+    note_change: Callable[[DriveStatus], None]
+
+
+class RobotService:
+    """Answers commands, publishes the state, and listens to registration, the open case and the gateway.
+
+    Use as a context manager: entering connects to the controller, leaving stops and locks the robot.
+    """
+
+    def __init__(self, bus: Bus, keys: Keys, parts: RobotParts) -> None:
+        self._bus = bus
+        self._keys = keys
+        self._parts = parts
+        self._drive = parts.drive
+        self._watch = GatewayWatch(bus, keys, parts.drive, parts.limits.heartbeat_deadline_s, parts.clock_s)
+        self._lock = threading.Lock()
+        self._ledger = CommandLedger(parts.boot_epoch)
+        self._registration = RegistrationView()
+        self._executed: frozenset[str] = frozenset()
+        self._sequence = 0
+        self._publisher = bus.retained_publisher(keys.robot_state)
+        self._ended = threading.Event()
+        self._publishing = threading.Thread(target=self._publish_forever, name="robot-state", daemon=True)
+
+    def __enter__(self) -> Self:
+        bus, keys = self._bus, self._keys
+        bus.subscribe_retained(keys.localisation, self._on_localisation)
+        bus.subscribe_retained(keys.plan, self._on_plan)
+        bus.subscribe_retained(keys.case_context, self._on_case)
+        self._drive.start()
+        self._watch.start()
+        self._publishing.start()
+        bus.queryable(keys.robot_command("stop"), self._on_stop)
+        bus.queryable(keys.robot_command("move"), self._on_move)
+        bus.queryable(keys.robot_command("reference"), self._on_reference)
+        bus.queryable(keys.robot_command("acknowledge_stop"), self._on_acknowledge_stop)
+        bus.queryable(keys.robot_command("reset"), self._on_reset)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._drive.close()
+        self._watch.close()
+        self._ended.set()
+        self._publishing.join()
+        self._publish(self._drive.status)
+
+    def _on_localisation(self, sample: Sample) -> None:
+        # Until it is read, nothing is known to be the newest: a localisation that cannot be read makes plans stale too.
+        with self._lock:
+            self._registration = self._registration.with_epoch(None)
+        record = decode(LocalisationRecord, sample.payload)
+        with self._lock:
+            self._registration = self._registration.with_epoch(record.registration_epoch)
+
+    def _on_plan(self, sample: Sample) -> None:
+        plan = translate.planned_move(sample.payload)
+        with self._lock:
+            self._registration = self._registration.with_plan(plan.sha256, self._parts.clock_s())
+
+    def _on_case(self, sample: Sample) -> None:
+        context = decode(CaseContext, sample.payload)
+        with self._lock:
+            self._registration = self._registration.with_case(context.case_id, context.revision)
+
+    def _on_stop(self, query: Query) -> Answer:
+        # Stopped before it is understood: a stop that cannot be read is a stop all the same.
+        self._drive.stop("a stop was asked for")
+        try:
+            stop = decode(StopCommand, query.payload)
+        except InputError:
+            stop = StopCommand(client="unknown")
+        reason = f": {stop.reason}" if stop.reason else ""
+        self._drive.stop(f"'{stop.client}' asked for a stop{reason}")
+        return Answer(encode(translate.accepted(None, self._drive.status.state)))
+
+    def _on_move(self, query: Query) -> Answer:
+        try:
+            move = decode(MoveCommand, query.payload)
+            plan = translate.planned_move(move.plan_json.encode())
+        except InputError as error:
+            return self._not_understood(error)
+        envelope = translate.envelope(move.envelope, f"move {plan.sha256} {move.approval.plan_sha256}")
+        return self._once(envelope, lambda: self._begin_move(move.envelope.command_id, plan, move.approval.plan_sha256))
+
+    def _on_reference(self, query: Query) -> Answer:
+        return self._on_plain(query, "reference", self._drive.begin_reference)
+
+    def _on_acknowledge_stop(self, query: Query) -> Answer:
+        return self._on_plain(query, "acknowledge_stop", lambda _: self._drive.acknowledge_stop())
+
+    def _on_reset(self, query: Query) -> Answer:
+        return self._on_plain(query, "reset", lambda _: self._drive.reset())
+
+    def _on_plain(self, query: Query, verb: str, carry_out: Callable[[str], Refusal | None]) -> Answer:
+        try:
+            command = decode(PlainCommand, query.payload)
+        except InputError as error:
+            return self._not_understood(error)
+        if command.verb != verb:
+            return self._not_understood(InputError(f"a command '{command.verb}' was sent to the key of '{verb}'"))
+        envelope = translate.envelope(command.envelope, verb)
+        return self._once(envelope, lambda: carry_out(envelope.command_id))
+
+    def _once(self, envelope: Envelope, carry_out: Callable[[], Refusal | None]) -> Answer:
+        """Carry a command out at most once, never late, and answer its repeats from the record."""
+        with self._lock:
+            admission = self._ledger.admit(envelope, self._parts.clock_s())
+            if isinstance(admission, Repeat):
+                return Answer(admission.answer)
+            if isinstance(admission, Refusal):
+                return Answer(encode(self._refused(envelope.command_id, admission)))
+            refusal = carry_out()
+            reply = (
+                translate.accepted(envelope.command_id, self._drive.status.state)
+                if refusal is None
+                else self._refused(envelope.command_id, refusal)
+            )
+            self._ledger.answered(envelope.command_id, encode(reply))
+            return Answer(encode(reply))
+
+    def _begin_move(self, command_id: str, plan: PlannedMove, approved_sha256: str) -> Refusal | None:
+        def guard(status: DriveStatus) -> PermittedMove | Refusal:
+            permitted = check_move(plan, approved_sha256, self._situation(status))
+            if isinstance(permitted, PermittedMove):
+                # On record before anything moves.
+                self._executed |= {plan.sha256}
+            return permitted
+
+        return self._drive.begin_move(command_id, guard)
+
+    def _situation(self, status: DriveStatus) -> Situation:
+        now_s = self._parts.clock_s()
+        return Situation(
+            boot_epoch=self._parts.boot_epoch,
+            now_s=now_s,
+            hexapod=self._parts.hexapod,
+            limits=self._parts.limits,
+            registration=self._registration,
+            reading=status.fresh_reading(now_s),
+            connected_s=status.connected_s,
+            heartbeat_s=self._watch.heartbeat_s(),
+            link_up=self._watch.link_up(),
+            executed=self._executed,
+        )
+
+    def _not_understood(self, error: InputError) -> Answer:
+        refusal = Refusal(RefusalCode.MESSAGE_INVALID, f"the command was not understood: {error}")
+        return Answer(encode(self._refused(None, refusal)))
+
+    def _refused(self, command_id: str | None, refusal: Refusal) -> CommandReply:
+        return translate.refused(command_id, refusal, self._drive.status.state)
+
+    def _publish_forever(self) -> None:
+        noted: DriveStatus | None = None
+        while not self._ended.is_set():
+            status = self._drive.status
+            self._publish(status)
+            if noted is None or (status.state, status.detail) != (noted.state, noted.detail):
+                self._parts.note_change(status)
+                noted = status
+            pause_s = PUBLISH_MOVING_S if status.state in UNDER_WAY else PUBLISH_AT_REST_S
+            self._drive.wait_for_change(status, pause_s)
+
+    def _publish(self, status: DriveStatus) -> None:
+        with self._lock:
+            self._sequence += 1
+            sequence, epoch = self._sequence, self._registration.epoch
+            self._ledger.note_published(sequence, self._parts.clock_s())
+        state = translate.robot_state(status, self._parts.hexapod, self._parts.boot_epoch, sequence, epoch)
+        self._publisher.put(encode(state))

@@ -1,0 +1,44 @@
+"""What the robot service is started with (`DISTALOCK_ROBOT_...`, or the table `[robot]` of the configuration file)."""
+
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from services.robot.core.guard import GuardLimits
+from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
+from shared.parts.hexapod_file import DEFAULT_HEXAPOD
+from shared.runtime.settings import ServiceSettings
+
+PositiveSeconds = Annotated[float, Field(gt=0.0, le=3600.0)]
+
+
+class RobotSettings(ServiceSettings):
+    """Settings of the robot service."""
+
+    section: ClassVar[str] = "robot"
+
+    controller_url: str = Field(
+        "socket://127.0.0.1:50000", description="Device name or pyserial URL of the hexapod's controller."
+    )
+    controller_baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
+    reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = 0.25
+    retry_s: PositiveSeconds = Field(1.0, description="Time between attempts to reach the controller.")
+    hexapod_file: Path = Field(DEFAULT_HEXAPOD, description="The robot's geometry, `distalock/hexapod/1`.")
+    encoders: Literal["absolute", "incremental"] = Field(
+        "absolute", description="Incremental ones move for reference: only with the guide off the bone."
+    )
+    largest_step_mm: Annotated[float, Field(gt=0.0, le=40.0)] = 20.0
+    largest_step_deg: Annotated[float, Field(gt=0.0, le=30.0)] = 12.0
+    plan_lifetime_s: PositiveSeconds = 600.0
+    heartbeat_deadline_s: Annotated[float, Field(gt=0.0, le=0.5)] = 0.2
+
+    def guard_limits(self) -> GuardLimits:
+        """Limits of a single move."""
+        return GuardLimits(
+            Deviation(self.largest_step_mm, self.largest_step_deg), self.plan_lifetime_s, self.heartbeat_deadline_s
+        )
+
+    def reference_travel(self) -> Deviation:
+        """How far the robot may move for reference."""
+        return READ_BACK_TOLERANCE if self.encoders == "absolute" else Deviation(40.0, 60.0)

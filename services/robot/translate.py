@@ -1,0 +1,133 @@
+"""Between the messages of the bus and the values of the core."""
+
+import hashlib
+import time
+
+import numpy as np
+
+from services.robot.core.envelope import Envelope
+from services.robot.core.motion import MotionState, stop_is_latched
+from services.robot.core.plans import PlannedMove
+from services.robot.core.refusals import Refusal
+from services.robot.core.status import DriveStatus
+from shared.errors import InputError
+from shared.geometry.frames import Guide
+from shared.geometry.hexapod import HexapodPart, PlatformPose, leg_lengths_mm
+from shared.geometry.transform import Transform
+from shared.messages import robot as wire
+from shared.messages.base import MessageInvalid, decode, encode, vector3
+from shared.messages.registration import Plan
+
+
+def envelope(message: wire.CommandEnvelope, effect: str) -> Envelope:
+    """A command's envelope; `effect` says what it would do."""
+    return Envelope(
+        command_id=message.command_id,
+        client=message.client,
+        client_sequence=message.client_sequence,
+        robot_boot_epoch=message.robot_boot_epoch,
+        after_state_sequence=message.after_state_sequence,
+        time_to_live_s=message.time_to_live_s,
+        effect=effect,
+    )
+
+
+def plan_sha256(plan_json: bytes) -> str:
+    """Hash of a plan's canonical JSON."""
+    return hashlib.sha256(plan_json).hexdigest()
+
+
+def planned_move(plan_json: bytes) -> PlannedMove:
+    """A plan from its canonical JSON.
+
+    Raises
+    ------
+    InputError
+        When it is no plan, or not in canonical form: its hash would then not be the hash of what it says.
+    """
+    plan = decode(Plan, plan_json)
+    if encode(plan) != plan_json:
+        raise MessageInvalid("the plan is not in canonical form; send it exactly as registration published it")
+    try:
+        guide_from_target_guide: Transform[Guide, Guide] = Transform.from_matrix(plan.guide_from_target_guide)
+    except ValueError as error:
+        raise InputError(f"the plan's guide_from_target_guide: {error}") from None
+    return PlannedMove(
+        sha256=plan_sha256(plan_json),
+        case_id=plan.case_id,
+        case_revision=plan.case_revision,
+        registration_epoch=plan.registration_epoch,
+        robot_boot_epoch=plan.robot_boot_epoch,
+        hexapod_sha256=plan.hexapod_sha256,
+        head_extension_mm=plan.head_extension_mm,
+        guide_from_target_guide=guide_from_target_guide,
+        start_pose=platform_pose_value(plan.start_pose),
+        target_pose=platform_pose_value(plan.target_pose),
+        pivot_mm=np.array(plan.pivot_mm),
+        target_leg_lengths_mm=np.array(plan.target_leg_lengths_mm),
+    )
+
+
+def platform_pose_value(message: wire.PlatformPoseMessage) -> PlatformPose:
+    """A pose from the wire."""
+    return PlatformPose(message.x_mm, message.y_mm, message.z_mm, message.u_deg, message.v_deg, message.w_deg)
+
+
+def platform_pose_message(pose: PlatformPose) -> wire.PlatformPoseMessage:
+    """A pose for the wire."""
+    return wire.PlatformPoseMessage(
+        x_mm=pose.x_mm, y_mm=pose.y_mm, z_mm=pose.z_mm, u_deg=pose.u_deg, v_deg=pose.v_deg, w_deg=pose.w_deg
+    )
+
+
+def robot_state(
+    status: DriveStatus, hexapod: HexapodPart, boot_epoch: str, sequence: int, registration_epoch: str | None
+) -> wire.RobotState:
+    """What is published of a status."""
+    reading = status.reading
+    return wire.RobotState(
+        boot_epoch=boot_epoch,
+        sequence=sequence,
+        sent_at_ns=time.time_ns(),
+        state=motion_state(status.state),
+        stop=wire.StopLatch.LATCHED if stop_is_latched(status.state) else wire.StopLatch.CLEAR,
+        locked=reading is not None and reading.locked and status.reading_generation == status.generation,
+        referenced=reading is not None and reading.referenced,
+        pose=None if reading is None else platform_pose_message(reading.pose),
+        leg_lengths_mm=None if reading is None else _leg_lengths(hexapod, reading.pose),
+        pivot_mm=vector3(hexapod.pivot_mm),
+        hexapod_sha256=hexapod.sha256,
+        controller_identity=status.identity,
+        registration_epoch=registration_epoch,
+        command_id=status.command_id,
+        outcome=status.outcome,
+        deviation_mm=None if status.deviation is None else status.deviation.distance_mm,
+        deviation_deg=None if status.deviation is None else status.deviation.angle_deg,
+        detail=status.detail,
+    )
+
+
+def accepted(command_id: str | None, state: MotionState) -> wire.CommandReply:
+    """The answer to a command that has begun."""
+    return wire.CommandReply(command_id=command_id, verdict="accepted", state=motion_state(state))
+
+
+def refused(command_id: str | None, refusal: Refusal, state: MotionState) -> wire.CommandReply:
+    """The answer to a command that was not carried out."""
+    return wire.CommandReply(
+        command_id=command_id,
+        verdict="refused",
+        code=refusal.code.value,
+        message=refusal.message,
+        state=motion_state(state),
+    )
+
+
+def motion_state(state: MotionState) -> wire.MotionState:
+    """A state for the wire: the names are the same, and a test holds them so."""
+    return wire.MotionState(state.value)
+
+
+def _leg_lengths(hexapod: HexapodPart, pose: PlatformPose) -> tuple[float, float, float, float, float, float]:
+    lengths = [float(v) for v in leg_lengths_mm(hexapod, pose.as_array(), hexapod.pivot_mm)]
+    return (lengths[0], lengths[1], lengths[2], lengths[3], lengths[4], lengths[5])
