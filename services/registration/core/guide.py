@@ -19,7 +19,8 @@ from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
-from shared.xray.measurement import BallMeasurements, MeasurementSettings, measure_balls
+from shared.xray.aperture import find_usable_area
+from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
 
 LEAST_BALLS = 12
 LEAST_SHARE = 0.4
@@ -30,6 +31,10 @@ DISTORTION_CORRELATION_PX = 80.0
 _SYSTEMATIC_PX = 0.03
 _MOST_DISCS = 70
 _RADIUS_RANGE = (0.55, 1.5)
+_REJECTION_ROUNDS = 4
+_MEDIAN_OF_RAYLEIGH = 1.1774
+# A ring's ball nearer than this share of a guide ball's radius cannot be told from it.
+_CONCENTRIC = 0.7
 _FIRST_LOOK = MeasurementSettings(drift_px=1.0)
 _SECOND_LOOK = MeasurementSettings(drift_px=0.4)
 
@@ -88,12 +93,16 @@ def locate_guide(
     calibration
         Of the same image; its discs that are not of the ring are the candidates.
     """
-    ideal_px = calibration.distortion.undistort(_candidate_discs(calibration, guide))
+    candidates = _candidate_discs(calibration, guide)
+    ideal_px = calibration.distortion.undistort(calibration.balls.centre_px[candidates])
     identities = search_guide(calibration.camera, guide.balls.position_mm, ideal_px)
     refusal = _judge_identity(identities, len(ideal_px), len(guide.balls))
     if refusal is not None:
         return Rejected((refusal,))
-    pose, seen, used = _fitted(pixels, calibration, ring, guide, identities[0].pose)
+    best = identities[0]
+    shrunk = _shrinkage(calibration, guide, best, calibration.balls.radius_px[candidates])
+    look = _Look(pixels, find_usable_area(pixels).mask, calibration, guide, _ring_shadows(calibration, ring), shrunk)
+    pose, seen, used = _fitted(look, best.pose)
     found, needed = int(np.count_nonzero(used)), needed_balls(len(guide.balls))
     if found < needed:
         return Rejected((_too_few(found, needed, len(guide.balls)),))
@@ -105,8 +114,8 @@ def needed_balls(count: int) -> int:
     return min(max(LEAST_BALLS, int(np.ceil(LEAST_SHARE * count))), max(count - 2, 4))
 
 
-def _candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.float64]:
-    """Measured pixels of discs that may be guide balls, shape (M, 2): not the ring's, of a possible size, clear first."""
+def _candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.int64]:
+    """Indices of the discs that may be guide balls: not the ring's, of a possible size, the sharpest first."""
     balls = calibration.balls
     f, radius_mm = calibration.camera.focal_length_px, 0.5 * guide.balls.diameter_mm
     smallest = _RADIUS_RANGE[0] * f * float(radius_mm.min()) / 900.0
@@ -116,7 +125,7 @@ def _candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[
     )
     index = np.flatnonzero(possible)
     clear_first = np.argsort(balls.standard_deviation_px[index], kind="stable")
-    return np.asarray(balls.centre_px[index[clear_first[:_MOST_DISCS]]])
+    return index[clear_first[:_MOST_DISCS]]
 
 
 def _margin(identities: list[GuideIdentity]) -> int:
@@ -150,52 +159,87 @@ def _too_few(found: int, needed: int, expected: int) -> Reason:
     )
 
 
-def _fitted(
-    pixels: NDArray[np.float32],
-    calibration: CArmCalibration,
-    ring: RingPart,
-    guide: GuidePart,
-    pose: RigidPose,
-) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """What measuring the balls takes.
+
+    Attributes: `usable` mask of the image; `ring_shadows` where the ring's balls are; `shrunk` measured over geometric
+    radius of the guide's balls, which the display's curve makes smaller.
+    """
+
+    pixels: NDArray[np.float32]
+    usable: NDArray[np.bool_]
+    calibration: CArmCalibration
+    guide: GuidePart
+    ring_shadows: Discs
+    shrunk: float
+
+
+def _ball_radius_px(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose) -> NDArray[np.float64]:
+    depth_mm = pose.points(guide.balls.position_mm)[:, 2]
+    return np.asarray(0.5 * calibration.camera.focal_length_px * guide.balls.diameter_mm / depth_mm)
+
+
+def _shrinkage(
+    calibration: CArmCalibration, guide: GuidePart, identity: GuideIdentity, disc_radius_px: NDArray[np.float64]
+) -> float:
+    geometric = _ball_radius_px(calibration, guide, identity.pose)[identity.ball_index]
+    return float(np.clip(np.median(disc_radius_px[identity.disc_index] / geometric), 0.7, 1.1))
+
+
+def _ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
+    """All balls of the ring: measured where they were seen, else where they must be, smaller by the same share."""
+    at_camera = calibration.camera_from_ring.points(ring.balls.position_mm)
+    centre = calibration.image_from_camera(at_camera)
+    radius = 0.5 * calibration.camera.focal_length_px * ring.balls.diameter_mm / at_camera[:, 2]
+    index = calibration.balls.ring_index
+    known = index != NOT_OF_THE_RING
+    seen_radius = calibration.balls.radius_px[known]
+    radius *= float(np.median(seen_radius / radius[index[known]])) if known.any() else 1.0
+    centre[index[known]], radius[index[known]] = calibration.balls.centre_px[known], seen_radius
+    return Discs(centre, radius)
+
+
+def _fitted(look: _Look, pose: RigidPose) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
     """Measure all balls where the pose puts them and fit the pose to them, twice."""
-    used = np.zeros(len(guide.balls), dtype=bool)
-    seen = Correspondences(guide.balls.position_mm, np.full((len(guide.balls), 2), np.nan), np.ones(len(guide.balls)))
-    for settings in (_FIRST_LOOK, _SECOND_LOOK):
-        balls = _measured(pixels, calibration, ring, guide, pose, settings)
-        seen = _correspondences(calibration, guide, balls)
-        used = balls.seen.copy()
-        for _ in range(4):
-            if np.count_nonzero(used) < 4:
-                return pose, seen, used
-            pose = refine_pose(calibration.camera, pose, seen.chosen(used))
-            distance = np.linalg.norm(residuals_px(calibration.camera, pose, seen), axis=1)
-            scale = max(1.0, float(np.median(distance[used] / seen.standard_deviation_px[used])) / 1.18)
-            inliers = balls.seen & (distance < OUTLIER_SIGMAS * scale * seen.standard_deviation_px)
-            if np.array_equal(inliers, used):
-                break
-            used = inliers
+    pose, seen, used = _measured_and_fitted(look, pose, _FIRST_LOOK)
+    if np.count_nonzero(used) < 4:
+        return pose, seen, used
+    return _measured_and_fitted(look, pose, _SECOND_LOOK)
+
+
+def _measured_and_fitted(
+    look: _Look, pose: RigidPose, settings: MeasurementSettings
+) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
+    """Measure, then fit and leave out outliers until none is left."""
+    camera = look.calibration.camera
+    balls, alone = _measured(look, pose, settings)
+    candidates = balls.seen & alone
+    seen = _correspondences(look.calibration, look.guide, balls)
+    used = candidates
+    for _ in range(_REJECTION_ROUNDS):
+        if np.count_nonzero(used) < 4:
+            break
+        pose = refine_pose(camera, pose, seen.chosen(used))
+        distance = np.linalg.norm(residuals_px(camera, pose, seen), axis=1)
+        scale = max(1.0, float(np.median(distance[used] / seen.standard_deviation_px[used])) / _MEDIAN_OF_RAYLEIGH)
+        inliers = candidates & (distance < OUTLIER_SIGMAS * scale * seen.standard_deviation_px)
+        if np.array_equal(inliers, used):
+            break
+        used = inliers
     return pose, seen, used
 
 
 def _measured(
-    pixels: NDArray[np.float32],
-    calibration: CArmCalibration,
-    ring: RingPart,
-    guide: GuidePart,
-    pose: RigidPose,
-    settings: MeasurementSettings,
-) -> BallMeasurements:
-    f = calibration.camera.focal_length_px
-    balls_camera = pose.points(guide.balls.position_mm)
-    ring_camera = calibration.camera_from_ring.points(ring.balls.position_mm)
-    return measure_balls(
-        pixels,
-        calibration.image_from_camera(balls_camera),
-        0.5 * f * guide.balls.diameter_mm / balls_camera[:, 2],
-        calibration.image_from_camera(ring_camera),
-        0.5 * f * ring.balls.diameter_mm / ring_camera[:, 2],
-        settings,
-    )
+    look: _Look, pose: RigidPose, settings: MeasurementSettings
+) -> tuple[BallMeasurements, NDArray[np.bool_]]:
+    """Measurements of all balls, and whether each is more than a shadow within a shadow of a ring's ball, shape (N,)."""
+    predicted = look.calibration.image_from_camera(pose.points(look.guide.balls.position_mm))
+    radius = look.shrunk * _ball_radius_px(look.calibration, look.guide, pose)
+    ring = look.ring_shadows
+    balls = measure_balls(look.pixels, predicted, radius, ring.centre_px, ring.radius_px, settings, look.usable)
+    apart = np.linalg.norm(predicted[:, None] - ring.centre_px[None], axis=-1)
+    return balls, (apart > _CONCENTRIC * radius[:, None]).all(axis=1)
 
 
 def _correspondences(calibration: CArmCalibration, guide: GuidePart, balls: BallMeasurements) -> Correspondences:
@@ -217,7 +261,6 @@ def _guide_fit(
 ) -> GuideFit:
     chosen = seen.chosen(used)
     residual = residuals_px(calibration.camera, pose, chosen)
-    # three fifths of the pose's freedom is spent per axis pair: 2 N values, 6 of them used up by the pose
     freedom = max(2 * len(chosen) - 6, 1)
     chi2 = float(np.sum(residual**2 / chosen.standard_deviation_px[:, None] ** 2)) / freedom
     covariance = max(1.0, chi2) * pose_covariance(calibration.camera, pose, chosen, _shared_error(calibration, chosen))
