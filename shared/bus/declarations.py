@@ -1,0 +1,62 @@
+"""What a session has declared: kept until closed, and for what has a channel, served by a thread of its own."""
+
+import threading
+from collections.abc import Callable, Iterable
+from typing import Protocol, TypeVar
+
+import structlog
+
+T_co = TypeVar("T_co", covariant=True)
+T = TypeVar("T")
+
+_log = structlog.get_logger("distalock.bus")
+
+
+class Undeclarable(Protocol):
+    """Anything that can be declared on a session."""
+
+    def undeclare(self) -> None:
+        """Take it back."""
+
+
+class Channel(Undeclarable, Iterable[T_co], Protocol[T_co]):
+    """A declaration with a channel: iterating waits for the next item and ends when it is undeclared."""
+
+
+class Declared:
+    """A declaration that lasts until closed, whether the caller keeps it or not. Closing it twice is harmless.
+
+    Parameters
+    ----------
+    declared
+        The session's own object; Zenoh undeclares it as soon as nobody refers to it.
+    kept
+        Where the session keeps what is open.
+    """
+
+    def __init__(self, declared: Undeclarable, kept: "set[Declared]") -> None:
+        self._declared = declared
+        self._kept = kept
+        self._lock = threading.Lock()
+        kept.add(self)
+
+    def close(self) -> None:
+        """Take it back."""
+        with self._lock:
+            was_open = self in self._kept
+            self._kept.discard(self)
+        if was_open:
+            self._declared.undeclare()
+
+
+def pump(channel: Channel[T], handle: Callable[[T], None], name: str) -> None:
+    """Hand every item to `handle` on a thread of its own, until the channel is undeclared."""
+
+    def run() -> None:
+        for item in channel:
+            try:
+                handle(item)
+            except Exception:  # noqa: BLE001 - the border of a task: the next item is handled all the same
+                _log.exception("bus handler raised", key=name)
+
+    threading.Thread(target=run, name=f"bus {name}", daemon=True).start()
