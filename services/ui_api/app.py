@@ -1,0 +1,86 @@
+"""The FastAPI application: all routes over one gateway."""
+
+from collections.abc import AsyncIterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+
+from fastapi import APIRouter, FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from services.ui_api.routes import (
+    cases,
+    events,
+    health,
+    images,
+    localisations,
+    motions,
+    parts,
+    plans,
+    robot,
+    verifications,
+)
+from services.ui_api.routes.idempotency import Idempotency
+from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
+from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
+from services.ui_api.service import Gateway
+from shared.runtime.lifecycle import software_version
+
+PREFIX = "/api/v1"
+TITLE = "distalock gateway"
+_STOP_THREADS = 8
+_SUMMARY = (
+    "Aims a drill guide at the distal holes of an intramedullary nail from one X-ray image. "
+    "Research software, not a medical device."
+)
+
+
+def make_app(gateway: Gateway) -> FastAPI:
+    """The application on an open gateway; the caller closes the gateway after the server has ended."""
+    app = routed_app()
+    app.state.gateway = gateway
+    app.state.idempotency = Idempotency(gateway.record)
+    return app
+
+
+def routed_app() -> FastAPI:
+    """The application without a gateway behind it: enough to write the OpenAPI file."""
+    app = FastAPI(
+        title=TITLE,
+        version=software_version(),
+        docs_url=None,  # its page would load scripts from a CDN
+        redoc_url=None,
+        lifespan=_lifespan,
+        responses={"default": {"description": "A problem.", "content": {PROBLEM_JSON: {"schema": _PROBLEM_REF}}}},
+    )
+    app.state.metrics = Metrics()
+    app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
+    api = APIRouter(prefix=PREFIX)
+    for resource in (cases, images, localisations, plans, motions, verifications, robot, events, parts):
+        api.include_router(resource.router)
+    app.include_router(api)
+    app.include_router(health.router)
+    add_problem_handlers(app)
+    app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]  # FastAPI's own way to extend it
+    return app
+
+
+_PROBLEM_REF = {"$ref": "#/components/schemas/Problem"}
+
+
+def openapi_document(app: FastAPI) -> dict[str, object]:
+    """The OpenAPI document, with the problem document among its schemas."""
+    if app.openapi_schema is None:
+        document = get_openapi(title=app.title, version="1", summary=_SUMMARY, routes=app.routes)
+        schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+        definitions = schema.pop("$defs", {})
+        document["components"]["schemas"] |= {**definitions, "Problem": schema}
+        app.openapi_schema = document
+    return app.openapi_schema
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    """Threads that nothing but stop may use."""
+    with ThreadPoolExecutor(max_workers=_STOP_THREADS, thread_name_prefix="stop") as stop_threads:
+        app.state.stop_threads = stop_threads
+        yield

@@ -1,0 +1,218 @@
+"""A case as the event log tells it: `applied` folds one event after another into an immutable value."""
+
+from dataclasses import dataclass, replace
+from functools import singledispatch
+
+from services.ui_api.core.events import (
+    CaseOpened,
+    CaseSetup,
+    Event,
+    EventData,
+    ImageCalibrated,
+    ImageReceived,
+    LocalisationReceived,
+    OperationEnded,
+    OperationRequested,
+    OperationStatus,
+    PlanApproved,
+    PlanMade,
+    SetupChanged,
+    Step,
+    StepRecorded,
+    VerificationMade,
+)
+from services.ui_api.core.procedure import Progress, Stage, Trigger
+
+_AT_THE_START = Progress()
+STEPS_THAT_CHANGE_THE_SETUP = frozenset({Step.MOUNT_MOVED, Step.RING_REMOUNTED})
+
+
+@dataclass(frozen=True, slots=True)
+class PlanEntry:
+    """A plan and what became of it. `used` once a motion began, or may have begun, from it."""
+
+    made: PlanMade
+    made_at_ns: int
+    approval: PlanApproved | None = None
+    used: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Everything the log says about a case. Lists are in the order of the log; numbers count from 1."""
+
+    case_id: str
+    opened_at_ns: int
+    changed_at_ns: int
+    revision: int
+    setup: CaseSetup
+    progress: Progress = _AT_THE_START
+    stage_before_motion: Stage = Stage.POSITIONING
+    images: tuple[ImageReceived, ...] = ()
+    calibrations: tuple[ImageCalibrated, ...] = ()
+    localisations: tuple[LocalisationReceived, ...] = ()
+    plans: tuple[PlanEntry, ...] = ()
+    motions: tuple[str, ...] = ()
+    verifications: tuple[VerificationMade, ...] = ()
+    steps: tuple[StepRecorded, ...] = ()
+    drilled_hole_ids: frozenset[str] = frozenset()
+
+    @property
+    def hole_ids(self) -> tuple[str, ...]:
+        """Holes of the nail that have a guide hole of the same id."""
+        return tuple(h for h in self.setup.nail.hole_ids if h in self.setup.guide.hole_ids)
+
+    def image(self, sha256: str) -> ImageReceived | None:
+        """An image of this case, by its hash."""
+        return next((i for i in self.images if i.image_sha256 == sha256), None)
+
+    def calibration_of(self, image_sha256: str) -> ImageCalibrated | None:
+        """The newest calibration made from an image."""
+        return next((c for c in reversed(self.calibrations) if c.image_sha256 == image_sha256), None)
+
+    def localisation_of(self, image_sha256: str) -> LocalisationReceived | None:
+        """The newest localisation made from an image."""
+        return next((x for x in reversed(self.localisations) if x.image_sha256 == image_sha256), None)
+
+    def plan(self, number: int) -> PlanEntry | None:
+        """A plan, by its number."""
+        return self.plans[number - 1] if 1 <= number <= len(self.plans) else None
+
+    def knows_localisation(self, image_sha256: str, registration_epoch: str) -> bool:
+        """Whether a localisation is recorded already: the bus gives the last one to every late joiner."""
+        return any(
+            (x.image_sha256, x.registration_epoch) == (image_sha256, registration_epoch) for x in self.localisations
+        )
+
+    def staleness_of_image(self, image_sha256: str, revision: int) -> str | None:
+        """Why what was measured in an image no longer holds, as a clause; None when it does hold."""
+        if revision != self.revision:
+            return f"it was measured at set-up revision {revision}, and the set-up is now at revision {self.revision}"
+        if self.images and self.images[-1].image_sha256 != image_sha256:
+            return "a newer image has arrived"
+        return None
+
+
+def opened_case(event: Event, data: CaseOpened) -> Case:
+    """The case right after it was opened."""
+    if event.case_id is None:
+        raise ValueError(f"event {event.sequence} opens a case without an id")
+    return Case(event.case_id, event.at_ns, event.at_ns, revision=1, setup=data.setup)
+
+
+def applied(case: Case, event: Event) -> Case:
+    """The case after one more event of its log."""
+    return replace(_after(event.data, case, event), changed_at_ns=event.at_ns)
+
+
+def _moved(case: Case, trigger: Trigger) -> Case:
+    return replace(case, progress=case.progress.after(trigger))
+
+
+@singledispatch
+def _after(data: EventData, case: Case, event: Event) -> Case:  # noqa: ARG001 - the signature all kinds share
+    return case
+
+
+@_after.register
+def _(data: SetupChanged, case: Case, event: Event) -> Case:  # noqa: ARG001
+    return _moved(replace(case, revision=data.revision, setup=data.setup), Trigger.SETUP_CHANGED)
+
+
+@_after.register
+def _(data: ImageReceived, case: Case, event: Event) -> Case:  # noqa: ARG001
+    return _moved(replace(case, images=(*case.images, data)), Trigger.IMAGE_RECEIVED)
+
+
+@_after.register
+def _(data: ImageCalibrated, case: Case, event: Event) -> Case:  # noqa: ARG001
+    return replace(case, calibrations=(*case.calibrations, data))
+
+
+@_after.register
+def _(data: LocalisationReceived, case: Case, event: Event) -> Case:  # noqa: ARG001
+    known = replace(case, localisations=(*case.localisations, data))
+    if case.staleness_of_image(data.image_sha256, data.case_revision) is not None:
+        return known
+    accepted = data.verdict == "accepted"
+    return _moved(known, Trigger.LOCALISATION_ACCEPTED if accepted else Trigger.LOCALISATION_REJECTED)
+
+
+@_after.register
+def _(data: PlanMade, case: Case, event: Event) -> Case:
+    known = replace(case, plans=(*case.plans, PlanEntry(data, event.at_ns)))
+    fresh = case.staleness_of_image(data.image_sha256, data.case_revision) is None
+    return _moved(known, Trigger.PLAN_MADE) if fresh else known
+
+
+@_after.register
+def _(data: PlanApproved, case: Case, event: Event) -> Case:  # noqa: ARG001
+    known = _with_plan(case, data.number, approval=data)
+    return _moved(known, Trigger.PLAN_APPROVED) if data.number == len(case.plans) else known
+
+
+@_after.register
+def _(data: OperationRequested, case: Case, event: Event) -> Case:  # noqa: ARG001
+    if data.verb != "move" or data.plan_number is None:
+        return case
+    known = _with_plan(case, data.plan_number, used=True)
+    stage_before = case.progress.stage
+    known = replace(known, motions=(*case.motions, data.operation_id), stage_before_motion=stage_before)
+    return _moved(known, Trigger.MOTION_REQUESTED)
+
+
+@_after.register
+def _(data: OperationEnded, case: Case, event: Event) -> Case:  # noqa: ARG001
+    if not case.motions or case.motions[-1] != data.operation_id:
+        return case
+    if data.began:
+        reached = data.status is OperationStatus.SUCCEEDED
+        return _moved(case, Trigger.MOTION_REACHED if reached else Trigger.MOTION_CUT_SHORT)
+    plans = tuple(replace(p, used=False) if i == _last_used(case) else p for i, p in enumerate(case.plans))
+    progress = replace(case.progress.after(Trigger.MOTION_NEVER_BEGAN), stage=case.stage_before_motion)
+    return replace(case, plans=plans, progress=progress)
+
+
+@_after.register
+def _(data: VerificationMade, case: Case, event: Event) -> Case:  # noqa: ARG001
+    accepted = data.verdict == "accepted"
+    known = replace(case, verifications=(*case.verifications, data))
+    return _moved(known, Trigger.VERIFICATION_ACCEPTED if accepted else Trigger.VERIFICATION_REJECTED)
+
+
+@_after.register
+def _(data: StepRecorded, case: Case, event: Event) -> Case:  # noqa: ARG001
+    known = replace(case, steps=(*case.steps, data))
+    holes = frozenset(data.hole_ids or case.hole_ids)
+    match data.step:
+        case Step.WIRES_INSERTED:
+            return _with_wires(known, case.progress.wired_hole_ids | holes)
+        case Step.WIRES_REMOVED:
+            return _with_wires(known, case.progress.wired_hole_ids - holes)
+        case Step.DRILLED:
+            drilled = replace(known, drilled_hole_ids=case.drilled_hole_ids | holes)
+            return (
+                _moved(drilled, Trigger.ALL_HOLES_DRILLED) if drilled.drilled_hole_ids >= {*case.hole_ids} else drilled
+            )
+        case Step.ROBOT_REMOVED:
+            return _moved(known, Trigger.ROBOT_REMOVED)
+        case Step.FINISHED:
+            return _moved(known, Trigger.FINISHED)
+        case Step.ABANDONED:
+            return _moved(known, Trigger.ABANDONED)
+        case Step.SCREWS_INSERTED | Step.MOUNT_MOVED | Step.RING_REMOUNTED:
+            return known  # a changed mount or ring is followed by a `SetupChanged` of its own
+
+
+def _with_plan(case: Case, number: int, *, approval: PlanApproved | None = None, used: bool | None = None) -> Case:
+    entry = case.plans[number - 1]
+    changed = replace(entry, approval=approval or entry.approval, used=entry.used if used is None else used)
+    return replace(case, plans=(*case.plans[: number - 1], changed, *case.plans[number:]))
+
+
+def _last_used(case: Case) -> int:
+    return max(i for i, p in enumerate(case.plans) if p.used)
+
+
+def _with_wires(case: Case, hole_ids: frozenset[str]) -> Case:
+    return replace(case, progress=replace(case.progress, wired_hole_ids=hole_ids))

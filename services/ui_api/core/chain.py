@@ -1,0 +1,73 @@
+"""The hash chain of the event log: each entry's hash covers its content and the hash before it.
+
+So no entry can be changed, removed from the middle or put in later without breaking every hash after it. The chain
+alone cannot show that its *end* was cut off: for that, compare the head's hash with one noted elsewhere.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+GENESIS_SHA256 = "0" * 64
+
+
+@dataclass(frozen=True, slots=True)
+class ChainEntry:
+    """One entry as it is stored: `data_json` is the text that was hashed."""
+
+    sequence: int
+    at_ns: int
+    case_id: str | None
+    who: str
+    why: str
+    kind: str
+    data_json: str
+    previous_sha256: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChainIntact:
+    """The whole chain holds."""
+
+    entries: int
+    head_sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChainBroken:
+    """The first entry at which the chain does not hold, and why, in one sentence."""
+
+    sequence: int
+    message: str
+
+
+def entry_sha256(entry: ChainEntry) -> str:
+    """Hash of an entry: SHA-256 of the canonical JSON of its content and the hash before it."""
+    content = [
+        entry.previous_sha256,
+        entry.sequence,
+        entry.at_ns,
+        entry.case_id,
+        entry.who,
+        entry.why,
+        entry.kind,
+        entry.data_json,
+    ]
+    return hashlib.sha256(json.dumps(content, ensure_ascii=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def check_chain(entries: Iterable[ChainEntry]) -> ChainIntact | ChainBroken:
+    """Check a whole log, in the order of its sequence numbers, which count from 1 without gaps."""
+    previous, count = GENESIS_SHA256, 0
+    for entry in entries:
+        count += 1
+        if entry.sequence != count:
+            return ChainBroken(count, f"event {count} is missing: the log goes on with event {entry.sequence}")
+        if entry.previous_sha256 != previous:
+            return ChainBroken(count, f"event {count} does not follow the event before it: its previous hash differs")
+        if entry_sha256(entry) != entry.sha256:
+            return ChainBroken(count, f"event {count} ({entry.kind}) was changed: its content does not give its hash")
+        previous = entry.sha256
+    return ChainIntact(count, previous)

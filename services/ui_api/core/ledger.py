@@ -1,0 +1,72 @@
+"""All cases and operations, folded from the whole event log: what the gateway knows, and its only source of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from services.ui_api.core.case import Case, applied, opened_case
+from services.ui_api.core.events import CaseOpened, Event, OperationEnded, OperationProgressed, OperationRequested
+from services.ui_api.core.operations import Operation, ended, progressed
+
+
+@dataclass(slots=True)
+class Ledger:
+    """The state that the log adds up to. Cases and operations keep the order in which they began.
+
+    The maps are replaced as a whole by `take`, so that a reader on another thread sees them either before or after an
+    event, never in between.
+    """
+
+    cases: dict[str, Case] = field(default_factory=dict)
+    operations: dict[str, Operation] = field(default_factory=dict)
+    head_sequence: int = 0
+
+    def take(self, event: Event) -> None:
+        """Fold in one more event, which must be the next of the log."""
+        if event.sequence != self.head_sequence + 1:
+            raise ValueError(f"expected event {self.head_sequence + 1}, got event {event.sequence}")
+        self._take_case(event)
+        self._take_operation(event)
+        self.head_sequence = event.sequence
+
+    def open_case(self) -> Case | None:
+        """The case that is open in this room, if any."""
+        return next((c for c in reversed(self.cases.values()) if not c.progress.closed), None)
+
+    def pending_operations(self) -> tuple[Operation, ...]:
+        """Operations that have not ended."""
+        return tuple(o for o in self.operations.values() if not o.ended)
+
+    def case_after(self, case_id: str, events: Sequence[Event]) -> Case:
+        """A case as it will be after events that have not been taken yet; raises `KeyError` when there is none."""
+        case = self.cases.get(case_id)
+        for event in events:
+            if event.case_id == case_id:
+                case = _case_with(case, event)
+        if case is None:
+            raise KeyError(case_id)
+        return case
+
+    def _take_case(self, event: Event) -> None:
+        if event.case_id is None:
+            return
+        case = _case_with(self.cases.get(event.case_id), event)
+        if case is not None:
+            self.cases = {**self.cases, event.case_id: case}
+
+    def _take_operation(self, event: Event) -> None:
+        data = event.data
+        if isinstance(data, OperationRequested):
+            operation = Operation(data, event.case_id, event.at_ns)
+        elif isinstance(data, OperationProgressed):
+            operation = progressed(self.operations[data.operation_id], data)
+        elif isinstance(data, OperationEnded):
+            operation = ended(self.operations[data.operation_id], data, event.at_ns)
+        else:
+            return
+        self.operations = {**self.operations, data.operation_id: operation}
+
+
+def _case_with(case: Case | None, event: Event) -> Case | None:
+    if isinstance(event.data, CaseOpened):
+        return opened_case(event, event.data)
+    return None if case is None else applied(case, event)

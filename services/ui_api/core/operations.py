@@ -1,0 +1,136 @@
+"""Commands to the robot as operations: what a robot state says about one that is under way.
+
+A command that brought no answer is `unknown`, never "not executed": the robot may still have begun. Only the robot's
+own state settles it. Times are compared on the robot's clock alone, because clocks of two hosts cannot be compared.
+"""
+
+from dataclasses import dataclass, replace
+
+from services.ui_api.core.events import OperationEnded, OperationProgressed, OperationRequested, OperationStatus
+
+ENDED = frozenset({OperationStatus.SUCCEEDED, OperationStatus.FAILED, OperationStatus.STOPPED})
+
+_SETTLING_S = 1.0
+_STATUS_OF_OUTCOME = {
+    "reached": OperationStatus.SUCCEEDED,
+    "stopped": OperationStatus.STOPPED,
+    "failed": OperationStatus.FAILED,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """A command to the robot and how far it has come."""
+
+    requested: OperationRequested
+    case_id: str | None
+    requested_at_ns: int
+    status: OperationStatus = OperationStatus.REQUESTED
+    began: bool | None = None
+    code: str = ""
+    message: str = ""
+    deviation_mm: float | None = None
+    deviation_deg: float | None = None
+    ended_at_ns: int | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will come of it."""
+        return self.status in ENDED
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSaying:
+    """The part of a robot state that tells how a command fared."""
+
+    boot_epoch: str
+    sequence: int
+    sent_at_ns: int
+    command_id: str | None
+    outcome: str
+    at_rest: bool
+    detail: str
+    deviation_mm: float | None
+    deviation_deg: float | None
+
+
+def progressed(operation: Operation, event: OperationProgressed) -> Operation:
+    """The operation after an `OperationProgressed`."""
+    began = True if event.status is OperationStatus.RUNNING else operation.began
+    return replace(operation, status=event.status, message=event.message, began=began)
+
+
+def ended(operation: Operation, event: OperationEnded, at_ns: int) -> Operation:
+    """The operation after an `OperationEnded`."""
+    return replace(
+        operation,
+        status=event.status,
+        began=event.began,
+        code=event.code,
+        message=event.message,
+        deviation_mm=event.deviation_mm,
+        deviation_deg=event.deviation_deg,
+        ended_at_ns=at_ns,
+    )
+
+
+def settle(operation: Operation, saying: RobotSaying) -> OperationProgressed | OperationEnded | None:
+    """What a robot state says about an operation; None when it says nothing new.
+
+    Parameters
+    ----------
+    operation
+        An operation that has not ended.
+    saying
+        The robot's newest state.
+    """
+    requested = operation.requested
+    if saying.boot_epoch != requested.robot_boot_epoch:
+        return _robot_restarted(operation)
+    if saying.sequence <= requested.after_state_sequence:
+        return None
+    if saying.command_id == requested.operation_id:
+        return _own_command(operation, saying)
+    too_late_ns = requested.state_sent_at_ns + int((requested.time_to_live_s + _SETTLING_S) * 1e9)
+    untouched = saying.command_id == requested.previous_command_id
+    if operation.status is not OperationStatus.RUNNING and untouched and saying.sent_at_ns > too_late_ns:
+        return OperationEnded(
+            requested.operation_id,
+            OperationStatus.FAILED,
+            began=False,
+            code="not_executed",
+            message=f"the robot did not begin the command within its {requested.time_to_live_s:g} s and refuses it "
+            "from now on; nothing moved",
+        )
+    return None
+
+
+def _own_command(operation: Operation, saying: RobotSaying) -> OperationProgressed | OperationEnded | None:
+    operation_id = operation.requested.operation_id
+    status = _STATUS_OF_OUTCOME.get(saying.outcome)
+    if status is None:
+        if operation.status is OperationStatus.RUNNING or saying.at_rest:
+            return None
+        return OperationProgressed(operation_id, OperationStatus.RUNNING, saying.detail)
+    if not saying.at_rest:
+        return None  # the outcome counts once the robot is braked again
+    return OperationEnded(
+        operation_id,
+        status,
+        began=True,
+        code="" if status is OperationStatus.SUCCEEDED else f"motion_{saying.outcome}",
+        message=saying.detail,
+        deviation_mm=saying.deviation_mm,
+        deviation_deg=saying.deviation_deg,
+    )
+
+
+def _robot_restarted(operation: Operation) -> OperationEnded:
+    return OperationEnded(
+        operation.requested.operation_id,
+        OperationStatus.FAILED,
+        began=operation.began is not False,
+        code="robot_restarted",
+        message="the robot service restarted before it reported an outcome: the command will not go on, but how far "
+        "it got is not known; take a new image before the next plan",
+    )

@@ -1,0 +1,187 @@
+"""Opening, changing and closing cases, and recording what people did with their hands."""
+
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from services.ui_api.core.case import STEPS_THAT_CHANGE_THE_SETUP, Case
+from services.ui_api.core.events import CaseOpened, CaseSetup, EventDraft, PartUse, SetupChanged, Step, StepRecorded
+from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
+from services.ui_api.desks.parts import JsonObject, PartFile, PartKind, resolve_part
+from services.ui_api.desks.refusals import conflict, invalid, unknown
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit import Unit
+
+
+@dataclass(frozen=True, slots=True)
+class SetupRequest:
+    """What a client said of a set-up; None where it said nothing."""
+
+    side: str | None
+    bone: str | None
+    mount: str | None
+    head_extension_mm: float | None
+    ring: str | JsonObject | None
+    guide: str | JsonObject | None
+    nail: str | JsonObject | None
+    hexapod: str | JsonObject | None
+    guide_calibration: JsonObject | None
+    nominal_source_to_detector_mm: float | None
+    nominal_pixel_mm: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class StepRequest:
+    """A step that a client reports."""
+
+    step: Step
+    hole_ids: tuple[str, ...]
+    who: str
+    why: str
+
+
+class CaseDesk:
+    """Decides about cases within a unit of work. `announce` tells the bus afterwards."""
+
+    def __init__(self, record: CaseRecord, announce: Callable[[], None]) -> None:
+        self._record = record
+        self._announce = announce
+
+    def case(self, case_id: str) -> Case:
+        """A case by its id; raises `Refused`."""
+        case = self._record.ledger.cases.get(case_id)
+        if case is None:
+            raise unknown("case", case_id, "GET /cases lists them")
+        return case
+
+    def open_case(self, unit: Unit, request: SetupRequest, who: str) -> str:
+        """Open a case and return its id; raises `Refused` or `PartFileInvalid`."""
+        already = self._record.ledger.open_case()
+        if already is not None:
+            raise conflict(
+                "case_already_open", f"case {already.case_id} is open in this room; finish or abandon it first"
+            )
+        setup = _new_setup(unit, request)
+        case_id = f"case-{secrets.token_hex(5)}"
+        unit.append(EventDraft(CaseOpened(setup), case_id, who))
+        unit.after_commit(self._announce)
+        return case_id
+
+    def change_setup(self, unit: Unit, case_id: str, request: SetupRequest, who: str, why: str) -> None:
+        """Change the set-up of an open case: its revision counts up, and older results become stale."""
+        case = self.case(case_id)
+        _require_hands_off(case, "its set-up cannot be changed")
+        setup = _changed_setup(unit, case.setup, request)
+        if setup == case.setup:
+            return
+        unit.append(EventDraft(SetupChanged(case.revision + 1, setup), case_id, who, why))
+        unit.after_commit(self._announce)
+
+    def record_step(self, unit: Unit, case_id: str, request: StepRequest) -> None:
+        """Record a step. One out of order needs a reason, because what was done is a fact all the same."""
+        case = self.case(case_id)
+        _require_hands_off(case, f"step '{request.step}' cannot be recorded")
+        require_known_holes(case, request.hole_ids)
+        in_order = request.step in allowed_steps(case.progress)
+        if not in_order and not request.why:
+            usual = ", ".join(allowed_steps(case.progress))
+            raise conflict(
+                "step_out_of_order",
+                f"step '{request.step}' is out of order while the case is '{case.progress.stage}' (in order: {usual}); "
+                "if it was done all the same, say why",
+            )
+        step = StepRecorded(request.step, request.hole_ids, not in_order, request.why)
+        unit.append(EventDraft(step, case_id, request.who, request.why))
+        if request.step in STEPS_THAT_CHANGE_THE_SETUP:
+            unit.append(EventDraft(SetupChanged(case.revision + 1, case.setup), case_id, request.who, request.step))
+        unit.after_commit(self._announce)
+
+
+def require_known_holes(case: Case, hole_ids: tuple[str, ...]) -> None:
+    """Refuse hole ids that nail and guide do not both have."""
+    for hole_id in hole_ids:
+        if hole_id not in case.hole_ids:
+            raise invalid("unknown_hole", f"hole {hole_id!r} is not known; the case has {', '.join(case.hole_ids)}")
+
+
+def _require_hands_off(case: Case, consequence: str) -> None:
+    if case.progress.closed:
+        raise conflict("case_closed", f"case {case.case_id} is {case.progress.stage}: {consequence}")
+    if not may_be_recorded_with_a_reason(case.progress):
+        assert case.progress.stage is Stage.MOVING
+        raise conflict("robot_moving", f"the robot is moving: {consequence} until it has ended, or was stopped")
+
+
+def _new_setup(unit: Unit, request: SetupRequest) -> CaseSetup:
+    required: dict[str, object] = {
+        "side": request.side,
+        "bone": request.bone,
+        "mount": request.mount,
+        "nail": request.nail,
+    }
+    required |= {"guide": request.guide, "ring": request.ring, "head_extension_mm": request.head_extension_mm}
+    missing = [name for name, value in required.items() if value is None]
+    if missing:
+        raise invalid("setup_incomplete", f"the set-up lacks {', '.join(missing)}")
+    nothing = PartUse("", "")
+    empty = CaseSetup("", "", "", 0.0, nothing, nothing, nothing, nothing)
+    return _changed_setup(unit, empty, request)
+
+
+def _changed_setup(unit: Unit, setup: CaseSetup, request: SetupRequest) -> CaseSetup:
+    """The set-up with what the request says put in; new part files are validated, then stored."""
+    given: Mapping[PartKind, str | JsonObject | None] = {
+        "ring": request.ring,
+        "guide": request.guide,
+        "nail": request.nail,
+        "hexapod": request.hexapod,
+    }
+    parts = {kind: resolve_part(kind, part) for kind, part in given.items() if part is not None}
+    calibrated = setup.guide_calibrated and "guide" not in parts
+    if request.guide_calibration is not None:
+        parts["guide"] = _calibrated_guide(parts.get("guide"), setup.guide, request.guide_calibration)
+        calibrated = True
+    for part in parts.values():
+        unit.put_document(part.content)
+    changed = replace(
+        setup,
+        side=request.side or setup.side,
+        bone=request.bone or setup.bone,
+        mount=request.mount or setup.mount,
+        head_extension_mm=_first(request.head_extension_mm, setup.head_extension_mm),
+        ring=parts["ring"].use if "ring" in parts else setup.ring,
+        guide=parts["guide"].use if "guide" in parts else setup.guide,
+        nail=parts["nail"].use if "nail" in parts else setup.nail,
+        hexapod=parts["hexapod"].use if "hexapod" in parts else setup.hexapod,
+        guide_calibrated=calibrated,
+        nominal_source_to_detector_mm=request.nominal_source_to_detector_mm or setup.nominal_source_to_detector_mm,
+        nominal_pixel_mm=request.nominal_pixel_mm or setup.nominal_pixel_mm,
+    )
+    _require_holes_in_common(changed)
+    return changed
+
+
+def _first(given: float | None, otherwise: float) -> float:
+    return otherwise if given is None else given
+
+
+def _calibrated_guide(nominal: PartFile | None, in_use: PartUse, calibration: JsonObject) -> PartFile:
+    """The guide as measured on its own: the same kind of file, with the same holes, in place of the nominal one."""
+    measured = resolve_part("guide", calibration)
+    nominal_use = nominal.use if nominal is not None else in_use
+    if set(measured.use.hole_ids) != set(nominal_use.hole_ids):
+        raise invalid(
+            "guide_calibration_mismatch",
+            f"the guide's calibration has holes {', '.join(measured.use.hole_ids)}, the guide '{nominal_use.name}' has "
+            f"{', '.join(nominal_use.hole_ids)}; use the calibration of this guide",
+        )
+    return PartFile(replace(measured.use, name=nominal_use.name), measured.content)
+
+
+def _require_holes_in_common(setup: CaseSetup) -> None:
+    if not set(setup.nail.hole_ids) & set(setup.guide.hole_ids):
+        raise invalid(
+            "no_common_hole",
+            f"nail '{setup.nail.name}' has holes {', '.join(setup.nail.hole_ids)}, guide '{setup.guide.name}' has "
+            f"{', '.join(setup.guide.hole_ids)}: none in common; use parts whose hole ids belong together",
+        )

@@ -1,0 +1,210 @@
+"""Commands to the robot: recorded before they are sent, sent once, and followed until the robot tells how they end."""
+
+import itertools
+import secrets
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal
+
+from services.ui_api.core.events import (
+    EventDraft,
+    OperationEnded,
+    OperationProgressed,
+    OperationRequested,
+    OperationStatus,
+)
+from services.ui_api.core.operations import Operation, settle
+from services.ui_api.desks.clock import Clock
+from services.ui_api.desks.leases import Leases
+from services.ui_api.desks.refusals import conflict
+from services.ui_api.desks.robot_view import RobotView, saying_of
+from services.ui_api.desks.stop import StopDesk
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit import Unit
+from shared.bus.keys import Keys
+from shared.bus.port import Bus
+from shared.errors import BusError
+from shared.messages.base import MessageInvalid, decode, encode
+from shared.messages.robot import (
+    Approval,
+    CommandEnvelope,
+    CommandReply,
+    MoveCommand,
+    PlainCommand,
+    RobotState,
+    Verb,
+)
+
+COMMAND_TIMEOUT_S = 0.5
+TIME_TO_LIVE_S = 1.0
+PlainVerb = Literal["reference", "acknowledge_stop", "reset"]
+_MOVING_VERBS = frozenset({"move", "reference"})
+_VERBS_THAT_END_WITH_THE_REPLY = frozenset({"acknowledge_stop", "reset"})
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """What a motion command carries beside its envelope."""
+
+    plan_number: int
+    plan_json: str
+    approval: Approval
+    hold_to_move: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Waiting:
+    """A command on its way to the robot. `stops_before` is the count of stops when it was asked for."""
+
+    operation_id: str
+    verb: Verb
+    payload: bytes
+    stops_before: int
+
+
+class CommandDesk:
+    """Sends commands in the order in which they were recorded, one at a time, never twice."""
+
+    def __init__(
+        self, bus: Bus, keys: Keys, record: CaseRecord, view: RobotView, stops: StopDesk, leases: Leases, clock: Clock
+    ) -> None:
+        self._bus, self._keys, self._record = bus, keys, record
+        self._view, self._stops, self._leases, self._clock = view, stops, leases, clock
+        self._client = f"gateway-{secrets.token_hex(6)}"
+        self._client_sequence = itertools.count()
+        self._sender = ThreadPoolExecutor(max_workers=1, thread_name_prefix="commands")
+
+    def close(self) -> None:
+        """Wait for the command that is being sent; those behind it are not sent any more."""
+        self._sender.shutdown(wait=True, cancel_futures=True)
+
+    def begin_move(self, unit: Unit, case_id: str, who: str, move: Move) -> Operation:
+        """Record a motion, to be sent when the transaction is on the disk; raises `Refused`."""
+        self._refuse_while_pending()
+        state = self._view.current()
+        envelope = self._envelope(state)
+        command = MoveCommand(envelope=envelope, plan_json=move.plan_json, approval=move.approval)
+        requested = _requested(envelope, "move", state, move)
+        return self._begin(unit, EventDraft(requested, case_id, who), encode(command))
+
+    def begin_plain(self, unit: Unit, verb: PlainVerb, who: str) -> Operation:
+        """Record a command without a plan, to be sent when the transaction is on the disk; raises `Refused`."""
+        if verb in _MOVING_VERBS:
+            self._refuse_while_pending()
+        state = self._view.current()
+        envelope = self._envelope(state)
+        case = self._record.ledger.open_case()
+        draft = EventDraft(_requested(envelope, verb, state, None), case.case_id if case else None, who)
+        return self._begin(unit, draft, encode(PlainCommand(verb=verb, envelope=envelope)))
+
+    def adopt_orphans(self) -> None:
+        """After a restart: commands without a recorded answer are `unknown` until the robot's state settles them."""
+        for operation in self._record.ledger.pending_operations():
+            if operation.status is OperationStatus.REQUESTED:
+                message = "the gateway restarted before an answer was recorded; the robot's state will tell"
+                self._note(OperationProgressed(operation.requested.operation_id, OperationStatus.UNKNOWN, message))
+
+    def follow(self, state: RobotState) -> None:
+        """Let a robot state settle the operations that have not ended."""
+        for operation in self._record.ledger.pending_operations():
+            verdict = settle(operation, saying_of(state))
+            if verdict is not None:
+                self._note(verdict)
+
+    def _refuse_while_pending(self) -> None:
+        pending = [o for o in self._record.ledger.pending_operations() if o.requested.verb in _MOVING_VERBS]
+        if pending:
+            raise conflict(
+                "operation_pending",
+                f"operation {pending[0].requested.operation_id} ({pending[0].requested.verb}) is "
+                f"{pending[0].status}; wait until it has ended, or stop it",
+            )
+
+    def _envelope(self, state: RobotState) -> CommandEnvelope:
+        return CommandEnvelope(
+            command_id=secrets.token_hex(16),
+            client=self._client,
+            client_sequence=next(self._client_sequence),
+            robot_boot_epoch=state.boot_epoch,
+            after_state_sequence=state.sequence,
+            time_to_live_s=TIME_TO_LIVE_S,
+            issued_at_ns=self._clock.unix_ns(),
+        )
+
+    def _begin(self, unit: Unit, draft: EventDraft, payload: bytes) -> Operation:
+        requested = draft.data
+        assert isinstance(requested, OperationRequested)
+        event = unit.append(draft)
+        if requested.hold_to_move:
+            unit.after_commit(lambda: self._leases.grant(requested.operation_id))
+        waiting = _Waiting(requested.operation_id, _verb(requested.verb), payload, self._stops.count)
+        unit.after_commit(lambda: self._hand_over(waiting))
+        return Operation(requested, draft.case_id, event.at_ns)
+
+    def _hand_over(self, waiting: _Waiting) -> None:
+        self._sender.submit(self._send, waiting)
+
+    def _send(self, waiting: _Waiting) -> None:
+        if self._stops.count != waiting.stops_before or self._leases.has_lapsed(waiting.operation_id):
+            message = "stopped before the command was sent; nothing moved"
+            self._note(_never_began(waiting, OperationStatus.STOPPED, "stopped_before_sending", message))
+            return
+        self._note(self._ask_robot(waiting))
+
+    def _ask_robot(self, waiting: _Waiting) -> OperationProgressed | OperationEnded:
+        key = self._keys.robot_command(waiting.verb)
+        try:
+            reply = decode(CommandReply, self._bus.query(key, waiting.payload, COMMAND_TIMEOUT_S).payload)
+        except (BusError, MessageInvalid) as error:
+            message = f"{error}; this does not mean that it was not carried out: the robot's state will tell"
+            return OperationProgressed(waiting.operation_id, OperationStatus.UNKNOWN, message)
+        if reply.verdict == "refused":
+            return _never_began(waiting, OperationStatus.FAILED, reply.code or "refused_by_robot", reply.message)
+        if waiting.verb in _VERBS_THAT_END_WITH_THE_REPLY:
+            return OperationEnded(
+                waiting.operation_id, OperationStatus.SUCCEEDED, began=True, code="", message=reply.message
+            )
+        return OperationProgressed(waiting.operation_id, OperationStatus.RUNNING, reply.message)
+
+    def _note(self, data: OperationProgressed | OperationEnded) -> None:
+        """Record how an operation fares, unless more is known: reply and robot state may overtake each other."""
+        with self._record.write() as unit:
+            operation = self._record.ledger.operations[data.operation_id]
+            if operation.ended or (isinstance(data, OperationProgressed) and _says_nothing_new(operation, data)):
+                return
+            unit.append(EventDraft(data, operation.case_id, "robot"))
+        if isinstance(data, OperationEnded):
+            self._leases.release(data.operation_id)
+
+
+def _says_nothing_new(operation: Operation, data: OperationProgressed) -> bool:
+    return operation.status in (data.status, OperationStatus.RUNNING)
+
+
+def _never_began(waiting: _Waiting, status: OperationStatus, code: str, message: str) -> OperationEnded:
+    return OperationEnded(waiting.operation_id, status, began=False, code=code, message=message)
+
+
+def _verb(name: str) -> Verb:
+    verbs: dict[str, Verb] = {
+        "move": "move",
+        "reference": "reference",
+        "acknowledge_stop": "acknowledge_stop",
+        "reset": "reset",
+    }
+    return verbs[name]
+
+
+def _requested(envelope: CommandEnvelope, verb: str, state: RobotState, move: Move | None) -> OperationRequested:
+    return OperationRequested(
+        operation_id=envelope.command_id,
+        verb=verb,
+        plan_number=move.plan_number if move else None,
+        plan_sha256=move.approval.plan_sha256 if move else None,
+        hold_to_move=move.hold_to_move if move else False,
+        robot_boot_epoch=envelope.robot_boot_epoch,
+        after_state_sequence=envelope.after_state_sequence,
+        state_sent_at_ns=state.sent_at_ns,
+        previous_command_id=state.command_id,
+        time_to_live_s=envelope.time_to_live_s,
+    )

@@ -1,0 +1,127 @@
+"""Images for people: pixels fetched by hash from imaging, drawn as PNG; the stored DICOM from the image folder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.ui_api.core.case import Case
+from services.ui_api.core.events import ImageReceived
+from services.ui_api.desks.refusals import RefusalKind, Refused, conflict, unknown
+from services.ui_api.record.record import CaseRecord
+from shared.bus.keys import Keys
+from shared.bus.port import Bus
+from shared.errors import NoReply
+from shared.messages.base import decode
+from shared.messages.imaging import CalibrationMessage, FrameHeader
+
+FRAME_TIMEOUT_S = 2.0
+_SHOWN_PERCENTILES = (0.1, 99.9)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownImage:
+    """An image and the case that it belongs to."""
+
+    image: ImageReceived
+    case: Case
+
+
+class ImageDesk:
+    """Finds images in the record and fetches what the record does not hold.
+
+    Parameters
+    ----------
+    image_dir
+        Folder in which imaging stores the files it received, each under its SHA-256.
+    """
+
+    def __init__(self, bus: Bus, keys: Keys, record: CaseRecord, image_dir: Path) -> None:
+        self._bus, self._keys, self._record = bus, keys, record
+        self._image_dir = image_dir
+
+    def find(self, sha256: str) -> KnownImage:
+        """An image of any case, the newest case first; raises `Refused`."""
+        for case in reversed(self._record.ledger.cases.values()):
+            image = case.image(sha256)
+            if image is not None:
+                return KnownImage(image, case)
+        raise unknown("image", sha256, "GET /cases/{id}/images lists those of a case")
+
+    def header(self, image: ImageReceived) -> FrameHeader | None:
+        """The image's header, if it came in."""
+        if image.header_sha256 is None:
+            return None
+        return decode(FrameHeader, self._record.document(image.header_sha256))
+
+    def dicom(self, sha256: str) -> bytes:
+        """The file exactly as imaging stored it; raises `Refused`."""
+        self.find(sha256)
+        for path in stored_paths(self._image_dir, sha256):
+            if path.is_file():
+                return path.read_bytes()
+        raise Refused(
+            RefusalKind.UNAVAILABLE,
+            "image_file_unreachable",
+            f"the file of image {sha256[:12]} is not in {self._image_dir}; set image_dir to the folder in which "
+            "imaging stores its files",
+        )
+
+    def raw_png(self, sha256: str) -> bytes:
+        """The image as received, with its grey values stretched to 8 bits."""
+        self.find(sha256)
+        return _png(_to_8_bits(self._pixels(sha256)))
+
+    def corrected_png(self, sha256: str) -> bytes:
+        """The image without distortion, un-mirrored when the calibration says that it is mirrored. For people only."""
+        known = self.find(sha256)
+        calibrated = known.case.calibration_of(sha256)
+        message = None
+        if calibrated is not None:
+            message = decode(CalibrationMessage, self._record.document(calibrated.document_sha256))
+        if message is None or message.values is None:
+            raise conflict("image_not_calibrated", f"image {sha256[:12]} has no calibration, so it cannot be corrected")
+        calibration = message.values.calibration()
+        pixels = self._pixels(sha256)
+        if calibration.mirrored:
+            pixels = pixels[:, ::-1]
+        rows, columns = np.mgrid[0 : calibration.height_px, 0 : calibration.width_px].astype(np.float64)
+        measured = calibration.distortion.distort(np.stack([columns, rows], axis=-1)).astype(np.float32)
+        shown = cv2.remap(_to_8_bits(pixels), measured[..., 0], measured[..., 1], cv2.INTER_LINEAR)
+        return _png(np.asarray(shown, dtype=np.uint8))
+
+    def overlay_png(self, sha256: str) -> bytes:
+        """What registration found, drawn on the image."""
+        measured = self.find(sha256).case.localisation_of(sha256)
+        if measured is None or measured.overlay_sha256 is None:
+            raise conflict("no_overlay", f"image {sha256[:12]} has no localisation with an overlay (yet)")
+        return self._record.document(measured.overlay_sha256)
+
+    def _pixels(self, sha256: str) -> NDArray[np.float32]:
+        try:
+            answer = self._bus.query(self._keys.frame_by_hash(sha256), b"", FRAME_TIMEOUT_S)
+        except NoReply as error:
+            raise Refused(
+                RefusalKind.UNAVAILABLE,
+                "pixels_unreachable",
+                f"imaging did not hand out the pixels of image {sha256[:12]}: {error}; check that imaging runs",
+            ) from None
+        return decode(FrameHeader, answer.attachment).pixels(answer.payload)
+
+
+def stored_paths(image_dir: Path, sha256: str) -> tuple[Path, ...]:
+    """Where imaging may have put a file: flat, or in folders by the first two digits of the hash."""
+    return (image_dir / f"{sha256}.dcm", image_dir / sha256[:2] / f"{sha256}.dcm")
+
+
+def _to_8_bits(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
+    low, high = np.percentile(pixels, _SHOWN_PERCENTILES)
+    span = max(float(high - low), 1e-6)
+    return np.asarray(np.clip((pixels - low) * (255.0 / span), 0.0, 255.0), dtype=np.uint8)
+
+
+def _png(pixels: NDArray[np.uint8]) -> bytes:
+    _, encoded = cv2.imencode(".png", pixels)
+    return bytes(encoded.tobytes())

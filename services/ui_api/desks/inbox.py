@@ -1,0 +1,173 @@
+"""What comes in from the bus, put into the record by one thread, in the order in which it came."""
+
+import base64
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from services.ui_api.core.events import (
+    EventData,
+    EventDraft,
+    ImageCalibrated,
+    ImageReceived,
+    LocalisationReceived,
+    PresenceChanged,
+)
+from services.ui_api.desks.commands import CommandDesk
+from services.ui_api.desks.robot_view import RobotView, change_of
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit import Unit
+from shared.bus.keys import Keys
+from shared.bus.port import Bus, Sample
+from shared.messages.base import MessageInvalid, decode, encode
+from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageReference
+from shared.messages.presence import ServiceName
+from shared.messages.registration import LocalisationRecord
+from shared.messages.robot import RobotState
+from shared.runtime.latest import BoundedQueue
+from shared.runtime.logging import Log
+
+WATCHED_SERVICES: tuple[ServiceName, ...] = ("imaging", "registration", "robot")
+_QUEUE_SIZE = 4096
+
+
+@dataclass(slots=True)
+class Attendance:
+    """Which services hold their liveliness token now, and which image source was heard of last."""
+
+    alive: dict[ServiceName, bool]
+    image_source: str = ""
+
+
+class Inbox:
+    """Subscribes on `start`; its thread ends on `close` once everything that came in is recorded."""
+
+    def __init__(
+        self, bus: Bus, keys: Keys, record: CaseRecord, view: RobotView, commands: CommandDesk, log: Log
+    ) -> None:
+        self._bus, self._keys, self._record = bus, keys, record
+        self._view, self._commands, self._log = view, commands, log
+        self._queue: BoundedQueue[Callable[[], None]] = BoundedQueue(_QUEUE_SIZE)
+        self._thread = threading.Thread(target=self._work, name="inbox", daemon=True)
+        self.attendance = Attendance(dict.fromkeys(WATCHED_SERVICES, False))
+
+    def start(self) -> None:
+        """Begin to listen and to record."""
+        self._thread.start()
+        self._bus.subscribe(self._keys.frame, lambda s: self._put(lambda: self._frame(s.attachment)))
+        for key, handle in ((self._keys.calibration, self._calibration), (self._keys.localisation, self._localisation)):
+            self._bus.subscribe_retained(key, self._recorded_later(handle))
+        self._bus.subscribe_retained(self._keys.robot_state, self._robot_state)
+        for service in WATCHED_SERVICES:
+            self._bus.presence().watch_alive(self._keys.alive(service), self._presence_of(service))
+
+    def close(self) -> None:
+        """Record what is still waiting, then end."""
+        self._put(self._queue.close)
+        if self._thread.is_alive():
+            self._thread.join(5.0)
+
+    def _put(self, work: Callable[[], None]) -> None:
+        if not self._queue.put(work):
+            self._log.error("inbox_full", refused=self._queue.refused, size=_QUEUE_SIZE)
+
+    def _work(self) -> None:
+        while (work := self._queue.take()) is not None:
+            try:
+                work()
+            except MessageInvalid as error:
+                self._log.error("message_invalid", detail=str(error))
+            except Exception:  # noqa: BLE001 - the border of a task: one bad message must not end the recording
+                self._log.exception("inbox_fault")
+
+    def _recorded_later(self, handle: Callable[[bytes], None]) -> Callable[[Sample], None]:
+        return lambda sample: self._put(lambda: handle(sample.payload))
+
+    def _robot_state(self, sample: Sample) -> None:
+        """On the bus's thread, so that the newest state never waits for the record."""
+        state = decode(RobotState, sample.payload)
+        changed = self._view.note(state)
+        if changed:
+            self._put(lambda: self._robot_changed(state))
+        if changed or self._record.ledger.pending_operations():
+            self._put(lambda: self._commands.follow(state))
+
+    def _robot_changed(self, state: RobotState) -> None:
+        self._append_to_open_case(change_of(state), "robot")
+
+    def _presence_of(self, service: ServiceName) -> Callable[[str, bool], None]:
+        def changed(_: str, alive: bool) -> None:  # noqa: FBT001 - the bus port's signature
+            if self.attendance.alive[service] is not alive:
+                self.attendance.alive[service] = alive
+                self._put(lambda: self._append_to_open_case(PresenceChanged(service, alive), service))
+
+        return changed
+
+    def _append_to_open_case(self, data: EventData, who: str) -> None:
+        with self._record.write() as unit:
+            case = self._record.ledger.open_case()
+            unit.append(EventDraft(data, case.case_id if case else None, who))
+
+    def _frame(self, attachment: bytes) -> None:
+        header = decode(FrameHeader, attachment)
+        self.attendance.image_source = f"{header.manufacturer} {header.model_name}".strip()
+        reference = ImageReference(
+            sha256=header.sha256,
+            sop_instance_uid=header.sop_instance_uid,
+            sequence=header.sequence,
+            received_at_ns=header.received_at_ns,
+        )
+        with self._record.write() as unit:
+            self._keep_image(unit, header.case_id, header.case_revision, reference, header)
+
+    def _calibration(self, payload: bytes) -> None:
+        message = decode(CalibrationMessage, payload)
+        codes = tuple(reason.code.value for reason in message.reasons)
+        with self._record.write() as unit:
+            case = self._record.ledger.cases.get(message.case_id or "")
+            document = unit.put_document(payload)
+            data = ImageCalibrated(message.image.sha256, message.verdict, codes, document)
+            if case is None or data in case.calibrations:
+                return
+            self._keep_image(unit, message.case_id, message.case_revision, message.image, None)
+            unit.append(EventDraft(data, case.case_id, "imaging"))
+
+    def _localisation(self, payload: bytes) -> None:
+        message = decode(LocalisationRecord, payload)
+        found = message.localisation
+        with self._record.write() as unit:
+            case = self._record.ledger.cases.get(message.case_id)
+            if case is None or case.knows_localisation(message.image.sha256, message.registration_epoch):
+                return
+            self._keep_image(unit, message.case_id, message.case_revision, message.image, None)
+            data = LocalisationReceived(
+                number=len(case.localisations) + 1,
+                image_sha256=message.image.sha256,
+                case_revision=message.case_revision,
+                registration_epoch=message.registration_epoch,
+                verdict=found.verdict,
+                reason_codes=tuple(reason.code.value for reason in found.reasons),
+                document_sha256=unit.put_document(encode(message.model_copy(update={"overlay_png_base64": None}))),
+                overlay_sha256=_keep_overlay(unit, message),
+            )
+            unit.append(EventDraft(data, case.case_id, "registration"))
+
+    def _keep_image(
+        self, unit: Unit, case_id: str | None, revision: int, reference: ImageReference, header: FrameHeader | None
+    ) -> None:
+        """Record an image once. Frames may be dropped on the bus: then a result made from it is the first to tell."""
+        case = self._record.ledger.cases.get(case_id or "")
+        known = () if case is None else case.images
+        if any((i.image_sha256, i.received_at_ns) == (reference.sha256, reference.received_at_ns) for i in known):
+            return
+        header_sha256 = None if header is None else unit.put_document(encode(header))
+        data = ImageReceived(
+            reference.sha256, reference.sop_instance_uid, reference.received_at_ns, revision, header_sha256
+        )
+        unit.append(EventDraft(data, case.case_id if case else None, "imaging"))
+
+
+def _keep_overlay(unit: Unit, message: LocalisationRecord) -> str | None:
+    if message.overlay_png_base64 is None:
+        return None
+    return unit.put_document(base64.b64decode(message.overlay_png_base64, validate=True), "image/png")

@@ -1,0 +1,90 @@
+"""Hold-to-move: a motion lasts only as long as someone renews its lease; when it lapses, the robot is stopped."""
+
+import threading
+from collections.abc import Callable
+
+from services.ui_api.desks.clock import Clock
+
+
+class Leases:
+    """Watches leases on a thread of its own between `start` and `close`.
+
+    Parameters
+    ----------
+    lease_s
+        How long a lease lasts from its grant or renewal.
+    on_lapse
+        Called once with the operation's id when its lease lapses; it may take its time, others are not held up by it.
+    """
+
+    def __init__(self, clock: Clock, lease_s: float, on_lapse: Callable[[str], None]) -> None:
+        self._clock = clock
+        self.lease_s = lease_s
+        self._on_lapse = on_lapse
+        self._changed = threading.Condition()
+        self._deadline_s: dict[str, float] = {}
+        self._lapsed: set[str] = set()
+        self._closed = False
+        self._thread = threading.Thread(target=self._watch, name="leases", daemon=True)
+
+    def start(self) -> None:
+        """Begin to watch."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End watching; leases that are still held lapse, because nobody would watch them."""
+        with self._changed:
+            self._closed = True
+            held = list(self._deadline_s)
+            self._deadline_s.clear()
+            self._lapsed.update(held)
+            self._changed.notify_all()
+        for operation_id in held:
+            self._on_lapse(operation_id)
+
+    def grant(self, operation_id: str) -> None:
+        """Begin a lease."""
+        with self._changed:
+            self._deadline_s[operation_id] = self._clock.monotonic_s() + self.lease_s
+            self._changed.notify_all()
+
+    def renew(self, operation_id: str) -> bool:
+        """Begin the lease anew; False when it has lapsed or was never granted."""
+        with self._changed:
+            deadline_s = self._deadline_s.get(operation_id)
+            if deadline_s is None or deadline_s <= self._clock.monotonic_s():
+                return False
+            self._deadline_s[operation_id] = self._clock.monotonic_s() + self.lease_s
+            return True
+
+    def release(self, operation_id: str) -> None:
+        """End a lease whose operation is over."""
+        with self._changed:
+            self._deadline_s.pop(operation_id, None)
+
+    def has_lapsed(self, operation_id: str) -> bool:
+        """Whether a granted lease has lapsed."""
+        with self._changed:
+            deadline_s = self._deadline_s.get(operation_id)
+            overdue = deadline_s is not None and deadline_s <= self._clock.monotonic_s()
+            return overdue or operation_id in self._lapsed
+
+    def _watch(self) -> None:
+        while (lapsed := self._wait_for_lapse()) is not None:
+            for operation_id in lapsed:
+                threading.Thread(target=self._on_lapse, args=(operation_id,), name="lapse", daemon=True).start()
+
+    def _wait_for_lapse(self) -> list[str] | None:
+        """Ids whose leases have lapsed, at least one; None when closed."""
+        with self._changed:
+            while not self._closed:
+                now_s = self._clock.monotonic_s()
+                lapsed = [i for i, deadline_s in self._deadline_s.items() if deadline_s <= now_s]
+                if lapsed:
+                    for operation_id in lapsed:
+                        del self._deadline_s[operation_id]
+                    self._lapsed.update(lapsed)
+                    return lapsed
+                nearest_s = min(self._deadline_s.values(), default=now_s + 3600.0)
+                self._changed.wait(nearest_s - now_s)
+            return None

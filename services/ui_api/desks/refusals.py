@@ -1,0 +1,53 @@
+"""Refusals of the gateway: raised at a desk, so that the transaction under way is taken back, and told to the client.
+
+`RefusalKind` says what sort of refusal it is without speaking HTTP; `routes.problems` gives each kind its status.
+"""
+
+from enum import StrEnum
+
+from shared.errors import DistalockError
+
+
+class RefusalKind(StrEnum):
+    """What sort of refusal it is."""
+
+    MALFORMED = "malformed"
+    UNKNOWN = "unknown"
+    INVALID = "invalid"
+    CONFLICT = "conflict"
+    PRECONDITION_MISSING = "precondition_missing"
+    PRECONDITION_FAILED = "precondition_failed"
+    NO_REPLY = "no_reply"
+    UNAVAILABLE = "unavailable"
+
+
+class Refused(DistalockError):
+    """The gateway does not do what was asked, and nothing was done.
+
+    Parameters
+    ----------
+    code
+        Stable name of this very refusal.
+    message
+        One sentence: what was found, the limit, what to do.
+    """
+
+    def __init__(self, kind: RefusalKind, code: str, message: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.code = code
+
+
+def unknown(what: str, name: str, remedy: str) -> Refused:
+    """Refusal because there is nothing of that name."""
+    return Refused(RefusalKind.UNKNOWN, f"{what}_not_found", f"there is no {what} {name!r}; {remedy}")
+
+
+def conflict(code: str, message: str) -> Refused:
+    """Refusal because of the state that things are in."""
+    return Refused(RefusalKind.CONFLICT, code, message)
+
+
+def invalid(code: str, message: str) -> Refused:
+    """Refusal because of what the request says."""
+    return Refused(RefusalKind.INVALID, code, message)

@@ -1,0 +1,56 @@
+"""The stop path: straight to the robot, past every queue, lock and transaction of the gateway."""
+
+import itertools
+from dataclasses import dataclass
+
+from services.ui_api.core.events import EventDraft, StopRequested
+from services.ui_api.record.record import CaseRecord
+from shared.bus.keys import Keys
+from shared.bus.port import Bus
+from shared.errors import BusError
+from shared.messages.base import MessageInvalid, decode, encode
+from shared.messages.robot import CommandReply, MotionState, StopCommand
+
+STOP_TIMEOUT_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class StopOutcome:
+    """What came of a stop. `state` is the robot's own word, None when it gave none."""
+
+    confirmed: bool
+    state: MotionState | None
+    message: str
+
+
+class StopDesk:
+    """Sends stops. `count` lets a command that is still waiting to be sent see that a stop came in between."""
+
+    def __init__(self, bus: Bus, keys: Keys, client: str) -> None:
+        self._bus = bus
+        self._key = keys.robot_command("stop")
+        self._client = client
+        self._counter = itertools.count(1)
+        self.count = 0
+
+    def stop(self, reason: str) -> StopOutcome:
+        """Send a stop and wait for the robot's word; nothing is written or locked before it is sent."""
+        self.count = next(self._counter)
+        command = encode(StopCommand(client=self._client, reason=reason))
+        try:
+            reply = decode(CommandReply, self._bus.query(self._key, command, STOP_TIMEOUT_S).payload)
+        except (BusError, MessageInvalid) as error:
+            return StopOutcome(
+                confirmed=False,
+                state=None,
+                message=f"the stop was sent, but the robot did not confirm it: {error}; press the stop button on the "
+                "controller",
+            )
+        return StopOutcome(reply.verdict == "accepted", reply.state, reply.message)
+
+
+def record_stop(record: CaseRecord, outcome: StopOutcome, reason: str, who: str) -> None:
+    """Write a stop into the log, after it was sent."""
+    case = record.ledger.open_case()
+    data = StopRequested(reason, outcome.confirmed, outcome.message)
+    record.append(EventDraft(data, case.case_id if case else None, who, reason))

@@ -1,0 +1,50 @@
+"""Verifications: wires and guide holes against the nail's hole axes, measured by registration."""
+
+from services.ui_api.core.case import Case
+from services.ui_api.core.events import EventDraft, VerificationMade, VerificationRefused
+from services.ui_api.desks.refusals import conflict, unknown
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit import Unit
+from shared.bus.keys import Keys
+from shared.bus.port import Bus
+from shared.messages.base import decode, encode
+from shared.messages.registration import Verification, VerificationReply, VerificationRequest
+
+VERIFICATION_TIMEOUT_S = 60.0
+
+
+class VerificationDesk:
+    """Asks registration, and keeps what it answers."""
+
+    def __init__(self, bus: Bus, keys: Keys, record: CaseRecord) -> None:
+        self._bus, self._keys, self._record = bus, keys, record
+
+    def ask(self, case: Case, images: tuple[str, ...]) -> VerificationReply:
+        """Have registration verify; raises `Refused` or `NoReply`. Records nothing."""
+        if case.progress.closed:
+            raise conflict("case_closed", f"case {case.case_id} is {case.progress.stage}: it takes no verification")
+        for image in images:
+            if case.image(image) is None:
+                raise unknown("image", image, f"GET /cases/{case.case_id}/images lists those of the case")
+        request = VerificationRequest(case_id=case.case_id, image_sha256=images)
+        answer = self._bus.query(self._keys.verification_request, encode(request), VERIFICATION_TIMEOUT_S)
+        return decode(VerificationReply, answer.payload)
+
+    def keep(self, unit: Unit, case_id: str, images: tuple[str, ...], reply: VerificationReply) -> int | None:
+        """Record registration's answer; the verification's number, or None when there is none."""
+        made = reply.verification
+        if made is None:
+            refusal = VerificationRefused(images, reply.code or "no_verification", reply.message)
+            unit.append(EventDraft(refusal, case_id, "registration"))
+            return None
+        number = len(self._record.ledger.cases[case_id].verifications) + 1
+        codes = tuple(reason.code.value for reason in made.reasons)
+        data = VerificationMade(number, images, made.verdict, codes, unit.put_document(encode(made)))
+        unit.append(EventDraft(data, case_id, "registration"))
+        return number
+
+    def content(self, case: Case, number: int) -> Verification:
+        """A verification as registration made it; raises `Refused`."""
+        if not 1 <= number <= len(case.verifications):
+            raise unknown("verification", str(number), f"case {case.case_id} has {len(case.verifications)}")
+        return decode(Verification, self._record.document(case.verifications[number - 1].document_sha256))

@@ -1,0 +1,80 @@
+"""Open the case record's database and bring its schema up to date."""
+
+import sqlite3
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from alembic.util import CommandError
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.engine import make_url
+from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.exc import ArgumentError, DBAPIError
+from sqlalchemy.pool import ConnectionPoolEntry
+
+from shared.errors import ConfigurationError
+
+WRITES = "distalock_writes"
+
+
+def sqlite_url(state_dir: Path) -> str:
+    """URL of the default database: a file in the state folder."""
+    return f"sqlite:///{state_dir / 'case-record.sqlite'}"
+
+
+def open_database(url: str) -> Engine:
+    """Open a database and upgrade its schema.
+
+    Raises
+    ------
+    ConfigurationError
+        When the URL or the folder is unusable, the file is no database, or a newer version wrote it.
+    """
+    engine = _engine(url)
+    try:
+        _upgrade(engine)
+    except CommandError as error:
+        raise ConfigurationError(
+            f"case record {url}: its schema is not one that this version knows ({error}); start the newer version"
+        ) from None
+    except (DBAPIError, sqlite3.Error) as error:
+        cause = error.orig if isinstance(error, DBAPIError) else error
+        raise ConfigurationError(f"case record {url}: cannot be opened: {cause}") from None
+    return engine
+
+
+def _engine(url: str) -> Engine:
+    try:
+        parsed = make_url(url)
+        if parsed.get_backend_name() == "sqlite" and parsed.database:
+            Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
+        engine = create_engine(parsed)
+    except (ArgumentError, ImportError, OSError) as error:
+        raise ConfigurationError(f"database URL {url!r} cannot be used: {error}") from None
+    if parsed.get_backend_name() == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def _prepare_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:
+    """WAL, and a flush to the disk with every commit: what was acknowledged survives a kill and a power cut."""
+    assert isinstance(connection, sqlite3.Connection)
+    connection.isolation_level = None  # transactions begin where `_begin_sqlite` says, not where the driver guesses
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=5000"):
+        connection.execute(f"PRAGMA {pragma}")
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    """Writers take the lock at once, so that no transaction fails half-way for want of it."""
+    writes = connection.get_execution_options().get(WRITES, False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def _upgrade(engine: Engine) -> None:
+    config = Config()
+    config.set_main_option("script_location", "services.ui_api.record:migrations")
+    with engine.connect().execution_options(**{WRITES: True}) as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+        connection.commit()

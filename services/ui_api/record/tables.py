@@ -1,0 +1,39 @@
+"""The tables of the case record. The migrations make the same; a test compares the two."""
+
+from sqlalchemy import BigInteger, Column, ForeignKey, Integer, LargeBinary, MetaData, String, Table, Text
+
+METADATA = MetaData()
+
+EVENTS = Table(
+    "events",
+    METADATA,
+    Column("sequence", Integer, primary_key=True, autoincrement=False),
+    Column("at_ns", BigInteger, nullable=False),
+    Column("case_id", String(64), nullable=True, index=True),
+    Column("who", String(128), nullable=False),
+    Column("why", Text, nullable=False),
+    Column("kind", String(64), nullable=False),
+    Column("data_json", Text, nullable=False),
+    Column("previous_sha256", String(64), nullable=False, unique=True),
+    Column("sha256", String(64), nullable=False, unique=True),
+)
+
+DOCUMENTS = Table(
+    "documents",
+    METADATA,
+    Column("sha256", String(64), primary_key=True),
+    Column("media_type", String(128), nullable=False),
+    Column("content", LargeBinary, nullable=False),
+)
+
+ANSWERS = Table(
+    "answers",
+    METADATA,
+    Column("idempotency_key", String(255), primary_key=True),
+    Column("request_sha256", String(64), nullable=False),
+    Column("status", Integer, nullable=False),
+    Column("headers_json", Text, nullable=False),
+    Column("body_json", Text, nullable=False),
+    Column("event_sequence", Integer, ForeignKey("events.sequence"), nullable=True),
+    Column("answered_at_ns", BigInteger, nullable=False),
+)

@@ -1,0 +1,95 @@
+"""One unit of work on the record: events, documents and a remembered answer, written together or not at all."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from sqlalchemy import Connection, insert, select
+
+from services.ui_api.core.chain import ChainEntry, entry_sha256
+from services.ui_api.core.events import KIND_OF_DATA, Event, EventDraft
+from services.ui_api.record.codec import data_json, event_of
+from services.ui_api.record.tables import ANSWERS, DOCUMENTS, EVENTS
+from shared.parts.files import sha256_of
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """An HTTP answer as it is remembered with its idempotency key. `body_json` is JSON text."""
+
+    status: int
+    body_json: str
+    headers: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class RememberedAnswer:
+    """An answer and the fingerprint of the request that it answered."""
+
+    request_sha256: str
+    answer: Answer
+
+
+class Unit:
+    """What may be done within one transaction. `CaseRecord.write` makes it and commits it."""
+
+    def __init__(self, connection: Connection, head_sequence: int, head_sha256: str, now_ns: int) -> None:
+        self._connection = connection
+        self._head_sequence = head_sequence
+        self.head_sha256 = head_sha256
+        self.now_ns = now_ns
+        self.events: list[Event] = []
+        self.afterwards: list[Callable[[], None]] = []
+
+    def append(self, draft: EventDraft) -> Event:
+        """Append an event to the log."""
+        sequence = self._head_sequence + 1
+        text = data_json(draft.data)
+        kind = KIND_OF_DATA[type(draft.data)]
+        entry = ChainEntry(sequence, self.now_ns, draft.case_id, draft.who, draft.why, kind, text, self.head_sha256, "")
+        entry = replace(entry, sha256=entry_sha256(entry))
+        self._connection.execute(insert(EVENTS).values(_columns(entry)))
+        self._head_sequence, self.head_sha256 = sequence, entry.sha256
+        event = event_of(sequence, self.now_ns, draft)
+        self.events.append(event)
+        return event
+
+    def put_document(self, content: bytes, media_type: str = "application/json") -> str:
+        """Store a document once, under its SHA-256, which is returned."""
+        sha256 = sha256_of(content)
+        known = self._connection.execute(select(DOCUMENTS.c.sha256).where(DOCUMENTS.c.sha256 == sha256)).first()
+        if known is None:
+            self._connection.execute(insert(DOCUMENTS).values(sha256=sha256, media_type=media_type, content=content))
+        return sha256
+
+    def remember(self, key: str, request_sha256: str, answer: Answer) -> None:
+        """Store an answer with its idempotency key."""
+        self._connection.execute(
+            insert(ANSWERS).values(
+                idempotency_key=key,
+                request_sha256=request_sha256,
+                status=answer.status,
+                headers_json=json.dumps(dict(answer.headers)),
+                body_json=answer.body_json,
+                event_sequence=self._head_sequence or None,
+                answered_at_ns=self.now_ns,
+            )
+        )
+
+    def after_commit(self, effect: Callable[[], None]) -> None:
+        """Have something done once the transaction is on the disk, and not at all if it fails."""
+        self.afterwards.append(effect)
+
+
+def _columns(entry: ChainEntry) -> dict[str, int | str | None]:
+    return {
+        "sequence": entry.sequence,
+        "at_ns": entry.at_ns,
+        "case_id": entry.case_id,
+        "who": entry.who,
+        "why": entry.why,
+        "kind": entry.kind,
+        "data_json": entry.data_json,
+        "previous_sha256": entry.previous_sha256,
+        "sha256": entry.sha256,
+    }

@@ -1,0 +1,23 @@
+"""How routes reach the gateway: one object, put on the application when it is made."""
+
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from services.ui_api.routes.idempotency import Idempotency
+from services.ui_api.service import Gateway
+
+
+async def _gateway(request: Request) -> Gateway:
+    gateway: Gateway = request.app.state.gateway
+    return gateway
+
+
+async def _idempotency(request: Request) -> Idempotency:
+    idempotency: Idempotency = request.app.state.idempotency
+    return idempotency
+
+
+# Both are coroutines on purpose: plain functions would wait for a thread of the pool, and stop must wait for nothing.
+TheGateway = Annotated[Gateway, Depends(_gateway)]
+TheIdempotency = Annotated[Idempotency, Depends(_idempotency)]

@@ -1,0 +1,145 @@
+"""What clients send: strict, without unknown keys, units in names."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from services.ui_api.core.events import Step
+from services.ui_api.desks.cases import SetupRequest
+from shared.messages.base import Identifier, Sha256
+from shared.messages.cases import Bone, HeadExtension, Mount, Side
+
+PersonName = Annotated[str, Field(min_length=1, max_length=128)]
+HoleIds = Annotated[list[Annotated[str, Field(min_length=1, max_length=64)]], Field(max_length=16)]
+Why = Annotated[str, Field(max_length=500)]
+SourceToDetector = Annotated[float, Field(ge=500.0, le=2000.0, allow_inf_nan=False)]
+PixelSize = Annotated[float, Field(ge=0.05, le=2.0, allow_inf_nan=False)]
+PartObject = dict[str, object]
+# A name in the catalogue, or the JSON object of a part file.
+Part = Identifier | PartObject
+DEFAULT_HEXAPOD = "hexapod-h70"
+
+
+class Body(BaseModel):
+    """Base of all request bodies."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class CaseBody(Body):
+    """Opens a case."""
+
+    side: Side
+    bone: Bone
+    mount: Mount
+    nail: Part
+    guide: Part
+    ring: Part
+    hexapod: Part = DEFAULT_HEXAPOD
+    head_extension_mm: HeadExtension
+    guide_calibration: PartObject | None = Field(
+        None, description="Guide file of this very guide as measured; it takes the place of the nominal guide file."
+    )
+    nominal_source_to_detector_mm: SourceToDetector | None = None
+    nominal_pixel_mm: PixelSize | None = None
+    opened_by: PersonName = "unnamed"
+
+    def request(self) -> SetupRequest:
+        """As the case desk takes it."""
+        return _setup_request(self)
+
+
+class CasePatch(Body):
+    """Changes the set-up of a case; what is left out stays as it is."""
+
+    side: Side | None = None
+    bone: Bone | None = None
+    mount: Mount | None = None
+    nail: Part | None = None
+    guide: Part | None = None
+    ring: Part | None = None
+    hexapod: Part | None = None
+    head_extension_mm: HeadExtension | None = None
+    guide_calibration: PartObject | None = None
+    nominal_source_to_detector_mm: SourceToDetector | None = None
+    nominal_pixel_mm: PixelSize | None = None
+    changed_by: PersonName = "unnamed"
+    why: Why = ""
+
+    def request(self) -> SetupRequest:
+        """As the case desk takes it."""
+        return _setup_request(self)
+
+
+def _setup_request(body: CaseBody | CasePatch) -> SetupRequest:
+    return SetupRequest(
+        side=body.side,
+        bone=body.bone,
+        mount=body.mount,
+        head_extension_mm=body.head_extension_mm,
+        ring=body.ring,
+        guide=body.guide,
+        nail=body.nail,
+        hexapod=body.hexapod,
+        guide_calibration=body.guide_calibration,
+        nominal_source_to_detector_mm=body.nominal_source_to_detector_mm,
+        nominal_pixel_mm=body.nominal_pixel_mm,
+    )
+
+
+class StepBody(Body):
+    """What people did with their hands. Without `hole_ids` it concerns all holes."""
+
+    step: Literal[
+        "wires_inserted",
+        "wires_removed",
+        "drilled",
+        "screws_inserted",
+        "mount_moved",
+        "ring_remounted",
+        "robot_removed",
+        "finished",
+        "abandoned",
+    ]
+    hole_ids: HoleIds = Field(default_factory=list)
+    done_by: PersonName = "unnamed"
+    why: Why = Field("", description="Needed when the step is out of order.")
+
+    def as_step(self) -> Step:
+        """The step as the core knows it."""
+        return Step(self.step)
+
+
+class PlanBody(Body):
+    """Asks for a plan from a localisation, by its number in the case."""
+
+    localisation: int = Field(ge=1)
+    hole_ids: Annotated[list[Annotated[str, Field(min_length=1, max_length=64)]], Field(min_length=1, max_length=16)]
+
+
+class ApprovalBody(Body):
+    """A surgeon's consent to the plan whose ETag is quoted in If-Match."""
+
+    approved_by: PersonName
+
+
+class MotionBody(Body):
+    """Starts the motion of an approved plan."""
+
+    plan: int = Field(ge=1)
+    hold_to_move: bool = Field(
+        default=False, description="Motion stops unless PUT /operations/{id}/lease is repeated within its lease."
+    )
+    requested_by: PersonName = "unnamed"
+
+
+class VerificationBody(Body):
+    """Asks for a verification from one image or two."""
+
+    images: Annotated[list[Sha256], Field(min_length=1, max_length=2)]
+
+
+class CommandBody(Body):
+    """Who asks the robot to reference, to acknowledge a stop, or to reset."""
+
+    requested_by: PersonName = "unnamed"

@@ -1,0 +1,93 @@
+"""`/cases`: open, list, read, change; `/cases/{id}/steps`: what people did with their hands."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Request, Response
+
+from services.ui_api.desks.cases import StepRequest
+from services.ui_api.desks.refusals import RefusalKind, Refused
+from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.routes.access import TheGateway, TheIdempotency
+from services.ui_api.routes.bodies import CaseBody, CasePatch, StepBody
+from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
+from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.views import CaseView
+from services.ui_api.service import Gateway
+
+router = APIRouter(prefix="/cases", tags=["cases"])
+
+
+@router.post("", status_code=201, response_model=CaseView)
+def open_case(
+    request: Request, body: CaseBody, key: IdempotencyKey, gateway: TheGateway, idempotency: TheIdempotency
+) -> Response:
+    """Open a case; one at a time in this room."""
+
+    def act(unit: Unit) -> Answer:
+        case_id = gateway.cases.open_case(unit, body.request(), body.opened_by)
+        return json_answer(201, _preview(unit, gateway, case_id), location=f"/api/v1/cases/{case_id}")
+
+    return idempotency.once(keyed(request, key, body), act)
+
+
+@router.get("")
+def list_cases(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[CaseView]:
+    """All cases, the oldest first."""
+    return page(list(gateway.record.ledger.cases.values()), cursor, limit, CaseView.of)
+
+
+@router.get("/{case_id}", response_model=CaseView)
+def read_case(case_id: str, response: Response, gateway: TheGateway) -> CaseView:
+    """A case with the state of its procedure and the next allowed actions."""
+    case = gateway.cases.case(case_id)
+    response.headers["ETag"] = _etag(case.revision)
+    return CaseView.of(case)
+
+
+@router.patch("/{case_id}", response_model=CaseView)
+def change_case(
+    case_id: str,
+    body: CasePatch,
+    response: Response,
+    gateway: TheGateway,
+    if_match: Annotated[str | None, Header(description="ETag of the case that was read.")] = None,
+) -> CaseView:
+    """Change the set-up: the revision counts up, and everything measured before is stale."""
+    with gateway.record.write() as unit:
+        revision = gateway.cases.case(case_id).revision
+        if if_match is not None and if_match != _etag(revision):
+            raise Refused(
+                RefusalKind.PRECONDITION_FAILED,
+                "case_changed",
+                f"If-Match is {if_match}, but the case is at {_etag(revision)}; read it again",
+            )
+        gateway.cases.change_setup(unit, case_id, body.request(), body.changed_by, body.why)
+    return read_case(case_id, response, gateway)
+
+
+@router.post("/{case_id}/steps", status_code=201, response_model=CaseView)
+def record_step(
+    case_id: str,
+    request: Request,
+    body: StepBody,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+) -> Response:
+    """Record what people did with their hands; `finished` and `abandoned` close the case."""
+
+    def act(unit: Unit) -> Answer:
+        step = StepRequest(body.as_step(), tuple(body.hole_ids), body.done_by, body.why)
+        gateway.cases.record_step(unit, case_id, step)
+        return json_answer(201, _preview(unit, gateway, case_id))
+
+    return idempotency.once(keyed(request, key, body), act)
+
+
+def _preview(unit: Unit, gateway: Gateway, case_id: str) -> CaseView:
+    """The case as it will be once the transaction is on the disk."""
+    return CaseView.of(gateway.record.ledger.case_after(case_id, unit.events))
+
+
+def _etag(revision: int) -> str:
+    return f'"{revision}"'

@@ -1,0 +1,64 @@
+"""`/events` and `/cases/{id}/events`: the log as a stream of server-sent events, resumable by `Last-Event-ID`."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Query
+from sse_starlette import EventSourceResponse, ServerSentEvent
+
+from services.ui_api.record.record import PAGE
+from services.ui_api.routes.access import TheGateway
+from services.ui_api.routes.views import EventView
+from services.ui_api.service import Gateway
+
+router = APIRouter(tags=["events"])
+PING_S = 10.0
+LastEventId = Annotated[
+    str | None, Header(alias="Last-Event-ID", pattern=r"^\d{1,18}$", description="Id of the last event received.")
+]
+After = Annotated[int | None, Query(ge=0, description="Sequence number after which to begin.")]
+
+
+@router.get("/events", response_class=EventSourceResponse)
+async def all_events(
+    gateway: TheGateway, last_event_id: LastEventId = None, after: After = None
+) -> EventSourceResponse:
+    """All events. Without `Last-Event-ID` and `after`: those to come."""
+    start = _start(last_event_id, after, gateway.record.ledger.head_sequence)
+    return EventSourceResponse(_stream(gateway, start, None), ping=PING_S)
+
+
+@router.get("/cases/{case_id}/events", response_class=EventSourceResponse)
+async def case_events(
+    case_id: str, gateway: TheGateway, last_event_id: LastEventId = None, after: After = None
+) -> EventSourceResponse:
+    """The events of a case. Without `Last-Event-ID` and `after`: from its beginning."""
+    gateway.cases.case(case_id)
+    return EventSourceResponse(_stream(gateway, _start(last_event_id, after, 0), case_id), ping=PING_S)
+
+
+def _start(last_event_id: str | None, after: int | None, otherwise: int) -> int:
+    if last_event_id is not None:
+        return int(last_event_id)
+    return otherwise if after is None else after
+
+
+async def _stream(gateway: Gateway, start: int, case_id: str | None) -> AsyncIterator[ServerSentEvent]:
+    """Read the log from `start`, wait until it grows, and go on, until the gateway closes or the client leaves."""
+    loop = asyncio.get_running_loop()
+    grown = asyncio.Event()
+    sent = start
+
+    def wake() -> None:
+        loop.call_soon_threadsafe(grown.set)
+
+    with gateway.feed.listening(wake):
+        while not gateway.feed.closed:
+            grown.clear()
+            events = await asyncio.to_thread(gateway.record.events_after, sent, case_id)
+            for event in events:
+                sent = event.sequence
+                yield ServerSentEvent(EventView.json_of(event), event=event.kind, id=str(event.sequence))
+            if len(events) < PAGE:
+                await grown.wait()

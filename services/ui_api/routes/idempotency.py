@@ -1,0 +1,119 @@
+"""Idempotency-Key: the same request under the same key is done once, and answered the same way every time.
+
+The answer is stored in the same transaction as what was done, so that even after a kill a repeat finds both or neither.
+Refusals are remembered as well: a repeat that arrives late must not act because the state of things has changed in the
+meantime. Failures of the gateway or the bus (5xx) are not remembered, because nothing is recorded of them.
+"""
+
+import hashlib
+import json
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, TypeVar
+
+from fastapi import Header, Request
+from pydantic import BaseModel
+from starlette.responses import Response
+
+from services.ui_api.desks.refusals import invalid
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.routes.problems import PROBLEM_JSON, Problem, problem_of
+from shared.errors import DistalockError
+
+T = TypeVar("T")
+
+IdempotencyKey = Annotated[
+    str, Header(alias="Idempotency-Key", min_length=1, max_length=255, description="New for every new action.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Keyed:
+    """A request under its key; `request_sha256` covers method, path, body and a quoted header."""
+
+    key: str
+    request_sha256: str
+    path: str
+
+
+def keyed(request: Request, key: str, body: BaseModel, quoted: str = "") -> Keyed:
+    """What identifies a request; `quoted` is a header that belongs to what it says, such as If-Match."""
+    content = [request.method, request.url.path, body.model_dump(mode="json"), quoted]
+    fingerprint = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return Keyed(key, fingerprint, request.url.path)
+
+
+def json_answer(status: int, body: BaseModel, **headers: str) -> Answer:
+    """An answer with a JSON body; header names are given with underscores."""
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    return Answer(status, body.model_dump_json(by_alias=True), {"content-type": "application/json"} | named)
+
+
+def problem_answer(document: Problem) -> Answer:
+    """A problem document as an answer to be remembered."""
+    return Answer(document.status, document.model_dump_json(exclude_none=True), {"content-type": PROBLEM_JSON})
+
+
+class Idempotency:
+    """Does each request once per key; a second one with the same key waits for the first and gets its answer."""
+
+    def __init__(self, record: CaseRecord) -> None:
+        self._record = record
+        self._guard = threading.Lock()
+        self._waiting: Counter[str] = Counter()
+        self._locks: dict[str, threading.Lock] = {}
+
+    def once(self, request: Keyed, act: Callable[[Unit], Answer]) -> Response:
+        """Do something that needs only the record."""
+        return self.once_after(request, lambda: None, lambda unit, _: act(unit))
+
+    def once_after(self, request: Keyed, ask: Callable[[], T], act: Callable[[Unit, T], Answer]) -> Response:
+        """Ask another service first, outside the transaction, then record and answer within one."""
+        with self._alone(request.key):
+            known = self._record.remembered(request.key)
+            if known is not None:
+                if known.request_sha256 != request.request_sha256:
+                    raise invalid(
+                        "idempotency_key_reused",
+                        f"the key {request.key!r} was used for another request; send a new key with a new action",
+                    )
+                return _response(known.answer)
+            return _response(self._first_time(request, ask, act))
+
+    def _first_time(self, request: Keyed, ask: Callable[[], T], act: Callable[[Unit, T], Answer]) -> Answer:
+        try:
+            asked = ask()
+            with self._record.write() as unit:
+                answer = act(unit, asked)
+                unit.remember(request.key, request.request_sha256, answer)
+        except DistalockError as error:
+            refusal = problem_of(error, request.path)
+            if refusal.status >= 500:
+                raise
+            answer = problem_answer(refusal)
+            with self._record.write() as unit:
+                unit.remember(request.key, request.request_sha256, answer)
+        return answer
+
+    @contextmanager
+    def _alone(self, key: str) -> Iterator[None]:
+        """Nobody else handles the same key meanwhile."""
+        with self._guard:
+            self._waiting[key] += 1
+            lock = self._locks.setdefault(key, threading.Lock())
+        try:
+            with lock:
+                yield
+        finally:
+            with self._guard:
+                self._waiting[key] -= 1
+                if self._waiting[key] == 0:
+                    del self._waiting[key], self._locks[key]
+
+
+def _response(answer: Answer) -> Response:
+    return Response(answer.body_json, answer.status, dict(answer.headers))

@@ -1,0 +1,58 @@
+"""`/cases/{id}/images` and `/images/{id}`: images arrive from the C-arm by themselves and join the open case."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Path, Query, Response
+
+from services.ui_api.core.events import ImageReceived
+from services.ui_api.desks.images import ImageDesk
+from services.ui_api.routes.access import TheGateway
+from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.views import ImageView
+
+router = APIRouter(tags=["images"])
+ImageId = Annotated[str, Path(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the stored file.")]
+PngView = Literal["raw", "corrected", "overlay"]
+_FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
+
+
+@router.get("/cases/{case_id}/images")
+def list_images(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[ImageView]:
+    """The images of a case, the oldest first."""
+    case = gateway.cases.case(case_id)
+
+    def view(image: ImageReceived) -> ImageView:
+        return ImageView.of(case, image, gateway.images.header(image))
+
+    return page(case.images, cursor, limit, view)
+
+
+@router.get("/images/{image_id}.dcm", response_class=Response, responses={200: {"content": {"application/dicom": {}}}})
+def read_dicom(image_id: ImageId, gateway: TheGateway) -> Response:
+    """The file exactly as imaging stored it: its SHA-256 is the image's id."""
+    return Response(gateway.images.dicom(image_id), media_type="application/dicom", headers=_FOR_EVER)
+
+
+@router.get("/images/{image_id}.png", response_class=Response, responses={200: {"content": {"image/png": {}}}})
+def read_png(
+    image_id: ImageId, gateway: TheGateway, view: Annotated[PngView, Query(description="What to draw.")] = "raw"
+) -> Response:
+    """The image for people: as received, without distortion, or with what was found drawn on it."""
+    return Response(_draw(gateway.images, image_id, view), media_type="image/png")
+
+
+@router.get("/images/{image_id}")
+def read_image(image_id: ImageId, gateway: TheGateway) -> ImageView:
+    """What is known of an image."""
+    known = gateway.images.find(image_id)
+    return ImageView.of(known.case, known.image, gateway.images.header(known.image))
+
+
+def _draw(images: ImageDesk, image_id: str, view: PngView) -> bytes:
+    match view:
+        case "raw":
+            return images.raw_png(image_id)
+        case "corrected":
+            return images.corrected_png(image_id)
+        case "overlay":
+            return images.overlay_png(image_id)

@@ -1,0 +1,62 @@
+"""`/cases/{id}/localisations`, `/cases/{id}/alignment`: what registration found, and how to turn the C-arm."""
+
+from fastapi import APIRouter
+
+from services.ui_api.core.case import Case
+from services.ui_api.core.events import LocalisationReceived
+from services.ui_api.desks.planning import localisation_of, localisation_staleness
+from services.ui_api.desks.refusals import unknown
+from services.ui_api.routes.access import TheGateway
+from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.views import AlignmentView, HoleTilt, LocalisationView, age_s
+from services.ui_api.service import Gateway
+from shared.messages.base import decode
+from shared.messages.registration import LocalisationRecord
+
+router = APIRouter(prefix="/cases/{case_id}", tags=["localisations"])
+
+
+@router.get("/localisations")
+def list_localisations(
+    case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50
+) -> Page[LocalisationView]:
+    """The localisations of a case, the oldest first."""
+    case = gateway.cases.case(case_id)
+    return page(case.localisations, cursor, limit, lambda measured: _view(gateway, case, measured))
+
+
+@router.get("/localisations/{number}")
+def read_localisation(case_id: str, number: int, gateway: TheGateway) -> LocalisationView:
+    """What `locate` prints, plus provenance and whether it still holds."""
+    case = gateway.cases.case(case_id)
+    return _view(gateway, case, localisation_of(case, number))
+
+
+@router.get("/alignment")
+def read_alignment(case_id: str, gateway: TheGateway) -> AlignmentView:
+    """How far and which way to turn the C-arm, from the newest localisation."""
+    case = gateway.cases.case(case_id)
+    if not case.localisations:
+        raise unknown("localisation", "newest", f"case {case_id} has none yet; take an image")
+    measured = case.localisations[-1]
+    found = _document(gateway, measured)
+    clause = localisation_staleness(case, measured)
+    return AlignmentView(
+        localisation=measured.number,
+        image=measured.image_sha256,
+        verdict=measured.verdict,
+        reason_codes=list(measured.reason_codes),
+        c_arm_correction_deg=found.localisation.c_arm_correction_deg,
+        tilts=[HoleTilt(id=h.id, tilt_to_ray_deg=h.tilt_to_ray_deg) for h in found.localisation.holes or ()],
+        age_s=age_s(found.image.received_at_ns),
+        validity="current" if clause is None else "stale",
+        stale_because=clause,
+    )
+
+
+def _document(gateway: Gateway, measured: LocalisationReceived) -> LocalisationRecord:
+    return decode(LocalisationRecord, gateway.record.document(measured.document_sha256))
+
+
+def _view(gateway: Gateway, case: Case, measured: LocalisationReceived) -> LocalisationView:
+    return LocalisationView.of_record(case, measured, _document(gateway, measured))

@@ -1,0 +1,130 @@
+"""What clients get: plans, approvals, operations and the robot."""
+
+from pydantic import Field
+
+from services.ui_api.core.case import PlanEntry
+from services.ui_api.core.operations import Operation
+from services.ui_api.routes.views import View
+from shared.messages.base import Sha256, UnixNanoseconds
+from shared.messages.registration import Plan
+from shared.messages.robot import RobotState
+
+
+class ApprovalView(View):
+    """A surgeon's consent."""
+
+    plan: int
+    plan_sha256: Sha256
+    approved_by: str
+    approved_at_ns: UnixNanoseconds
+
+
+class PlanView(View):
+    """A plan, ready for approval; `sha256` is also its ETag."""
+
+    number: int
+    sha256: Sha256
+    localisation: int
+    made_at_ns: UnixNanoseconds
+    approval: ApprovalView | None
+    validity: str = Field(description="`current`, or `stale` when it moves nothing any more.")
+    stale_because: str | None
+    plan: Plan
+
+    @staticmethod
+    def of(entry: PlanEntry, plan: Plan, stale_because: str | None) -> "PlanView":
+        """From the ledger's value and the plan's document."""
+        made, approval = entry.made, entry.approval
+        return PlanView(
+            number=made.number,
+            sha256=made.plan_sha256,
+            localisation=made.localisation,
+            made_at_ns=entry.made_at_ns,
+            approval=None
+            if approval is None
+            else ApprovalView(
+                plan=made.number,
+                plan_sha256=approval.plan_sha256,
+                approved_by=approval.approved_by,
+                approved_at_ns=approval.approved_at_ns,
+            ),
+            validity="current" if stale_because is None else "stale",
+            stale_because=stale_because,
+            plan=plan,
+        )
+
+
+class OperationView(View):
+    """A command to the robot and how far it has come.
+
+    `status` is requested, running, unknown, succeeded, failed or stopped; `began` is null while nobody knows.
+    """
+
+    id: str
+    verb: str
+    case_id: str | None
+    plan: int | None
+    hold_to_move: bool
+    status: str
+    began: bool | None
+    code: str
+    detail: str
+    deviation_mm: float | None = Field(description="Read-back minus target, once the move has ended.")
+    deviation_deg: float | None
+    requested_at_ns: UnixNanoseconds
+    ended_at_ns: UnixNanoseconds | None
+
+    @staticmethod
+    def of(operation: Operation) -> "OperationView":
+        """From the ledger's value."""
+        requested = operation.requested
+        return OperationView(
+            id=requested.operation_id,
+            verb=requested.verb,
+            case_id=operation.case_id,
+            plan=requested.plan_number,
+            hold_to_move=requested.hold_to_move,
+            status=operation.status,
+            began=operation.began,
+            code=operation.code,
+            detail=operation.message,
+            deviation_mm=operation.deviation_mm,
+            deviation_deg=operation.deviation_deg,
+            requested_at_ns=operation.requested_at_ns,
+            ended_at_ns=operation.ended_at_ns,
+        )
+
+
+class LeaseView(View):
+    """A renewed hold-to-move lease."""
+
+    operation: str
+    expires_in_s: float
+
+
+class RobotView(View):
+    """The robot as last seen, with its age."""
+
+    state: RobotState | None
+    age_s: float | None
+    validity: str = Field(description="`current`, `stale`, or `absent` when it was never seen.")
+    service_alive: bool
+    simulated: bool | None = Field(description="Read from the controller's `*IDN?`; null when it has not said.")
+    image_source: str = Field(description="Manufacturer and model in the newest image.")
+    image_source_simulated: bool | None
+
+
+class StopView(View):
+    """What came of a stop. `confirmed` is the robot's own word."""
+
+    confirmed: bool
+    state: str | None
+    detail: str
+    recorded: bool
+
+
+def says_simulated(identity: str) -> bool | None:
+    """Whether a device says of itself that it is simulated; None when it has said nothing."""
+    if not identity:
+        return None
+    return any(word in identity.lower() for word in ("simulat", "virtual"))

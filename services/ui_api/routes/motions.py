@@ -1,0 +1,72 @@
+"""`/cases/{id}/motions` and `/operations`: motions are begun here and followed there."""
+
+from fastapi import APIRouter, Request, Response
+
+from services.ui_api.core.operations import Operation
+from services.ui_api.desks.planning import MotionRequest
+from services.ui_api.desks.refusals import conflict, unknown
+from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.routes.access import TheGateway, TheIdempotency
+from services.ui_api.routes.bodies import MotionBody
+from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
+from services.ui_api.routes.motion_views import LeaseView, OperationView
+from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.service import Gateway
+
+router = APIRouter(tags=["motions"])
+
+
+@router.post("/cases/{case_id}/motions", status_code=202, response_model=OperationView)
+def begin_motion(
+    case_id: str,
+    request: Request,
+    body: MotionBody,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+) -> Response:
+    """Begin the motion of an approved plan; the operation tells how it ends."""
+
+    def act(unit: Unit) -> Answer:
+        wanted = MotionRequest(body.plan, body.hold_to_move, body.requested_by)
+        return accepted(gateway.planning.begin_motion(unit, gateway.cases.case(case_id), wanted))
+
+    return idempotency.once(keyed(request, key, body), act)
+
+
+@router.get("/operations")
+def list_operations(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[OperationView]:
+    """All operations, the oldest first."""
+    return page(list(gateway.record.ledger.operations.values()), cursor, limit, OperationView.of)
+
+
+@router.get("/operations/{operation_id}")
+def read_operation(operation_id: str, gateway: TheGateway) -> OperationView:
+    """How far an operation has come."""
+    return OperationView.of(_operation(gateway, operation_id))
+
+
+@router.put("/operations/{operation_id}/lease")
+def renew_lease(operation_id: str, gateway: TheGateway) -> LeaseView:
+    """Go on holding: motion stops when this is not repeated in time. A lapsed lease cannot be renewed."""
+    operation = _operation(gateway, operation_id)
+    if operation.ended:
+        raise conflict("operation_ended", f"operation {operation_id} has ended: it is '{operation.status}'")
+    if not operation.requested.hold_to_move:
+        raise conflict("no_lease", f"operation {operation_id} was begun without hold_to_move, so it has no lease")
+    if not gateway.leases.renew(operation_id):
+        raise conflict("lease_lapsed", f"the lease of operation {operation_id} has lapsed: the robot is stopped")
+    return LeaseView(operation=operation_id, expires_in_s=gateway.leases.lease_s)
+
+
+def accepted(operation: Operation) -> Answer:
+    """202 with the operation and where to follow it."""
+    location = f"/api/v1/operations/{operation.requested.operation_id}"
+    return json_answer(202, OperationView.of(operation), location=location)
+
+
+def _operation(gateway: Gateway, operation_id: str) -> Operation:
+    operation = gateway.record.ledger.operations.get(operation_id)
+    if operation is None:
+        raise unknown("operation", operation_id, "GET /operations lists them")
+    return operation

@@ -1,0 +1,57 @@
+"""Cursor pages: a cursor is opaque to clients and stays valid, because lists only ever grow at their end."""
+
+import base64
+import binascii
+from collections.abc import Callable, Sequence
+from typing import Annotated, Generic, TypeVar
+
+from fastapi import Query
+from pydantic import BaseModel
+
+from services.ui_api.desks.refusals import RefusalKind, Refused
+
+T = TypeVar("T")
+V = TypeVar("V")
+
+Limit = Annotated[int, Query(ge=1, le=200)]
+Cursor = Annotated[str | None, Query(max_length=64, description="`next_cursor` of the page before.")]
+_MARK = "after:"
+
+
+class Page(BaseModel, Generic[V]):
+    """One page of a list, the oldest first; `next_cursor` is null on the last."""
+
+    items: list[V]
+    next_cursor: str | None
+
+
+def page(entries: Sequence[T], cursor: str | None, limit: int, view: Callable[[T], V]) -> Page[V]:
+    """One page of a list.
+
+    Raises
+    ------
+    Refused
+        When the cursor is none that this gateway gave out.
+    """
+    start = 0 if cursor is None else _position(cursor)
+    end = start + limit
+    items = [view(entry) for entry in entries[start:end]]
+    return Page(items=items, next_cursor=_cursor(end) if end < len(entries) else None)
+
+
+def _cursor(position: int) -> str:
+    return base64.urlsafe_b64encode(f"{_MARK}{position}".encode()).decode().rstrip("=")
+
+
+def _position(cursor: str) -> int:
+    try:
+        text = base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode()
+        return int(text.removeprefix(_MARK)) if text.startswith(_MARK) and text[len(_MARK) :].isdigit() else _refuse()
+    except (binascii.Error, UnicodeDecodeError):
+        return _refuse()
+
+
+def _refuse() -> int:
+    raise Refused(
+        RefusalKind.MALFORMED, "cursor_invalid", "the cursor is none that was given out; begin without a cursor"
+    )

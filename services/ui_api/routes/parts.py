@@ -1,0 +1,35 @@
+"""`/parts`: the part files that the product ships, for choosing by name."""
+
+from typing import Literal
+
+from fastapi import APIRouter, Response
+
+from services.ui_api.desks.parts import catalogue, catalogue_content
+from services.ui_api.desks.refusals import unknown
+from services.ui_api.routes.views import View
+from shared.messages.base import Sha256
+
+router = APIRouter(prefix="/parts", tags=["parts"])
+
+
+class CatalogueView(View):
+    """One part in the catalogue."""
+
+    name: str
+    kind: Literal["ring", "guide", "nail", "hexapod"]
+    sha256: Sha256
+
+
+@router.get("")
+def list_parts() -> list[CatalogueView]:
+    """The catalogue, by name."""
+    return [CatalogueView(name=e.name, kind=e.kind, sha256=e.sha256) for e in catalogue()]
+
+
+@router.get("/{name}")
+def read_part(name: str) -> Response:
+    """A part file, byte for byte."""
+    content = catalogue_content(name)
+    if content is None:
+        raise unknown("part", name, "GET /parts lists the catalogue")
+    return Response(content, media_type="application/json")

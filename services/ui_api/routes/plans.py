@@ -1,0 +1,116 @@
+"""`/cases/{id}/plans`: from a localisation to a plan that a surgeon has approved."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Request, Response
+
+from services.ui_api.core.case import Case, PlanEntry
+from services.ui_api.desks.planning import plan_of
+from services.ui_api.desks.refusals import RefusalKind, Refused
+from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.routes.access import TheGateway, TheIdempotency
+from services.ui_api.routes.bodies import ApprovalBody, PlanBody
+from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
+from services.ui_api.routes.motion_views import ApprovalView, PlanView
+from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.problems import problem
+from services.ui_api.service import Gateway
+from shared.messages.registration import PlanReply
+
+router = APIRouter(prefix="/cases/{case_id}/plans", tags=["plans"])
+# Registration's codes for what the request itself got wrong; all others are about the state of things.
+_CODES_OF_BAD_REQUESTS = frozenset({"unknown_hole"})
+
+
+@router.post("", status_code=201, response_model=PlanView)
+def make_plan(
+    case_id: str,
+    request: Request,
+    body: PlanBody,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+) -> Response:
+    """Plan the move that brings guide and nail axes together; moves nothing."""
+    hole_ids = tuple(body.hole_ids)
+
+    def ask() -> PlanReply:
+        return gateway.planning.ask_for_plan(gateway.cases.case(case_id), body.localisation, hole_ids)
+
+    def act(unit: Unit, reply: PlanReply) -> Answer:
+        number = gateway.planning.keep_plan(unit, case_id, body.localisation, hole_ids, reply)
+        if number is None or reply.plan is None:
+            status = 422 if reply.code in _CODES_OF_BAD_REQUESTS else 409
+            return problem_answer(problem(status, reply.code or "no_plan", reply.message, request.url.path))
+        case = gateway.record.ledger.case_after(case_id, unit.events)
+        entry = plan_of(case, number)
+        view = PlanView.of(entry, reply.plan, gateway.planning.staleness_of(case, entry, reply.plan))
+        location = f"{request.url.path}/{number}"
+        return json_answer(201, view, etag=etag(entry), location=location)
+
+    return idempotency.once_after(keyed(request, key, body), ask, act)
+
+
+@router.get("")
+def list_plans(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[PlanView]:
+    """The plans of a case, the oldest first."""
+    case = gateway.cases.case(case_id)
+    return page(case.plans, cursor, limit, lambda entry: _view(gateway, case, entry))
+
+
+@router.get("/{number}", response_model=PlanView)
+def read_plan(case_id: str, number: int, response: Response, gateway: TheGateway) -> PlanView:
+    """A plan; its ETag is what an approval quotes."""
+    case = gateway.cases.case(case_id)
+    entry = plan_of(case, number)
+    response.headers["ETag"] = etag(entry)
+    return _view(gateway, case, entry)
+
+
+@router.post("/{number}/approval", status_code=201, response_model=ApprovalView)
+def approve_plan(
+    case_id: str,
+    number: int,
+    request: Request,
+    body: ApprovalBody,
+    key: IdempotencyKey,
+    if_match: Annotated[str, Header(description="ETag of the plan that was read.")],
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+) -> Response:
+    """Approve exactly the plan that was read."""
+
+    def act(unit: Unit) -> Answer:
+        case = gateway.cases.case(case_id)
+        _require_match(plan_of(case, number), if_match)
+        approved = gateway.planning.approve(unit, case, number, body.approved_by)
+        view = ApprovalView(
+            plan=number,
+            plan_sha256=approved.plan_sha256,
+            approved_by=approved.approved_by,
+            approved_at_ns=approved.approved_at_ns,
+        )
+        return json_answer(201, view)
+
+    return idempotency.once(keyed(request, key, body, if_match), act)
+
+
+def etag(entry: PlanEntry) -> str:
+    """ETag of a plan: its hash."""
+    return f'"{entry.made.plan_sha256}"'
+
+
+def _require_match(entry: PlanEntry, if_match: str) -> None:
+    """Neither `*` nor a list will do: consent is to one plan, by its hash."""
+    if if_match.strip() != etag(entry):
+        raise Refused(
+            RefusalKind.PRECONDITION_FAILED,
+            "plan_hash_mismatch",
+            f"If-Match is {if_match[:80]}, but the ETag of plan {entry.made.number} is {etag(entry)}; read the plan "
+            "that is to be approved",
+        )
+
+
+def _view(gateway: Gateway, case: Case, entry: PlanEntry) -> PlanView:
+    plan = gateway.planning.plan_content(entry)
+    return PlanView.of(entry, plan, gateway.planning.staleness_of(case, entry, plan))

@@ -1,0 +1,146 @@
+"""RFC 9457 problem documents for everything that goes wrong, each with a stable `code`."""
+
+import http
+import logging
+from collections.abc import Mapping, Sequence
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, ConfigDict
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from services.ui_api.desks.refusals import RefusalKind, Refused
+from shared.errors import BusUnavailable, DistalockError, InputError, NoReply
+from shared.messages.base import MessageInvalid
+
+PROBLEM_JSON = "application/problem+json"
+
+_STATUS_OF_KIND: Mapping[RefusalKind, int] = {
+    RefusalKind.MALFORMED: 400,
+    RefusalKind.UNKNOWN: 404,
+    RefusalKind.CONFLICT: 409,
+    RefusalKind.PRECONDITION_FAILED: 412,
+    RefusalKind.INVALID: 422,
+    RefusalKind.PRECONDITION_MISSING: 428,
+    RefusalKind.UNAVAILABLE: 503,
+    RefusalKind.NO_REPLY: 504,
+}
+_CODE_OF_STATUS: Mapping[int, str] = {404: "not_found", 405: "method_not_allowed"}
+# A missing header is told apart from a wrong body, because the remedy is another one.
+_MISSING_HEADERS: Mapping[str, tuple[int, str, str]] = {
+    "idempotency-key": (
+        400,
+        "idempotency_key_missing",
+        "the header Idempotency-Key is missing; send a new random key with every new action, the same with a repeat",
+    ),
+    "if-match": (
+        428,
+        "precondition_required",
+        "the header If-Match is missing; send the ETag of the plan that was read, so that exactly it is approved",
+    ),
+}
+
+
+class Place(BaseModel):
+    """One thing that is wrong with a request, and where."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    place: str
+    message: str
+
+
+class Problem(BaseModel):
+    """RFC 9457 problem document."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    code: str
+    instance: str
+    errors: list[Place] | None = None
+    checks: dict[str, str] | None = None
+
+
+def problem(status: int, code: str, detail: str, instance: str, errors: Sequence[Place] = ()) -> Problem:
+    """A problem document; the title is the status's own phrase."""
+    return Problem(
+        type=f"urn:distalock:problem:{code}",
+        title=http.HTTPStatus(status).phrase,
+        status=status,
+        detail=detail,
+        code=code,
+        instance=instance,
+        errors=list(errors) or None,
+    )
+
+
+def problem_response(document: Problem, headers: Mapping[str, str] | None = None) -> Response:
+    """A problem document as an answer."""
+    content = document.model_dump_json(exclude_none=True)
+    return Response(content, document.status, dict(headers or {}), media_type=PROBLEM_JSON)
+
+
+def problem_of(error: DistalockError, instance: str) -> Problem:
+    """The problem document of an error that was raised on purpose."""
+    return problem(_status_of(error), error.code, str(error), instance)
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    """Answer every error of the application with a problem document."""
+    app.add_exception_handler(DistalockError, _on_distalock_error)
+    app.add_exception_handler(RequestValidationError, _on_invalid_request)
+    app.add_exception_handler(HTTPException, _on_http_exception)
+    app.add_exception_handler(Exception, _on_fault)
+
+
+def _status_of(error: DistalockError) -> int:
+    match error:
+        case Refused():
+            return _STATUS_OF_KIND[error.kind]
+        case MessageInvalid():
+            return 502  # another service said something that is not a message; the client is not to blame
+        case InputError():
+            return 422
+        case NoReply():
+            return 504
+        case BusUnavailable():
+            return 503
+        case _:
+            return 500
+
+
+async def _on_distalock_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, DistalockError)
+    return problem_response(problem_of(error, request.url.path))
+
+
+async def _on_invalid_request(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    places = [Place(place=".".join(str(p) for p in e["loc"]), message=str(e["msg"])) for e in error.errors()]
+    first = places[0]
+    for name, (status, code, detail) in _MISSING_HEADERS.items():
+        if any(
+            e["type"] == "missing" and [str(p).lower() for p in e["loc"]] == ["header", name] for e in error.errors()
+        ):
+            return problem_response(problem(status, code, detail, request.url.path))
+    more = f" (and {len(places) - 1} more)" if len(places) > 1 else ""
+    detail = f"{first.place}: {first.message}{more}"
+    return problem_response(problem(422, "request_invalid", detail, request.url.path, places))
+
+
+async def _on_http_exception(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    code = _CODE_OF_STATUS.get(error.status_code, "request_refused")
+    detail = f"{request.method} {request.url.path}: {error.detail}"
+    return problem_response(problem(error.status_code, code, detail, request.url.path), error.headers)
+
+
+async def _on_fault(request: Request, error: Exception) -> Response:
+    logging.getLogger("distalock.ui_api").error("fault in %s %s", request.method, request.url.path, exc_info=error)
+    detail = "the gateway failed while it handled the request; its log has the cause"
+    return problem_response(problem(500, "internal_error", detail, request.url.path))

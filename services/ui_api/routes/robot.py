@@ -1,0 +1,96 @@
+"""`/robot`: its state, and the commands that need no plan. Stop has a path of its own."""
+
+import asyncio
+from concurrent.futures import Executor
+
+from fastapi import APIRouter, Request, Response
+
+from services.ui_api.desks.commands import PlainVerb
+from services.ui_api.desks.stop import record_stop
+from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.routes.access import TheGateway, TheIdempotency
+from services.ui_api.routes.bodies import CommandBody
+from services.ui_api.routes.idempotency import Idempotency, IdempotencyKey, Keyed, keyed
+from services.ui_api.routes.motion_views import OperationView, RobotView, StopView, says_simulated
+from services.ui_api.routes.motions import accepted
+from services.ui_api.routes.problems import problem, problem_response
+from services.ui_api.service import Gateway
+
+router = APIRouter(prefix="/robot", tags=["robot"])
+RECORD_WITHIN_S = 2.0
+_BY_REST = "stop requested over REST"
+_ANONYMOUS = CommandBody()
+
+
+@router.get("")
+def read_robot(gateway: TheGateway) -> RobotView:
+    """The robot as last seen, its age, and whether it says that it is simulated."""
+    seen = gateway.view.newest()
+    attendance = gateway.inbox.attendance
+    return RobotView(
+        state=None if seen is None else seen.state,
+        age_s=gateway.view.age_s(),
+        validity=gateway.view.validity(),
+        service_alive=attendance.alive["robot"],
+        simulated=None if seen is None else says_simulated(seen.state.controller_identity),
+        image_source=attendance.image_source,
+        image_source_simulated=says_simulated(attendance.image_source),
+    )
+
+
+@router.post("/stop", response_model=StopView)
+async def stop(request: Request, gateway: TheGateway) -> Response:
+    """Stop the robot now. Needs no key and no body, and waits for nothing but the robot's word."""
+    loop = asyncio.get_running_loop()
+    stop_threads: Executor = request.app.state.stop_threads
+    outcome = await loop.run_in_executor(stop_threads, gateway.stops.stop, _BY_REST)
+    writing = loop.run_in_executor(stop_threads, record_stop, gateway.record, outcome, _BY_REST, "rest")
+    done, _ = await asyncio.wait([writing], timeout=RECORD_WITHIN_S)
+    recorded = bool(done) and writing.exception() is None
+    if not outcome.confirmed:
+        return problem_response(problem(504, "stop_not_confirmed", outcome.message, request.url.path))
+    view = StopView(confirmed=True, state=outcome.state, detail=outcome.message, recorded=recorded)
+    return Response(view.model_dump_json(), media_type="application/json")
+
+
+@router.post("/reference", status_code=202, response_model=OperationView)
+def reference(
+    request: Request,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+    body: CommandBody = _ANONYMOUS,
+) -> Response:
+    """Reference the hexapod: only in set-up, with the guide off the bone."""
+    return _begin(keyed(request, key, body), body, gateway, idempotency, "reference")
+
+
+@router.post("/acknowledge-stop", status_code=202, response_model=OperationView)
+def acknowledge_stop(
+    request: Request,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+    body: CommandBody = _ANONYMOUS,
+) -> Response:
+    """Acknowledge a stop, as a person who has looked."""
+    return _begin(keyed(request, key, body), body, gateway, idempotency, "acknowledge_stop")
+
+
+@router.post("/reset", status_code=202, response_model=OperationView)
+def reset(
+    request: Request,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+    body: CommandBody = _ANONYMOUS,
+) -> Response:
+    """Leave a fault."""
+    return _begin(keyed(request, key, body), body, gateway, idempotency, "reset")
+
+
+def _begin(request: Keyed, body: CommandBody, gateway: Gateway, idempotency: Idempotency, verb: PlainVerb) -> Response:
+    def act(unit: Unit) -> Answer:
+        return accepted(gateway.commands.begin_plain(unit, verb, body.requested_by))
+
+    return idempotency.once(request, act)

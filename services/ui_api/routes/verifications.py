@@ -1,0 +1,64 @@
+"""`/cases/{id}/verifications`: wires and guide holes against the nail's hole axes."""
+
+from fastapi import APIRouter, Request, Response
+
+from services.ui_api.core.events import VerificationMade
+from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.routes.access import TheGateway, TheIdempotency
+from services.ui_api.routes.bodies import VerificationBody
+from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
+from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.problems import problem
+from services.ui_api.routes.views import VerificationView
+from shared.messages.registration import Verification, VerificationReply
+
+router = APIRouter(prefix="/cases/{case_id}/verifications", tags=["verifications"])
+
+
+@router.post("", status_code=201, response_model=VerificationView)
+def verify(
+    case_id: str,
+    request: Request,
+    body: VerificationBody,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+) -> Response:
+    """Compare wires and guide holes in one image or two with the nail's hole axes."""
+    images = tuple(body.images)
+
+    def ask() -> VerificationReply:
+        return gateway.verifications.ask(gateway.cases.case(case_id), images)
+
+    def act(unit: Unit, reply: VerificationReply) -> Answer:
+        number = gateway.verifications.keep(unit, case_id, images, reply)
+        if number is None or reply.verification is None:
+            return problem_answer(problem(409, reply.code or "no_verification", reply.message, request.url.path))
+        location = f"{request.url.path}/{number}"
+        return json_answer(201, _view(number, reply.verification), location=location)
+
+    return idempotency.once_after(keyed(request, key, body), ask, act)
+
+
+@router.get("")
+def list_verifications(
+    case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50
+) -> Page[VerificationView]:
+    """The verifications of a case, the oldest first."""
+    case = gateway.cases.case(case_id)
+
+    def view(made: VerificationMade) -> VerificationView:
+        return _view(made.number, gateway.verifications.content(case, made.number))
+
+    return page(case.verifications, cursor, limit, view)
+
+
+@router.get("/{number}")
+def read_verification(case_id: str, number: int, gateway: TheGateway) -> VerificationView:
+    """One verification."""
+    case = gateway.cases.case(case_id)
+    return _view(number, gateway.verifications.content(case, number))
+
+
+def _view(number: int, made: Verification) -> VerificationView:
+    return VerificationView(**dict(made), number=number)

@@ -1,0 +1,255 @@
+"""What clients get: cases, images, localisations, verifications and events."""
+
+import time
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+from services.ui_api.core.case import Case
+from services.ui_api.core.events import Event, ImageReceived, LocalisationReceived, PartUse
+from services.ui_api.core.procedure import allowed_actions, allowed_steps, next_sentence
+from services.ui_api.desks.planning import localisation_staleness
+from services.ui_api.record.codec import data_json
+from shared.messages.base import Identifier, Sha256, UnixNanoseconds
+from shared.messages.imaging import FrameHeader
+from shared.messages.registration import (
+    CArmCorrection,
+    Localisation,
+    LocalisationRecord,
+    Verification,
+)
+from shared.messages.robot import PlatformPoseMessage
+
+ResultValidity = Literal["current", "stale"]
+
+
+class View(BaseModel):
+    """Base of all answers."""
+
+
+class PartView(View):
+    """A part file in use."""
+
+    name: str
+    sha256: Sha256
+    hole_ids: list[str]
+
+    @staticmethod
+    def of(use: PartUse) -> "PartView":
+        """From the log's value."""
+        return PartView(name=use.name, sha256=use.sha256, hole_ids=list(use.hole_ids))
+
+
+class ProcedureView(View):
+    """How far the case is, and what may come next."""
+
+    stage: str
+    aim: str
+    wired_hole_ids: list[str]
+    drilled_hole_ids: list[str]
+    allowed_actions: list[str]
+    allowed_steps: list[str] = Field(description="Steps that are in order now; others need `why`.")
+    next: str = Field(description="What to do next, in one sentence.")
+
+
+class CaseView(View):
+    """A case: its set-up and the state of its procedure."""
+
+    id: str
+    revision: int = Field(description="Counts up with every change of the set-up; older results are then stale.")
+    opened_at_ns: UnixNanoseconds
+    changed_at_ns: UnixNanoseconds
+    side: str
+    bone: str
+    mount: str
+    head_extension_mm: float
+    ring: PartView
+    guide: PartView
+    nail: PartView
+    hexapod: PartView
+    guide_calibrated: bool
+    hole_ids: list[str]
+    nominal_source_to_detector_mm: float | None
+    nominal_pixel_mm: float | None
+    images: int
+    localisations: int
+    plans: int
+    verifications: int
+    motions: list[str]
+    procedure: ProcedureView
+
+    @staticmethod
+    def of(case: Case) -> "CaseView":
+        """From the ledger's value."""
+        setup, progress = case.setup, case.progress
+        return CaseView(
+            id=case.case_id,
+            revision=case.revision,
+            opened_at_ns=case.opened_at_ns,
+            changed_at_ns=case.changed_at_ns,
+            side=setup.side,
+            bone=setup.bone,
+            mount=setup.mount,
+            head_extension_mm=setup.head_extension_mm,
+            ring=PartView.of(setup.ring),
+            guide=PartView.of(setup.guide),
+            nail=PartView.of(setup.nail),
+            hexapod=PartView.of(setup.hexapod),
+            guide_calibrated=setup.guide_calibrated,
+            hole_ids=list(case.hole_ids),
+            nominal_source_to_detector_mm=setup.nominal_source_to_detector_mm,
+            nominal_pixel_mm=setup.nominal_pixel_mm,
+            images=len(case.images),
+            localisations=len(case.localisations),
+            plans=len(case.plans),
+            verifications=len(case.verifications),
+            motions=list(case.motions),
+            procedure=ProcedureView(
+                stage=progress.stage,
+                aim=progress.aim,
+                wired_hole_ids=sorted(progress.wired_hole_ids),
+                drilled_hole_ids=sorted(case.drilled_hole_ids),
+                allowed_actions=list(allowed_actions(progress)),
+                allowed_steps=list(allowed_steps(progress)),
+                next=next_sentence(progress),
+            ),
+        )
+
+
+class ImageView(View):
+    """An image of a case. `header` is null when the image itself was dropped on the bus but a result of it came."""
+
+    id: Sha256
+    case_id: Identifier
+    case_revision: int
+    sop_instance_uid: str
+    received_at_ns: UnixNanoseconds
+    header: FrameHeader | None
+    localisation: int | None = Field(description="Number of the newest localisation made from it.")
+    calibrated: bool | None = Field(description="Null until imaging has told.")
+
+    @staticmethod
+    def of(case: Case, image: ImageReceived, header: FrameHeader | None) -> "ImageView":
+        """From the ledger's value."""
+        measured = case.localisation_of(image.image_sha256)
+        calibration = case.calibration_of(image.image_sha256)
+        return ImageView(
+            id=image.image_sha256,
+            case_id=case.case_id,
+            case_revision=image.case_revision,
+            sop_instance_uid=image.sop_instance_uid,
+            received_at_ns=image.received_at_ns,
+            header=header,
+            localisation=None if measured is None else measured.number,
+            calibrated=None if calibration is None else calibration.verdict == "accepted",
+        )
+
+
+class Provenance(View):
+    """Where a localisation comes from."""
+
+    case_id: Identifier
+    case_revision: int
+    registration_epoch: Identifier
+    robot_boot_epoch: Identifier | None
+    robot_pose: PlatformPoseMessage | None
+    sop_instance_uid: str
+    received_at_ns: UnixNanoseconds
+    ring_sha256: Sha256
+    guide_sha256: Sha256
+    nail_sha256: Sha256
+    software_version: str
+
+
+class LocalisationView(Localisation):
+    """What `distalock locate` prints, with its number in the case, its age, whether it still holds, and provenance."""
+
+    number: int
+    age_s: float
+    validity: ResultValidity
+    stale_because: str | None
+    provenance: Provenance
+
+    @staticmethod
+    def of_record(case: Case, measured: LocalisationReceived, record: LocalisationRecord) -> "LocalisationView":
+        """From the record's document."""
+        clause = localisation_staleness(case, measured)
+        provenance = Provenance(
+            case_id=record.case_id,
+            case_revision=record.case_revision,
+            registration_epoch=record.registration_epoch,
+            robot_boot_epoch=record.robot_boot_epoch,
+            robot_pose=record.robot_pose,
+            sop_instance_uid=record.image.sop_instance_uid,
+            received_at_ns=record.image.received_at_ns,
+            ring_sha256=record.ring_sha256,
+            guide_sha256=record.guide_sha256,
+            nail_sha256=record.nail_sha256,
+            software_version=record.software_version,
+        )
+        return LocalisationView(
+            **dict(record.localisation),
+            number=measured.number,
+            age_s=age_s(record.image.received_at_ns),
+            validity="current" if clause is None else "stale",
+            stale_because=clause,
+            provenance=provenance,
+        )
+
+
+class HoleTilt(View):
+    """How far a hole's axis is tilted against the X-ray through it."""
+
+    id: str
+    tilt_to_ray_deg: float
+
+
+class AlignmentView(View):
+    """How to turn the C-arm, from the newest localisation. Null where that one did not get so far."""
+
+    localisation: int
+    image: Sha256
+    verdict: str
+    reason_codes: list[str]
+    c_arm_correction_deg: CArmCorrection | None
+    tilts: list[HoleTilt]
+    age_s: float
+    validity: ResultValidity
+    stale_because: str | None
+
+
+class VerificationView(Verification):
+    """What `distalock verify` prints, with its number in the case."""
+
+    number: int
+
+
+class EventView(View):
+    """One event of the log."""
+
+    sequence: int
+    at_ns: UnixNanoseconds
+    case_id: str | None
+    kind: str
+    who: str
+    why: str
+    data: dict[str, object]
+
+    @staticmethod
+    def json_of(event: Event) -> str:
+        """JSON text of an event, as it goes over the stream."""
+        head = EventView(
+            sequence=event.sequence,
+            at_ns=event.at_ns,
+            case_id=event.case_id,
+            kind=event.kind,
+            who=event.who,
+            why=event.why,
+            data={},
+        ).model_dump_json(exclude={"data"})
+        return f'{head[:-1]},"data":{data_json(event.data)}}}'
+
+
+def age_s(received_at_ns: int) -> float:
+    """Time since an image was received: wall clocks of hosts that keep the same time, for people only."""
+    return max(0.0, (time.time_ns() - received_at_ns) / 1e9)

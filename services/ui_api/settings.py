@@ -1,0 +1,34 @@
+"""Settings of the gateway: `DISTALOCK_UI_API_*`, or the table `[ui_api]` of the settings file."""
+
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from services.ui_api.record.database import sqlite_url
+from shared.runtime.settings import ServiceSettings
+
+
+class UiApiSettings(ServiceSettings):
+    """What the gateway needs to know beyond what every service does."""
+
+    section: ClassVar[str] = "ui_api"
+
+    host: str = Field("127.0.0.1", description="Address on which the REST interface listens.")
+    port: Annotated[int, Field(ge=0, le=65535)] = Field(8000, description="Port of the REST interface; 0: any free.")
+    database_url: str | None = Field(None, description="Case record; default: a SQLite file in the state folder.")
+    image_dir: Path | None = Field(None, description="Where imaging stores its files; default: images in state_dir.")
+    robot_state_stale_after_s: Annotated[float, Field(gt=0.0, le=10.0)] = Field(
+        1.0, description="Age from which the robot's state is no longer relied on."
+    )
+    lease_s: Annotated[float, Field(ge=0.1, le=2.0)] = Field(
+        0.5, description="How long a hold-to-move lease lasts without renewal."
+    )
+
+    def record_url(self) -> str:
+        """URL of the case record's database."""
+        return self.database_url or sqlite_url(self.state_dir)
+
+    def images(self) -> Path:
+        """Folder of the stored images."""
+        return self.image_dir or self.state_dir / "images"
