@@ -71,6 +71,8 @@ class PreparedView:
 
     def grey(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Grey values of the smoothed image at points, shape (N, 2); shape (N,)."""
+        if len(points_px) == 0:
+            return np.zeros(0)
         x, y = (points_px[:, k, None].astype(np.float32) for k in range(2))
         return np.asarray(cv2.remap(self.smooth, x, y, cv2.INTER_LINEAR)[:, 0], dtype=np.float64)
 
