@@ -9,6 +9,7 @@ from services.registration.core.guide_search import GuideIdentity, search_guide
 from services.registration.core.pose import (
     Correspondences,
     RigidPose,
+    down_weighted,
     pose_covariance,
     refine_pose,
     residuals_px,
@@ -28,7 +29,7 @@ LEAST_IDENTIFIED = 7
 LEAST_MARGIN = 3
 OUTLIER_SIGMAS = 4.0
 DISTORTION_CORRELATION_PX = 80.0
-_SYSTEMATIC_PX = 0.03
+_SYSTEMATIC_PX = 0.06
 _MOST_DISCS = 70
 _RADIUS_RANGE = (0.55, 1.5)
 _REJECTION_ROUNDS = 4
@@ -259,7 +260,7 @@ def _guide_fit(
     used: NDArray[np.bool_],
     margin: int,
 ) -> GuideFit:
-    chosen = seen.chosen(used)
+    chosen = down_weighted(calibration.camera, pose, seen.chosen(used))
     residual = residuals_px(calibration.camera, pose, chosen)
     freedom = max(2 * len(chosen) - 6, 1)
     chi2 = float(np.sum(residual**2 / chosen.standard_deviation_px[:, None] ** 2)) / freedom

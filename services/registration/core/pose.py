@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from shared.geometry.camera import PinholeCamera
 
 _ITERATIONS = 30
-_HUBER_SIGMAS = 2.0
+_CAUCHY_SIGMAS = 1.5
 _CONVERGED = 1e-9
 
 
@@ -88,22 +88,22 @@ def projection_jacobian(
 
 
 def refine_pose(camera: PinholeCamera, start: RigidPose, seen: Correspondences) -> RigidPose:
-    """Move a pose to where it explains the seen points best, with Huber weights against outliers.
+    """Move a pose to where it explains the seen points best, with Cauchy weights against outliers.
 
     Levenberg-Marquardt on at least three points; the start must be near enough to project all points in front of the
     focal spot.
     """
     pose, damping = start, 1e-3
-    cost = _huber_cost(residuals_px(camera, pose, seen), seen)
+    cost = _cauchy_cost(residuals_px(camera, pose, seen), seen)
     for _ in range(_ITERATIONS):
         residual = residuals_px(camera, pose, seen)
-        weight = _huber_weights(residual, seen)
+        weight = _cauchy_weights(residual, seen)
         J = projection_jacobian(camera, pose, seen.body_mm)
         normal = np.einsum("nik,n,nil->kl", J, weight, J)
         gradient = np.einsum("nik,n,ni->k", J, weight, residual)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
         trial = pose.moved(step)
-        trial_cost = _huber_cost(residuals_px(camera, trial, seen), seen)
+        trial_cost = _cauchy_cost(residuals_px(camera, trial, seen), seen)
         if trial_cost > cost:
             damping *= 10.0
             continue
@@ -114,15 +114,20 @@ def refine_pose(camera: PinholeCamera, start: RigidPose, seen: Correspondences) 
     return pose
 
 
-def _huber_weights(residual: NDArray[np.float64], seen: Correspondences) -> NDArray[np.float64]:
-    sigmas = np.linalg.norm(residual, axis=1) / seen.standard_deviation_px
-    return np.minimum(1.0, _HUBER_SIGMAS / np.maximum(sigmas, 1e-12)) / seen.standard_deviation_px**2
+def _cauchy_weights(residual: NDArray[np.float64], seen: Correspondences) -> NDArray[np.float64]:
+    ratio = np.sum(residual**2, axis=1) / (_CAUCHY_SIGMAS * seen.standard_deviation_px) ** 2
+    return np.asarray(1.0 / ((1.0 + ratio) * seen.standard_deviation_px**2))
 
 
-def _huber_cost(residual: NDArray[np.float64], seen: Correspondences) -> float:
-    sigmas = np.linalg.norm(residual, axis=1) / seen.standard_deviation_px
-    linear = _HUBER_SIGMAS * (sigmas - 0.5 * _HUBER_SIGMAS)
-    return float(np.sum(np.where(sigmas <= _HUBER_SIGMAS, 0.5 * sigmas**2, linear)))
+def _cauchy_cost(residual: NDArray[np.float64], seen: Correspondences) -> float:
+    ratio = np.sum(residual**2, axis=1) / (_CAUCHY_SIGMAS * seen.standard_deviation_px) ** 2
+    return float(0.5 * _CAUCHY_SIGMAS**2 * np.sum(np.log1p(ratio)))
+
+
+def down_weighted(camera: PinholeCamera, pose: RigidPose, seen: Correspondences) -> Correspondences:
+    """The same points with the standard deviations that their weights in `refine_pose` amount to."""
+    weight = _cauchy_weights(residuals_px(camera, pose, seen), seen)
+    return Correspondences(seen.body_mm, seen.ideal_px, 1.0 / np.sqrt(weight))
 
 
 def pose_covariance(
