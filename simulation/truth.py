@@ -1,6 +1,6 @@
 """What is true about an image and about the room: exact poses, holes, wires and balls.
 
-The camera's frame here is that of the image after un-mirroring and with its rotation kept, as everywhere in the project.
+The camera's frame is that of the image after un-mirroring and with its rotation kept, as everywhere in the project.
 """
 
 from dataclasses import dataclass
@@ -137,10 +137,15 @@ def image_truth(
         camera_from_guide=camera_from_beam @ world.beam_from_guide if state.guide_present else None,
         camera_from_nail=camera_from_beam @ world.beam_from_nail if state.nail_present else None,
         guide_from_nail=world.guide_from_nail,
-        holes=tuple(_hole_truth(scenario, world, hole) for hole in scenario.parts.nail.holes),
+        holes=hole_truths(scenario, world),
         wires=wire_errors(scenario, world),
         balls=_ball_truths(scenario, balls, window, metal_mm),
     )
+
+
+def hole_truths(scenario: Scenario, world: World) -> tuple[HoleTruth, ...]:
+    """The nail's holes as the guide sees them."""
+    return tuple(_hole_truth(scenario, world, hole) for hole in scenario.parts.nail.holes)
 
 
 def _hole_truth(scenario: Scenario, world: World, hole: Hole) -> HoleTruth:

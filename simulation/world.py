@@ -64,6 +64,8 @@ class WorldState:
         False after somebody took it away (an injected fault).
     ring_shift_mm
         How far the ring slipped along the detector's columns (an injected fault).
+    mount_shift_mm
+        How far the mount slipped, along the base's x, y and z (an injected fault).
     """
 
     platform: Transform[RobotBase, RobotTop]
@@ -73,6 +75,7 @@ class WorldState:
     nail_present: bool = True
     guide_present: bool = True
     ring_shift_mm: float = 0.0
+    mount_shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,16 +109,17 @@ def starting_state(scenario: Scenario) -> WorldState:
     return WorldState(base_from_top(hexapod, hexapod.home_pose, hexapod.pivot_mm), angles)
 
 
-def bone_from_guide(scenario: Scenario, platform: Transform[RobotBase, RobotTop]) -> Transform[Bone, Guide]:
-    """Where the guide is for a position of the platform."""
+def bone_from_guide(scenario: Scenario, state: WorldState) -> Transform[Bone, Guide]:
+    """Where the guide is, as long as nothing pushes it."""
     head = scenario.parts.hexapod.top_from_guide(scenario.head_extension_mm)
-    return scenario.placement.bone_from_base @ platform @ head
+    slipped: Transform[RobotBase, RobotBase] = Transform.from_rotvec(np.zeros(3), state.mount_shift_mm)
+    return scenario.placement.bone_from_base @ slipped @ state.platform @ head
 
 
 def c_arm_rotation(angles: CArmAngles, roll_deg: float) -> NDArray[np.float64]:
     """Rotation of the beam's axes in the room, shape (3, 3): orbital about x, then angular about the turned y."""
     turns = Rotation.from_euler("XYZ", [angles.orbital_deg, angles.angular_deg, roll_deg], degrees=True)
-    return np.asarray(turns.as_matrix())
+    return np.asarray(turns.as_matrix(), dtype=np.float64)
 
 
 def angles_of_beam(direction_room: NDArray[np.float64]) -> CArmAngles:
@@ -128,7 +132,7 @@ def principal_point_px(scenario: Scenario, angles: CArmAngles) -> NDArray[np.flo
     """Principal point in ideal pixels, shape (2,): it wanders as the C-arm bends under its weight."""
     c = scenario.c_arm
     turned = np.array([angles.orbital_deg - c.start_orbital_deg, angles.angular_deg - c.start_angular_deg])
-    return 0.5 * (c.size_px - 1) + np.array(c.principal_point_px) + turned @ np.array(c.sag_px_per_deg)
+    return np.asarray(0.5 * (c.size_px - 1) + np.array(c.principal_point_px) + turned @ np.array(c.sag_px_per_deg))
 
 
 def _beam_from_ring(scenario: Scenario, centre_px: NDArray[np.float64], shift_mm: float) -> Transform[Beam, Ring]:
@@ -155,7 +159,7 @@ def world_at(scenario: Scenario, state: WorldState) -> World:
         room_from_beam=room_from_beam,
         beam_from_bone=beam_from_bone,
         beam_from_nail=beam_from_bone @ scenario.placement.bone_from_nail,
-        beam_from_guide=beam_from_bone @ bone_from_guide(scenario, state.platform),
+        beam_from_guide=beam_from_bone @ bone_from_guide(scenario, state),
         beam_from_ring=_beam_from_ring(scenario, centre, state.ring_shift_mm),
         rotation_deg=float(turned),
         state=state,

@@ -1,7 +1,7 @@
 """Linear attenuation of the materials, and the X-ray spectrum in a few energy bins.
 
-Coefficients are NIST's (XCOM) mass attenuation coefficients times density; alloys by mass fraction (316L steel: Fe 68.5,
-Cr 17, Ni 12, Mo 2.5 %; Ti-6Al-4V; polyoxymethylene for Delrin).
+Coefficients are NIST's (XCOM) mass attenuation coefficients times density; alloys by mass fraction (316L steel: Fe
+68.5, Cr 17, Ni 12, Mo 2.5 %; Ti-6Al-4V; polyoxymethylene for Delrin).
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Spectrum:
 
     Attributes
     ----------
-    energy_keV
+    energy_kev
         Middle of each bin, shape (E,).
     weight
         Share of each bin in the detected signal of the open beam, shape (E,), sum 1.
@@ -52,38 +52,38 @@ class Spectrum:
         Linear attenuation, shape (materials, E).
     """
 
-    energy_keV: NDArray[np.float64]
+    energy_kev: NDArray[np.float64]
     weight: NDArray[np.float64]
     attenuation_per_mm: NDArray[np.float64]
 
 
-def _at(energy_keV: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.exp(np.interp(np.log(energy_keV), np.log(_ENERGY_KEV), np.log(table))))
+def _at(energy_kev: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.exp(np.interp(np.log(energy_kev), np.log(_ENERGY_KEV), np.log(table))))
 
 
-def attenuation_per_mm(material: Material, energy_keV: NDArray[np.float64]) -> NDArray[np.float64]:
+def attenuation_per_mm(material: Material, energy_kev: NDArray[np.float64]) -> NDArray[np.float64]:
     """Linear attenuation at energies, shape (E,), by log-log interpolation."""
     if material is Material.AIR:
-        return np.zeros_like(energy_keV)
-    return _at(energy_keV, np.array(_PER_CM[material])) / 10.0
+        return np.zeros_like(energy_kev)
+    return _at(energy_kev, np.array(_PER_CM[material])) / 10.0
 
 
-def spectrum(tube_voltage_kV: float, filtration_mm_aluminium: float, bins: int = 6) -> Spectrum:
+def spectrum(tube_voltage_kv: float, filtration_mm_aluminium: float, bins: int = 6) -> Spectrum:
     """Kramers' bremsstrahlung behind an aluminium filter, as an energy-integrating detector weighs it.
 
     Parameters
     ----------
-    tube_voltage_kV
+    tube_voltage_kv
         Peak voltage, 50-100.
     filtration_mm_aluminium
         Total filtration.
     bins
         Number of energy bins of equal width.
     """
-    edges = np.linspace(_LEAST_ENERGY_KEV, tube_voltage_kV, bins + 1)
+    edges = np.linspace(_LEAST_ENERGY_KEV, tube_voltage_kv, bins + 1)
     energy = 0.5 * (edges[1:] + edges[:-1])
     # Kramers: photons per keV ~ (E0 - E) / E; times E for the energy each deposits in the phosphor.
-    photons = (tube_voltage_kV - energy) / energy
+    photons = (tube_voltage_kv - energy) / energy
     filtered = photons * np.exp(-_at(energy, _ALUMINIUM_PER_CM) * filtration_mm_aluminium / 10.0)
     signal = filtered * energy
     table = np.stack([attenuation_per_mm(m, energy) for m in Material])

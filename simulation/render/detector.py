@@ -62,7 +62,7 @@ def with_quantum_noise(signal: Image, exposure: Exposure, generator: np.random.G
     """Add the noise of counted quanta; `photons_per_px` are counted where the signal is typical."""
     per_signal = exposure.photons_per_px / float(np.median(signal))
     deviation = np.sqrt(signal / per_signal)
-    return signal + deviation * generator.standard_normal(signal.shape, dtype=np.float32)
+    return np.asarray(signal + deviation * generator.standard_normal(signal.shape, dtype=np.float32))
 
 
 def detected(signal: Image, exposure: Exposure, pixel_mm: float) -> Image:
@@ -76,7 +76,7 @@ def detected(signal: Image, exposure: Exposure, pixel_mm: float) -> Image:
 def with_electronic_noise(signal: Image, exposure: Exposure, generator: np.random.Generator) -> Image:
     """Add white noise after the detector."""
     deviation = np.float32(exposure.electronic_noise * float(np.median(signal)))
-    return signal + deviation * generator.standard_normal(signal.shape, dtype=np.float32)
+    return np.asarray(signal + deviation * generator.standard_normal(signal.shape, dtype=np.float32))
 
 
 def smeared(signal: Image, length_px: float, generator: np.random.Generator) -> Image:

@@ -8,7 +8,7 @@ from simulation.scenario.values import Display
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.float32]
-Grey = NDArray[np.uint8] | NDArray[np.uint16]
+Grey = NDArray[np.unsignedinteger]
 
 
 def curve(display: Display, value: Image) -> Image:
@@ -28,10 +28,10 @@ def grey_values(display: Display, signal: Image, window: Image) -> Grey:
         smooth = cv2.GaussianBlur(shown, (0, 0), display.sharpening_px)
         shown = shown + np.float32(display.sharpening) * (shown - smooth)
     shown = np.clip(shown * window, 0.0, 1.0)
-    levels = np.round(shown * (2**display.bits - 1))
+    levels = np.round(shown * (2**display.bits - 1)).astype(np.uint16)
     if display.bits == 8:
-        return levels.astype(np.uint8)
-    return (levels.astype(np.uint32) << (16 - display.bits)).astype(np.uint16)
+        return np.asarray(levels, dtype=np.uint8)
+    return np.asarray(levels << (16 - display.bits), dtype=np.uint16)
 
 
 def as_shown(display: Display, image: Grey) -> Grey:

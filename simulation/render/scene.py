@@ -2,15 +2,11 @@
 
 from dataclasses import dataclass
 
-
 import numpy as np
 from numpy.typing import NDArray
 
-
 from shared.geometry.lines import Line
 from shared.geometry.parts import BallPattern
-
-
 from simulation.render import tracer
 from simulation.render.anatomy import bone_shapes, spongy_row
 from simulation.render.attenuation import Material

@@ -1,7 +1,7 @@
-"""Ray against shape, in closed form: each function gives the stretch `(enter, leave)` of the ray inside a convex shape.
+"""Ray against shape, in closed form: the stretch `(enter, leave)` of the ray inside a convex shape.
 
-The ray is `origin + t * direction` with any length of `direction`; a miss is `enter >= leave`. Shapes are packed in rows
-of float64 arrays so that numba can walk them; the packing is written beside each function.
+The ray is `origin + t * direction` with any length of `direction`; a miss is `enter >= leave`. Shapes are packed in
+rows of float64 arrays so that numba can walk them; the packing is written beside each function.
 """
 
 import numpy as np

@@ -30,4 +30,4 @@ def trabecular_volume(seed: int) -> NDArray[np.float32]:
     mixed = fine + _COARSE_SHARE * coarse
     volume = (mixed / mixed.std()).astype(np.float32)
     volume.setflags(write=False)
-    return volume
+    return np.asarray(volume)

@@ -1,7 +1,7 @@
-"""The ray tracer: path lengths of every material along the ray of each pixel, and the polychromatic signal behind them.
+"""The ray tracer: path lengths of every material along the ray of each pixel, and the signal behind them.
 
-Shapes carry a class; a ray is cut at every surface it meets, and each stretch is given to one material by the classes it
-lies in (`_material`): metal displaces bone, bone displaces muscle, bores and drilled holes take away.
+Shapes carry a class; a ray is cut at every surface it meets, and each stretch is given to one material by the classes
+it lies in (`_material`): metal displaces bone, bone displaces muscle, bores and drilled holes take away.
 """
 
 from typing import NamedTuple
@@ -150,7 +150,7 @@ def _texture_at(volume: NDArray[np.float32], x: float, y: float, z: float) -> fl
     b = volume[i, j1, k] * (1 - z) + volume[i, j1, k1] * z
     c = volume[i1, j, k] * (1 - z) + volume[i1, j, k1] * z
     e = volume[i1, j1, k] * (1 - z) + volume[i1, j1, k1] * z
-    return (a * (1 - y) + b * y) * (1 - x) + (c * (1 - y) + e * y) * x
+    return float((a * (1 - y) + b * y) * (1 - x) + (c * (1 - y) + e * y) * x)
 
 
 @njit(cache=True, error_model="numpy")
@@ -178,7 +178,7 @@ def _bone_share(scene: PackedScene, bone: Floats, times: Floats, codes: Integers
         share = scene.spongy[1] + s * (scene.spongy[0] - scene.spongy[1])
         texture = _texture_at(scene.texture, x / scene.texture_mm, y / scene.texture_mm, z / scene.texture_mm)
         total += share * max(0.0, 1.0 + scene.spongy[4] * texture)
-    return total / steps
+    return float(total / steps)
 
 
 @njit(cache=True, error_model="numpy")

@@ -88,7 +88,7 @@ class DetectorRanges(ScenarioModel):
 class ExposureRanges(ScenarioModel):
     """Tube and detector (see `values.Exposure`)."""
 
-    tube_voltage_kV: PositiveRange
+    tube_voltage_kv: PositiveRange
     filtration_mm_aluminium: PositiveRange
     photons_per_px: PositiveRange
     focal_spot_mm: Range
@@ -163,7 +163,7 @@ class Ranges(ScenarioModel):
 
 
 class ScenarioFile(ScenarioModel):
-    """A scenario file. Parts are names of the catalogue or paths relative to the scenario file; null: the seed picks."""
+    """A scenario file. Parts are names of the catalogue or paths relative to the file; the seed picks what is null."""
 
     schema_name: Literal["distalock/scenario/1"] = Field(alias="schema")
     units: Literal["mm"] = "mm"
@@ -187,7 +187,7 @@ class ScenarioInvalid(InputError):
 
 def scenario_file_of_seed(seed: int) -> ScenarioFile:
     """The scenario that a seed alone makes."""
-    return ScenarioFile(schema="distalock/scenario/1", seed=seed)
+    return ScenarioFile(schema_name="distalock/scenario/1", seed=seed)
 
 
 def read_scenario_file(path: Path) -> ScenarioFile:

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from shared.geometry.frames import Ring
 from shared.geometry.transform import Transform
+from simulation.frames import Detector
 from simulation.scenario.files import (
     CArmRanges,
     DisplayRanges,
@@ -32,7 +34,9 @@ def sample_c_arm_body(ranges: CArmRanges, generator: np.random.Generator) -> CAr
     tilt = np.radians([g.uniform(*ranges.ring_tilt_deg), g.uniform(*ranges.ring_tilt_deg)])
     turn = g.uniform(-np.pi, np.pi)
     ring_offset = [g.uniform(*ranges.ring_offset_mm), g.uniform(*ranges.ring_offset_mm)]
-    leaning = Transform.from_rotvec([*tilt, 0.0], [*ring_offset, -g.uniform(*ranges.ring_gap_mm)])
+    leaning: Transform[Detector, Ring] = Transform.from_rotvec(
+        [*tilt, 0.0], [*ring_offset, -g.uniform(*ranges.ring_gap_mm)]
+    )
     return CArm(
         source_to_detector_mm=distance,
         nominal_source_to_detector_mm=round(distance * (1.0 + g.uniform(*ranges.source_to_detector_error))),
@@ -89,7 +93,7 @@ def sample_exposure(ranges: ExposureRanges, generator: np.random.Generator) -> E
     """Pick tube, detector and noise."""
     g = generator
     return Exposure(
-        tube_voltage_kV=g.uniform(*ranges.tube_voltage_kV),
+        tube_voltage_kv=g.uniform(*ranges.tube_voltage_kv),
         filtration_mm_aluminium=g.uniform(*ranges.filtration_mm_aluminium),
         photons_per_px=g.uniform(*ranges.photons_per_px),
         focal_spot_mm=g.uniform(*ranges.focal_spot_mm),

@@ -17,7 +17,7 @@ _TRAVEL_STEPS = 9
 def sample_placement(
     ranges: PlacementRanges, parts: Parts, side: Side, head_extension_mm: float, generator: np.random.Generator
 ) -> Placement:
-    """Pick until the robot can correct the guide's error within its limits, with the margins that the ranges ask for.
+    """Pick until the robot can correct the guide's error within its limits and the margins that the ranges ask for.
 
     Raises
     ------
@@ -37,8 +37,8 @@ def sample_placement(
             return placement
     raise ScenarioInvalid(
         f"none of {_ATTEMPTS} placements within guide_offset_mm {ranges.guide_offset_mm} and guide_tilt_deg "
-        f"{ranges.guide_tilt_deg} can be corrected by '{parts.hexapod.name}' with its head at {head_extension_mm:g} mm; "
-        "narrow these ranges"
+        f"{ranges.guide_tilt_deg} can be corrected by '{parts.hexapod.name}' with its head at {head_extension_mm:g} mm;"
+        " narrow these ranges"
     )
 
 
@@ -94,7 +94,7 @@ def _mount(
 def correcting_pose(
     ranges: PlacementRanges, parts: Parts, head: Transform[RobotTop, Guide], placement: Placement
 ) -> PlatformPose | None:
-    """A pose that puts the guide's holes on the nail's, reached straight from home within margins; None if there is none.
+    """A pose that puts the guide's holes on the nail's, reached straight from home; None when there is none.
 
     The guide may travel freely along its holes; the middle of the allowed travel is tried first.
     """

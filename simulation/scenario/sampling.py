@@ -48,7 +48,7 @@ def scenario_from_file(file: ScenarioFile, folder: Path) -> Scenario:
     case = section_generator(file.seed, "case")
     side, mount = _side(file, case), _mount(file, ranges, case)
     extension = _head_extension(file, ranges, case)
-    parts, names = choose_parts(file, folder, section_generator(file.seed, "parts"))
+    parts, sources = choose_parts(file, folder, section_generator(file.seed, "parts"))
     placed = section_generator(file.seed, "placement")
     placement = sample_placement(ranges.placement, parts, side, extension, placed)
     body = sample_c_arm_body(ranges.c_arm, section_generator(file.seed, "c_arm"))
@@ -60,7 +60,7 @@ def scenario_from_file(file: ScenarioFile, folder: Path) -> Scenario:
         mount=mount,
         head_extension_mm=extension,
         parts=parts,
-        part_names=names,
+        sources=sources,
         anatomy=sample_anatomy(ranges.anatomy, side, section_generator(file.seed, "anatomy")),
         placement=placement,
         c_arm=start_angles(ranges.placement, body, placement, section_generator(file.seed, "tilt")),

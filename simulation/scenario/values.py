@@ -35,21 +35,30 @@ class Parts:
 
 
 @dataclass(frozen=True, slots=True)
-class PartNames:
-    """Names of the parts in the catalogue, or the files they were read from."""
+class PartSource:
+    """Where a part comes from: its name in the product's catalogue, or a file with its content."""
 
-    ring: str
-    guide: str
-    nail: str
-    hexapod: str
+    name: str
+    in_catalogue: bool
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class PartSources:
+    """Where the parts come from."""
+
+    ring: PartSource
+    guide: PartSource
+    nail: PartSource
+    hexapod: PartSource
 
 
 @dataclass(frozen=True, slots=True)
 class Anatomy:
     """Distal femur and thigh, in the bone's frame: +x distal along the canal, +z in the direction of drilling.
 
-    `posterior_y` is +1 or -1: the side of y on which the condyles bulge. Half-axes are given along y (front to back) and
-    z (side to side).
+    `posterior_y` is +1 or -1: the side of y on which the condyles bulge. Half-axes are given along y (front to back)
+    and z (side to side).
     """
 
     posterior_y: float
@@ -179,7 +188,7 @@ class Exposure:
         Standard deviation of white noise after the detector, relative to the mean.
     """
 
-    tube_voltage_kV: float
+    tube_voltage_kv: float
     filtration_mm_aluminium: float
     photons_per_px: float
     focal_spot_mm: float
@@ -256,7 +265,7 @@ class Scenario:
     mount: MountKind
     head_extension_mm: float
     parts: Parts
-    part_names: PartNames
+    sources: PartSources
     anatomy: Anatomy
     placement: Placement
     c_arm: CArm

@@ -1,0 +1,146 @@
+"""The virtual operating room's own control API: what people's hands do, and the truth. Not part of the product."""
+
+from collections.abc import Callable
+
+from fastapi import FastAPI, Response
+from pydantic import JsonValue
+
+from simulation.control_models import (
+    CArmBody,
+    CArmTurnBody,
+    DrillBody,
+    Health,
+    PassageBody,
+    PassagesBody,
+    ScenarioBody,
+    ShotBody,
+    WiresBody,
+    c_arm_body,
+    passage_body,
+    scenario_body,
+)
+from simulation.faults import NO_ROOM_FAULTS
+from simulation.faults_models import ControllerFault, FaultBody, FaultsBody, faults_body, with_fault
+from simulation.operating_room import OperatingRoom
+from simulation.problems import Problem, add_problem_handlers
+from simulation.shooting import FootPedal, TakenShot
+from simulation.truth_models import TruthBody, truth_body
+from simulation.world import CArmAngles
+
+FaultInjector = Callable[[str, dict[str, JsonValue]], None]
+
+
+class FaultUnknown(ValueError):
+    """The controller knows no fault of that name, or not with these parameters."""
+
+
+def _shot_body(shot: TakenShot) -> ShotBody:
+    return ShotBody(
+        number=shot.number,
+        taken_at=shot.taken_at,
+        sop_instance_uid=shot.dicom.sop_instance_uid,
+        sha256=shot.dicom.file_sha256,
+        pixel_sha256=shot.dicom.pixel_sha256,
+        c_arm=c_arm_body(shot.angles),
+        delivered_to=None if shot.delivered_to is None else str(shot.delivered_to),
+    )
+
+
+def control_app(room: OperatingRoom, pedal: FootPedal, controller_fault: FaultInjector) -> FastAPI:
+    """The control API of one room.
+
+    Parameters
+    ----------
+    controller_fault
+        Injects a fault by name into the hexapod's controller; raises `FaultUnknown`.
+    """
+    app = FastAPI(title="distalock virtual operating room", version="1", docs_url="/docs", redoc_url=None)
+    add_problem_handlers(app)
+    _add_looking(app, room, pedal)
+    _add_imaging(app, room, pedal)
+    _add_tools(app, room)
+    _add_faults(app, room, controller_fault)
+    return app
+
+
+def _add_looking(app: FastAPI, room: OperatingRoom, pedal: FootPedal) -> None:
+    @app.get("/healthz")
+    def healthz() -> Health:
+        return Health()
+
+    @app.get("/scenario")
+    def scenario() -> ScenarioBody:
+        return scenario_body(room.scenario)
+
+    @app.get("/truth")
+    def truth() -> TruthBody:
+        return truth_body(room, None if pedal.last is None else pedal.last.truth)
+
+
+def _add_imaging(app: FastAPI, room: OperatingRoom, pedal: FootPedal) -> None:
+    @app.post("/shots", status_code=201)
+    def take_shot() -> ShotBody:
+        return _shot_body(pedal.press())
+
+    @app.get("/shots/last.dcm", response_class=Response)
+    def last_shot() -> Response:
+        if pedal.last is None:
+            raise Problem(404, "no_shot_yet", "no shot was taken so far; POST /shots takes one")
+        return Response(pedal.last.dicom.file, media_type="application/dicom")
+
+    @app.get("/c-arm")
+    def c_arm() -> CArmBody:
+        return c_arm_body(room.angles)
+
+    @app.put("/c-arm")
+    def turn_c_arm(body: CArmBody) -> CArmBody:
+        return c_arm_body(room.turn_c_arm(CArmAngles(body.orbital_deg, body.angular_deg)))
+
+    @app.post("/c-arm/turn")
+    def turn_c_arm_about_image(body: CArmTurnBody) -> CArmBody:
+        return c_arm_body(room.turn_c_arm_about_image(body.about_image_x_deg, body.about_image_y_deg))
+
+
+def _add_tools(app: FastAPI, room: OperatingRoom) -> None:
+    @app.get("/wires")
+    def wires() -> PassagesBody:
+        return PassagesBody(items=[passage_body(w) for w in room.wires])
+
+    @app.post("/wires", status_code=201)
+    def insert_wires(body: WiresBody | None = None) -> PassagesBody:
+        named = body.hole_ids if body is not None and body.hole_ids is not None else None
+        holes = tuple(h.id for h in room.scenario.parts.guide.holes) if named is None else tuple(named)
+        return PassagesBody(items=[passage_body(w) for w in room.insert_wires(holes)])
+
+    @app.delete("/wires", status_code=204)
+    def remove_wires() -> None:
+        room.remove_wires()
+
+    @app.get("/drills")
+    def drills() -> PassagesBody:
+        return PassagesBody(items=[passage_body(d) for d in room.drills])
+
+    @app.post("/drills", status_code=201)
+    def drill(body: DrillBody) -> PassageBody:
+        return passage_body(room.drill(body.hole_id))
+
+
+def _add_faults(app: FastAPI, room: OperatingRoom, controller_fault: FaultInjector) -> None:
+    @app.get("/faults")
+    def faults() -> FaultsBody:
+        return faults_body(room.faults)
+
+    @app.post("/faults", status_code=201)
+    def inject(body: FaultBody) -> FaultsBody:
+        if isinstance(body, ControllerFault):
+            try:
+                controller_fault(body.name, body.parameters)
+            except FaultUnknown as error:
+                raise Problem(422, "fault_unknown", str(error)) from None
+        else:
+            room.set_faults(with_fault(room.faults, body))
+        return faults_body(room.faults)
+
+    @app.delete("/faults", status_code=204)
+    def clear_faults() -> None:
+        room.set_faults(NO_ROOM_FAULTS)

@@ -1,0 +1,61 @@
+"""Send images to the imaging service by DICOM C-STORE, as a C-arm does."""
+
+from dataclasses import dataclass
+
+from pydicom.uid import ExplicitVRLittleEndian, XRayAngiographicImageStorage
+from pynetdicom import AE
+
+from shared.errors import DeviceError
+from simulation.c_arm import DicomShot
+
+CALLING_TITLE = "VIRTUAL-OR"
+_SUCCESS = 0x0000
+_WARNINGS = range(0xB000, 0xC000)
+_SECONDS = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class DicomTarget:
+    """Where images go."""
+
+    host: str
+    port: int
+    title: str = "DISTALOCK"
+
+    def __str__(self) -> str:
+        return f"{self.title}@{self.host}:{self.port}"
+
+
+class ImageNotDelivered(DeviceError):
+    """The image was taken, but nobody took it."""
+
+    code = "image_not_delivered"
+
+
+def send(shot: DicomShot, target: DicomTarget) -> None:
+    """Send one image.
+
+    Raises
+    ------
+    ImageNotDelivered
+        When the target does not answer, or refuses the association or the image; the sentence says which.
+    """
+    entity = AE(ae_title=CALLING_TITLE)
+    entity.add_requested_context(XRayAngiographicImageStorage, ExplicitVRLittleEndian)
+    entity.connection_timeout = entity.acse_timeout = entity.dimse_timeout = entity.network_timeout = _SECONDS
+    association = entity.associate(target.host, target.port, ae_title=target.title)
+    if not association.is_established:
+        why = "refused the association" if association.is_rejected else "does not answer"
+        raise ImageNotDelivered(f"DICOM target {target} {why}; start the imaging service, or correct --dicom-target")
+    try:
+        status = association.send_c_store(shot.dataset)
+    finally:
+        association.release()
+    code = status.get("Status")
+    if code is None:
+        raise ImageNotDelivered(
+            f"DICOM target {target} broke the connection off while it received; take the image again"
+        )
+    if code != _SUCCESS and code not in _WARNINGS:
+        comment = status.get("ErrorComment", "no comment")
+        raise ImageNotDelivered(f"DICOM target {target} refused the image with status 0x{code:04X} ({comment})")
