@@ -1,13 +1,28 @@
 """What clients get: plans, approvals, operations and the robot."""
 
+from collections.abc import Mapping
+from typing import Literal
+
 from pydantic import Field
 
 from services.ui_api.core.case import PlanEntry
+from services.ui_api.core.events import OperationStatus
 from services.ui_api.core.operations import Operation
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256, UnixNanoseconds
 from shared.messages.registration import Plan
 from shared.messages.robot import RobotState
+
+OperationStatusName = Literal["running", "unknown", "succeeded", "failed", "stopped"]
+# To a client, a command on its way to the robot and one that the robot carries out are both under way.
+_STATUS_NAMES: Mapping[OperationStatus, OperationStatusName] = {
+    OperationStatus.REQUESTED: "running",
+    OperationStatus.RUNNING: "running",
+    OperationStatus.UNKNOWN: "unknown",
+    OperationStatus.SUCCEEDED: "succeeded",
+    OperationStatus.FAILED: "failed",
+    OperationStatus.STOPPED: "stopped",
+}
 
 
 class ApprovalView(View):
@@ -55,17 +70,16 @@ class PlanView(View):
 
 
 class OperationView(View):
-    """A command to the robot and how far it has come.
-
-    `status` is requested, running, unknown, succeeded, failed or stopped; `began` is null while nobody knows.
-    """
+    """A command to the robot and how far it has come; `began` is null while nobody knows."""
 
     id: str
     verb: str
     case_id: str | None
     plan: int | None
     hold_to_move: bool
-    status: str
+    status: OperationStatusName = Field(
+        description="`unknown`: the robot has not answered; its state will tell. The last three are final."
+    )
     began: bool | None
     code: str
     detail: str
@@ -84,7 +98,7 @@ class OperationView(View):
             case_id=operation.case_id,
             plan=requested.plan_number,
             hold_to_move=requested.hold_to_move,
-            status=operation.status,
+            status=_STATUS_NAMES[operation.status],
             began=operation.began,
             code=operation.code,
             detail=operation.message,

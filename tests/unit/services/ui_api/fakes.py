@@ -1,0 +1,198 @@
+"""The other services as the gateway meets them on the bus, written by hand and under the test's control."""
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from services.ui_api.core.events import Event
+from services.ui_api.record.record import CaseRecord
+from shared.bus.keys import Keys
+from shared.bus.memory_bus import MemoryRouter
+from shared.bus.port import Answer, Query
+from shared.errors import ReasonCode
+from shared.messages.base import decode, encode
+from shared.messages.imaging import FrameHeader
+from shared.messages.registration import (
+    LocalisationRecord,
+    PlanReply,
+    PlanRequest,
+    VerificationReply,
+    VerificationRequest,
+)
+from shared.messages.robot import (
+    CommandReply,
+    MotionState,
+    MoveCommand,
+    PlainCommand,
+    RobotState,
+    StopCommand,
+    StopLatch,
+)
+from tests.unit.services.ui_api import samples
+
+PATIENCE_S = 10.0
+
+
+class OnTheBus:
+    """Something with a bus session of its own."""
+
+    def __init__(self, router: MemoryRouter, keys: Keys) -> None:
+        self.bus = router.open()
+        self.keys = keys
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.bus.__exit__(kind, error, trace)
+
+
+class FakeImaging(OnTheBus):
+    """Publishes frames and hands out their pixels."""
+
+    def __init__(self, router: MemoryRouter, keys: Keys) -> None:
+        super().__init__(router, keys)
+        self._frames = self.bus.publisher(keys.frame)
+        self._headers: dict[str, FrameHeader] = {}
+        self.bus.queryable(keys.any_frame_by_hash, self._frame)
+        self.bus.presence().declare_alive(keys.alive("imaging"))
+
+    def send(self, name: str, case_id: str | None, revision: int = 1) -> FrameHeader:
+        header = samples.frame_header(name, case_id, revision, len(self._headers))
+        self._headers[header.sha256] = header
+        self._frames.put(samples.pixels(), encode(header))
+        return header
+
+    def _frame(self, query: Query) -> Answer:
+        header = self._headers[query.key.rsplit("/", 1)[-1]]
+        return Answer(samples.pixels(), encode(header))
+
+
+class FakeRegistration(OnTheBus):
+    """Publishes localisations, and answers plan and verification requests; `refusal` makes it refuse."""
+
+    def __init__(self, router: MemoryRouter, keys: Keys) -> None:
+        super().__init__(router, keys)
+        self._localisations = self.bus.retained_publisher(keys.localisation)
+        self.count = 0
+        self.plan_requests: list[PlanRequest] = []
+        self.refusal: tuple[str, str] | None = None
+        self.hold = threading.Event()
+        self.hold.set()
+        self.asked = threading.Event()
+        self.bus.queryable(keys.plan_request, self._plan)
+        self.bus.queryable(keys.verification_request, self._verify)
+        self.bus.presence().declare_alive(keys.alive("registration"))
+
+    def publish(self, header: FrameHeader, *reasons: ReasonCode) -> LocalisationRecord:
+        self.count += 1
+        record = samples.localisation_record(header, f"registration-1.{self.count}", *reasons)
+        self._localisations.put(encode(record))
+        return record
+
+    def _plan(self, query: Query) -> Answer:
+        request = decode(PlanRequest, query.payload)
+        self.plan_requests.append(request)
+        self.asked.set()
+        self.hold.wait(PATIENCE_S)
+        if self.refusal is not None:
+            code, message = self.refusal
+            return Answer(encode(PlanReply(verdict="rejected", code=code, message=message)))
+        return Answer(encode(PlanReply(verdict="accepted", plan=samples.plan(request, f"registration-1.{self.count}"))))
+
+    def _verify(self, query: Query) -> Answer:
+        request = decode(VerificationRequest, query.payload)
+        if self.refusal is not None:
+            code, message = self.refusal
+            return Answer(encode(VerificationReply(code=code, message=message)))
+        return Answer(encode(VerificationReply(verification=samples.verification(request.image_sha256))))
+
+
+class FakeRobot(OnTheBus):
+    """Publishes the states it is told to, counts commands, and answers as told: `reply_to_moves` may also hang."""
+
+    def __init__(self, router: MemoryRouter, keys: Keys) -> None:
+        super().__init__(router, keys)
+        self._states = self.bus.retained_publisher(keys.robot_state)
+        self.state = samples.robot_state(1)
+        self.moves: list[MoveCommand] = []
+        self.plain: list[PlainCommand] = []
+        self.stops: list[StopCommand] = []
+        self.moved = threading.Event()
+        self.stopped = threading.Event()
+        self.answers_moves: Callable[[MoveCommand], CommandReply] = self._accept_move
+        self.release = threading.Event()
+        self.bus.queryable(keys.robot_command("move"), self._move)
+        self.bus.queryable(keys.robot_command("stop"), self._stop)
+        for verb in ("reference", "acknowledge_stop", "reset"):
+            self.bus.queryable(keys.robot_command(verb), self._plain)
+        self.bus.presence().declare_alive(keys.alive("robot"))
+        self._states.put(encode(self.state))
+
+    def say(self, state: MotionState, **changes: object) -> RobotState:
+        """Publish a next state."""
+        kept = {"command_id": self.state.command_id, "outcome": self.state.outcome, "stop": self.state.stop}
+        at_ns = {"sent_at_ns": self.state.sent_at_ns + 20_000_000, "boot_epoch": self.state.boot_epoch}
+        self.state = samples.robot_state(self.state.sequence + 1, state, **(at_ns | kept | changes))
+        self._states.put(encode(self.state))
+        return self.state
+
+    def arrive(self) -> None:
+        """End the move at its target."""
+        self.say(MotionState.LOCKED, outcome="reached", deviation_mm=0.01, deviation_deg=0.02)
+
+    def hang(self, command: MoveCommand) -> CommandReply:
+        """Answer to no move before `release`."""
+        self.release.wait(PATIENCE_S)
+        return self._accept_move(command)
+
+    def _accept_move(self, command: MoveCommand) -> CommandReply:
+        command_id = command.envelope.command_id
+        self.say(MotionState.MOVING, command_id=command_id, outcome="moving")
+        return CommandReply(command_id=command_id, verdict="accepted", state=MotionState.MOVING)
+
+    def _move(self, query: Query) -> Answer:
+        command = decode(MoveCommand, query.payload)
+        self.moves.append(command)
+        self.moved.set()
+        return Answer(encode(self.answers_moves(command)))
+
+    def _plain(self, query: Query) -> Answer:
+        command = decode(PlainCommand, query.payload)
+        self.plain.append(command)
+        reply = CommandReply(command_id=command.envelope.command_id, verdict="accepted", state=self.state.state)
+        return Answer(encode(reply))
+
+    def _stop(self, query: Query) -> Answer:
+        self.stops.append(decode(StopCommand, query.payload))
+        self.stopped.set()
+        if self.state.state is MotionState.MOVING:
+            self.say(MotionState.STOPPED, stop=StopLatch.LATCHED, outcome="stopped")
+        return Answer(encode(CommandReply(command_id=None, verdict="accepted", state=MotionState.STOPPED)))
+
+
+class LogWatch:
+    """Waits until something is in the log, woken by the record itself."""
+
+    def __init__(self, record: CaseRecord) -> None:
+        self._grown = threading.Condition()
+        self._record = record
+        record.listen(lambda _: self._notify())
+
+    def wait_for(self, holds: Callable[[], bool]) -> None:
+        """Wait until a condition on the ledger holds."""
+        with self._grown:
+            if not self._grown.wait_for(holds, PATIENCE_S):
+                kinds = [e.kind.value for e in self._record.events_after(0)]
+                raise AssertionError(f"it did not come about within {PATIENCE_S} s; the log has {kinds}")
+
+    def wait_for_event(self, matches: Callable[[Event], bool]) -> None:
+        """Wait until an event of the log matches."""
+        self.wait_for(lambda: any(matches(e) for e in self._record.events_after(0)))
+
+    def _notify(self) -> None:
+        with self._grown:
+            self._grown.notify_all()

@@ -1,0 +1,111 @@
+"""A gateway with its fakes around it on an in-memory bus, and a client that speaks HTTP to it."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+import httpx
+
+from services.ui_api.app import make_app
+from services.ui_api.desks.clock import Clock
+from services.ui_api.server import listening_socket, serving
+from services.ui_api.service import Gateway, open_gateway
+from services.ui_api.settings import UiApiSettings
+from shared.bus.keys import Keys
+from shared.bus.memory_bus import MemoryRouter
+from shared.errors import ReasonCode
+from shared.messages.imaging import FrameHeader
+from shared.runtime.lifecycle import open_service
+from tests.unit.services.ui_api import samples
+from tests.unit.services.ui_api.fakes import PATIENCE_S, FakeImaging, FakeRegistration, FakeRobot, LogWatch
+
+ROOM = "test"
+_keys = count()
+
+
+def new_key() -> str:
+    return f"key-{next(_keys)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """Everything a test of the gateway touches."""
+
+    router: MemoryRouter
+    imaging: FakeImaging
+    registration: FakeRegistration
+    robot: FakeRobot
+    gateway: Gateway
+    log: LogWatch
+    client: httpx.Client
+
+    def get(self, path: str) -> httpx.Response:
+        return self.client.get(f"/api/v1{path}")
+
+    def post(
+        self, path: str, body: object | None = None, key: str | None = None, if_match: str | None = None
+    ) -> httpx.Response:
+        headers = {"Idempotency-Key": key or new_key(), **({"If-Match": if_match} if if_match else {})}
+        return self.client.post(f"/api/v1{path}", json={} if body is None else body, headers=headers)
+
+    def open_case(self) -> str:
+        answer = self.post("/cases", samples.case_body())
+        assert answer.status_code == 201, answer.text
+        return str(answer.json()["id"])
+
+    def image(self, name: str, case_id: str, *reasons: ReasonCode) -> FrameHeader:
+        """An image arrives and is localised."""
+        header = self.imaging.send(name, case_id)
+        ledger = self.gateway.record.ledger
+        self.log.wait_for(lambda: ledger.cases[case_id].image(header.sha256) is not None)
+        record = self.registration.publish(header, *reasons)
+        epoch = record.registration_epoch
+        self.log.wait_for(lambda: ledger.cases[case_id].knows_localisation(header.sha256, epoch))
+        return header
+
+    def approved_plan(self, case_id: str, name: str = "image") -> int:
+        """An image, a plan from it, and a surgeon's approval; the plan's number."""
+        self.image(name, case_id)
+        newest = len(self.gateway.record.ledger.cases[case_id].localisations)
+        answer = self.post(f"/cases/{case_id}/plans", {"localisation": newest, "hole_ids": ["proximal", "distal"]})
+        assert answer.status_code == 201, answer.text
+        number = int(answer.json()["number"])
+        approval = self.post(
+            f"/cases/{case_id}/plans/{number}/approval", {"approved_by": "Dr A"}, if_match=answer.headers["etag"]
+        )
+        assert approval.status_code == 201, approval.text
+        return number
+
+    def wait_for_status(self, operation_id: str, *statuses: str) -> dict[str, object]:
+        """Wait until an operation has one of the statuses; what REST then says of it."""
+        operations = self.gateway.record.ledger
+        self.log.wait_for(lambda: operations.operations[operation_id].status in statuses)
+        answer: dict[str, object] = self.get(f"/operations/{operation_id}").json()
+        return answer
+
+
+@contextmanager
+def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
+    """A gateway among its fakes, on a state folder that may have been used before."""
+    router, keys = MemoryRouter(), Keys(ROOM)
+    chosen = UiApiSettings(room=ROOM, state_dir=state_dir, **settings)  # type: ignore[arg-type]  # pydantic checks it
+    with ExitStack() as stack:
+        imaging = stack.enter_context(FakeImaging(router, keys))
+        registration = stack.enter_context(FakeRegistration(router, keys))
+        robot = stack.enter_context(FakeRobot(router, keys))
+        bus, runtime = stack.enter_context(open_service("ui_api", chosen, lambda _: router.open()))
+        gateway = stack.enter_context(open_gateway(bus, runtime, chosen, Clock()))
+        log = LogWatch(gateway.record)
+        client = stack.enter_context(httpx.Client(base_url=_served(stack, gateway), timeout=PATIENCE_S))
+        log.wait_for(lambda: gateway.view.newest() is not None)
+        stack.callback(gateway.feed.close)
+        yield Room(router, imaging, registration, robot, gateway, log, client)
+
+
+def _served(stack: ExitStack, gateway: Gateway) -> str:
+    """Serve on a free port; the address to call."""
+    listening = listening_socket("127.0.0.1", 0)
+    stack.enter_context(serving(make_app(gateway), listening, lambda: None))
+    return f"http://127.0.0.1:{listening.getsockname()[1]}"
