@@ -1,0 +1,201 @@
+"""Small X-ray scenes for the tests: blurred cylinders and balls on texture, with their own arithmetic.
+
+Deliberately apart from the product's image model: path lengths come from slabs of sampled depth, not from closed forms.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from shared.geometry.calibration import BallCandidates, CArmCalibration
+from shared.geometry.camera import DisplacementField, PinholeCamera
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.lines import Line
+from shared.geometry.parts import BallPattern, Box, GuidePart, Hole, Material, NailPart
+from shared.geometry.transform import Transform
+
+FOCAL_PX = 4200.0
+RING_DEPTH_MM = 950.0
+METAL_PER_MM: dict[Material, float] = {"steel": 0.9, "Ti6Al4V": 0.3}
+_DEPTH_STEP_MM = 0.5
+_X = np.array([1.0, 0.0, 0.0])
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rod:
+    """A round steel rod (a wire, a screw) between two points in the camera's frame."""
+
+    start_mm: NDArray[np.float64]
+    end_mm: NDArray[np.float64]
+    diameter_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What is in front of the detector, in the camera's frame; `balls` are centres with a diameter, shape (B, 4)."""
+
+    size_px: int
+    nail: NailPart | None = None
+    camera_from_nail: Transform[Camera, Nail] | None = None
+    rods: tuple[Rod, ...] = ()
+    balls: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
+    noise: float = 0.01
+    texture: float = 0.05
+
+
+def calibration(size_px: int, distortion: DisplacementField | None = None) -> CArmCalibration:
+    """A C-arm whose focal spot looks at the image's middle."""
+    middle = 0.5 * (size_px - 1)
+    K = np.array([[FOCAL_PX, 0.0, middle], [0.0, FOCAL_PX, middle], [0.0, 0.0, 1.0]])
+    none = np.zeros(0)
+    return CArmCalibration(
+        size_px,
+        size_px,
+        False,
+        PinholeCamera(K),
+        Transform.from_rotation_translation(np.eye(3), np.array([0.0, 0.0, RING_DEPTH_MM])),
+        DisplacementField.zero(size_px, size_px) if distortion is None else distortion,
+        np.eye(3),
+        BallCandidates(np.zeros((0, 2)), none, none, none, np.zeros(0, np.int64)),
+        120,
+        0.05,
+        0.05,
+        50.0,
+        None,
+    )
+
+
+def pincushion(size_px: int, edge_fraction: float) -> DisplacementField:
+    """Distortion that moves the image's edge by a fraction of its distance from the middle."""
+    nodes = np.linspace(-40.0, size_px + 40.0, 12)
+    x, y = np.meshgrid(nodes, nodes)
+    middle = 0.5 * (size_px - 1)
+    offset = np.stack([x - middle, y - middle], axis=-1)
+    square = (offset**2).sum(axis=-1, keepdims=True) / middle**2
+    return DisplacementField(
+        np.full(2, nodes[0]), float(nodes[1] - nodes[0]), -edge_fraction * offset * square, np.zeros((12, 12))
+    )
+
+
+def nail_part(
+    hole_x_mm: tuple[float, ...] = (15.0, -15.0),
+    material: Material = "steel",
+    diameter_mm: float = 12.0,
+    hole_diameter_mm: float = 6.0,
+    tip_x_mm: float = 38.0,
+) -> NailPart:
+    """A nail with parallel holes; the first two are called as in the catalogue."""
+    names = ["distal", "proximal", "third", "fourth"]
+    holes = tuple(
+        Hole(name, Line(np.array([x, 0.0, 0.0]), _Z), hole_diameter_mm)
+        for name, x in zip(names, hole_x_mm, strict=False)
+    )
+    return NailPart(material, diameter_mm, 4.5 if material == "Ti6Al4V" else 0.0, tip_x_mm, holes, "0" * 64)
+
+
+def guide_part() -> GuidePart:
+    """A guide with two holes 30 mm apart in a block 25 mm thick; few balls, far from the holes."""
+    balls = np.array([[x, y, z] for x in (-25.0, 25.0) for y in (-18.0, 18.0) for z in (-10.0, 10.0)])
+    pattern = BallPattern(tuple(f"G{k}" for k in range(len(balls))), balls, np.full(len(balls), 2.0))
+    holes = tuple(
+        Hole(name, Line(np.array([x, 0.0, 0.0]), _Z), 5.0) for name, x in (("distal", 15.0), ("proximal", -15.0))
+    )
+    return GuidePart(pattern, holes, (Box((0.0, 0.0, 0.0), (55.0, 40.0, 25.0)),), "0" * 64)
+
+
+def posed_nail(
+    spin_deg: float,
+    tilt_xy_deg: tuple[float, float] = (0.0, 0.0),
+    at_mm: tuple[float, float, float] = (0.0, 0.0, 740.0),
+) -> Transform[Camera, Nail]:
+    """A nail whose x axis is turned in the image by `spin_deg`, then tilted about the camera's x and y axes."""
+    spin = Rotation.from_euler("z", spin_deg, degrees=True)
+    tilt = Rotation.from_euler("xy", tilt_xy_deg, degrees=True)
+    return Transform.from_rotation_translation((tilt * spin).as_matrix(), np.array(at_mm))
+
+
+def posed_guide(spin_deg: float, at_mm: tuple[float, float, float]) -> Transform[Camera, Guide]:
+    """A guide that faces the beam."""
+    return Transform.from_rotation_translation(
+        Rotation.from_euler("z", spin_deg, degrees=True).as_matrix(), np.array(at_mm)
+    )
+
+
+def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32]:
+    """Grey values 0..1: attenuation, texture, blur of 1.2 px, correlated noise, and a display curve."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[0 : scene.size_px, 0 : scene.size_px].astype(np.float64)
+    rays = view.rays_camera(np.stack([x, y], axis=-1))
+    rays = rays / rays[..., 2:]
+    thickness = gaussian_filter(rng.standard_normal(x.shape), 9.0) * 9.0 * 3.5 * scene.texture
+    attenuation = 0.5 + thickness + 0.15 * x / scene.size_px
+    if scene.nail is not None and scene.camera_from_nail is not None:
+        path_mm = _nail_path_mm(rays, scene.nail, scene.camera_from_nail)
+        attenuation = attenuation + METAL_PER_MM[scene.nail.material] * path_mm
+    for rod in scene.rods:
+        attenuation = attenuation + METAL_PER_MM["steel"] * _rod_path_mm(rays, rod)
+    for ball in scene.balls:
+        attenuation = attenuation + METAL_PER_MM["steel"] * _ball_path_mm(rays, ball[:3], 0.5 * float(ball[3]))
+    light = gaussian_filter(np.exp(-attenuation), 1.2)
+    light = light + gaussian_filter(rng.standard_normal(x.shape), 0.8) * 2.8 * scene.noise * np.sqrt(light)
+    return np.asarray((np.clip(light + 0.08, 0.0, None) ** 0.7), dtype=np.float32)
+
+
+def _nail_path_mm(
+    rays: NDArray[np.float64], nail: NailPart, camera_from_nail: Transform[Camera, Nail]
+) -> NDArray[np.float64]:
+    """Length in metal by sampling depth: inside the cylinder, before the rounded tip, outside the holes."""
+    inverse = camera_from_nail.inverse()
+    axis = camera_from_nail.rotation[:, 0]
+    near = _distance_of_lines_mm(rays, camera_from_nail.translation_mm, axis) < nail.radius_mm
+    middle_mm, reach_mm = float(camera_from_nail.translation_mm[2]), 1.6 * nail.diameter_mm
+    length = np.zeros(np.count_nonzero(near))
+    for depth_mm in np.arange(middle_mm - reach_mm, middle_mm + reach_mm, _DEPTH_STEP_MM):
+        p = inverse.points(rays[near] * depth_mm)
+        across = np.hypot(p[:, 1], p[:, 2])
+        beyond = np.maximum(p[:, 0] - (nail.tip_x_mm - nail.radius_mm), 0.0)
+        metal = np.hypot(across, beyond) <= nail.radius_mm
+        metal &= across >= 0.5 * nail.cannulation_diameter_mm
+        for hole in nail.holes:
+            offset = p - hole.axis.point_mm
+            along = offset @ hole.axis.direction
+            metal &= np.linalg.norm(offset - along[:, None] * hole.axis.direction, axis=-1) > 0.5 * hole.diameter_mm
+        length += metal
+    total = np.zeros(rays.shape[:2])
+    total[near] = length * _DEPTH_STEP_MM
+    return total
+
+
+def _distance_of_lines_mm(
+    rays: NDArray[np.float64], point_mm: NDArray[np.float64], direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distance of each ray from a line, shape (rows, columns), in mm."""
+    normal = np.cross(rays, direction)
+    return np.asarray(np.abs(normal @ point_mm) / np.linalg.norm(normal, axis=-1))
+
+
+def _rod_path_mm(rays: NDArray[np.float64], rod: Rod) -> NDArray[np.float64]:
+    low, high = sorted((float(rod.start_mm[2]), float(rod.end_mm[2])))
+    length = float(np.linalg.norm(rod.end_mm - rod.start_mm))
+    axis = (rod.end_mm - rod.start_mm) / length
+    near = _distance_of_lines_mm(rays, rod.start_mm, axis) < 0.5 * rod.diameter_mm
+    inside = np.zeros(np.count_nonzero(near))
+    for depth_mm in np.arange(low - rod.diameter_mm, high + rod.diameter_mm, _DEPTH_STEP_MM):
+        offset = rays[near] * depth_mm - rod.start_mm
+        along = offset @ axis
+        away = np.linalg.norm(offset - along[:, None] * axis, axis=-1)
+        inside += (away <= 0.5 * rod.diameter_mm) & (along >= 0.0) & (along <= length)
+    total = np.zeros(rays.shape[:2])
+    total[near] = inside * _DEPTH_STEP_MM
+    return total
+
+
+def _ball_path_mm(rays: NDArray[np.float64], centre_mm: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:
+    unit = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    along = unit @ centre_mm
+    square = radius_mm**2 - (centre_mm @ centre_mm - along**2)
+    return np.asarray(2.0 * np.sqrt(np.maximum(square, 0.0)))
