@@ -81,7 +81,7 @@ def _rim_points(inside: Mask) -> NDArray[np.float64]:
     points = max(contours, key=len).reshape(-1, 2).astype(np.float64)
     rows, columns = inside.shape
     x, y = points.T
-    return points[(x > 1) & (y > 1) & (x < columns - 2) & (y < rows - 2)]
+    return np.asarray(points[(x > 1) & (y > 1) & (x < columns - 2) & (y < rows - 2)])
 
 
 def _circle(points: NDArray[np.float64]) -> Aperture | None:

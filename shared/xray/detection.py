@@ -42,7 +42,7 @@ def detect_balls(
     pixels: FloatImage,
     usable: Mask,
     radius_range_px: tuple[float, float],
-    limits: DetectionLimits = DetectionLimits(),  # noqa: B008  # frozen
+    limits: DetectionLimits = DetectionLimits(),
 ) -> BallCandidates:
     """Find all dark discs of a range of radii.
 
@@ -130,9 +130,7 @@ def _filter(image: FloatImage, kernel: Array) -> FloatImage:
 
 
 def _fit(pixels: FloatImage, usable: Mask, seed: Array, radius: float) -> DiscFit | None:
-    priors = DiscPriors(
-        seed[None], _DRIFT_PX, np.array([radius]), np.array([0.25 * radius]), _BLUR_PX, _BLUR_SD_PX
-    )
+    priors = DiscPriors(seed[None], _DRIFT_PX, np.array([radius]), np.array([0.25 * radius]), _BLUR_PX, _BLUR_SD_PX)
     return fit_discs(pixels, usable, priors, _MARGIN_PX, passes=1)
 
 

@@ -66,7 +66,7 @@ def _overlaps(p: Array, discs: int, row: Array) -> float:
             row[b + k] += 0.5 * overlap * both
             row[b + j] += 0.5 * overlap * both
     row[-2] = common
-    return overlap * common
+    return float(overlap * common)
 
 
 @njit(cache=True)
@@ -92,23 +92,31 @@ def normal_equations(
 
 
 @njit(cache=True)
+def factorise(matrix: Array) -> bool:
+    """Cholesky factor in the lower triangle, in place; False when the matrix is not positive."""
+    for i in range(len(matrix)):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            if i == j:
+                if total <= 0.0:
+                    return False
+                matrix[i, i] = math.sqrt(total)
+            else:
+                matrix[i, j] = total / matrix[j, j]
+    return True
+
+
+@njit(cache=True)
 def solve_cholesky(normal: Array, gradient: Array, damping: float, step: Array) -> bool:
     """Solve (normal + damping * its diagonal) step = gradient; False when the matrix is not positive."""
     size = len(gradient)
     factor = normal.copy()
     for i in range(size):
         factor[i, i] *= 1.0 + damping
-    for i in range(size):
-        for j in range(i + 1):
-            total = factor[i, j]
-            for k in range(j):
-                total -= factor[i, k] * factor[j, k]
-            if i == j:
-                if total <= 0.0:
-                    return False
-                factor[i, i] = math.sqrt(total)
-            else:
-                factor[i, j] = total / factor[j, j]
+    if not factorise(factor):
+        return False
     for i in range(size):
         total = gradient[i]
         for k in range(i):

@@ -70,9 +70,7 @@ class DiscFit:
     noise: float
 
 
-def fit_discs(
-    pixels: FloatImage, usable: Mask, priors: DiscPriors, reach_px: float, passes: int = 2
-) -> DiscFit | None:
+def fit_discs(pixels: FloatImage, usable: Mask, priors: DiscPriors, reach_px: float, passes: int = 2) -> DiscFit | None:
     """Fit a group of blurred discs on a curved background.
 
     Parameters
@@ -103,7 +101,7 @@ def fit_discs(
     discs = len(priors.radius_px)
     parameters, normal, noise = fit_group(samples, frame, mean, precision, discs, passes, _HUBER)
     normal = np.tril(normal) + np.tril(normal, -1).T
-    return _unpacked(parameters, np.linalg.inv(normal), discs, spread, noise)
+    return _unpacked(parameters, np.asarray(np.linalg.inv(normal)), discs, spread, noise)
 
 
 def _samples(pixels: FloatImage, usable: Mask, centre_px: Array, reach_px: Array) -> Array:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.imaging.core.joint_estimate import Gauge, JointEstimate
+from services.imaging.core.field_model import FieldSolution
+from services.imaging.core.joint_estimate import Gauge
 from shared.geometry.calibration import Aperture, BallCandidates, CArmCalibration
 from shared.geometry.camera import DisplacementField, PinholeCamera
 from shared.geometry.frames import Camera, Ring
@@ -30,7 +31,7 @@ class SourceAndField:
 
 
 def field_on_grid(
-    estimate: JointEstimate, width_px: int, height_px: int, aperture: Aperture | None
+    solution: FieldSolution, width_px: int, height_px: int, aperture: Aperture | None
 ) -> DisplacementField:
     """Sample the estimated distortion on a regular grid that covers the image.
 
@@ -43,7 +44,7 @@ def field_on_grid(
     nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     if aperture is not None:
         nodes = _drawn_in(nodes, np.array(aperture.centre_px), aperture.radius_px + _BEYOND * spacing)
-    displacement, deviation = estimate.field(nodes)
+    displacement, deviation = solution.predict(nodes)
     shape = (len(y), len(x))
     return DisplacementField(
         np.array([x[0], y[0]]), float(spacing), displacement.reshape(*shape, 2), deviation.reshape(shape)

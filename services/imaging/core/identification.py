@@ -151,7 +151,7 @@ class _Matcher:
 
     def match(self, predicted_px: Array, balls: Ints, reach_px: float) -> tuple[Ints, Ints]:
         """Pairs (ball, candidate), one to one."""
-        distance, index = self._tree.query(predicted_px[balls], distance_upper_bound=reach_px)
+        distance, index = map(np.asarray, self._tree.query(predicted_px[balls], distance_upper_bound=reach_px))
         found = np.isfinite(distance)
         ball, candidate, distance = balls[found], index[found], distance[found]
         ratio = np.log(self._radius[candidate] / self.constellation.radius_px[ball])
@@ -203,4 +203,3 @@ def _same(a: _Grown, b: _Grown) -> bool:
     both = (a.matches != _NONE) & (b.matches != _NONE)
     agree = int(np.count_nonzero(a.matches[both] == b.matches[both]))
     return a.mirrored == b.mirrored and agree > 0.5 * min(a.count, b.count)
-

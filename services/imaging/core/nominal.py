@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.geometry.parts import RingPart
 
@@ -35,8 +36,12 @@ class NominalGeometry:
         """Pixels per millimetre in the ring's plane z = 0."""
         return 1.0 / ((1.0 - _RING_TO_IMAGE_PLANE) * self.pixel_mm)
 
-    def ball_radius_px(self, ring: RingPart) -> tuple[float, float]:
+    def ball_radius_range_px(self, ring: RingPart) -> tuple[float, float]:
         """Nominal radius of the smallest and of the largest shadow of the ring's balls."""
-        depth = self.source_to_ring_mm + ring.balls.position_mm[:, 2]
-        radius = 0.5 * ring.balls.diameter_mm * self.source_to_detector_mm / (depth * self.pixel_mm)
+        radius = self.ball_radii_px(ring)
         return float(np.min(radius)), float(np.max(radius))
+
+    def ball_radii_px(self, ring: RingPart) -> NDArray[np.float64]:
+        """Nominal radius of the shadow of each of the ring's balls, shape (N,)."""
+        depth = self.source_to_ring_mm + ring.balls.position_mm[:, 2]
+        return np.asarray(0.5 * ring.balls.diameter_mm * self.source_to_detector_mm / (depth * self.pixel_mm))

@@ -36,9 +36,7 @@ class FoundRing:
     identity: RingIdentity
 
 
-def find_ring(
-    pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: NominalGeometry
-) -> FoundRing | Rejected:
+def find_ring(pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: NominalGeometry) -> FoundRing | Rejected:
     """Detect dark discs and identify the ring among them.
 
     Parameters
@@ -71,7 +69,7 @@ class _Search:
 
 
 def _search(pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: NominalGeometry) -> _Search:
-    low, high = nominal.ball_radius_px(ring)
+    low, high = nominal.ball_radius_range_px(ring)
     radii = (low * (1.0 - _RADIUS_TOLERANCE), high * (1.0 + _RADIUS_TOLERANCE))
     candidates = detect_balls(pixels, area.mask, radii)
     return _Search(candidates, identify_ring(candidates, ring, nominal))
@@ -111,9 +109,7 @@ def _inverted_reason(identity: RingIdentity) -> Reason:
     )
 
 
-def _not_found_reasons(
-    found: _Search, pixels: FloatImage, area: UsableArea, ring: RingPart
-) -> tuple[Reason, ...]:
+def _not_found_reasons(found: _Search, pixels: FloatImage, area: UsableArea, ring: RingPart) -> tuple[Reason, ...]:
     explained = 0 if found.identity is None else found.identity.identified
     reasons = [
         Reason(

@@ -113,7 +113,7 @@ def _disc_pairs(centre_px: Array, scale: float) -> Ints:
             kept.append(index)
         if len(kept) == _IMAGE_PAIRS:
             break
-    return pairs[kept]
+    return np.asarray(pairs[kept])
 
 
 def _ball_pairs(flat_mm: Array, plate: Ints) -> Ints:
@@ -141,7 +141,7 @@ def _scored(seeds: Seeds, candidates: BallCandidates, flat_mm: Array) -> Seeds:
     """Count discs close to the predicted balls of each guess's neighbourhood; keep the best guesses, best first."""
     occupied = _Occupied(candidates.centre_px)
     z = _complex(flat_mm)
-    near = cKDTree(flat_mm).query_ball_point(seeds.middle_mm, _NEIGHBOURHOOD_MM)
+    near: list[list[int]] = list(cKDTree(flat_mm).query_ball_point(seeds.middle_mm, _NEIGHBOURHOOD_MM))  # type: ignore[arg-type]  # stubs say int
     most = max((len(n) for n in near), default=0)
     members = np.full((len(seeds), most), -1, dtype=np.int64)
     for row, balls in enumerate(near):
@@ -199,6 +199,4 @@ def _distinct(seeds: Seeds, scale: float) -> Seeds:
     )
     _, first = np.unique(key, axis=0, return_index=True)
     keep = np.sort(first)
-    return Seeds(
-        seeds.factor[keep], seeds.offset[keep], seeds.mirrored[keep], seeds.middle_mm[keep], seeds.score[keep]
-    )
+    return Seeds(seeds.factor[keep], seeds.offset[keep], seeds.mirrored[keep], seeds.middle_mm[keep], seeds.score[keep])

@@ -1,0 +1,208 @@
+"""The smooth field from measured to ideal pixels: a polynomial plus a Gaussian process, solved with the source.
+
+Given the field's roughness everything is linear: displacement = polynomial + process + noise - slopes @ step, where
+`step` corrects the assumed source. Generalised least squares yields coefficients and covariance; the restricted
+likelihood of the residuals judges a roughness (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
+sections 2.7 and 5.4).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
+
+Array = NDArray[np.float64]
+
+SOURCE_TERMS = 3
+_SIMPLEX = np.diag([1.0, -0.7, 0.5])
+
+
+@dataclass(frozen=True, slots=True)
+class FieldPrior:
+    """Roughness of the distortion.
+
+    Attributes
+    ----------
+    order
+        Total order of the polynomial.
+    amplitude_px, length_px
+        Of the Gaussian process (Matern 5/2).
+    noise_factor
+        Ratio of real to predicted standard deviations of the balls' centres.
+    """
+
+    order: int
+    amplitude_px: float
+    length_px: float
+    noise_factor: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearSystem:
+    """The problem linearised at a source.
+
+    Attributes
+    ----------
+    measured_px, deviation_px
+        Balls' centres, shape (N, 2), and their predicted standard deviation per axis, shape (N,).
+    centre_px, half_size_px
+        Scale of the polynomial's coordinates.
+    target_px
+        Ideal minus measured pixels at the assumed source, shape (N, 2).
+    slopes
+        Change of the ideal pixels with the source, shape (N, 2, 3).
+    source_prior
+        Nominal minus assumed source, and the nominal's standard deviation, shape (2, 3).
+    """
+
+    measured_px: Array
+    deviation_px: Array
+    centre_px: Array
+    half_size_px: float
+    target_px: Array
+    slopes: Array
+    source_prior: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldSolution:
+    """Generalised least squares of a `LinearSystem` under a `FieldPrior`.
+
+    Attributes
+    ----------
+    coefficients, covariance
+        Polynomial of x, polynomial of y, step of the source; shapes (P,) and (P, P).
+    residual_px
+        Target less the linear part, shape (N, 2): process and noise.
+    log_likelihood
+        Restricted, up to a constant.
+    """
+
+    system: LinearSystem
+    prior: FieldPrior
+    factor: tuple[Array, bool]
+    whitened_design: Array
+    coefficients: Array
+    covariance: Array
+    residual_px: Array
+    log_likelihood: float
+
+    @property
+    def step_mm(self) -> Array:
+        """Correction of the assumed source, shape (3,)."""
+        return self.coefficients[-SOURCE_TERMS:]
+
+    @property
+    def source_covariance_mm2(self) -> Array:
+        """Shape (3, 3)."""
+        return self.covariance[-SOURCE_TERMS:, -SOURCE_TERMS:]
+
+    def fit_residual_px(self) -> Array:
+        """What is left for noise, shape (N, 2)."""
+        noise = np.square(self.prior.noise_factor * self.system.deviation_px)
+        return np.asarray(noise[:, None] * cho_solve(self.factor, self.residual_px))
+
+    def left_out(self) -> tuple[Array, Array]:
+        """Residuals with each ball left out, shape (N, 2), and their predicted deviation, shape (N,).
+
+        From the inverse covariance with the linear part projected out (Rasmussen and Williams, equation 5.12).
+        """
+        count = len(self.residual_px)
+        inverse = cho_solve(self.factor, np.eye(count))
+        whitened = cho_solve(self.factor, self.residual_px)
+        residual, variance = np.empty((count, 2)), np.zeros(count)
+        for axis in range(2):
+            design = self.whitened_design[axis]
+            diagonal = np.diag(inverse) - np.einsum("np,pq,nq->n", design, self.covariance, design)
+            residual[:, axis] = whitened[:, axis] / diagonal
+            variance += 0.5 / diagonal
+        return residual, np.sqrt(variance)
+
+    def predict(self, points_px: Array) -> tuple[Array, Array]:
+        """Displacement at measured pixels, shape (P, 2), and its standard deviation per axis, shape (P,)."""
+        system, prior = self.system, self.prior
+        basis = polynomial(points_px, system.centre_px, system.half_size_px, prior.order)
+        terms = basis.shape[1]
+        cross = prior.amplitude_px**2 * matern52(points_px, system.measured_px, prior.length_px)
+        value = cross @ cho_solve(self.factor, self.residual_px)
+        variance = prior.amplitude_px**2 - np.einsum("pn,np->p", cross, cho_solve(self.factor, cross.T))
+        for axis in range(2):
+            rows = slice(axis * terms, (axis + 1) * terms)
+            value[:, axis] += basis @ self.coefficients[rows]
+            lever = -cross @ self.whitened_design[axis]
+            lever[:, rows] += basis
+            variance += 0.5 * np.einsum("pi,ij,pj->p", lever, self.covariance, lever)
+        return value, np.sqrt(np.maximum(variance, 0.0))
+
+
+def polynomial(points_px: Array, centre_px: Array, half_size_px: float, order: int) -> Array:
+    """Monomials up to a total order, shape (N, terms), of pixels scaled to about [-1, 1]."""
+    x, y = ((points_px - centre_px) / half_size_px).T
+    return np.stack([x**i * y**j for i in range(order + 1) for j in range(order + 1 - i)], axis=1)
+
+
+def matern52(a_px: Array, b_px: Array, length_px: float) -> Array:
+    """Correlation between points, shape (N, M)."""
+    dx, dy = a_px[:, None, 0] - b_px[None, :, 0], a_px[:, None, 1] - b_px[None, :, 1]
+    r = np.sqrt(5.0 * (dx**2 + dy**2)) / length_px
+    return np.asarray((1.0 + r + r**2 / 3.0) * np.exp(-r))
+
+
+def solve_field(system: LinearSystem, prior: FieldPrior) -> FieldSolution:
+    """Generalised least squares of both axes and the source together."""
+    design = _design(system, prior.order)
+    count = design.shape[1]
+    variance = prior.amplitude_px**2 * matern52(system.measured_px, system.measured_px, prior.length_px)
+    variance[np.diag_indices(count)] += np.square(prior.noise_factor * system.deviation_px)
+    factor = cho_factor(variance, lower=True)
+    whitened = cho_solve(factor, np.concatenate([design[0], design[1]], axis=1))
+    whitened_design = np.stack(np.split(whitened, 2, axis=1))
+    information = design[0].T @ whitened_design[0] + design[1].T @ whitened_design[1]
+    gradient = whitened_design[0].T @ system.target_px[:, 0] + whitened_design[1].T @ system.target_px[:, 1]
+    tail = np.arange(-SOURCE_TERMS, 0)
+    weight = system.source_prior[1] ** -2
+    information[tail, tail] += weight
+    gradient[tail] += system.source_prior[0] * weight
+    covariance = np.linalg.inv(information)
+    coefficients = covariance @ gradient
+    residual = system.target_px - np.stack([design[0] @ coefficients, design[1] @ coefficients], axis=1)
+    quadratic = float(np.sum(residual * cho_solve(factor, residual)))
+    log_determinant = 4.0 * float(np.log(np.diag(factor[0])).sum()) + float(np.linalg.slogdet(information)[1])
+    likelihood = -0.5 * (quadratic + log_determinant)
+    return FieldSolution(system, prior, factor, whitened_design, coefficients, covariance, residual, likelihood)
+
+
+def _design(system: LinearSystem, order: int) -> Array:
+    """Columns of the linear part for both axes, shape (2, N, P)."""
+    basis = polynomial(system.measured_px, system.centre_px, system.half_size_px, order)
+    count, terms = basis.shape
+    design = np.zeros((2, count, 2 * terms + SOURCE_TERMS))
+    for axis in range(2):
+        design[axis, :, axis * terms : (axis + 1) * terms] = basis
+        design[axis, :, -SOURCE_TERMS:] = -system.slopes[:, axis]
+    return design
+
+
+def most_likely_prior(system: LinearSystem, start: FieldPrior, evaluations: int) -> FieldPrior:
+    """Roughness by restricted maximum likelihood, searched from `start` with so many evaluations at most."""
+
+    def prior_of(x: Array) -> FieldPrior:
+        amplitude, length, factor = np.exp(np.clip(x, -7.0, 4.0))
+        length_px = float(np.clip(length, 0.25, 4.0)) * system.half_size_px
+        return FieldPrior(start.order, float(amplitude), length_px, float(np.clip(factor, 0.2, 20.0)))
+
+    first = np.log([start.amplitude_px, start.length_px / system.half_size_px, start.noise_factor])
+    result = minimize(  # type: ignore[call-overload]  # the stubs refuse a simplex beside tolerances
+        lambda x: -solve_field(system, prior_of(np.asarray(x, dtype=np.float64))).log_likelihood,
+        first,
+        method="Nelder-Mead",
+        options={
+            "maxfev": evaluations,
+            "xatol": 0.1,
+            "fatol": 0.1,
+            "initial_simplex": first + np.concatenate([np.zeros((1, 3)), _SIMPLEX]),
+        },
+    )
+    return prior_of(np.asarray(result.x, dtype=np.float64))

@@ -1,0 +1,68 @@
+"""Read an image file: PNG or TIFF of 8 or 16 bits, or DICOM."""
+
+import cv2
+import numpy as np
+
+from services.imaging.devices.dicom_file import GreyPixels, dicom_of_pixels, is_dicom, read_dicom
+from services.imaging.devices.received_image import Acquisition, ReceivedImage
+from shared.errors import ImageUnreadable
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_PNG_END = b"IEND\xaeB`\x82"
+_TIFF = (b"II*\x00", b"MM\x00*")
+_KINDS = "a PNG or TIFF of 8 or 16 bits, or a DICOM file"
+
+
+def read_image(content: bytes, source: str) -> ReceivedImage:
+    """Read an image from a file's content.
+
+    Parameters
+    ----------
+    content
+        The whole file.
+    source
+        Name of the file, for the error's sentence.
+
+    Returns
+    -------
+    ReceivedImage
+        Normalised so that darker is denser where the file is tagged; PNG and TIFF carry no such tag and are taken to be
+        so.
+
+    Raises
+    ------
+    ImageUnreadable
+        With one sentence: what was found, what is needed.
+    """
+    if is_dicom(content):
+        return read_dicom(content, source)
+    if content.startswith(_PNG):
+        if _PNG_END not in content[-32:]:
+            raise ImageUnreadable(
+                f"{source}: the PNG ends after {len(content)} bytes without its end mark (truncated); send it again"
+            )
+    elif not content.startswith(_TIFF):
+        raise ImageUnreadable(f"{source}: {len(content)} bytes that are not an image; needed is {_KINDS}")
+    pixels = _decoded(content, source)
+    bits = 8 * pixels.dtype.itemsize
+    dicom, uid = dicom_of_pixels(pixels)
+    return ReceivedImage(pixels.astype(np.float32), bits, dicom, uid, Acquisition())
+
+
+def _decoded(content: bytes, source: str) -> GreyPixels:
+    """Grey values of a PNG or TIFF, shape (rows, columns)."""
+    try:
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise ImageUnreadable(f"{source}: the image cannot be decoded: it is damaged or truncated; send it again")
+    if image.ndim == 3 and image.shape[2] >= 3 and bool(np.all(image[..., :3] == image[..., :1])):
+        image = image[..., 0]
+    if image.ndim != 2:
+        raise ImageUnreadable(f"{source}: the image has {image.shape[2]} colours; needed is a grey image: {_KINDS}")
+    if image.dtype == np.uint8:
+        return np.ascontiguousarray(image, dtype=np.uint8)
+    if image.dtype == np.uint16:
+        return np.ascontiguousarray(image, dtype=np.uint16)
+    raise ImageUnreadable(f"{source}: the grey values are {image.dtype}; needed is {_KINDS}")

@@ -1,0 +1,93 @@
+"""Images as files, addressed by the SHA-256 of their content, each with its header beside it.
+
+A file appears whole or not at all: it is written under another name, flushed to the disk, then renamed.
+"""
+
+import os
+import re
+import tempfile
+from pathlib import Path
+
+from shared.errors import ConfigurationError
+from shared.parts.files import sha256_of
+
+_HASH = re.compile(r"[0-9a-f]{64}")
+
+
+class ImageStore:
+    """A folder of images.
+
+    Parameters
+    ----------
+    folder
+        Created when it is not there; raises `ConfigurationError` when that fails.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigurationError(
+                f"folder {folder} for images cannot be made: {error.strerror or error}; set another state_dir"
+            ) from None
+
+    def put(self, content: bytes) -> str:
+        """Keep an image; returns its SHA-256. Keeping the same image again changes nothing.
+
+        Raises
+        ------
+        OSError
+            When the disk does not take it; nothing is left half-written.
+        """
+        sha256 = sha256_of(content)
+        file = self.path(sha256)
+        if not file.exists():
+            write_atomically(file, content)
+        return sha256
+
+    def put_header(self, sha256: str, header: bytes) -> None:
+        """Keep what is known of an image, beside it; a newer header replaces it."""
+        write_atomically(self._header_path(sha256), header)
+
+    def get(self, sha256: str) -> bytes | None:
+        """An image's content, or None when it is not here."""
+        return _content(self.path(sha256)) if _HASH.fullmatch(sha256) else None
+
+    def get_header(self, sha256: str) -> bytes | None:
+        """An image's header, or None when it is not here."""
+        return _content(self._header_path(sha256)) if _HASH.fullmatch(sha256) else None
+
+    def path(self, sha256: str) -> Path:
+        """Where an image is kept."""
+        return self._folder / sha256[:2] / f"{sha256}.dcm"
+
+    def _header_path(self, sha256: str) -> Path:
+        return self._folder / sha256[:2] / f"{sha256}.json"
+
+
+def _content(file: Path) -> bytes | None:
+    try:
+        return file.read_bytes()
+    except FileNotFoundError:
+        return None
+
+
+def write_atomically(file: Path, content: bytes) -> None:
+    """Write a file so that it is there whole, on the disk, or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, name = tempfile.mkstemp(dir=file.parent, prefix=".incoming-")
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        Path(name).replace(file)
+    except OSError:
+        Path(name).unlink(missing_ok=True)
+        raise
+    folder = os.open(file.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

@@ -1,0 +1,49 @@
+"""An image as the services see it, whatever kind of file it came in."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Acquisition:
+    """What the file says of how the image was made; None where it says nothing.
+
+    Attributes
+    ----------
+    source_to_detector_mm, pixel_mm
+        Nominal distance, and nominal pixel size at the detector.
+    positioner_primary_angle_deg, positioner_secondary_angle_deg
+        Angles of the C-arm.
+    """
+
+    manufacturer: str = ""
+    model_name: str = ""
+    source_to_detector_mm: float | None = None
+    pixel_mm: float | None = None
+    positioner_primary_angle_deg: float | None = None
+    positioner_secondary_angle_deg: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReceivedImage:
+    """One grey image, normalised so that darker (smaller) is denser.
+
+    Attributes
+    ----------
+    pixels
+        Stored grey values, shape (rows, columns); reversed when the file is tagged with the other polarity.
+    bits_stored
+        Bits of each value.
+    dicom
+        The file as DICOM: as received, or made from another format.
+    sop_instance_uid
+        The DICOM object's unique identifier.
+    """
+
+    pixels: NDArray[np.float32]
+    bits_stored: int
+    dicom: bytes
+    sop_instance_uid: str
+    acquisition: Acquisition

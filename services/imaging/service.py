@@ -1,0 +1,220 @@
+"""Imaging: image in, frame and calibration out. No mathematics here."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.imaging.core.calibration import calibrate_image
+from services.imaging.core.nominal import NominalGeometry
+from services.imaging.devices.dicom_receiver import Refused
+from services.imaging.devices.image_file import read_image
+from services.imaging.devices.image_store import ImageStore
+from services.imaging.devices.received_image import ReceivedImage
+from shared.bus.keys import Keys
+from shared.bus.port import Answer, Bus, Query, Sample
+from shared.errors import Accepted, ImageUnreadable, PartFileInvalid, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.parts import RingPart
+from shared.messages.base import MessageInvalid, ReasonMessage, decode, encode
+from shared.messages.cases import CaseContext
+from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader, ImageReference
+from shared.parts.files import ring_from_json
+from shared.runtime.latest import BoundedQueue
+from shared.runtime.lifecycle import Runtime, software_version
+
+_QUEUE = 64
+_WAIT_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Defaults:
+    """Nominal values when neither the case nor the image says any."""
+
+    source_to_detector_mm: float
+    pixel_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shot:
+    """One received image on its way, with the ring of the case it joined."""
+
+    header: FrameHeader
+    image: ReceivedImage
+    ring: RingPart | None
+
+
+class ImagingService:
+    """Keeps every image, publishes it as a frame, and calibrates it when a case with a ring is open.
+
+    Parameters
+    ----------
+    bus, runtime
+        Where to publish, and what the process gives every service.
+    store
+        Where images are kept.
+    defaults
+        Nominal C-arm values.
+    """
+
+    def __init__(self, bus: Bus, runtime: Runtime, store: ImageStore, defaults: Defaults) -> None:
+        self._runtime = runtime
+        self._store = store
+        self._defaults = defaults
+        self._bus = bus
+        self._frames = bus.publisher(runtime.keys.frame)
+        self._calibrations = bus.retained_publisher(runtime.keys.calibration)
+        self._shots: BoundedQueue[_Shot] = BoundedQueue(_QUEUE)
+        self._lock = threading.Lock()
+        self._case: CaseContext | None = None
+        self._ring: RingPart | None = None
+        self._sequence = 0
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Listen and work for as long as the context lasts."""
+        keys: Keys = self._runtime.keys
+        case = self._bus.subscribe_retained(keys.case_context, self._on_case)
+        frames = self._bus.queryable(keys.any_frame_by_hash, self._on_frame_query)
+        worker = threading.Thread(target=self._work, name="calibrate", daemon=True)
+        worker.start()
+        try:
+            yield
+        finally:
+            case.close()
+            frames.close()
+            self._shots.close()
+            worker.join(5.0)
+
+    def take(self, content: bytes, sender: str) -> None:
+        """Keep one image and queue it for publication; called from the receiver's threads.
+
+        Raises
+        ------
+        ImageUnreadable
+            When it is not an image.
+        Refused
+            When too many images wait already.
+        OSError
+            When the disk does not take it.
+        """
+        image = read_image(content, sender)
+        sha256 = self._store.put(image.dicom)
+        with self._lock:
+            header = self._header(image, sha256)
+            self._store.put_header(sha256, encode(header))
+            queued = self._shots.put(_Shot(header, image, self._ring))
+        if not queued:
+            raise Refused(f"{_QUEUE} images wait to be calibrated (limit {_QUEUE}); send this one again in a minute")
+        self._runtime.log.info("image received", sender=sender, sha256=sha256, case=header.case_id)
+
+    def _header(self, image: ReceivedImage, sha256: str) -> FrameHeader:
+        """Header of the next image; the case goes before the image, the image before the defaults."""
+        case, made = self._case, image.acquisition
+        rows, columns = image.pixels.shape
+        self._sequence += 1
+        return FrameHeader(
+            sha256=sha256,
+            sop_instance_uid=image.sop_instance_uid,
+            sequence=self._sequence,
+            boot_epoch=self._runtime.boot_epoch,
+            received_at_ns=time.time_ns(),
+            width_px=columns,
+            height_px=rows,
+            bits_stored=image.bits_stored,
+            case_id=case.case_id if case else None,
+            case_revision=case.revision if case else 0,
+            manufacturer=made.manufacturer,
+            model_name=made.model_name,
+            nominal_source_to_detector_mm=_first(
+                case.nominal_source_to_detector_mm if case else None,
+                made.source_to_detector_mm,
+                self._defaults.source_to_detector_mm,
+            ),
+            nominal_pixel_mm=_first(case.nominal_pixel_mm if case else None, made.pixel_mm, self._defaults.pixel_mm),
+            positioner_primary_angle_deg=made.positioner_primary_angle_deg,
+            positioner_secondary_angle_deg=made.positioner_secondary_angle_deg,
+        )
+
+    def _on_case(self, sample: Sample) -> None:
+        try:
+            case = decode(CaseContext, sample.payload)
+            ring = ring_from_json(case.ring_json.encode(), "ring of the open case") if case.ring_json else None
+        except (MessageInvalid, PartFileInvalid) as error:
+            self._runtime.log.error("case context refused", detail=str(error))  # noqa: TRY400 - expected: no trace
+            self._runtime.degraded(f"the open case cannot be used: {error}; correct the ring's file")
+            return
+        with self._lock:
+            self._case, self._ring = case, ring
+        self._runtime.ready()
+
+    def _on_frame_query(self, query: Query) -> Answer:
+        """Pixels and header of a kept image, by its hash."""
+        sha256 = query.key.rsplit("/", 1)[-1]
+        content, header = self._store.get(sha256), self._store.get_header(sha256)
+        if content is None or header is None:
+            raise ImageUnreadable(f"no image with SHA-256 {sha256} is kept here (0 found, 1 needed); send it again")
+        return Answer(_wire_pixels(read_image(content, sha256)), header)
+
+    def _work(self) -> None:
+        """Publish and calibrate what is queued, in order of arrival."""
+        while not self._runtime.stop.is_set():
+            shot = self._shots.take(_WAIT_S)
+            if shot is None:
+                continue
+            try:
+                self._publish(shot)
+            except Exception as error:  # the border of a task: the next image must not suffer from this one
+                self._runtime.log.exception("fault", sha256=shot.header.sha256)
+                self._runtime.degraded(f"image {shot.header.sha256[:12]} brought a fault: {error}; take another image")
+
+    def _publish(self, shot: _Shot) -> None:
+        self._frames.put(_wire_pixels(shot.image), encode(shot.header))
+        if shot.header.case_id is None or shot.ring is None:
+            self._runtime.log.info("image kept, not calibrated: no case with a ring is open", sha256=shot.header.sha256)
+            return
+        header = shot.header
+        nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm)
+        message = _timed(lambda ring: calibrate_image(shot.image.pixels, ring, nominal), shot.ring, header)
+        self._calibrations.put(encode(message))
+        self._runtime.log.info(
+            "calibrated", sha256=header.sha256, verdict=message.verdict, reasons=[r.message for r in message.reasons]
+        )
+
+
+def _first(*values: float | None) -> float:
+    """The first value that is there; the last one always is."""
+    return next(v for v in values if v is not None)
+
+
+def _wire_pixels(image: ReceivedImage) -> bytes:
+    return np.ascontiguousarray(image.pixels, dtype="<f4").tobytes()
+
+
+Calibrate = Callable[[RingPart], Accepted[CArmCalibration] | Rejected]
+
+
+def _timed(calibrate: Calibrate, ring: RingPart, header: FrameHeader) -> CalibrationMessage:
+    started = time.perf_counter()
+    outcome = calibrate(ring)
+    elapsed_ms = 1e3 * (time.perf_counter() - started)
+    accepted = isinstance(outcome, Accepted)
+    return CalibrationMessage(
+        image=ImageReference(
+            sha256=header.sha256,
+            sop_instance_uid=header.sop_instance_uid,
+            sequence=header.sequence,
+            received_at_ns=header.received_at_ns,
+        ),
+        case_id=header.case_id,
+        case_revision=header.case_revision,
+        ring_sha256=ring.sha256,
+        software_version=software_version(),
+        verdict="accepted" if accepted else "rejected",
+        reasons=() if isinstance(outcome, Accepted) else tuple(ReasonMessage.of(r) for r in outcome.reasons),
+        values=CalibrationValues.of(outcome.value) if isinstance(outcome, Accepted) else None,
+        elapsed_ms=elapsed_ms,
+    )
