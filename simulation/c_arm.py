@@ -56,17 +56,25 @@ def turned_about_image(
     return angles_of_beam((room_from_beam @ turn.as_matrix())[:, 2])
 
 
-def dicom_shot(
-    scenario: Scenario, angles: CArmAngles, pixels: Grey, taken_at: datetime, study_uid: str, number: int
-) -> DicomShot:
+@dataclass(frozen=True, slots=True)
+class Acquisition:
+    """What identifies a shot among others."""
+
+    taken_at: datetime
+    study_uid: str
+    series_uid: str
+    number: int
+
+
+def dicom_shot(scenario: Scenario, angles: CArmAngles, pixels: Grey, acquisition: Acquisition) -> DicomShot:
     """Wrap an image into an X-ray angiographic image, with the C-arm's nominal geometry."""
     dataset = Dataset()
     dataset.file_meta = _file_meta()
     dataset.SOPClassUID = XRayAngiographicImageStorage
     dataset.SOPInstanceUID = dataset.file_meta.MediaStorageSOPInstanceUID
-    _patient(dataset, scenario, study_uid)
+    _patient(dataset, scenario, acquisition)
     _equipment(dataset, scenario, angles)
-    _moment(dataset, taken_at, number)
+    _moment(dataset, acquisition)
     _pixels(dataset, scenario, pixels)
     buffer = BytesIO()
     dcmwrite(buffer, dataset, enforce_file_format=True)
@@ -88,13 +96,13 @@ def _file_meta() -> FileMetaDataset:
     return meta
 
 
-def _patient(dataset: Dataset, scenario: Scenario, study_uid: str) -> None:
+def _patient(dataset: Dataset, scenario: Scenario, acquisition: Acquisition) -> None:
     dataset.PatientName = "SIMULATED^PATIENT"
     dataset.PatientID = f"SIMULATED-{scenario.seed}"
     dataset.PatientBirthDate = ""
     dataset.PatientSex = ""
-    dataset.StudyInstanceUID = study_uid
-    dataset.SeriesInstanceUID = f"{study_uid}.1"
+    dataset.StudyInstanceUID = acquisition.study_uid
+    dataset.SeriesInstanceUID = acquisition.series_uid
     dataset.StudyID = "1"
     dataset.SeriesNumber = 1
     dataset.AccessionNumber = ""
@@ -117,13 +125,14 @@ def _equipment(dataset: Dataset, scenario: Scenario, angles: CArmAngles) -> None
     dataset.RadiationSetting = "SC"
 
 
-def _moment(dataset: Dataset, taken_at: datetime, number: int) -> None:
+def _moment(dataset: Dataset, acquisition: Acquisition) -> None:
+    taken_at = acquisition.taken_at
     date, time = taken_at.strftime("%Y%m%d"), taken_at.strftime("%H%M%S.%f")
     for kind in ("Study", "Series", "Acquisition", "Content"):
         setattr(dataset, f"{kind}Date", date)
         setattr(dataset, f"{kind}Time", time)
-    dataset.InstanceNumber = number
-    dataset.AcquisitionNumber = number
+    dataset.InstanceNumber = acquisition.number
+    dataset.AcquisitionNumber = acquisition.number
     dataset.ImageType = ["ORIGINAL", "PRIMARY", "SINGLE PLANE"]
 
 

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 from pydicom.uid import generate_uid
 
-from simulation.c_arm import DicomShot, dicom_shot
+from simulation.c_arm import Acquisition, DicomShot, dicom_shot
 from simulation.dicom_sender import DicomTarget, send
 from simulation.operating_room import OperatingRoom
 from simulation.truth import ImageTruth
@@ -48,6 +48,7 @@ class FootPedal:
     clock: Clock = now
     last: TakenShot | None = None
     _study_uid: str = field(default_factory=lambda: str(generate_uid()))
+    _series_uid: str = field(default_factory=lambda: str(generate_uid()))
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def press(self) -> TakenShot:
@@ -61,7 +62,12 @@ class FootPedal:
         with self._one_at_a_time:
             taken_at = self.clock()
             number, angles, shot = self.room.shoot()
-            dicom = dicom_shot(self.room.scenario, angles, shot.pixels, taken_at, self._study_uid, number)
+            dicom = dicom_shot(
+                self.room.scenario,
+                angles,
+                shot.pixels,
+                Acquisition(taken_at, self._study_uid, self._series_uid, number),
+            )
             self.last = TakenShot(number, taken_at, dicom, angles, shot.truth, None)
             if self.target is not None:
                 send(dicom, self.target)
