@@ -1,0 +1,183 @@
+"""K-wires on rendered images: measured where they are, refused where one image cannot say."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from services.registration.core.hole_axes import HoleEstimate
+from services.registration.core.passing import AxisOffset
+from services.registration.core.wires import AxisComparison, WireVerification, verify_wires
+from services.registration.core.wires_view import WireView
+from shared.errors import ReasonCode
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.lines import Line, across_axis_offset_mm
+from shared.geometry.parts import NailPart, hole_surface_points
+from shared.geometry.transform import Transform
+from tests.unit.services.registration.xray_scene import (
+    Rod,
+    Scene,
+    calibration,
+    guide_part,
+    nail_part,
+    posed_guide,
+    render,
+)
+
+SIZE_PX = 640
+GUIDE_COVARIANCE = np.diag([np.radians(0.03) ** 2] * 3 + [0.03**2, 0.03**2, 0.15**2])
+GUIDE_FROM_NAIL: Transform[Guide, Nail] = Transform.from_rotation_translation(
+    Rotation.from_euler("xyz", [0.4, -0.3, 0.5], degrees=True).as_matrix(), np.array([0.2, -0.1, 115.0])
+)
+LATERAL = posed_guide(25.0, (1.0, -2.0, 625.0))
+NO_OFFSETS = {"distal": np.zeros(4), "proximal": np.zeros(4)}
+
+
+def oblique(angle_deg: float) -> Transform[Camera, Guide]:
+    """The guide as a C-arm sees it that was turned about the nail's axis, through the nail."""
+    turn = Rotation.from_euler("x", angle_deg, degrees=True)
+    spin = Rotation.from_euler("z", 25.0, degrees=True)
+    pivot_guide = np.array([0.0, 0.0, 100.0])
+    rotation = (spin * turn).as_matrix()
+    return Transform.from_rotation_translation(rotation, np.array([0.0, 0.0, 735.0]) - rotation @ pivot_guide)
+
+
+@dataclass(frozen=True)
+class Wired:
+    """True wires, in the guide's frame: offsets across the guide holes at the guide and 110 mm on, in mm."""
+
+    offsets_mm: dict[str, NDArray[np.float64]]
+
+    def line(self, hole_id: str) -> Line:
+        hole = next(h for h in guide_part().holes if h.id == hole_id)
+        start, far = self.offsets_mm[hole_id].reshape(2, 2)
+        slope = (far - start) / 110.0
+        return Line(hole.axis.point_mm + np.array([*start, 0.0]), np.array([*slope, 1.0]))
+
+    def rods(self, camera_from_guide: Transform[Camera, Guide], tip_mm: float) -> tuple[Rod, ...]:
+        lines = [self.line(hole_id) for hole_id in self.offsets_mm]
+        along = [(line, -55.0 / line.direction[2], tip_mm / line.direction[2]) for line in lines]
+        return tuple(
+            Rod(
+                camera_from_guide @ (line.point_mm + low * line.direction),
+                camera_from_guide @ (line.point_mm + high * line.direction),
+                2.0,
+            )
+            for line, low, high in along
+        )
+
+
+def view_of(camera_from_guide: Transform[Camera, Guide], wires: Wired, seed: int, tip_mm: float = 112.0) -> WireView:
+    camera, nail = calibration(SIZE_PX), nail_part()
+    rods = wires.rods(camera_from_guide, tip_mm)
+    scene = Scene(SIZE_PX, nail, camera_from_guide @ GUIDE_FROM_NAIL, rods)
+    return WireView(render(scene, camera, seed), camera, camera_from_guide, GUIDE_COVARIANCE)
+
+
+def estimates(nail: NailPart) -> tuple[HoleEstimate, ...]:
+    found = []
+    for hole in nail.holes:
+        entry, leaving = (GUIDE_FROM_NAIL @ point for point in hole_surface_points(nail, hole))
+        axis = Line(entry, GUIDE_FROM_NAIL.directions(hole.axis.direction))
+        offset = AxisOffset(np.zeros(4), np.eye(4) * 0.02**2, float(np.linalg.norm(leaving - entry)))
+        found.append(HoleEstimate(hole.id, axis, entry, leaving, hole.diameter_mm, 0.0, offset))
+    return tuple(found)
+
+
+def verified(*views: WireView) -> WireVerification:
+    return verify_wires(views, guide_part(), nail_part(), GUIDE_FROM_NAIL, estimates(nail_part()))
+
+
+def true_offsets_mm(wires: Wired, hole_id: str) -> tuple[float, float]:
+    hole = next(h for h in estimates(nail_part()) if h.id == hole_id)
+    entry, leaving = hole.entry_guide_mm, hole.exit_guide_mm
+    line = wires.line(hole_id)
+    return across_axis_offset_mm(hole.axis_guide, line, entry), across_axis_offset_mm(hole.axis_guide, line, leaving)
+
+
+def assert_explains(comparison: AxisComparison, wires: Wired, sigmas: float = 3.0) -> None:
+    entry_mm, exit_mm = true_offsets_mm(wires, comparison.hole_id)
+    assert abs(comparison.offset.entry_mm - entry_mm) < sigmas * comparison.offset.entry_sd_mm
+    assert abs(comparison.offset.exit_mm - exit_mm) < sigmas * comparison.offset.entry_sd_mm + 0.2
+
+
+ALONG_THE_GUIDE = Wired(NO_OFFSETS)
+ASKEW = Wired({"distal": np.array([0.6, -0.4, 1.6, -0.9]), "proximal": np.array([-0.5, 0.3, -1.2, 1.3])})
+
+
+@pytest.mark.parametrize("wires", [ALONG_THE_GUIDE, ASKEW], ids=["along the guide", "askew in the guide"])
+def test_a_pair_of_images_measures_both_wires(wires: Wired) -> None:
+    result = verified(view_of(LATERAL, wires, seed=31), view_of(oblique(38.0), wires, seed=32))
+    assert result.reasons == ()
+    assert [wire.hole_id for wire in result.wires] == ["distal", "proximal"]
+    for wire in result.wires:
+        assert_explains(wire, wires)
+        entry_mm, _ = true_offsets_mm(wires, wire.hole_id)
+        assert wire.offset.entry_mm == pytest.approx(entry_mm, abs=0.3)
+        assert wire.offset.entry_sd_mm < 0.4
+
+
+def test_wires_along_the_holes_let_the_drill_pass() -> None:
+    result = verified(view_of(LATERAL, ALONG_THE_GUIDE, seed=33), view_of(oblique(38.0), ALONG_THE_GUIDE, seed=34))
+    assert [wire.chance_to_pass > 0.9 for wire in result.wires] == [True, True]
+
+
+def test_wires_askew_do_not() -> None:
+    result = verified(view_of(LATERAL, ASKEW, seed=35), view_of(oblique(38.0), ASKEW, seed=36))
+    assert [wire.chance_to_pass < 0.05 for wire in result.wires] == [True, True]
+
+
+def test_the_lateral_image_alone_sees_the_stubs() -> None:
+    result = verified(view_of(LATERAL, ASKEW, seed=37))
+    assert len(result.wires) == 2
+    for wire in result.wires:
+        assert_explains(wire, ASKEW)
+        assert wire.offset.entry_sd_mm < 1.0
+
+
+def test_one_oblique_image_leaves_a_plane_open_and_is_refused() -> None:
+    result = verified(view_of(oblique(38.0), ASKEW, seed=38))
+    assert {reason.code for reason in result.reasons} == {ReasonCode.UNCERTAINTY_TOO_LARGE}
+    assert "add an image from another direction" in result.reasons[0].message
+    for wire in result.wires:
+        assert wire.offset.entry_sd_mm > 2.0
+        assert_explains(wire, ASKEW)
+
+
+def test_without_wires_there_are_none() -> None:
+    result = verified(view_of(LATERAL, Wired({}), seed=39), view_of(oblique(38.0), Wired({}), seed=40))
+    assert result.wires == ()
+    assert [reason.code for reason in result.reasons] == [ReasonCode.WIRE_NOT_FOUND] * 2
+    assert "guide hole 'distal'" in result.reasons[0].message
+
+
+def test_one_wire_of_two_is_still_measured() -> None:
+    one = Wired({"proximal": np.zeros(4)})
+    result = verified(view_of(LATERAL, one, seed=41), view_of(oblique(38.0), one, seed=42))
+    assert [wire.hole_id for wire in result.wires] == ["proximal"]
+    assert [reason.code for reason in result.reasons] == [ReasonCode.WIRE_NOT_FOUND]
+
+
+def test_the_guides_own_holes_are_compared_too() -> None:
+    result = verified(view_of(LATERAL, Wired({}), seed=43))
+    for hole in result.guide_holes:
+        entry_mm, exit_mm = true_offsets_mm(ALONG_THE_GUIDE, hole.hole_id)
+        assert (hole.offset.entry_mm, hole.offset.exit_mm) == pytest.approx((entry_mm, exit_mm), abs=1e-9)
+        assert hole.angle_deg == pytest.approx(0.5, abs=0.01)
+        assert hole.offset.entry_sd_mm == pytest.approx(0.02 * np.sqrt(2.0))
+
+
+def test_a_nail_of_unknown_uncertainty_is_refused() -> None:
+    unknown = tuple(replace(hole, offset=None) for hole in estimates(nail_part()))
+    views = (view_of(LATERAL, ALONG_THE_GUIDE, seed=44), view_of(oblique(38.0), ALONG_THE_GUIDE, seed=45))
+    result = verify_wires(views, guide_part(), nail_part(), GUIDE_FROM_NAIL, unknown)
+    assert {reason.code for reason in result.reasons} == {ReasonCode.UNCERTAINTY_TOO_LARGE}
+    assert "model method" in result.reasons[0].message
+
+
+def test_holes_that_do_not_belong_together_are_refused() -> None:
+    others = tuple(replace(hole, id=f"other {hole.id}") for hole in estimates(nail_part()))
+    result = verify_wires((), guide_part(), nail_part(), GUIDE_FROM_NAIL, others)
+    assert [reason.code for reason in result.reasons] == [ReasonCode.NAIL_MODEL_MISMATCH]
