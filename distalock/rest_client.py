@@ -1,6 +1,5 @@
 """A thin client of the REST gateway and of the virtual room: JSON in, JSON out, problems as exceptions."""
 
-import time
 import uuid
 from collections.abc import Mapping
 from types import TracebackType
@@ -11,8 +10,6 @@ import httpx
 from shared.errors import DistalockError
 
 JsonObject = dict[str, object]
-_PATIENCE_S = 60.0
-_POLL_S = 0.1
 
 
 class RequestRefused(DistalockError):
@@ -71,22 +68,6 @@ class RestClient:
     def delete(self, path: str) -> JsonObject:
         """Remove a resource."""
         return _content(self._http.delete(path))
-
-    def wait_for_operation(self, operation_id: str) -> JsonObject:
-        """Follow an operation to its end.
-
-        Raises
-        ------
-        TimeoutError
-            When it has not ended within a minute.
-        """
-        deadline = time.monotonic() + _PATIENCE_S
-        while time.monotonic() < deadline:
-            operation = self.get(f"/api/v1/operations/{operation_id}")
-            if operation["status"] not in ("running", "unknown"):
-                return operation
-            time.sleep(_POLL_S)
-        raise TimeoutError(f"operation {operation_id} has not ended after {_PATIENCE_S:.0f} s")
 
 
 def _content(response: httpx.Response) -> JsonObject:

@@ -1,0 +1,73 @@
+"""The `distalock` command: arguments in, exit code out. The work is done by the modules beside this one."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from distalock.arguments import (
+    Command,
+    add_scenario_arguments,
+    parser_of,
+    port_number,
+    scenario_arguments,
+)
+
+_PORTS = (
+    ("router", 7447, "the bus router"),
+    ("rest", 8000, "the REST gateway"),
+    ("dicom", 11112, "receiving DICOM images"),
+    ("gcs", 50000, "the virtual hexapod controller"),
+    ("control", 8900, "the virtual room's control API"),
+)
+
+
+def _up_arguments(parser: argparse.ArgumentParser) -> None:
+    hardware = parser.add_mutually_exclusive_group(required=True)
+    hardware.add_argument("--simulate", action="store_true", help="run the virtual operating room too")
+    hardware.add_argument("--controller", metavar="URL", help="device or pyserial URL of the real hexapod controller")
+    parser.add_argument("--state", type=Path, default=Path("state"), help="folder for images, case record and logs")
+    add_scenario_arguments(parser)
+    for name, default, used_for in _PORTS:
+        parser.add_argument(
+            f"--{name}-port", type=port_number, default=default, metavar="PORT", help=f"port of {used_for} ({default})"
+        )
+
+
+def _up(given: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    from distalock.installation import Installation, Ports
+    from distalock.up import run_installation
+
+    ports = Ports(given.router_port, given.rest_port, given.dicom_port, given.gcs_port, given.control_port)
+    installation = Installation(ports, given.state.resolve(), given.controller, scenario_arguments(given))
+    return run_installation(installation, Console(soft_wrap=True))
+
+
+def _demo_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenario_arguments(parser)
+    parser.add_argument("--overlay", type=Path, metavar="OUT.png", help="write what was found in the last image")
+
+
+def _demo(given: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    from distalock.demo import DemoRequest, run_demo
+
+    return run_demo(DemoRequest(scenario_arguments(given), given.overlay), Console(soft_wrap=True))
+
+
+COMMANDS = (
+    Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
+    Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; bad usage is one line on stderr and exit code 2."""
+    given = parser_of(COMMANDS).parse_args(arguments)
+    return int(given.run(given))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

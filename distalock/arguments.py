@@ -1,0 +1,96 @@
+"""Command-line arguments: argparse, but bad usage is one line on stderr and exit code 2."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NoReturn
+
+EXIT_BAD_INPUT: Final = 2
+
+Run = Callable[[argparse.Namespace], int]
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that says in one line what is wrong, and where help is."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments."""
+        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
+        sys.exit(EXIT_BAD_INPUT)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One subcommand.
+
+    Attributes
+    ----------
+    summary
+        First line of its help.
+    add_arguments
+        Declares its arguments.
+    run
+        Does it; returns the exit code. Heavy imports belong inside.
+    """
+
+    name: str
+    summary: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Run
+
+
+def parser_of(commands: tuple[Command, ...]) -> OneLineParser:
+    """Parser of `distalock` with its subcommands."""
+    parser = OneLineParser(
+        prog="distalock",
+        description="Aims a drill guide at the distal holes of an intramedullary nail. "
+        "Research software, not a medical device.",
+    )
+    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
+    for command in commands:
+        sub = subparsers.add_parser(command.name, help=command.summary, description=command.summary)
+        command.add_arguments(sub)
+        sub.set_defaults(run=command.run)
+    return parser
+
+
+def existing_file(text: str) -> Path:
+    """Parse the name of a file that must be there."""
+    path = Path(text)
+    if not path.is_file():
+        raise argparse.ArgumentTypeError(f"file {text} does not exist")
+    return path.resolve()
+
+
+def port_number(text: str) -> int:
+    """Parse a TCP port."""
+    if not text.isdecimal() or not 0 < int(text) < 65536:
+        raise argparse.ArgumentTypeError(f"{text} is not a port number from 1 to 65535")
+    return int(text)
+
+
+def positive_mm(text: str) -> float:
+    """Parse a length: finite and positive, in mm."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value < 1e4:
+        raise argparse.ArgumentTypeError(f"{text} is not a length in mm between 0 and 10000")
+    return value
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Choose what the virtual operating room plays."""
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--seed", type=int, help="seed of a random scenario")
+    which.add_argument("--scenario", type=existing_file, metavar="FILE", help="scenario file")
+
+
+def scenario_arguments(given: argparse.Namespace) -> tuple[str, ...]:
+    """The same choice, as arguments of the virtual operating room's process."""
+    if given.scenario is not None:
+        return ("--scenario", str(given.scenario))
+    return () if given.seed is None else ("--seed", str(given.seed))

@@ -1,0 +1,127 @@
+"""`distalock demo`: an installation with the virtual operating room, and the whole procedure through REST."""
+
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+from rich.table import Table
+
+from distalock.case_client import CaseClient
+from distalock.installation import Installation, Ports
+from distalock.procedure import Ending, Outcome, Procedure, Tell
+from distalock.rest_client import RestClient
+from distalock.room_client import RoomClient
+from shared.errors import ConfigurationError
+
+EXIT_CODES: Final = {Ending.DRILLED: 0, Ending.MISSED: 1, Ending.REFUSED: 3}
+EXIT_BAD_INPUT: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class DemoRequest:
+    """What to demonstrate.
+
+    Attributes
+    ----------
+    scenario_arguments
+        ``("--seed", "3")`` or ``("--scenario", FILE)``.
+    overlay
+        Where to write the last image with what was found drawn on it, or None.
+    """
+
+    scenario_arguments: tuple[str, ...]
+    overlay: Path | None = None
+
+
+def run_demo(request: DemoRequest, console: Console) -> int:
+    """Run the demonstration and print its table.
+
+    Returns
+    -------
+    int
+        0 when all drills passed, 1 when one did not, 2 when the installation did not start, 3 when the system refused.
+    """
+    try:
+        outcome = demonstrate(request, _progress(console))
+    except (ConfigurationError, TimeoutError) as error:
+        print(f"distalock demo: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    console.print(outcome_table(outcome))
+    console.print(conclusion(outcome), highlight=False)
+    return EXIT_CODES[outcome.ending]
+
+
+def demonstrate(request: DemoRequest, tell: Tell) -> Outcome:
+    """Start everything on free ports, do the procedure, stop everything.
+
+    Raises
+    ------
+    ConfigurationError
+        When a process does not start.
+    TimeoutError
+        When the installation falls silent.
+    """
+    with tempfile.TemporaryDirectory(prefix="distalock-demo-") as folder:
+        installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=request.scenario_arguments)
+        with installation.fleet(threading.Event()) as fleet:
+            installation.write_directory(fleet.pids)
+            tell(f"SIMULATION: services are up, REST at {installation.ports.rest_url}")
+            return _procedure_in(installation, request, tell)
+
+
+def _procedure_in(installation: Installation, request: DemoRequest, tell: Tell) -> Outcome:
+    with RestClient(installation.ports.rest_url) as rest, RestClient(installation.ports.control_url) as control:
+        room = RoomClient(control)
+        scenario = room.scenario()
+        case = CaseClient(rest, scenario.set_up)
+        tell(f"case opened: {scenario.description}")
+        outcome = Procedure(case, room, scenario.hole_ids, tell).run()
+        if request.overlay is not None and outcome.shots:
+            request.overlay.write_bytes(case.overlay_png(case.newest_image_id()))
+            tell(f"what was found in the last image: {request.overlay}")
+        return outcome
+
+
+def _progress(console: Console) -> Tell:
+    begun = time.monotonic()
+
+    def tell(line: str) -> None:
+        console.print(f"[dim]{time.monotonic() - begun:6.1f} s[/dim]  {line}", highlight=False)
+
+    return tell
+
+
+def outcome_table(outcome: Outcome) -> Table:
+    """True errors of each guide hole's axis before and after, and where the drills went."""
+    table = Table(title=f"true errors of the guide's axes; {outcome.shots} shots, {outcome.moves} moves")
+    table.add_column("hole")
+    for name in ("entry before", "exit before", "angle before", "entry after", "exit after", "angle after", "drill"):
+        table.add_column(name, justify="right")
+    drills = {d.hole_id: d for d in outcome.drills}
+    for before, after in zip(outcome.before, outcome.after, strict=True):
+        drill = drills.get(before.hole_id)
+        fate = "not drilled" if drill is None else "passed" if drill.passed else f"struck {drill.struck}"
+        figures = [
+            text
+            for e in (before, after)
+            for text in (f"{e.entry_offset_mm:.2f} mm", f"{e.exit_offset_mm:.2f} mm", f"{e.angle_deg:.2f}°")
+        ]
+        table.add_row(before.hole_id, *figures, fate)
+    return table
+
+
+def conclusion(outcome: Outcome) -> str:
+    """One sentence on how it ended."""
+    match outcome.ending:
+        case Ending.DRILLED:
+            return f"{len(outcome.drills)} of {len(outcome.before)} drills passed their holes."
+        case Ending.MISSED:
+            missed = ", ".join(d.hole_id for d in outcome.drills if not d.passed)
+            return f"A drill did not pass: {missed}."
+        case Ending.REFUSED:
+            return f"Refused: {outcome.why}"
