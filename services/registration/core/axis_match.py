@@ -58,7 +58,7 @@ def match_axes(pairs: tuple[AxisPair, ...]) -> Transform[Guide, Guide]:
         residual = _offsets(pairs, move)
         J = np.stack([(_offsets(pairs, _nudged(move, d)) - residual) / _STEP for d in _STEP * np.eye(6)], axis=1)
         step, *_ = np.linalg.lstsq(J, -residual, rcond=_LEAST_SINGULAR_RATIO)
-        move = _nudged(move, step)
+        move = _nudged(move, np.asarray(step, dtype=np.float64))
         if float(np.abs(step).max()) < _CONVERGED:
             break
     return _without_free_travel(move, pairs)
@@ -85,7 +85,7 @@ def _nudged(move: Transform[Guide, Guide], step: NDArray[np.float64]) -> Transfo
 
 
 def _without_free_travel(move: Transform[Guide, Guide], pairs: tuple[AxisPair, ...]) -> Transform[Guide, Guide]:
-    """Take back the guide's travel along the nail's axes, if they are parallel: it changes no offset and costs reach."""
+    """Take back the guide's travel along the nail's axes, if they are parallel: it only costs reach."""
     along = pairs[0].target.direction
     if any(angle_between_rad(along, p.target.direction) > _PARALLEL_RAD for p in pairs):
         return move

@@ -121,9 +121,7 @@ def _candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[
     f, radius_mm = calibration.camera.focal_length_px, 0.5 * guide.balls.diameter_mm
     smallest = _RADIUS_RANGE[0] * f * float(radius_mm.min()) / 900.0
     largest = _RADIUS_RANGE[1] * f * float(radius_mm.max()) / 450.0
-    possible = (
-        (balls.ring_index == NOT_OF_THE_RING) & (balls.radius_px > smallest) & (balls.radius_px < largest)
-    )
+    possible = (balls.ring_index == NOT_OF_THE_RING) & (balls.radius_px > smallest) & (balls.radius_px < largest)
     index = np.flatnonzero(possible)
     clear_first = np.argsort(balls.standard_deviation_px[index], kind="stable")
     return index[clear_first[:_MOST_DISCS]]
@@ -234,7 +232,7 @@ def _measured_and_fitted(
 def _measured(
     look: _Look, pose: RigidPose, settings: MeasurementSettings
 ) -> tuple[BallMeasurements, NDArray[np.bool_]]:
-    """Measurements of all balls, and whether each is more than a shadow within a shadow of a ring's ball, shape (N,)."""
+    """Measurements of all balls, and whether no ball of the ring lies on them, shape (N,)."""
     predicted = look.calibration.image_from_camera(pose.points(look.guide.balls.position_mm))
     radius = look.shrunk * _ball_radius_px(look.calibration, look.guide, pose)
     ring = look.ring_shadows

@@ -234,7 +234,8 @@ def _assigned(
     camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: RigidPose, tolerance_px: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Nearest disc of each ball within the tolerance, no disc twice: ball and disc indices."""
-    distance, disc = discs.tree.query(camera.project(pose.points(balls_mm)), distance_upper_bound=tolerance_px)
+    nearest = discs.tree.query(camera.project(pose.points(balls_mm)), distance_upper_bound=tolerance_px)
+    distance, disc = (np.asarray(part) for part in nearest)
     order = np.argsort(distance, kind="stable")
     order = order[np.isfinite(distance[order])]
     _, first = np.unique(disc[order], return_index=True)

@@ -57,6 +57,12 @@ def _tilted(hole: HoleEstimate, correction: CArmTurn) -> Iterator[Reason]:
 
 def _uncertain(hole: HoleEstimate) -> Iterator[Reason]:
     if hole.offset is None:
+        yield Reason(
+            ReasonCode.UNCERTAINTY_TOO_LARGE,
+            f"the fronto-parallel method does not know how far off the axis of hole '{hole.id}' is, and errors above "
+            f"the limit of {LARGEST_AXIS_BOUND_DEG:g}° are usual with it; localise with the model method before "
+            "anything is moved",
+        )
         return
     bounds = (hole.offset.entry_bound_mm, hole.offset.axis_bound_deg)
     chance = hole.offset.chance_to_pass(hole.diameter_mm)
@@ -65,7 +71,7 @@ def _uncertain(hole: HoleEstimate) -> Iterator[Reason]:
         yield Reason(
             ReasonCode.UNCERTAINTY_TOO_LARGE,
             f"the axis of nail hole '{hole.id}' is known to {bounds[0]:.2f} mm and {bounds[1]:.2f}° with 95 % "
-            f"confidence (limits {LARGEST_ENTRY_BOUND_MM:g} mm and {LARGEST_AXIS_BOUND_DEG:g}°), and a 4 mm drill would "
-            f"pass it with a chance of {chance:.3f} (limit {LEAST_CHANCE}); take one more image with more dose, the "
-            "hole in the middle of the image and no balls over it",
+            f"confidence (limits {LARGEST_ENTRY_BOUND_MM:g} mm and {LARGEST_AXIS_BOUND_DEG:g}°), and a 4 mm drill "
+            f"would pass it with a chance of {chance:.3f} (limit {LEAST_CHANCE}); take one more image with more dose, "
+            "the hole in the middle of the image and no balls over it",
         )

@@ -129,11 +129,13 @@ def plan_move(
         return wanted
     pairs = tuple(AxisPair(guide_axis, h.axis_guide, h.entry_guide_mm, h.exit_guide_mm) for h, guide_axis in wanted)
     shortest = match_axes(pairs)
-    residual_mm = max(float(np.abs(axis_offset_mm(p.target, p.moved(shortest), p.entry_mm, p.exit_mm)).max()) for p in pairs)
+    residual_mm = max(
+        float(np.abs(axis_offset_mm(p.target, p.moved(shortest), p.entry_mm, p.exit_mm)).max()) for p in pairs
+    )
     if residual_mm > LARGEST_RESIDUAL_MM:
         return PlanRefused(
             PlanRefusal.SPACINGS_DIFFER,
-            f"guide and nail axes of {_names(hole_ids)} cannot coincide at once: {residual_mm:.2f} mm would remain "
+            f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {residual_mm:.2f} mm would remain "
             f"(limit {LARGEST_RESIDUAL_MM:g} mm); plan one hole per move",
         )
     turns_deg = _TURNS_DEG if len(pairs) == 1 else np.zeros(1)
@@ -172,9 +174,9 @@ def _within_reach(
     poses = np.array([f.pose.as_array() for f in tried])
     legs_mm, joints_deg = limit_margins(robot.hexapod, poses, robot.pivot_mm)
     reachable = np.flatnonzero((legs_mm >= 0.0) & (joints_deg >= 0.0))
-    for k in reachable[:_PATHS_TRIED]:
-        if not path_violations(robot.hexapod, robot.pose, tried[k].pose, robot.pivot_mm):
-            return tried[k]
+    for freedom in (tried[int(k)] for k in reachable[:_PATHS_TRIED]):
+        if not path_violations(robot.hexapod, robot.pose, freedom.pose, robot.pivot_mm):
+            return freedom
     nearest = tried[int(np.argmax(np.minimum(legs_mm, joints_deg)))]
     return PlanRefused(PlanRefusal.OUT_OF_REACH, _out_of_reach(tried[0], nearest, robot))
 
@@ -212,9 +214,7 @@ def _platform_pose(guide_from_target_guide: Transform[Guide, Guide], robot: Robo
     return platform_pose(robot.hexapod, base_from_top_target, robot.pivot_mm)
 
 
-def _planned(
-    chosen: _Freedom, wanted: tuple[tuple[HoleEstimate, Line], ...], robot: RobotNow
-) -> PlannedMove:
+def _planned(chosen: _Freedom, wanted: tuple[tuple[HoleEstimate, Line], ...], robot: RobotNow) -> PlannedMove:
     move = chosen.guide_from_target_guide
     return PlannedMove(
         guide_from_target_guide=move,
@@ -236,9 +236,7 @@ def _predicted(hole: HoleEstimate, guide_axis: Line, move: Transform[Guide, Guid
     lever_mm = float((hole.entry_guide_mm - after.point_mm) @ hole.axis_guide.direction)
     robot = _robot_covariance(np.array([lever_mm, lever_mm + hole.offset.length_mm]))
     offset = AxisOffset(mean, hole.offset.covariance_mm2 + robot, hole.offset.length_mm)
-    return PredictedHole(
-        hole.id, offset, angle_deg(hole.axis_guide, after), offset.chance_to_pass(hole.diameter_mm)
-    )
+    return PredictedHole(hole.id, offset, angle_deg(hole.axis_guide, after), offset.chance_to_pass(hole.diameter_mm))
 
 
 def _robot_covariance(levers_mm: NDArray[np.float64]) -> NDArray[np.float64]:

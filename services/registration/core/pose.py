@@ -69,10 +69,8 @@ def residuals_px(camera: PinholeCamera, pose: RigidPose, seen: Correspondences) 
     return seen.ideal_px - camera.project(pose.points(seen.body_mm))
 
 
-def projection_jacobian(
-    camera: PinholeCamera, pose: RigidPose, body_mm: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """How the projections of body points move with the pose (see `RigidPose.moved`), shape (N, 2, 6), px per rad, mm."""
+def projection_jacobian(camera: PinholeCamera, pose: RigidPose, body_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How projections move with the pose (see `RigidPose.moved`), shape (N, 2, 6), px per rad and px per mm."""
     K = camera.intrinsic_matrix_px
     X, Y, Z = pose.points(body_mm).T
     by_camera = np.zeros((len(body_mm), 2, 3))

@@ -1,0 +1,160 @@
+"""`distalock locate`: one image and three part files in, both hole axes out, as one JSON object."""
+
+import argparse
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.imaging.core.calibration import calibrate_image
+from services.imaging.core.nominal import NominalGeometry
+from services.imaging.devices.image_file import read_image
+from services.imaging.devices.received_image import Acquisition
+from services.registration.core.localise import LocalisationResult, Method, Parts
+from services.registration.measure import timed_localisation
+from services.registration.overlay import overlay_png
+from services.registration.parts import parts_from_json
+from services.registration.report import MeasuredTimes, uncalibrated_message
+from shared.errors import ImageUnreadable, InputError, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.messages.base import encode
+from shared.messages.registration import Localisation
+from shared.parts.files import read_part_file, sha256_of
+
+EXIT_ACCEPTED, EXIT_BAD_INPUT, EXIT_REJECTED = 0, 2, 3
+
+
+@dataclass(frozen=True, slots=True)
+class NominalOptions:
+    """Nominal C-arm values given by a person; None where the image or the default decides."""
+
+    source_to_detector_mm: float | None = None
+    pixel_mm: float | None = None
+
+    def geometry(self, image: Acquisition) -> NominalGeometry:
+        """Option before DICOM header before default."""
+        default = NominalGeometry()
+        return NominalGeometry(
+            self.source_to_detector_mm or image.source_to_detector_mm or default.source_to_detector_mm,
+            self.pixel_mm or image.pixel_mm or default.pixel_mm,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocatedImage:
+    """Everything one image gave.
+
+    Attributes
+    ----------
+    pixels
+        The image as received, darker is denser, shape (rows, columns).
+    calibration, result
+        None when the ring was not found.
+    message
+        What `locate` prints.
+    """
+
+    pixels: NDArray[np.float32]
+    calibration: CArmCalibration | None
+    result: LocalisationResult | None
+    message: Localisation
+
+
+def read_parts(ring: Path, guide: Path, nail: Path) -> Parts:
+    """Read three part files; raises `PartFileInvalid` with one sentence."""
+    return parts_from_json(
+        read_part_file(ring), read_part_file(guide), read_part_file(nail), (str(ring), str(guide), str(nail))
+    )
+
+
+def locate_image(
+    image: Path,
+    parts: Parts,
+    nominal: NominalOptions = NominalOptions(),
+    method: Method = Method.MODEL,
+) -> LocatedImage:
+    """Localise the nail's hole axes in one image file (PNG, TIFF or DICOM).
+
+    Raises
+    ------
+    ImageUnreadable
+        When the file is not an image that can be measured.
+    """
+    content = _content(image)
+    started = time.perf_counter()
+    received = read_image(content, str(image))
+    sha256 = sha256_of(content)
+    outcome = calibrate_image(received.pixels, parts.ring, nominal.geometry(received.acquisition))
+    ring_ms = 1e3 * (time.perf_counter() - started)
+    if isinstance(outcome, Rejected):
+        times = MeasuredTimes(ring_ms, ring_ms, None, None)
+        message = uncalibrated_message(outcome.reasons, method, sha256, times)
+        return LocatedImage(received.pixels, None, None, message)
+    result, message = timed_localisation(received.pixels, outcome.value, parts, method, sha256, ring_ms)
+    return LocatedImage(received.pixels, outcome.value, result, message)
+
+
+def _content(image: Path) -> bytes:
+    try:
+        return image.read_bytes()
+    except OSError as error:
+        raise ImageUnreadable(f"{image}: cannot be read: {error.strerror or error}") from None
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run `distalock locate`; returns the exit code: 0 accepted, 3 rejected, 2 bad input."""
+    given = _parser().parse_args(argv)
+    try:
+        parts = read_parts(given.ring, given.guide, given.nail)
+        nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
+        located = locate_image(given.image, parts, nominal, Method(given.method))
+        if given.overlay is not None:
+            drawn = overlay_png(located.pixels, located.calibration, located.result, parts)
+            _write_overlay(given.overlay, drawn)
+    except InputError as error:
+        print(f"distalock locate: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    print(encode(located.message).decode())
+    return EXIT_ACCEPTED if located.message.verdict == "accepted" else EXIT_REJECTED
+
+
+def _write_overlay(file: Path, content: bytes) -> None:
+    """Write the drawing whole or not at all."""
+    unfinished = file.with_name(file.name + ".part")
+    try:
+        unfinished.write_bytes(content)
+        unfinished.replace(file)
+    except OSError as error:
+        raise InputError(f"{file}: the overlay cannot be written: {error.strerror or error}") from None
+
+
+def positive_mm(text: str) -> float:
+    """Parse a length of a command line: finite and positive."""
+    value = float(text)
+    if not 0.0 < value < 1e4:
+        raise argparse.ArgumentTypeError(f"{text} is not a length in mm between 0 and 10000")
+    return value
+
+
+def add_image_options(parser: argparse.ArgumentParser) -> None:
+    """The options that `locate` and `verify` share."""
+    for name in ("ring", "guide", "nail"):
+        parser.add_argument(f"--{name}", type=Path, required=True, metavar="FILE", help=f"{name} file (JSON)")
+    parser.add_argument("--source-to-detector-mm", type=positive_mm, metavar="MM", help="nominal, default 1000")
+    parser.add_argument("--pixel-mm", type=positive_mm, metavar="MM", help="nominal, at the detector, default 0.235")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="distalock locate", description=__doc__)
+    parser.add_argument("image", type=Path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
+    add_image_options(parser)
+    parser.add_argument("--method", choices=[m.value for m in Method], default=Method.MODEL.value)
+    parser.add_argument("--overlay", type=Path, metavar="PNG", help="draw what was found")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,21 @@
+"""Start registration: `python -m services.registration`."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from services.registration.service import RegistrationService
+from services.registration.settings import RegistrationSettings
+from shared.bus.port import Bus
+from shared.runtime.lifecycle import Runtime, service_main
+
+
+@contextmanager
+def compose(settings: RegistrationSettings, bus: Bus, runtime: Runtime) -> Iterator[None]:
+    """Build the service and run it for as long as the context lasts."""
+    with RegistrationService(bus, runtime, settings).running():
+        yield
+
+
+if __name__ == "__main__":
+    sys.exit(service_main("registration", RegistrationSettings, compose))

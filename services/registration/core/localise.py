@@ -1,0 +1,167 @@
+"""From one calibrated image to the nail's hole axes in the guide's frame: guide, nail, axes, verdict."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
+from services.registration.core.fronto_parallel import fronto_parallel_from_start
+from services.registration.core.guide import GuideFit, locate_guide
+from services.registration.core.hole_axes import HoleEstimate, NailEstimate, hole_estimates
+from services.registration.core.judge import judge
+from services.registration.core.nail.coarse import NailStart, find_nail
+from services.registration.core.nail.fit import fit_nail
+from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from shared.errors import Accepted, Reason, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Guide, Nail
+from shared.geometry.parts import GuidePart, NailPart, RingPart
+from shared.geometry.transform import Transform
+
+
+class Method(StrEnum):
+    """How the nail's pose is found."""
+
+    MODEL = "model"
+    FRONTO_PARALLEL = "fronto-parallel"
+
+
+class Step(StrEnum):
+    """Steps of a localisation, for those who measure its time."""
+
+    GUIDE = "guide"
+    NAIL = "nail"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """The known shapes in the image."""
+
+    ring: RingPart
+    guide: GuidePart
+    nail: NailPart
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalisationResult:
+    """What one image says. Without reasons it is accepted, and then nothing in it is None but the method's margins.
+
+    Attributes
+    ----------
+    reasons
+        Why it is rejected.
+    guide, nail, guide_from_nail, holes, correction
+        What was found, also on rejection.
+    """
+
+    method: Method
+    reasons: tuple[Reason, ...]
+    guide: GuideFit | None
+    nail: NailEstimate | None
+    guide_from_nail: Transform[Guide, Nail] | None
+    holes: tuple[HoleEstimate, ...] | None
+    correction: CArmTurn | None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether a robot may be moved by it."""
+        return not self.reasons
+
+
+def localise(
+    pixels: NDArray[np.float32],
+    calibration: CArmCalibration,
+    parts: Parts,
+    method: Method,
+    completed: Callable[[Step], None],
+) -> LocalisationResult:
+    """Find guide and nail in a calibrated image and judge what was found.
+
+    Guide and nail are both tried, so that all reasons against an image are told at once.
+
+    Parameters
+    ----------
+    pixels
+        The image as received, darker is denser, shape (rows, columns).
+    calibration
+        Of the same image.
+    completed
+        Called after each step.
+    """
+    upright = unmirrored(pixels, calibration)
+    guide = locate_guide(upright, calibration, parts.ring, parts.guide)
+    completed(Step.GUIDE)
+    guide_fit = guide.value if isinstance(guide, Accepted) else None
+    nail = _locate_nail(upright, calibration, parts, guide_fit, method)
+    completed(Step.NAIL)
+    return conclude(calibration, parts, method, guide, nail)
+
+
+def unmirrored(pixels: NDArray[np.float32], calibration: CArmCalibration) -> NDArray[np.float32]:
+    """The image in the calibration's pixels: columns reversed when the display mirrored it."""
+    return np.ascontiguousarray(pixels[:, ::-1]) if calibration.mirrored else pixels
+
+
+def conclude(
+    calibration: CArmCalibration,
+    parts: Parts,
+    method: Method,
+    guide: Accepted[GuideFit] | Rejected,
+    nail: Accepted[NailEstimate] | Rejected,
+) -> LocalisationResult:
+    """Put guide and nail together and judge; what was not found is left out and its reasons are told."""
+    found_guide = guide.value if isinstance(guide, Accepted) else None
+    found_nail = nail.value if isinstance(nail, Accepted) else None
+    correction = None if found_nail is None else c_arm_correction_deg(found_nail.camera_from_nail, parts.nail)
+    if found_guide is None or found_nail is None or correction is None:
+        reasons = tuple(r for part in (guide, nail) if isinstance(part, Rejected) for r in part.reasons)
+        return LocalisationResult(method, reasons, found_guide, found_nail, None, None, correction)
+    holes = hole_estimates(calibration, parts.guide, parts.nail, found_guide, found_nail)
+    guide_from_nail = found_guide.camera_from_guide.inverse() @ found_nail.camera_from_nail
+    reasons = judge(calibration, parts.nail, found_nail, holes, correction)
+    return LocalisationResult(method, reasons, found_guide, found_nail, guide_from_nail, holes, correction)
+
+
+def _locate_nail(
+    upright: NDArray[np.float32],
+    calibration: CArmCalibration,
+    parts: Parts,
+    guide: GuideFit | None,
+    method: Method,
+) -> Accepted[NailEstimate] | Rejected:
+    distal_hint = None if guide is None else guide.camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
+    start = find_nail(upright, calibration, parts.nail, distal_hint)
+    if isinstance(start, Rejected):
+        return start
+    match method:
+        case Method.MODEL:
+            return _by_model(upright, calibration, parts, guide, start.value)
+        case Method.FRONTO_PARALLEL:
+            return _by_roundness(calibration, parts, start.value)
+        case _:
+            assert_never(method)
+
+
+def _by_model(
+    upright: NDArray[np.float32],
+    calibration: CArmCalibration,
+    parts: Parts,
+    guide: GuideFit | None,
+    start: NailStart,
+) -> Accepted[NailEstimate] | Rejected:
+    placed = None if guide is None else PlacedGuide(parts.guide, guide.camera_from_guide)
+    fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, Occluders(placed, parts.ring))
+    if isinstance(fit, Rejected):
+        return fit
+    return Accepted(NailEstimate(fit.value.camera_from_nail, fit.value.covariance, fit.value.mirror_margin))
+
+
+def _by_roundness(calibration: CArmCalibration, parts: Parts, start: NailStart) -> Accepted[NailEstimate] | Rejected:
+    round_holes = fronto_parallel_from_start(start, calibration, parts.nail)
+    if isinstance(round_holes, Rejected):
+        return round_holes
+    return Accepted(NailEstimate(round_holes.value.camera_from_nail, None, None))

@@ -1,0 +1,190 @@
+"""What registration knows: the open case, the robot, the newest images and what they said. Safe for several threads."""
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.localise import LocalisationResult, Parts
+from services.registration.parts import parts_from_json
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.hexapod import HexapodPart
+from shared.messages.cases import CaseContext
+from shared.messages.imaging import FrameHeader
+from shared.messages.registration import LocalisationRecord
+from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState
+from shared.parts.hexapod_file import hexapod_from_json
+
+AT_REST = (MotionState.LOCKED, MotionState.STOPPED)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenCase:
+    """The open case with its part files read."""
+
+    context: CaseContext
+    parts: Parts
+    hexapod: HexapodPart
+
+    @staticmethod
+    def of(context: CaseContext) -> "OpenCase":
+        """Read the part files; raises `PartFileInvalid`."""
+        return OpenCase(
+            context,
+            parts_from_json(context.ring_json.encode(), context.guide_json.encode(), context.nail_json.encode()),
+            hexapod_from_json(context.hexapod_json.encode()),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReceivedFrame:
+    """An image as it arrived.
+
+    Attributes
+    ----------
+    epoch
+        Registration epoch that began with it.
+    robot
+        State of the robot when it arrived; None when it was not known, or not at rest.
+    """
+
+    header: FrameHeader
+    pixels: NDArray[np.float32]
+    epoch: str
+    robot: RobotState | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalisedFrame:
+    """An image with all that was found in it; calibration and result are None when the ring was not found."""
+
+    frame: ReceivedFrame
+    case: OpenCase
+    record: LocalisationRecord
+    calibration: CArmCalibration | None
+    result: LocalisationResult | None
+
+
+class Knowledge:
+    """Remembers the newest of everything.
+
+    Parameters
+    ----------
+    boot_epoch
+        Of this run of registration: the first half of every registration epoch.
+    kept
+        How many images are kept.
+    """
+
+    def __init__(self, boot_epoch: str, kept: int) -> None:
+        self._boot_epoch = boot_epoch
+        self._kept = kept
+        self._changed = threading.Condition()
+        self._case: OpenCase | None = None
+        self._robot: RobotState | None = None
+        self._counter = 0
+        self._newest_sha256: str | None = None
+        self._frames: OrderedDict[str, ReceivedFrame] = OrderedDict()
+        self._localised: OrderedDict[str, LocalisedFrame] = OrderedDict()
+
+    def open_case(self, case: OpenCase | None) -> None:
+        """Note the open case, or that none is open; another case or revision begins a new registration epoch."""
+        with self._changed:
+            before, now = self._case, case
+            self._case = case
+            if _name(before) != _name(now):
+                self._counter += 1
+            self._changed.notify_all()
+
+    def note_robot(self, state: RobotState) -> None:
+        """Note the newest state of the robot."""
+        with self._changed:
+            self._robot = state
+
+    def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
+        """Note an image that arrives now: a new epoch begins, and the robot stands where it stands now."""
+        with self._changed:
+            robot = self._robot if self._robot is not None and self._robot.state in AT_REST else None
+            return self._keep(header, pixels, robot)
+
+    def note_fetched_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
+        """Note an image that was asked for afterwards: where the robot stood when it was made is not known."""
+        with self._changed:
+            return self._keep(header, pixels, None)
+
+    def _keep(self, header: FrameHeader, pixels: NDArray[np.float32], robot: RobotState | None) -> ReceivedFrame:
+        self._counter += 1
+        self._newest_sha256 = header.sha256
+        frame = ReceivedFrame(header, pixels, self._epoch(), robot)
+        self._frames[header.sha256] = frame
+        while len(self._frames) > self._kept:
+            self._frames.popitem(last=False)
+        return frame
+
+    def frame(self, sha256: str) -> ReceivedFrame | None:
+        """A kept image, or None."""
+        with self._changed:
+            return self._frames.get(sha256)
+
+    def wait_for_case(self, case_id: str, revision: int, timeout_s: float) -> OpenCase | None:
+        """The case in the given revision, as soon as it is known; None when it does not come, or has been left."""
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._case is not None and _reached(self._case, case_id, revision), timeout_s
+            )
+            case = self._case
+            return case if case is not None and _name(case) == (case_id, revision) else None
+
+    def note_localised(self, localised: LocalisedFrame) -> None:
+        """Note what an image said."""
+        with self._changed:
+            self._localised[localised.record.image.sha256] = localised
+            while len(self._localised) > self._kept:
+                self._localised.popitem(last=False)
+
+    def localised(self, sha256: str) -> LocalisedFrame | None:
+        """What a kept image said, or None."""
+        with self._changed:
+            return self._localised.get(sha256)
+
+    @property
+    def case(self) -> OpenCase | None:
+        """The open case."""
+        with self._changed:
+            return self._case
+
+    @property
+    def robot(self) -> RobotState | None:
+        """The newest state of the robot."""
+        with self._changed:
+            return self._robot
+
+    @property
+    def newest_sha256(self) -> str | None:
+        """Hash of the newest image, localised or not."""
+        with self._changed:
+            return self._newest_sha256
+
+    @property
+    def epoch(self) -> str:
+        """The present registration epoch."""
+        with self._changed:
+            return self._epoch()
+
+    def _epoch(self) -> str:
+        return f"{self._boot_epoch}.{self._counter}"
+
+
+def pose_at_rest(robot: RobotState | None) -> PlatformPoseMessage | None:
+    """Where the robot stands; None when that is not known or it is not at rest."""
+    return robot.pose if robot is not None and robot.state in AT_REST else None
+
+
+def _name(case: OpenCase | None) -> tuple[str | None, int] | None:
+    return None if case is None else (case.context.case_id, case.context.revision)
+
+
+def _reached(case: OpenCase, case_id: str, revision: int) -> bool:
+    return case.context.case_id != case_id or case.context.revision >= revision

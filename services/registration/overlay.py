@@ -1,0 +1,152 @@
+"""Draw what was found on the image, for people: ring and guide balls, the nail's outline, holes and their axes."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.guide import GuideFit
+from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.passing import across_basis
+from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.parts import NailPart, hole_surface_points
+from shared.geometry.transform import Transform
+
+Canvas = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+RING: Colour = (200, 160, 60)
+GUIDE: Colour = (80, 200, 80)
+LOST: Colour = (60, 60, 220)
+NAIL: Colour = (0, 190, 255)
+AXIS: Colour = (255, 80, 255)
+_GREY_LEVELS = 32
+_AXIS_REACH_MM = 40.0
+_SUBPIXEL_BITS = 4
+_RIM_POINTS = 49
+
+
+def overlay_png(
+    pixels: NDArray[np.float32], calibration: CArmCalibration | None, result: LocalisationResult | None, parts: Parts
+) -> bytes:
+    """PNG of the image as received with everything drawn on it that was found.
+
+    Parameters
+    ----------
+    pixels
+        The image as received, darker is denser, shape (rows, columns).
+    calibration, result
+        None when the ring was not found.
+    """
+    if calibration is None:
+        return _encoded(_canvas(pixels))
+    canvas = _canvas(unmirrored(pixels, calibration))
+    _draw_ring(canvas, calibration)
+    if result is not None and result.guide is not None:
+        _draw_guide(canvas, calibration, result.guide, parts)
+    if result is not None and result.nail is not None:
+        _draw_nail(canvas, calibration, result.nail.camera_from_nail, parts.nail)
+    shown = np.ascontiguousarray(canvas[:, ::-1]) if calibration.mirrored else canvas
+    if result is not None:
+        _write(shown, _caption(result))
+    return _encoded(shown)
+
+
+def _canvas(pixels: NDArray[np.float32]) -> Canvas:
+    """The image in few grey levels (noise makes large files) as colours, shape (rows, columns, 3)."""
+    low, high = np.percentile(pixels, [0.5, 99.5])
+    share = np.clip((pixels - low) / max(float(high - low), 1e-6), 0.0, 1.0)
+    levels = np.round(share * (_GREY_LEVELS - 1)) * (255.0 / (_GREY_LEVELS - 1))
+    return np.repeat(levels.astype(np.uint8)[:, :, None], 3, axis=2)
+
+
+def _encoded(canvas: Canvas) -> bytes:
+    done, content = cv2.imencode(".png", canvas)
+    if not done:
+        raise ValueError(f"an image of shape {canvas.shape} cannot be written as PNG")
+    return bytes(content)
+
+
+def _fixed_point(px: NDArray[np.float64]) -> NDArray[np.int32]:
+    return np.round(px * (1 << _SUBPIXEL_BITS)).astype(np.int32)
+
+
+def _line(canvas: Canvas, px: NDArray[np.float64], colour: Colour) -> None:
+    """Draw a polyline through pixels, shape (N, 2)."""
+    cv2.polylines(
+        canvas,
+        [_fixed_point(px)],
+        isClosed=False,
+        color=colour,
+        thickness=1,
+        lineType=cv2.LINE_AA,
+        shift=_SUBPIXEL_BITS,
+    )
+
+
+def _circle(canvas: Canvas, centre_px: NDArray[np.float64], radius_px: float, colour: Colour) -> None:
+    x, y = (int(v) for v in _fixed_point(centre_px))
+    cv2.circle(canvas, (x, y), int(radius_px * (1 << _SUBPIXEL_BITS)), colour, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
+
+
+def _draw_ring(canvas: Canvas, calibration: CArmCalibration) -> None:
+    balls = calibration.balls
+    for index in np.flatnonzero(balls.ring_index != NOT_OF_THE_RING):
+        _circle(canvas, balls.centre_px[index], float(balls.radius_px[index]) + 2.0, RING)
+
+
+def _draw_guide(canvas: Canvas, calibration: CArmCalibration, guide: GuideFit, parts: Parts) -> None:
+    at_camera = guide.camera_from_guide.points(parts.guide.balls.position_mm)
+    radius = 0.5 * calibration.camera.focal_length_px * parts.guide.balls.diameter_mm / at_camera[:, 2]
+    for place, size, used in zip(calibration.image_from_camera(at_camera), radius, guide.used, strict=True):
+        _circle(canvas, place, float(size) + 2.0, GUIDE if used else LOST)
+    for hole in parts.guide.holes:
+        ends = hole.axis.point_mm + np.array([[-1.0], [1.0]]) * 10.0 * hole.axis.direction
+        _line(canvas, calibration.image_from_camera(guide.camera_from_guide.points(ends)), GUIDE)
+
+
+def _draw_nail(
+    canvas: Canvas, calibration: CArmCalibration, camera_from_nail: Transform[Camera, Nail], nail: NailPart
+) -> None:
+    for edge in _silhouette_mm(camera_from_nail, nail):
+        _line(canvas, calibration.image_from_camera(camera_from_nail.points(edge)), NAIL)
+    angle = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS)
+    for hole in nail.holes:
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(hole.axis.direction)
+        ends = hole_surface_points(nail, hole)
+        for end in ends:
+            rim = end + 0.5 * hole.diameter_mm * circle
+            _line(canvas, calibration.image_from_camera(camera_from_nail.points(rim)), NAIL)
+        axis = np.stack([ends[0] - _AXIS_REACH_MM * hole.axis.direction, ends[1]])
+        _line(canvas, calibration.image_from_camera(camera_from_nail.points(axis)), AXIS)
+
+
+def _silhouette_mm(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> list[NDArray[np.float64]]:
+    """The two lines on the nail's surface that the beam touches, in the nail's frame, shape (N, 3) each, in mm."""
+    source = camera_from_nail.inverse() @ np.zeros(3)
+    distance = float(np.hypot(source[1], source[2]))
+    middle = np.arctan2(source[2], source[1])
+    spread = np.arccos(np.clip(nail.radius_mm / distance, -1.0, 1.0))
+    along = np.linspace(nail.tip_x_mm - 4.0 * nail.diameter_mm - 60.0, nail.tip_x_mm - nail.radius_mm, 30)
+    edges = []
+    for angle in (middle - spread, middle + spread):
+        across = nail.radius_mm * np.array([np.cos(angle), np.sin(angle)])
+        edges.append(np.column_stack([along, np.tile(across, (len(along), 1))]))
+    return edges
+
+
+def _caption(result: LocalisationResult) -> list[str]:
+    lines = ["accepted" if result.accepted else "rejected: " + ", ".join(r.code.value for r in result.reasons)]
+    for hole in result.holes or ():
+        text = f"{hole.id}: tilt {hole.tilt_to_ray_deg:.1f} deg"
+        if hole.offset is not None:
+            text += f", +-{hole.offset.entry_sd_mm:.2f} mm +-{hole.offset.axis_sd_deg:.2f} deg"
+        lines.append(text)
+    return lines
+
+
+def _write(canvas: Canvas, lines: list[str]) -> None:
+    for row, text in enumerate(lines):
+        place = (10, 24 + 20 * row)
+        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 3, cv2.LINE_AA)
+        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)

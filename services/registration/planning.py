@@ -1,0 +1,143 @@
+"""A plan request in, a plan reply out: is the localisation still what counts, and can the hexapod make the move?"""
+
+import numpy as np
+
+from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
+from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase, pose_at_rest
+from services.registration.report import standard_uncertainty
+from shared.geometry.hexapod import PlatformPose
+from shared.messages.base import matrix4, vector3
+from shared.messages.registration import Plan, PlanReply, PlanRequest, PredictedHoleError
+from shared.messages.robot import PlatformPoseMessage, RobotState
+
+# A locked robot's encoders repeat to a micrometre; more than this means that it was moved.
+POSE_TOLERANCE_MM = 0.01
+POSE_TOLERANCE_DEG = 0.01
+
+
+def answer_plan_request(request: PlanRequest, knowledge: Knowledge) -> PlanReply:
+    """Plan from the newest accepted localisation, or say why not."""
+    case = knowledge.case
+    if case is None or case.context.case_id != request.case_id:
+        return _refused("no_case", f"case '{request.case_id}' is not the open one; open it and take one more image")
+    newest = knowledge.newest_sha256
+    if newest is None:
+        return _refused("no_localisation", "no image has arrived in this case yet; take one")
+    localised = knowledge.localised(request.image_sha256)
+    if newest != request.image_sha256 or localised is None:
+        return _refused(
+            "stale",
+            f"a plan needs the newest image {newest[:12]}, localised; asked for was {request.image_sha256[:12]}; "
+            "wait for the newest image's localisation and plan from it",
+        )
+    refusal = _stale_case(localised, case) or _not_usable(localised, knowledge.robot, case)
+    if refusal is not None:
+        return refusal
+    return _planned(request, localised, case, knowledge)
+
+
+def _refused(code: str, message: str) -> PlanReply:
+    return PlanReply(verdict="rejected", code=code, message=message)
+
+
+def _stale_case(localised: LocalisedFrame, case: OpenCase) -> PlanReply | None:
+    made = localised.record
+    if (made.case_id, made.case_revision) == (case.context.case_id, case.context.revision):
+        return None
+    return _refused(
+        "stale",
+        f"the localisation was made under revision {made.case_revision} of the case's set-up, which is now "
+        f"{case.context.revision}; take one more image",
+    )
+
+
+def _not_usable(localised: LocalisedFrame, robot: RobotState | None, case: OpenCase) -> PlanReply | None:
+    """Why an up-to-date localisation cannot be planned from, or None."""
+    record = localised.record
+    if record.localisation.verdict != "accepted":
+        reasons = "; ".join(reason.message for reason in record.localisation.reasons)
+        return _refused("not_accepted", f"the newest image was rejected: {reasons}")
+    pose = pose_at_rest(robot)
+    if robot is None or pose is None:
+        return _refused("robot_unknown", "the robot's pose is not known or it is moving; wait until it is locked")
+    if record.robot_pose is None or record.robot_boot_epoch != robot.boot_epoch:
+        return _refused("stale", "where the robot stood when the image was made is not known; take one more image")
+    moved_mm, moved_deg = _difference(record.robot_pose, pose)
+    if moved_mm > POSE_TOLERANCE_MM or moved_deg > POSE_TOLERANCE_DEG:
+        return _refused(
+            "stale",
+            f"the robot was moved by {moved_mm:.3f} mm and {moved_deg:.3f}° since the image was made (limits "
+            f"{POSE_TOLERANCE_MM:g} mm and {POSE_TOLERANCE_DEG:g}°); take one more image",
+        )
+    if robot.hexapod_sha256 != case.hexapod.sha256:
+        return _refused(
+            "hexapod_mismatch",
+            f"the case's hexapod file {case.hexapod.sha256[:12]} is not that of the robot service "
+            f"{robot.hexapod_sha256[:12]}; give both the same file",
+        )
+    return None
+
+
+def _difference(a: PlatformPoseMessage, b: PlatformPoseMessage) -> tuple[float, float]:
+    apart = np.abs(_pose(a).as_array() - _pose(b).as_array())
+    return float(apart[:3].max()), float(apart[3:].max())
+
+
+def _pose(message: PlatformPoseMessage) -> PlatformPose:
+    return PlatformPose(message.x_mm, message.y_mm, message.z_mm, message.u_deg, message.v_deg, message.w_deg)
+
+
+def _planned(request: PlanRequest, localised: LocalisedFrame, case: OpenCase, knowledge: Knowledge) -> PlanReply:
+    record, result, robot = localised.record, localised.result, knowledge.robot
+    # `_not_usable` has refused all cases in which one of these is missing
+    assert record.robot_pose is not None
+    assert record.robot_boot_epoch is not None
+    assert result is not None
+    assert result.holes is not None
+    assert robot is not None
+    now = RobotNow(case.hexapod, _pose(record.robot_pose), np.array(robot.pivot_mm), case.context.head_extension_mm)
+    outcome = plan_move(result.holes, case.parts.guide, request.hole_ids, now)
+    if isinstance(outcome, PlanRefused):
+        return _refused(outcome.code.value, outcome.message)
+    plan = _plan_message(request, outcome.value, now, localised)
+    return PlanReply(verdict="accepted", plan=plan)
+
+
+def _plan_message(request: PlanRequest, move: PlannedMove, now: RobotNow, localised: LocalisedFrame) -> Plan:
+    record = localised.record
+    legs = [float(v) for v in move.leg_lengths_mm]
+    return Plan(
+        case_id=request.case_id,
+        case_revision=record.case_revision,
+        image_sha256=request.image_sha256,
+        registration_epoch=record.registration_epoch,
+        robot_boot_epoch=record.robot_boot_epoch or "",
+        hexapod_sha256=now.hexapod.sha256,
+        hole_ids=request.hole_ids,
+        head_extension_mm=now.head_extension_mm,
+        guide_from_target_guide=matrix4(move.guide_from_target_guide),
+        start_pose=_pose_message(now.pose),
+        target_pose=_pose_message(move.target_pose),
+        pivot_mm=vector3(now.pivot_mm),
+        target_leg_lengths_mm=(legs[0], legs[1], legs[2], legs[3], legs[4], legs[5]),
+        travel_mm=move.travel_mm,
+        travel_deg=move.travel_deg,
+        axial_shift_mm=move.axial_shift_mm,
+        predicted=tuple(_predicted(hole) for hole in move.predicted),
+    )
+
+
+def _pose_message(pose: PlatformPose) -> PlatformPoseMessage:
+    return PlatformPoseMessage(
+        x_mm=pose.x_mm, y_mm=pose.y_mm, z_mm=pose.z_mm, u_deg=pose.u_deg, v_deg=pose.v_deg, w_deg=pose.w_deg
+    )
+
+
+def _predicted(hole: PredictedHole) -> PredictedHoleError:
+    return PredictedHoleError(
+        id=hole.id,
+        offset_mm=hole.offset.entry_mm,
+        angle_deg=hole.angle_deg,
+        standard_uncertainty=standard_uncertainty(hole.offset),
+        chance_to_pass=hole.chance_to_pass,
+    )

@@ -1,0 +1,119 @@
+"""Core values to messages: what `locate` prints and what the bus carries."""
+
+from dataclasses import dataclass
+
+from services.registration.core.guide import GuideFit
+from services.registration.core.hole_axes import HoleEstimate, NailEstimate
+from services.registration.core.localise import LocalisationResult, Method
+from services.registration.core.passing import AxisOffset
+from shared.errors import Reason
+from shared.geometry.calibration import CArmCalibration
+from shared.messages.base import Matrix3, ReasonMessage, matrix4, vector3
+from shared.messages.registration import (
+    CArmCorrection,
+    Localisation,
+    LocalisedCamera,
+    LocalisedGuide,
+    LocalisedHole,
+    LocalisedImage,
+    LocalisedNail,
+    StandardUncertainty,
+    Timing,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredTimes:
+    """Wall times in ms; None for steps that were not reached."""
+
+    total_ms: float
+    ring_ms: float | None
+    guide_ms: float | None
+    nail_ms: float | None
+
+
+def localisation_message(
+    result: LocalisationResult, calibration: CArmCalibration, image_sha256: str, times: MeasuredTimes
+) -> Localisation:
+    """A localisation of a calibrated image, accepted or rejected."""
+    correction = result.correction
+    return Localisation(
+        verdict="accepted" if result.accepted else "rejected",
+        reasons=tuple(ReasonMessage.of(reason) for reason in result.reasons),
+        method=result.method.value,
+        image=LocalisedImage(sha256=image_sha256, mirrored=calibration.mirrored),
+        camera=_camera(calibration),
+        guide=None if result.guide is None else _guide(result.guide),
+        nail=None if result.nail is None else _nail(result.nail),
+        guide_from_nail=None if result.guide_from_nail is None else matrix4(result.guide_from_nail),
+        holes=None if result.holes is None else tuple(_hole(hole) for hole in result.holes),
+        c_arm_correction_deg=None
+        if correction is None
+        else CArmCorrection(about_image_x=correction.about_x_deg, about_image_y=correction.about_y_deg),
+        timing_ms=_timing(times),
+    )
+
+
+def uncalibrated_message(
+    reasons: tuple[Reason, ...], method: Method, image_sha256: str, times: MeasuredTimes
+) -> Localisation:
+    """The rejection of an image whose ring was not found: nothing else can be told of it."""
+    return Localisation(
+        verdict="rejected",
+        reasons=tuple(ReasonMessage.of(reason) for reason in reasons),
+        method=method.value,
+        image=LocalisedImage(sha256=image_sha256, mirrored=None),
+        camera=None,
+        guide=None,
+        nail=None,
+        guide_from_nail=None,
+        holes=None,
+        c_arm_correction_deg=None,
+        timing_ms=_timing(times),
+    )
+
+
+def standard_uncertainty(offset: AxisOffset) -> StandardUncertainty:
+    """Predicted rms of the two errors that count."""
+    return StandardUncertainty(entry_mm=offset.entry_sd_mm, axis_deg=offset.axis_sd_deg)
+
+
+def _timing(times: MeasuredTimes) -> Timing:
+    return Timing(total=times.total_ms, ring=times.ring_ms, guide=times.guide_ms, nail=times.nail_ms)
+
+
+def _camera(calibration: CArmCalibration) -> LocalisedCamera:
+    rows: list[tuple[float, float, float]] = [vector3(row) for row in calibration.camera.intrinsic_matrix_px]
+    intrinsic: Matrix3 = (rows[0], rows[1], rows[2])
+    return LocalisedCamera(
+        intrinsic_matrix_px=intrinsic,
+        camera_from_ring=matrix4(calibration.camera_from_ring),
+        balls_found=calibration.balls_found,
+        balls_expected=calibration.balls_expected,
+        distortion_residual_px=calibration.distortion_residual_px,
+        reprojection_rms_px=calibration.reprojection_rms_px,
+    )
+
+
+def _guide(guide: GuideFit) -> LocalisedGuide:
+    return LocalisedGuide(
+        camera_from_guide=matrix4(guide.camera_from_guide),
+        balls_found=guide.balls_found,
+        balls_expected=guide.balls_expected,
+        reprojection_rms_px=guide.reprojection_rms_px,
+    )
+
+
+def _nail(nail: NailEstimate) -> LocalisedNail:
+    return LocalisedNail(camera_from_nail=matrix4(nail.camera_from_nail), mirror_margin=nail.mirror_margin)
+
+
+def _hole(hole: HoleEstimate) -> LocalisedHole:
+    return LocalisedHole(
+        id=hole.id,
+        entry_point_guide_mm=vector3(hole.entry_guide_mm),
+        axis_guide=vector3(hole.axis_guide.direction),
+        tilt_to_ray_deg=hole.tilt_to_ray_deg,
+        chance_to_pass=hole.chance_to_pass,
+        standard_uncertainty=None if hole.offset is None else standard_uncertainty(hole.offset),
+    )

@@ -1,0 +1,217 @@
+"""Registration: frame and calibration in, localisation out; plans and verifications on request. No mathematics here."""
+
+import base64
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from services.registration.core.localise import LocalisationResult, Method
+from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest
+from services.registration.measure import timed_localisation
+from services.registration.overlay import overlay_png
+from services.registration.planning import answer_plan_request
+from services.registration.report import MeasuredTimes, uncalibrated_message
+from services.registration.settings import RegistrationSettings
+from services.registration.verification import VerifiedImage, verification_message
+from shared.bus.port import Answer, Bus, Query, Sample
+from shared.errors import BusError, InputError, Reason
+from shared.geometry.calibration import CArmCalibration
+from shared.messages.base import decode, encode
+from shared.messages.cases import CaseContext
+from shared.messages.imaging import CalibrationMessage, FrameHeader
+from shared.messages.registration import (
+    Localisation,
+    LocalisationRecord,
+    PlanRequest,
+    VerificationReply,
+    VerificationRequest,
+)
+from shared.messages.robot import RobotState
+from shared.runtime.latest import BoundedQueue
+from shared.runtime.lifecycle import Runtime, software_version
+
+_WAIT_S = 0.2
+_CASE_TIMEOUT_S = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Located:
+    """What one image said, before it becomes a record."""
+
+    calibration: CArmCalibration | None
+    result: LocalisationResult | None
+    message: Localisation
+
+
+class RegistrationService:
+    """Localises in every image of an open case, in order of arrival, and plans from the newest.
+
+    Parameters
+    ----------
+    bus, runtime
+        Where to publish, and what the process gives every service.
+    settings
+        Limits.
+    """
+
+    def __init__(self, bus: Bus, runtime: Runtime, settings: RegistrationSettings) -> None:
+        self._bus = bus
+        self._runtime = runtime
+        self._settings = settings
+        self._knowledge = Knowledge(runtime.boot_epoch, settings.kept_images)
+        self._jobs: BoundedQueue[CalibrationMessage] = BoundedQueue(settings.queue_length)
+        self._localisations = bus.retained_publisher(runtime.keys.localisation)
+        self._plans = bus.retained_publisher(runtime.keys.plan)
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Listen, work and answer for as long as the context lasts."""
+        keys, bus = self._runtime.keys, self._bus
+        with ExitStack() as stack:
+            worker = threading.Thread(target=self._work, name="localise", daemon=True)
+            worker.start()
+            stack.callback(worker.join, 5.0)
+            stack.callback(self._jobs.close)
+            for declared in (
+                bus.subscribe_retained(keys.robot_state, self._on_robot),
+                bus.subscribe_retained(keys.case_context, self._on_case),
+                bus.subscribe(keys.frame, self._on_frame),
+                bus.subscribe_retained(keys.calibration, self._on_calibration),
+                bus.queryable(keys.plan_request, self._on_plan_request),
+                bus.queryable(keys.verification_request, self._on_verification_request),
+            ):
+                stack.callback(declared.close)
+            yield
+
+    def _on_robot(self, sample: Sample) -> None:
+        self._knowledge.note_robot(decode(RobotState, sample.payload))
+
+    def _on_case(self, sample: Sample) -> None:
+        context = decode(CaseContext, sample.payload)
+        if context.case_id is None:
+            self._knowledge.open_case(None)
+            self._runtime.ready()
+            return
+        try:
+            self._knowledge.open_case(OpenCase.of(context))
+        except InputError as error:
+            self._knowledge.open_case(None)
+            self._runtime.degraded(f"case '{context.case_id}' cannot be used: {error}; correct the file in the case")
+            return
+        self._runtime.ready()
+
+    def _on_frame(self, sample: Sample) -> None:
+        header = decode(FrameHeader, sample.attachment)
+        self._knowledge.note_frame(header, header.pixels(sample.payload))
+
+    def _on_calibration(self, sample: Sample) -> None:
+        message = decode(CalibrationMessage, sample.payload)
+        if message.case_id is not None and not self._jobs.put(message):
+            sha256 = message.image.sha256
+            self._runtime.log.error("image refused", sha256=sha256, waiting=self._settings.queue_length)
+            self._runtime.degraded(
+                f"{self._settings.queue_length} images wait for their localisation; image {sha256[:12]} was refused: "
+                "take it again"
+            )
+
+    def _on_plan_request(self, query: Query) -> Answer:
+        reply = answer_plan_request(decode(PlanRequest, query.payload), self._knowledge)
+        if reply.plan is not None:
+            # published before it is answered: the robot must know a plan before anyone can approve it
+            self._plans.put(encode(reply.plan))
+        self._runtime.log.info("plan requested", verdict=reply.verdict, code=reply.code, detail=reply.message)
+        return Answer(encode(reply))
+
+    def _on_verification_request(self, query: Query) -> Answer:
+        request = decode(VerificationRequest, query.payload)
+        found = [self._knowledge.localised(sha256) for sha256 in request.image_sha256]
+        case = self._knowledge.case
+        known = [f for f in found if f is not None and case is not None and f.case.context == case.context]
+        if case is None or case.context.case_id != request.case_id or len(known) < len(found):
+            missing = len(found) - len(known)
+            message = (
+                f"{missing} of the {len(found)} images were not localised under the present set-up of case "
+                f"'{request.case_id}' since registration started; take them again"
+            )
+            return Answer(encode(VerificationReply(code="unknown_image", message=message)))
+        images = tuple(VerifiedImage(f.frame.pixels, f.calibration, f.result, f.record.localisation) for f in known)
+        return Answer(encode(VerificationReply(verification=verification_message(images, case.parts))))
+
+    def _work(self) -> None:
+        """Localise in what is queued, in order of arrival."""
+        while not self._runtime.stop.is_set():
+            job = self._jobs.take(_WAIT_S)
+            if job is None:
+                continue
+            try:
+                self._localise(job)
+            except Exception as error:
+                self._runtime.log.exception("fault", sha256=job.image.sha256)
+                self._runtime.degraded(f"image {job.image.sha256[:12]} brought a fault: {error}; take another image")
+
+    def _localise(self, job: CalibrationMessage) -> None:
+        assert job.case_id is not None  # `_on_calibration` queues no others
+        case = self._knowledge.wait_for_case(job.case_id, job.case_revision, _CASE_TIMEOUT_S)
+        if case is None or job.ring_sha256 not in (None, case.parts.ring.sha256):
+            self._runtime.log.warning(
+                "image not localised: its case's set-up is not the present one",
+                sha256=job.image.sha256,
+                case=job.case_id,
+                revision=job.case_revision,
+            )
+            return
+        frame = self._knowledge.frame(job.image.sha256) or self._fetched(job.image.sha256)
+        located = _located(frame, job, case)
+        record = self._record(frame, job, case, located)
+        self._knowledge.note_localised(LocalisedFrame(frame, case, record, located.calibration, located.result))
+        self._localisations.put(encode(record))
+        self._runtime.log.info(
+            "localised",
+            sha256=job.image.sha256,
+            verdict=located.message.verdict,
+            reasons=[reason.message for reason in located.message.reasons],
+            total_ms=located.message.timing_ms.total,
+        )
+
+    def _fetched(self, sha256: str) -> ReceivedFrame:
+        """Ask imaging for an image whose pixels did not arrive; raises `BusError` when it has none."""
+        key = self._runtime.keys.frame_by_hash(sha256)
+        try:
+            answer = self._bus.query(key, b"", self._settings.frame_timeout_s)
+        except BusError as error:
+            raise BusError(f"the pixels of image {sha256[:12]} were missed and cannot be fetched: {error}") from error
+        header = decode(FrameHeader, answer.attachment)
+        return self._knowledge.note_fetched_frame(header, header.pixels(answer.payload))
+
+    def _record(
+        self, frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase, located: _Located
+    ) -> LocalisationRecord:
+        drawn = overlay_png(frame.pixels, located.calibration, located.result, case.parts)
+        pose = pose_at_rest(frame.robot)
+        return LocalisationRecord(
+            localisation=located.message,
+            image=job.image,
+            case_id=case.context.case_id or "",
+            case_revision=case.context.revision,
+            registration_epoch=frame.epoch,
+            robot_boot_epoch=frame.robot.boot_epoch if frame.robot is not None and pose is not None else None,
+            robot_pose=pose,
+            ring_sha256=case.parts.ring.sha256,
+            guide_sha256=case.parts.guide.sha256,
+            nail_sha256=case.parts.nail.sha256,
+            software_version=software_version(),
+            overlay_png_base64=base64.b64encode(drawn).decode(),
+        )
+
+
+def _located(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase) -> _Located:
+    """Localise in a calibrated image; a rejected calibration is passed on with its reasons."""
+    sha256 = job.image.sha256
+    if job.values is None:
+        reasons = tuple(Reason(reason.code, reason.message) for reason in job.reasons)
+        times = MeasuredTimes(job.elapsed_ms, job.elapsed_ms, None, None)
+        return _Located(None, None, uncalibrated_message(reasons, Method.MODEL, sha256, times))
+    calibration = job.values.calibration()
+    result, message = timed_localisation(frame.pixels, calibration, case.parts, Method.MODEL, sha256, job.elapsed_ms)
+    return _Located(calibration, result, message)

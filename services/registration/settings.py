@@ -1,0 +1,23 @@
+"""Settings of registration."""
+
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from shared.runtime.settings import ServiceSettings
+
+
+class RegistrationSettings(ServiceSettings):
+    """What registration is started with."""
+
+    section: ClassVar[str] = "registration"
+
+    queue_length: Annotated[int, Field(ge=1, le=256)] = Field(
+        16, description="Calibrated images that may wait for their localisation; more are refused and logged."
+    )
+    kept_images: Annotated[int, Field(ge=2, le=64)] = Field(
+        8, description="Newest localised images that are kept for plans and verifications."
+    )
+    frame_timeout_s: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
+        5.0, description="How long imaging may take to hand over the pixels of an image that was missed."
+    )
