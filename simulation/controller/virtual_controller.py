@@ -1,0 +1,139 @@
+"""The player: the pure model, a clock, and a lock, so that any number of connections and the world share one robot.
+
+Time passes when somebody looks: there is no thread that ticks.
+"""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from shared.geometry.frames import RobotBase, RobotTop
+from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
+from shared.geometry.transform import Transform
+from simulation.controller.accuracy import PlatformError, perfect
+from simulation.controller.faults import Fault, with_fault, without_fault
+from simulation.controller.gcs_commands import Controller, obey, obey_byte
+from simulation.controller.gcs_protocol import GcsRefusal, SingleByte, parse_line
+from simulation.controller.hexapod_model import Encoders, HexapodState, advance, initial_state, with_error
+
+_NO_REPLY = b"\xff\xfe?\x80\n"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """What is true of the robot at one moment.
+
+    Attributes
+    ----------
+    pose
+        Where the platform really is.
+    measured_pose
+        What its encoders say.
+    held
+        By servo or brake; `was_unheld` says whether it ever was by neither.
+    error
+        The controller's pending error code.
+    """
+
+    pose: PlatformPose
+    measured_pose: PlatformPose
+    base_from_top: Transform[RobotBase, RobotTop]
+    moving: bool
+    servo_on: bool
+    brake_on: bool
+    referenced: bool
+    held: bool
+    was_unheld: bool
+    error: int
+    faults: frozenset[Fault]
+
+
+class VirtualController:
+    """One virtual hexapod with its controller.
+
+    Parameters
+    ----------
+    hexapod
+        What it looks like.
+    clock_s
+        Monotonic clock in seconds, such as `time.monotonic`.
+    error
+        How the platform differs from its encoders.
+    encoders
+        What `FRF` does.
+    """
+
+    def __init__(
+        self,
+        hexapod: HexapodPart,
+        clock_s: Callable[[], float],
+        error: PlatformError | None = None,
+        encoders: Encoders = Encoders.ABSOLUTE,
+    ) -> None:
+        self.hexapod = hexapod
+        self._controller = Controller(hexapod, encoders)
+        self._clock_s = clock_s
+        self._error = error or perfect()
+        self._lock = threading.Lock()
+        self._state = initial_state(hexapod)
+        self._seen_s = clock_s()
+        self._faults: frozenset[Fault] = frozenset()
+
+    def receive(self, command: str | SingleByte) -> bytes:
+        """Obey a line or a single-byte command; the reply may be empty."""
+        with self._lock:
+            if Fault.SILENCE in self._faults:
+                return b""
+            self._state, reply = self._obey(self._now(), command)
+            return _NO_REPLY if reply and Fault.GARBAGE_REPLY in self._faults else reply
+
+    def inject(self, fault: Fault) -> None:
+        """Let something go wrong until it is cleared."""
+        with self._lock:
+            self._state = with_fault(self._now(), fault)
+            self._faults |= {fault}
+
+    def clear(self, fault: Fault) -> None:
+        """Mend it; nothing is switched on by that."""
+        with self._lock:
+            self._state = without_fault(self._now(), fault)
+            self._faults -= {fault}
+
+    def pose(self) -> PlatformPose:
+        """Where the platform really is now."""
+        return self.snapshot().pose
+
+    def snapshot(self) -> Snapshot:
+        """Everything that is true now."""
+        with self._lock:
+            state = self._state = self._now()
+            faults = self._faults
+        measured = PlatformPose.from_array(state.pose)
+        pose = self._error.true_pose(measured)
+        return Snapshot(
+            pose=pose,
+            measured_pose=measured,
+            base_from_top=base_from_top(self.hexapod, pose, state.pivot_mm),
+            moving=state.move is not None,
+            servo_on=state.servo_on,
+            brake_on=state.brake_on,
+            referenced=state.referenced,
+            held=state.servo_on or state.brake_on,
+            was_unheld=state.was_unheld,
+            error=int(state.error),
+            faults=faults,
+        )
+
+    def _now(self) -> HexapodState:
+        now_s = self._clock_s()
+        elapsed_s, self._seen_s = now_s - self._seen_s, now_s
+        return advance(self.hexapod, self._state, elapsed_s)
+
+    def _obey(self, state: HexapodState, command: str | SingleByte) -> tuple[HexapodState, bytes]:
+        if isinstance(command, SingleByte):
+            return obey_byte(state, command)
+        try:
+            line = parse_line(command)
+        except GcsRefusal as refusal:
+            return with_error(state, refusal.error), b""
+        return (state, b"") if line is None else obey(self._controller, state, line)
