@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, TypeAdapter
 
 from simulation.drilling import Passage, Strike
-from simulation.scenario.values import FlatPanel, MountKind, PartSource, Scenario, Side
+from simulation.scenario.imaging_values import FlatPanel
+from simulation.scenario.values import MountKind, PartSource, Scenario, Side
 from simulation.world import CArmAngles
 
 Vector = tuple[float, float, float]

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.scenario.values import Exposure, FlatPanel, Intensifier
+from simulation.scenario.imaging_values import Exposure, FlatPanel, Intensifier
 
 Image = NDArray[np.float32]
 _COARSE = 8

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.scenario.values import Display
+from simulation.scenario.imaging_values import Display
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.float32]

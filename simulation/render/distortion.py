@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
-from simulation.scenario.values import FlatPanel, Intensifier
+from simulation.scenario.imaging_values import FlatPanel, Intensifier
 
 Floats = NDArray[np.float64]
 

@@ -1,23 +1,28 @@
 """One X-ray image of the virtual operating room, from a scenario and a state to grey values and exact truth."""
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from simulation.render import detector, display
-from simulation.render.attenuation import Material, spectrum
+from simulation.render.attenuation import Material, Spectrum, spectrum
 from simulation.render.distortion import ideal_from_measured
 from simulation.render.scene import BallsInView, balls_in_view, pack_scene
-from simulation.render.tracer import PackedScene, refine_pixels, trace_image, trace_lengths
+from simulation.render.tracer import PackedScene, refine_pixels, trace_lengths, trace_rows
 from simulation.scenario.values import Scenario
 from simulation.truth import ImageTruth, image_truth
 from simulation.world import World, WorldState, world_at
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.float32]
+T = TypeVar("T")
+_THREADS = 2
 # Each column takes every eighth of the range once (with its mirror image), and the columns hardly correlate (1/6).
 _SPREAD_16THS = np.array([[-3.0, 1.0, 7.0, -5.0], [5.0, 7.0, 1.0, -3.0], [-1.0, 3.0, 5.0, 7.0], [7.0, -5.0, 3.0, 1.0]])
 _EDGE = 0.04
@@ -108,21 +113,46 @@ def trace_primary(scenario: Scenario, world: World, packed: PackedScene) -> Imag
     size = scenario.c_arm.size_px
     rows, columns = np.mgrid[0:size, 0:size].astype(np.float64)
     targets = detector_points_mm(scenario, world, np.stack([columns, rows], axis=-1))
-    primary, share = trace_image(packed, targets, beam.weight, beam.attenuation_per_mm)
-    edges = np.argwhere(_edges(primary))
-    at = (edges[:, 0], edges[:, 1])
-    steps = np.stack([np.gradient(targets, axis=1)[at], np.gradient(targets, axis=0)[at]], axis=1)
-    primary[at] = refine_pixels(
-        packed,
-        edges,
-        targets[at],
-        steps,
-        ray_samples(scenario.exposure.focal_spot_mm),
-        share[at].astype(np.float64),
-        beam.weight,
-        beam.attenuation_per_mm,
+    parts = _side_by_side(
+        size,
+        lambda first, last: trace_rows(packed, first, targets[first:last], beam.weight, beam.attenuation_per_mm),
     )
-    return np.asarray(primary)
+    primary = np.concatenate([signal for signal, _ in parts])
+    share = np.concatenate([share for _, share in parts])
+    edges = np.argwhere(_edges(primary))
+    primary[tuple(edges.T)] = _refined(scenario, packed, targets, edges, share, beam)
+    return primary
+
+
+def _refined(
+    scenario: Scenario, packed: PackedScene, targets: Floats, pixels: NDArray[np.int64], share: Image, beam: Spectrum
+) -> Floats:
+    """Signal of some pixels, shape (N,), as the mean over each pixel's area and the focal spot."""
+    at = (pixels[:, 0], pixels[:, 1])
+    steps = np.stack([np.gradient(targets, axis=1)[at], np.gradient(targets, axis=0)[at]], axis=1)
+    middles, shares = targets[at], share[at].astype(np.float64)
+    samples = ray_samples(scenario.exposure.focal_spot_mm)
+    parts = _side_by_side(
+        len(pixels),
+        lambda first, last: refine_pixels(
+            packed,
+            pixels[first:last],
+            middles[first:last],
+            steps[first:last],
+            samples,
+            shares[first:last],
+            beam.weight,
+            beam.attenuation_per_mm,
+        ),
+    )
+    return np.concatenate(parts)
+
+
+def _side_by_side(count: int, work: Callable[[int, int], T]) -> list[T]:
+    """Share `count` rows or pixels among a few threads; `work` gets the first and the end of its share."""
+    ends = np.linspace(0, count, 2 * _THREADS + 1).astype(int)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        return list(pool.map(work, ends[:-1].tolist(), ends[1:].tolist()))
 
 
 def _edges(primary: Image) -> NDArray[np.bool_]:

@@ -7,11 +7,12 @@ it lies in (`_material`): metal displaces bone, bone displaces muscle, bores and
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
-from simulation.render.femur import flare, tube
+from simulation.render.femur import tube
 from simulation.render.shapes import box, ellipsoid, frustum, sphere
+from simulation.render.spongy import mineral_share
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -22,7 +23,6 @@ _CLASSES = 10
 # Materials of the stretches; the first seven are `attenuation.Material`, the last is bone's spongy inside.
 _AIR, _MUSCLE, _CORTEX, _DELRIN, _PMMA, _TITANIUM, _STEEL, _SPONGY = range(8)
 _MOST_EVENTS = 128
-_TEXTURE_STEP_MM = 2.5
 
 
 class PackedScene(NamedTuple):
@@ -139,46 +139,15 @@ def _lengths(
 
 
 @njit(cache=True, error_model="numpy")
-def _texture_at(volume: NDArray[np.float32], x: float, y: float, z: float) -> float:
-    """Trilinear look-up in a periodic volume."""
-    n = volume.shape[0]
-    fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
-    i, j, k = int(fx) % n, int(fy) % n, int(fz) % n
-    i1, j1, k1 = (i + 1) % n, (j + 1) % n, (k + 1) % n
-    x, y, z = x - fx, y - fy, z - fz
-    a = volume[i, j, k] * (1 - z) + volume[i, j, k1] * z
-    b = volume[i, j1, k] * (1 - z) + volume[i, j1, k1] * z
-    c = volume[i1, j, k] * (1 - z) + volume[i1, j, k1] * z
-    e = volume[i1, j1, k] * (1 - z) + volume[i1, j1, k1] * z
-    return float((a * (1 - y) + b * y) * (1 - x) + (c * (1 - y) + e * y) * x)
-
-
-@njit(cache=True, error_model="numpy")
-def _bone_share(scene: PackedScene, bone: Floats, times: Floats, codes: Integers, n: int) -> float:
-    """Mean share of mineral in the spongy bone along one ray, from the trabecular texture.
-
-    `spongy = [share in the metaphysis, share in the shaft, flare from x, flare to x, contrast]`.
-    """
+def _marrow_stretch(times: Floats, codes: Integers, n: int) -> tuple[float, float]:
+    """From where the ray first enters spongy bone to where it last leaves it."""
     near, far = 1e30, -1e30
     for i in range(n):
         if codes[i] == MARROW:
             near = min(near, times[i])
         elif codes[i] == MARROW + _CLASSES:
             far = max(far, times[i])
-    if near >= far:
-        return 0.0
-    d = bone[1]
-    length = (far - near) * np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-    steps = max(1, int(length / _TEXTURE_STEP_MM))
-    total = 0.0
-    for i in range(steps):
-        t = near + (i + 0.5) / steps * (far - near)
-        x, y, z = bone[0, 0] + t * d[0], bone[0, 1] + t * d[1], bone[0, 2] + t * d[2]
-        s = flare(x, scene.spongy[2], scene.spongy[3])
-        share = scene.spongy[1] + s * (scene.spongy[0] - scene.spongy[1])
-        texture = _texture_at(scene.texture, x / scene.texture_mm, y / scene.texture_mm, z / scene.texture_mm)
-        total += share * max(0.0, 1.0 + scene.spongy[4] * texture)
-    return float(total / steps)
+    return near, far
 
 
 @njit(cache=True, error_model="numpy")
@@ -208,7 +177,7 @@ def _aim(scene: PackedScene, target: Floats, source: Floats, ray: Floats, bone: 
     return float(np.sqrt(ray[1, 0] ** 2 + ray[1, 1] ** 2 + ray[1, 2] ** 2))
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def trace_lengths(scene: PackedScene, targets_mm: Floats, tile: Integers) -> Floats:
     """Path lengths, shape (N, 8), in mm, of the rays from the focal spot's middle to detector points, shape (N, 2).
 
@@ -216,7 +185,7 @@ def trace_lengths(scene: PackedScene, targets_mm: Floats, tile: Integers) -> Flo
     """
     count = targets_mm.shape[0]
     out = np.zeros((count, 8))
-    for i in prange(count):
+    for i in range(count):
         times, codes = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, np.int64)
         ray, bone = np.empty((2, 3)), np.empty((2, 3))
         scale = _aim(scene, targets_mm[i], np.zeros(2), ray, bone)
@@ -225,31 +194,33 @@ def trace_lengths(scene: PackedScene, targets_mm: Floats, tile: Integers) -> Flo
     return out
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def trace_image(
-    scene: PackedScene, targets_mm: Floats, weight: Floats, attenuation: Floats
+@njit(cache=True, error_model="numpy", nogil=True)
+def trace_rows(
+    scene: PackedScene, first_row: int, targets_mm: Floats, weight: Floats, attenuation: Floats
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """One ray per pixel, through its middle: relative signal and the spongy bone's mineral share, (rows, columns) each.
 
-    `targets_mm`, shape (rows, columns, 2): where each pixel lies on the detector.
+    `targets_mm`, shape (rows, columns, 2): where each pixel lies on the detector; `first_row` is the first of them in
+    the image. Holds no lock of the interpreter: several threads may trace their own rows.
     """
     rows, columns = targets_mm.shape[:2]
     signal, share = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.float32)
-    for row in prange(rows):
+    for row in range(rows):
         times, codes = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, np.int64)
         inside, lengths = np.empty(_CLASSES, np.int64), np.empty(8)
         ray, bone, centre = np.empty((2, 3)), np.empty((2, 3)), np.zeros(2)
         for column in range(columns):
             scale = _aim(scene, targets_mm[row, column], centre, ray, bone)
-            tile = (row // scene.tile_px) * scene.tiles_across + column // scene.tile_px
+            tile = ((first_row + row) // scene.tile_px) * scene.tiles_across + column // scene.tile_px
             n = _events(scene, tile, ray[0], ray[1], bone, times, codes)
             _lengths(times, codes, n, scale, scene.nail_material, inside, lengths)
-            share[row, column] = _bone_share(scene, bone, times, codes, n) if lengths[_SPONGY] > 0.0 else 0.0
+            near, far = _marrow_stretch(times, codes, n)
+            share[row, column] = mineral_share(scene.spongy, scene.texture, scene.texture_mm, bone, near, far)
             signal[row, column] = _signal(lengths, share[row, column], weight, attenuation)
     return signal, share
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def refine_pixels(
     scene: PackedScene,
     pixels: Integers,
@@ -274,7 +245,7 @@ def refine_pixels(
         Mineral share of the spongy bone, shape (N,).
     """
     out = np.zeros(pixels.shape[0])
-    for i in prange(pixels.shape[0]):
+    for i in range(pixels.shape[0]):
         times, codes = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, np.int64)
         inside, lengths = np.empty(_CLASSES, np.int64), np.empty(8)
         ray, bone, target = np.empty((2, 3)), np.empty((2, 3)), np.empty(2)

@@ -15,7 +15,8 @@ from simulation.scenario.files import (
     Range,
     Ranges,
 )
-from simulation.scenario.values import CArm, Display, Exposure, FlatPanel, Intensifier, Placement
+from simulation.scenario.imaging_values import CArm, Display, Exposure, FlatPanel, Intensifier
+from simulation.scenario.values import Placement
 from simulation.world import angles_of_beam
 
 _QUARTER = 90.0
