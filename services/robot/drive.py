@@ -62,7 +62,7 @@ class Drive:
         self._status = DriveStatus()
         self._pending: tuple[Effect, ...] = ()
         self._controller: HexapodController | None = None
-        self._worker = threading.Thread(target=self._work, name="drive", daemon=True)
+        self._worker = threading.Thread(target=self.work, name="drive", daemon=True)
 
     def start(self) -> None:
         """Begin to connect."""
@@ -70,12 +70,16 @@ class Drive:
 
     def close(self) -> None:
         """Stop, lock, leave the controller, and wait until that is done."""
+        self.leave()
+        self._worker.join()
+
+    def leave(self) -> None:
+        """Stop; the worker then locks, leaves the controller and ends."""
         self._stop_controller()
         with self._lock:
             self._apply(Event.SHUT_DOWN, "the robot service is leaving")
             self._closing = True
         self._wake.set()
-        self._worker.join()
 
     @property
     def status(self) -> DriveStatus:
@@ -181,19 +185,8 @@ class Drive:
             self._status = status
             self._changed.notify_all()
 
-    def _work(self) -> None:
-        try:
-            while self._step():
-                pass
-        except Exception as error:
-            self._stop_controller()
-            self._apply(Event.FAULT_SEEN, f"the robot service failed: {error!r}; it was stopped, restart the service")
-            self._on_crash(f"{type(error).__name__}: {error}")
-            raise
-
-    def _step(self) -> bool:
-        """One round of work; False at the end."""
-        self._wake.clear()
+    def step(self) -> bool:
+        """One round of the worker's work; False at the end. For the worker thread, or a test in its place."""
         self._do_pending()
         if self._closing and not self._pending:
             return False
@@ -201,9 +194,20 @@ class Drive:
             self._try_to_connect()
         else:
             self._observe(self._controller)
-        if not self._pending:
-            self._wake.wait(self._pause_s())
         return True
+
+    def work(self) -> None:
+        """What the worker thread does until the end; a fault of this program stops the robot and is raised."""
+        try:
+            while self.step():
+                if not self._pending:
+                    self._wake.wait(self._pause_s())
+                self._wake.clear()
+        except Exception as error:
+            self._stop_controller()
+            self._apply(Event.FAULT_SEEN, f"the robot service failed: {error!r}; it was stopped, restart the service")
+            self._on_crash(f"{type(error).__name__}: {error}")
+            raise
 
     def _pause_s(self) -> float:
         if self._controller is None:

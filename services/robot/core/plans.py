@@ -49,7 +49,7 @@ class RegistrationView:
     Attributes
     ----------
     epoch
-        Registration epoch of the newest localisation, accepted or not; None before the first, and when it is unreadable.
+        Registration epoch of the newest localisation, accepted or not; None before the first, or if it is unreadable.
     case
         Id and revision of the open case; None before the first word of it.
     plans

@@ -107,6 +107,7 @@ class GcsLine:
         self._closing = threading.Event()
         self._lost = ""
         self._in_step = True
+        self._forget_partial = threading.Event()
         self._replies: queue.Queue[list[str]] = queue.Queue(maxsize=MOST_STALE_REPLIES)
         self._reader = threading.Thread(target=self._read_forever, name="gcs-reader", daemon=True)
         self._reader.start()
@@ -176,6 +177,7 @@ class GcsLine:
 
     def _find_step(self) -> None:
         """Discard answers that come late until the marker's has come: answers keep their order."""
+        self._forget_partial.set()
         self.write(self._marker_question)
         for _ in range(MOST_STALE_REPLIES):
             if self._next_reply(self._marker_question) == self._marker_answer:
@@ -211,17 +213,19 @@ class GcsLine:
             except (serial.SerialException, OSError) as error:
                 self._lost = f"the line is broken ({error})"
                 return
-            for byte in received:
-                if byte != ord("\n"):
-                    line.append(byte)
-                    del line[:-LONGEST_LINE]
-                    continue
-                text = line.decode("ascii", errors="replace")
+            if self._forget_partial.is_set():
+                # The rest of what was begun never came: it must not spoil the beginning of the next answer.
+                self._forget_partial.clear()
                 line.clear()
-                reply.append(text.strip(" \r"))
-                if not text.endswith(" ") or len(reply) >= MOST_LINES:
-                    self._keep(reply)
+                reply = []
+            line += received
+            if line.endswith(b"\n"):
+                reply.append(line.decode("ascii", errors="replace")[:-1].rstrip("\r"))
+                line.clear()
+                if not reply[-1].endswith(" ") or len(reply) >= MOST_LINES:
+                    self._keep([text.strip() for text in reply])
                     reply = []
+            del line[:-LONGEST_LINE]
 
     def _keep(self, reply: list[str]) -> None:
         # A full queue means that nobody waits for these answers: the newest are as worthless as the oldest.

@@ -1,0 +1,252 @@
+"""The guard: one move that passes, and every way in which it must not."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.robot.core.guard import GuardLimits, PermittedMove, Situation, check_move
+from services.robot.core.plans import PlannedMove, RegistrationView
+from services.robot.core.readings import ControllerReading, Deviation
+from services.robot.core.refusals import Refusal, RefusalCode
+from shared.geometry.frames import Guide
+from shared.geometry.hexapod import (
+    ZERO_POSE,
+    HexapodPart,
+    PlatformPose,
+    base_from_top,
+    leg_lengths_mm,
+    platform_pose,
+)
+from shared.geometry.hexapod_limits import within_limits
+from shared.geometry.transform import Transform
+from shared.parts.hexapod_file import default_hexapod
+
+HEXAPOD = default_hexapod()
+NOW_S = 1000.0
+SHA = "a" * 64
+
+
+def planned(
+    rotation_vector_deg: tuple[float, float, float] = (2.0, -1.0, 3.0),
+    translation_mm: tuple[float, float, float] = (3.0, -2.0, 1.0),
+    start: PlatformPose = ZERO_POSE,
+) -> PlannedMove:
+    """A plan as registration would make it, head at 70 mm."""
+    correction: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(rotation_vector_deg), translation_mm)
+    top_from_guide = HEXAPOD.top_from_guide(70.0)
+    moved = base_from_top(HEXAPOD, start, HEXAPOD.pivot_mm) @ top_from_guide @ correction @ top_from_guide.inverse()
+    target = platform_pose(HEXAPOD, moved, HEXAPOD.pivot_mm)
+    return PlannedMove(
+        sha256=SHA,
+        case_id="case1",
+        case_revision=2,
+        registration_epoch="reg.5",
+        robot_boot_epoch="boot",
+        hexapod_sha256=HEXAPOD.sha256,
+        head_extension_mm=70.0,
+        guide_from_target_guide=correction,
+        start_pose=start,
+        target_pose=target,
+        pivot_mm=HEXAPOD.pivot_mm,
+        target_leg_lengths_mm=leg_lengths_mm(HEXAPOD, target.as_array(), HEXAPOD.pivot_mm),
+    )
+
+
+READING = ControllerReading(
+    pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=True, error_code=0
+)
+SITUATION = Situation(
+    boot_epoch="boot",
+    now_s=NOW_S,
+    hexapod=HEXAPOD,
+    limits=GuardLimits(Deviation(20.0, 12.0), 600.0, 0.2),
+    registration=RegistrationView("reg.5", ("case1", 2), ((SHA, NOW_S - 60.0),)),
+    reading=READING,
+    connected_s=NOW_S - 3600.0,
+    heartbeat_s=NOW_S - 0.05,
+    link_up=True,
+    executed=frozenset(),
+)
+
+
+def with_reading(**changes: object) -> Situation:
+    return replace(SITUATION, reading=replace(READING, **changes))  # type: ignore[arg-type]
+
+
+def test_a_move_that_is_right_in_every_way_passes() -> None:
+    outcome = check_move(planned(), SHA, SITUATION)
+    assert isinstance(outcome, PermittedMove)
+    assert outcome.start == ZERO_POSE
+    assert outcome.target == planned().target_pose
+
+
+def test_the_speed_keeps_to_both_limits_of_the_hexapod_file() -> None:
+    for rotation, translation in [((0.0, 0.0, 0.0), (4.0, 0.0, 0.0)), ((0.0, 0.0, 6.0), (0.1, 0.0, 0.0))]:
+        plan = planned(rotation, translation)
+        outcome = check_move(plan, SHA, SITUATION)
+        assert isinstance(outcome, PermittedMove)
+        travel = np.abs(plan.target_pose.as_array())
+        assert outcome.speed_mm_per_s <= HEXAPOD.speed_limits.translation_mm_per_s + 1e-12
+        assert outcome.duration_s >= np.linalg.norm(travel[3:]) / HEXAPOD.speed_limits.rotation_deg_per_s - 1e-9
+        assert outcome.duration_s == pytest.approx(np.linalg.norm(travel[:3]) / outcome.speed_mm_per_s)
+
+
+def test_a_move_to_where_it_stands_has_a_speed() -> None:
+    outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), SHA, SITUATION)
+    assert isinstance(outcome, PermittedMove)
+    assert outcome.speed_mm_per_s > 0.0
+
+
+@pytest.mark.parametrize(
+    ("situation", "code", "words"),
+    [
+        (replace(SITUATION, link_up=False), RefusalCode.LINK_LOST, "link to the router is lost"),
+        (replace(SITUATION, heartbeat_s=None), RefusalCode.HEARTBEAT_MISSING, "last heard inf s ago"),
+        (
+            replace(SITUATION, heartbeat_s=NOW_S - 0.3),
+            RefusalCode.HEARTBEAT_MISSING,
+            "0.30 s ago, the limit is 0.2 s",
+        ),
+        (
+            replace(SITUATION, registration=replace(SITUATION.registration, plans=())),
+            RefusalCode.PLAN_UNKNOWN,
+            "has not published plan aaaaaaaaaaaa",
+        ),
+        (replace(SITUATION, executed=frozenset({SHA})), RefusalCode.PLAN_ALREADY_EXECUTED, "at most once"),
+        (
+            replace(SITUATION, registration=SITUATION.registration.with_epoch("reg.6")),
+            RefusalCode.PLAN_STALE,
+            "epoch 'reg.5', the newest is 'reg.6'",
+        ),
+        (
+            replace(SITUATION, registration=SITUATION.registration.with_epoch(None)),
+            RefusalCode.PLAN_STALE,
+            "the newest is 'not known'",
+        ),
+        (replace(SITUATION, now_s=NOW_S + 600.0, heartbeat_s=NOW_S + 600.0), RefusalCode.PLAN_EXPIRED, "660 s old"),
+        (replace(SITUATION, connected_s=NOW_S - 1.0), RefusalCode.PLAN_BEFORE_RECONNECTION, "connected again"),
+        (
+            replace(SITUATION, registration=SITUATION.registration.with_case("case2", 2)),
+            RefusalCode.PLAN_OF_ANOTHER_CASE,
+            "revision 2 of case 'case1'",
+        ),
+        (
+            replace(SITUATION, registration=SITUATION.registration.with_case("case1", 3)),
+            RefusalCode.PLAN_OF_ANOTHER_CASE,
+            "not the open one",
+        ),
+        (replace(SITUATION, boot_epoch="later"), RefusalCode.WRONG_BOOT_EPOCH, "was restarted"),
+        (replace(SITUATION, reading=None), RefusalCode.POSE_UNKNOWN, "has not said where"),
+        (with_reading(referenced=False), RefusalCode.NOT_REFERENCED, "not referenced"),
+        (with_reading(locked=False), RefusalCode.NOT_LOCKED, "not locked at rest"),
+        (with_reading(moving=True), RefusalCode.NOT_LOCKED, "not locked at rest"),
+        (
+            with_reading(pose=PlatformPose(0.06, 0.0, 0.0, 0.0, 0.0, 0.0)),
+            RefusalCode.START_POSE_DIFFERS,
+            "stands 0.060 mm and 0.000° from where the plan starts",
+        ),
+        (
+            with_reading(pose=PlatformPose(0.0, 0.0, 0.0, 0.0, 0.06, 0.0)),
+            RefusalCode.START_POSE_DIFFERS,
+            "0.060° from where the plan starts",
+        ),
+        (
+            with_reading(pose=PlatformPose(float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)),
+            RefusalCode.START_POSE_DIFFERS,
+            "take an image and plan again",
+        ),
+    ],
+)
+def test_situations_that_refuse_a_good_plan(situation: Situation, code: RefusalCode, words: str) -> None:
+    outcome = check_move(planned(), SHA, situation)
+    assert isinstance(outcome, Refusal)
+    assert outcome.code is code
+    assert words in outcome.message
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code", "words"),
+    [
+        (lambda p: replace(p, sha256="b" * 64), RefusalCode.APPROVAL_MISMATCH, "approval is for plan aaaaaaaaaaaa"),
+        (lambda p: replace(p, registration_epoch="reg.4"), RefusalCode.PLAN_STALE, "epoch 'reg.4'"),
+        (lambda p: replace(p, robot_boot_epoch="other"), RefusalCode.WRONG_BOOT_EPOCH, "restarted"),
+        (lambda p: replace(p, hexapod_sha256="c" * 64), RefusalCode.PLAN_FOR_ANOTHER_ROBOT, "cccccccccccc"),
+        (lambda p: replace(p, pivot_mm=np.array([60.0, 0.0, 21.0])), RefusalCode.PIVOT_MISMATCH, "1 mm from this"),
+        (lambda p: replace(p, head_extension_mm=81.0), RefusalCode.HEAD_EXTENSION, "from 40 to 80 mm"),
+        (lambda p: replace(p, head_extension_mm=60.0), RefusalCode.TARGET_INCONSISTENT, "own guide correction"),
+        (
+            lambda p: replace(p, target_pose=replace(p.target_pose, x_mm=p.target_pose.x_mm + 0.02)),
+            RefusalCode.TARGET_INCONSISTENT,
+            "the plan's target is 0.020 mm",
+        ),
+        (
+            lambda p: replace(p, target_pose=replace(p.target_pose, w_deg=float("nan"))),
+            RefusalCode.TARGET_INCONSISTENT,
+            "not finite",
+        ),
+        (
+            lambda p: replace(p, target_leg_lengths_mm=p.target_leg_lengths_mm + 0.01),
+            RefusalCode.LEG_LENGTHS_INCONSISTENT,
+            "by 0.0100 mm",
+        ),
+    ],
+)
+def test_plans_that_are_refused(spoil: Callable[[PlannedMove], PlannedMove], code: RefusalCode, words: str) -> None:
+    outcome = check_move(spoil(planned()), SHA, SITUATION)
+    assert isinstance(outcome, Refusal)
+    assert outcome.code is code
+    assert words in outcome.message
+
+
+def test_a_step_that_is_too_large_is_refused() -> None:
+    outcome = check_move(planned((0.0, 0.0, 0.0), (20.5, 0.0, 0.0)), SHA, SITUATION)
+    assert isinstance(outcome, Refusal)
+    assert outcome.code is RefusalCode.STEP_TOO_LARGE
+    turned = check_move(planned((0.0, 0.0, 12.5), (0.0, 0.0, 0.0)), SHA, SITUATION)
+    assert isinstance(turned, Refusal)
+    assert turned.code is RefusalCode.STEP_TOO_LARGE
+
+
+def test_a_target_out_of_reach_is_refused_with_the_leg() -> None:
+    outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 10.0)), SHA, SITUATION)
+    assert isinstance(outcome, Refusal)
+    assert outcome.code is RefusalCode.OUT_OF_REACH
+    assert "leg 1 would be 35.46 mm long" in outcome.message
+
+
+@pytest.mark.parametrize("seed", [3])
+def test_limits_hold_along_the_way_and_not_only_at_its_end(seed: int) -> None:
+    start, shift_mm, narrow = _move_whose_ends_are_allowed_and_whose_middle_is_not(seed)
+    # The guide's z axis is the top's -z, its y the top's -y.
+    correction: Transform[Guide, Guide] = Transform.from_rotvec([0.0, 0.0, 0.0], shift_mm * [1.0, -1.0, -1.0])
+    end = PlatformPose.from_array(start.as_array() + np.concatenate([shift_mm, np.zeros(3)]))
+    plan = replace(
+        planned(),
+        start_pose=start,
+        target_pose=end,
+        guide_from_target_guide=correction,
+        target_leg_lengths_mm=leg_lengths_mm(narrow, end.as_array(), narrow.pivot_mm),
+    )
+    outcome = check_move(plan, SHA, replace(with_reading(pose=start), hexapod=narrow))
+    assert isinstance(outcome, Refusal)
+    assert outcome.code is RefusalCode.OUT_OF_REACH
+    assert outcome.message.startswith("after ")
+
+
+def _move_whose_ends_are_allowed_and_whose_middle_is_not(
+    seed: int,
+) -> tuple[PlatformPose, NDArray[np.float64], HexapodPart]:
+    """A leg that swings past its upright is shortest in the middle: give the robot legs that may not be so short."""
+    rng = np.random.default_rng(seed)
+    for _ in range(1000):
+        start, end = rng.uniform(-7.0, 7.0, (2, 3))
+        poses = np.linspace([*start, 0.0, 0.0, 0.0], [*end, 0.0, 0.0, 0.0], 41)
+        lengths = leg_lengths_mm(HEXAPOD, poses, HEXAPOD.pivot_mm)
+        shortest_at_ends = lengths[[0, -1]].min()
+        if lengths.min() < shortest_at_ends - 0.05 and within_limits(HEXAPOD, poses, HEXAPOD.pivot_mm).all():
+            legs = replace(HEXAPOD.leg_length_mm, minimum=float(shortest_at_ends))
+            return PlatformPose.from_array(poses[0]), end - start, replace(HEXAPOD, leg_length_mm=legs)
+    pytest.fail("no such move found: choose another seed")

@@ -1,0 +1,86 @@
+"""A controller without a line: does what it is told at once, or fails when told to."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from services.robot.core.readings import ControllerReading
+from services.robot.devices.controller import StopInForce
+from shared.errors import DeviceError
+from shared.geometry.hexapod import ZERO_POSE, PlatformPose
+
+AT_REST = ControllerReading(
+    pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=False, error_code=0
+)
+
+
+class FakeController:
+    """Keeps one `ControllerReading` up to date; `failures` are raised by the next calls, in order."""
+
+    def __init__(self) -> None:
+        self.reading = AT_REST
+        self.target = ZERO_POSE
+        self.stopped = True
+        self.closed = False
+        self.motions: list[PlatformPose] = []
+        self.failures: list[str] = []
+        self.brakes_hold = True
+        self.before_move: Callable[[], None] = lambda: None
+
+    @property
+    def identity(self) -> str:
+        """A name."""
+        return "fake controller"
+
+    def read(self) -> ControllerReading:
+        """The present state; asking clears the error."""
+        self._fail_if_told()
+        reading, self.reading = self.reading, replace(self.reading, error_code=0)
+        return reading
+
+    def reference(self) -> None:
+        """Absolute encoders: at once, without motion."""
+        self._fail_if_told()
+        if self.stopped:
+            raise StopInForce("a stop is in force")
+        self.reading = replace(self.reading, referenced=True)
+
+    def move(self, target: PlatformPose, speed_mm_per_s: float) -> None:
+        """Unlock and begin."""
+        self._fail_if_told()
+        self.before_move()
+        if self.stopped:
+            raise StopInForce("a stop is in force")
+        assert speed_mm_per_s > 0.0
+        self.target = target
+        self.motions.append(target)
+        self.reading = replace(self.reading, locked=False, unlocked=True, moving=True, on_target=False)
+
+    def lock(self) -> None:
+        """Brakes on, servos off, if they do."""
+        self._fail_if_told()
+        if not self.brakes_hold:
+            raise DeviceError("the robot does not lock")
+        self.reading = replace(self.reading, locked=True, unlocked=False, moving=False)
+
+    def stop_now(self) -> None:
+        """Stop and lock, as the driver's blind message does."""
+        self.stopped = True
+        locked = self.brakes_hold or self.reading.locked
+        self.reading = replace(self.reading, moving=False, locked=locked, unlocked=not locked, error_code=10)
+
+    def release_stop(self) -> None:
+        """Let motions through."""
+        self.stopped = False
+
+    def close(self) -> None:
+        """Leave."""
+        self.closed = True
+
+    def arrive(self, where: PlatformPose | None = None) -> None:
+        """A move that is under way ends."""
+        if self.reading.moving:
+            self.reading = replace(self.reading, pose=where or self.target, moving=False, on_target=True)
+
+    def _fail_if_told(self) -> None:
+        if self.failures:
+            raise DeviceError(self.failures.pop(0))

@@ -1,0 +1,256 @@
+"""The GCS driver against a small controller at the other end of the port."""
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from services.robot.devices.controller import StopInForce
+from services.robot.devices.gcs_codec import ReplyGarbled
+from services.robot.devices.gcs_controller import STOP_AND_LOCK, GcsController
+from services.robot.devices.gcs_line import ControllerSilent, open_port
+from shared.errors import DeviceError
+from shared.geometry.hexapod import PlatformPose
+from shared.parts.hexapod_file import default_hexapod
+from tests.unit.services.robot.fake_gcs import FakeGcs
+
+HEXAPOD = default_hexapod()
+TARGET = PlatformPose(1.0, -2.0, 0.5, 1.0, -1.0, 0.25)
+SHORT_S = 0.05
+
+
+@pytest.fixture
+def gcs() -> FakeGcs:
+    return FakeGcs()
+
+
+@pytest.fixture
+def controller(gcs: FakeGcs) -> Iterator[GcsController]:
+    gcs.referenced = dict.fromkeys(gcs.referenced, 1)
+    connected = GcsController(gcs, HEXAPOD)
+    yield connected
+    connected.close()
+
+
+@pytest.fixture
+def released(controller: GcsController) -> GcsController:
+    controller.release_stop()
+    return controller
+
+
+def test_connecting_stops_and_locks_before_anything_is_asked(gcs: FakeGcs) -> None:
+    gcs.servo, gcs.brake, gcs.moving = dict.fromkeys(gcs.servo, 1), dict.fromkeys(gcs.brake, 0), True
+    GcsController(gcs, HEXAPOD).close()
+    assert gcs.messages[0] == b"\x18"
+    assert gcs.messages[1].startswith(b"BRA X 1")
+    assert gcs.messages[2].startswith(b"SVO X 0")
+    assert gcs.locked
+    assert not gcs.moving
+
+
+def test_connecting_sets_the_pivot_of_the_hexapod_file_and_tells_who_is_there(
+    gcs: FakeGcs, controller: GcsController
+) -> None:
+    assert gcs.pivot == {"R": 60.0, "S": 0.0, "T": 20.0}
+    assert controller.identity == gcs.identity
+
+
+def test_a_reading_has_everything(gcs: FakeGcs, controller: GcsController) -> None:
+    gcs.position = dict(zip("XYZUVW", (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), strict=True))
+    reading = controller.read()
+    assert reading.pose == PlatformPose(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert (reading.locked, reading.unlocked, reading.moving, reading.referenced) == (True, False, False, True)
+    assert not reading.on_target
+
+
+def test_a_move_unlocks_servo_first_and_reads_its_target_back(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.messages.clear()
+    released.move(TARGET, 1.5)
+    commands = [m.split()[0] for m in gcs.messages if not m.split()[0].endswith(b"?")]
+    assert commands == [b"VLS", b"SVO", b"BRA", b"MOV"]
+    assert [m for m in gcs.messages if m.startswith(b"MOV?")][-1]
+    assert gcs.target == pytest.approx(dict(zip("XYZUVW", TARGET.as_array(), strict=True)))
+    assert gcs.speed == 1.5
+
+
+def test_locking_brakes_first(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.arrive()
+    gcs.messages.clear()
+    released.lock()
+    commands = [m.split()[0] for m in gcs.messages if not m.split()[0].endswith(b"?")]
+    assert commands == [b"BRA", b"SVO"]
+    assert gcs.locked
+
+
+def test_nothing_moves_before_the_stop_is_released(gcs: FakeGcs, controller: GcsController) -> None:
+    with pytest.raises(StopInForce, match="a stop is in force: the motion command was not sent"):
+        controller.move(TARGET, 1.0)
+    with pytest.raises(StopInForce):
+        controller.reference()
+    assert gcs.locked
+    assert not any(m.startswith((b"MOV X", b"FRF X")) for m in gcs.messages)
+
+
+def test_a_stop_is_one_write_and_locks_without_an_answer(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.mute = True
+    released.stop_now()
+    assert gcs.locked
+    assert not gcs.moving
+    assert STOP_AND_LOCK.startswith(b"\x18BRA ")
+
+
+def test_a_stop_does_not_wait_for_a_question_that_nobody_answers(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.mute = True
+
+    def ask() -> None:
+        with pytest.raises(ControllerSilent):
+            released.read()
+
+    asking = threading.Thread(target=ask)
+    asking.start()
+    released.stop_now()
+    assert asking.is_alive(), "the question ended before the stop: the test shows nothing"
+    assert gcs.locked
+    asking.join()
+
+
+def test_a_stop_before_the_motion_command_keeps_it_from_going_out(gcs: FakeGcs, released: GcsController) -> None:
+    def stop_when_unlocking(question: bytes, answer: bytes) -> bytes:
+        if question == b"VMO?":
+            released_stop.start()
+            released_stop.join(0.0)
+        return answer
+
+    released_stop = threading.Thread(target=released.stop_now)
+    gcs.spoil = stop_when_unlocking
+    with pytest.raises(StopInForce):
+        released.move(TARGET, 1.0)
+    released_stop.join()
+    assert gcs.locked
+    assert not gcs.moving
+
+
+def test_an_old_target_that_would_be_run_to_on_unlocking_is_refused(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.target["X"] = 3.0
+    with pytest.raises(DeviceError, match=r"holds a target 3\.000 mm and 0\.000° from where the robot stands"):
+        released.move(TARGET, 1.0)
+    assert gcs.locked
+
+
+def test_a_target_that_was_taken_wrongly_is_stopped(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.disturb = lambda m: m.replace(b"X 1.000000", b"X 9.000000") if m.startswith(b"MOV ") else m
+    with pytest.raises(DeviceError, match=r"8\.000000 apart; it was stopped, check the cable"):
+        released.move(TARGET, 1.0)
+    assert gcs.locked
+    assert not gcs.moving
+
+
+def test_a_target_the_controller_cannot_reach_is_refused_before_unlocking(
+    gcs: FakeGcs, released: GcsController
+) -> None:
+    gcs.reachable = False
+    with pytest.raises(DeviceError, match="cannot reach the target"):
+        released.move(TARGET, 1.0)
+    assert gcs.locked
+
+
+def test_errors_become_sentences_and_lock(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.referenced["X"] = 0
+    with pytest.raises(DeviceError, match="could not move: an axis is not referenced or its servo is off"):
+        released.move(TARGET, 1.0)
+    assert gcs.locked
+
+
+def test_a_speed_that_was_not_taken_is_refused(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.disturb = lambda m: b"VLS 1.9" if m.startswith(b"VLS ") else m
+    with pytest.raises(DeviceError, match=r"speed is 1\.9 mm/s after setting it to 1 mm/s"):
+        released.move(TARGET, 1.0)
+
+
+def test_a_brake_that_does_not_go_on_is_told(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.brakes_hold = False
+    with pytest.raises(DeviceError, match=r"does not lock: brakes off on \['X', 'Y', 'Z', 'U', 'V', 'W'\]"):
+        released.lock()
+
+
+def test_silence_is_told_with_the_question_and_the_limit(gcs: FakeGcs, controller: GcsController) -> None:
+    gcs.mute = True
+    with pytest.raises(ControllerSilent, match=r"silent: no answer to 'BRA\? X Y Z U V W' within 0\.25 s"):
+        controller.read()
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one(gcs: FakeGcs) -> None:
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    gcs.mute = True
+    with pytest.raises(ControllerSilent):
+        controller.read()
+    gcs.mute = False
+    gcs.say(b"X=0 \nY=0 \nZ=0 \nU=0 \nV=0 \nW=0\n")  # the answer to BRA?, late: as if all brakes were off
+    assert controller.read().locked
+    controller.close()
+
+
+def test_one_garbled_answer_is_asked_for_again(gcs: FakeGcs, controller: GcsController) -> None:
+    spoiled = iter([True])
+    gcs.spoil = lambda q, a: a.replace(b"Z=", b"") if q == b"POS?" and next(spoiled, False) else a
+    gcs.position["Y"] = 2.5
+    assert controller.read().pose.y_mm == 2.5
+
+
+def test_an_answer_without_its_end_does_not_spoil_the_next(gcs: FakeGcs) -> None:
+    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    gcs.spoil = lambda q, a: a[:-7] if q == b"POS?" else a
+    with pytest.raises(ControllerSilent, match=r"no answer to 'POS\?"):
+        controller.read()
+    gcs.spoil = lambda _, a: a
+    assert controller.read().locked
+    controller.close()
+
+
+def test_lasting_garbage_is_told(gcs: FakeGcs, controller: GcsController) -> None:
+    gcs.spoil = lambda q, a: b"\xff" + a if q == b"POS?" else a
+    with pytest.raises(ReplyGarbled, match="which is not an answer to it; check the cable"):
+        controller.read()
+
+
+def test_a_garbled_error_code_is_never_asked_for_again(gcs: FakeGcs, controller: GcsController) -> None:
+    gcs.error = 7
+    gcs.spoil = lambda q, a: b"x" + a if q == b"ERR?" else a
+    with pytest.raises(ReplyGarbled):
+        controller.read()
+
+
+def test_a_broken_line_is_told_and_a_stop_on_it_does_not_raise(gcs: FakeGcs, controller: GcsController) -> None:
+    gcs.broken = OSError("cable pulled")
+    with pytest.raises(ControllerSilent, match="the line"):
+        controller.read()
+    controller.stop_now()
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "sentence"),
+    [
+        ("axes", ("X", "Y", "Z"), "the controller has the axes X Y Z, a hexapod has X Y Z U V W"),
+        ("syntax", "1.0", r"speaks GCS 1, this driver speaks GCS 2\.0"),
+        ("identity", "\x07", "which is not an answer"),
+        ("mute", True, "silent"),
+        ("brakes_hold", False, "does not lock"),
+    ],
+)
+def test_what_is_no_hexapod_controller_is_refused(gcs: FakeGcs, attribute: str, value: object, sentence: str) -> None:
+    gcs.brake = dict.fromkeys(gcs.brake, 0)
+    setattr(gcs, attribute, value)
+    with pytest.raises(DeviceError, match=sentence):
+        GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
+    assert gcs.closed
+
+
+def test_a_port_that_cannot_be_opened_is_told() -> None:
+    with pytest.raises(DeviceError, match=r"the hexapod controller at 'socket://127\.0\.0\.1:1' cannot be reached"):
+        open_port("socket://127.0.0.1:1", 115200)
+    with pytest.raises(DeviceError, match="cannot be reached"):
+        open_port("/dev/no-such-device", 115200)
