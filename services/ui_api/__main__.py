@@ -6,10 +6,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from sqlalchemy.exc import DBAPIError
+
 from services.ui_api.app import make_app, openapi_document, routed_app
 from services.ui_api.core.chain import ChainBroken
 from services.ui_api.desks.clock import Clock
-from services.ui_api.record.database import open_database
+from services.ui_api.record.database import existing_database
 from services.ui_api.record.verify import verify_record
 from services.ui_api.server import listening_socket, serving
 from services.ui_api.service import open_gateway
@@ -44,7 +46,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _verify(settings: UiApiSettings) -> int:
-    verdict = verify_record(open_database(settings.record_url()))
+    url = settings.record_url()
+    try:
+        verdict = verify_record(existing_database(url))
+    except DBAPIError as error:
+        raise ConfigurationError(f"case record {url}: cannot be read: {error.orig}") from None
     if isinstance(verdict, ChainBroken):
         print(f"broken: {verdict.message}")
         return 1

@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from services.ui_api.core.events import EventDraft, GatewayStarted
+from services.ui_api.core.event_data import GatewayStarted
+from services.ui_api.core.events import EventDraft
 from services.ui_api.desks.cases import CaseDesk
 from services.ui_api.desks.clock import Clock
 from services.ui_api.desks.commands import CommandDesk

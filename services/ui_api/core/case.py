@@ -3,17 +3,12 @@
 from dataclasses import dataclass, replace
 from functools import singledispatch
 
-from services.ui_api.core.events import (
+from services.ui_api.core.event_data import (
     CaseOpened,
     CaseSetup,
-    Event,
-    EventData,
     ImageCalibrated,
     ImageReceived,
     LocalisationReceived,
-    OperationEnded,
-    OperationRequested,
-    OperationStatus,
     PlanApproved,
     PlanMade,
     SetupChanged,
@@ -21,7 +16,9 @@ from services.ui_api.core.events import (
     StepRecorded,
     VerificationMade,
 )
+from services.ui_api.core.events import Event, EventData
 from services.ui_api.core.procedure import Progress, Stage, Trigger
+from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus
 
 _AT_THE_START = Progress()
 STEPS_THAT_CHANGE_THE_SETUP = frozenset({Step.MOUNT_MOVED, Step.RING_REMOUNTED})
@@ -63,8 +60,8 @@ class Case:
         return tuple(h for h in self.setup.nail.hole_ids if h in self.setup.guide.hole_ids)
 
     def image(self, sha256: str) -> ImageReceived | None:
-        """An image of this case, by its hash."""
-        return next((i for i in self.images if i.image_sha256 == sha256), None)
+        """An image of this case, by its hash; when it came twice, the later one."""
+        return next((i for i in reversed(self.images) if i.image_sha256 == sha256), None)
 
     def calibration_of(self, image_sha256: str) -> ImageCalibrated | None:
         """The newest calibration made from an image."""

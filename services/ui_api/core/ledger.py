@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from services.ui_api.core.case import Case, applied, opened_case
-from services.ui_api.core.events import CaseOpened, Event, OperationEnded, OperationProgressed, OperationRequested
+from services.ui_api.core.event_data import CaseOpened
+from services.ui_api.core.events import Event
 from services.ui_api.core.operations import Operation, ended, progressed
+from services.ui_api.core.robot_event_data import OperationEnded, OperationProgressed, OperationRequested
 
 
 @dataclass(slots=True)

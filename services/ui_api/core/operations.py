@@ -6,8 +6,14 @@ own state settles it. Times are compared on the robot's clock alone, because clo
 
 from dataclasses import dataclass, replace
 
-from services.ui_api.core.events import OperationEnded, OperationProgressed, OperationRequested, OperationStatus
+from services.ui_api.core.robot_event_data import (
+    OperationEnded,
+    OperationProgressed,
+    OperationRequested,
+    OperationStatus,
+)
 
+VERBS_WITH_A_MOTION = frozenset({"move", "reference"})
 ENDED = frozenset({OperationStatus.SUCCEEDED, OperationStatus.FAILED, OperationStatus.STOPPED})
 
 _SETTLING_S = 1.0
@@ -49,6 +55,8 @@ class RobotSaying:
     command_id: str | None
     outcome: str
     at_rest: bool
+    stop_latched: bool
+    in_fault: bool
     detail: str
     deviation_mm: float | None
     deviation_deg: float | None
@@ -91,18 +99,55 @@ def settle(operation: Operation, saying: RobotSaying) -> OperationProgressed | O
         return None
     if saying.command_id == requested.operation_id:
         return _own_command(operation, saying)
-    too_late_ns = requested.state_sent_at_ns + int((requested.time_to_live_s + _SETTLING_S) * 1e9)
-    untouched = saying.command_id == requested.previous_command_id
-    if operation.status is not OperationStatus.RUNNING and untouched and saying.sent_at_ns > too_late_ns:
-        return OperationEnded(
-            requested.operation_id,
-            OperationStatus.FAILED,
-            began=False,
-            code="not_executed",
-            message=f"the robot did not begin the command within its {requested.time_to_live_s:g} s and refuses it "
-            "from now on; nothing moved",
-        )
-    return None
+    if requested.verb not in VERBS_WITH_A_MOTION:
+        return _by_its_effect(operation, saying) if _too_late(operation, saying) else None
+    if saying.command_id != requested.previous_command_id:
+        return _overtaken(operation, saying)
+    begun = operation.status is OperationStatus.RUNNING
+    return None if begun or not _too_late(operation, saying) else _not_executed(operation)
+
+
+def _too_late(operation: Operation, saying: RobotSaying) -> bool:
+    """Whether the robot refuses the command from now on, with some time on top for a command being decided on."""
+    requested = operation.requested
+    last_ns = requested.state_sent_at_ns + int((requested.time_to_live_s + _SETTLING_S) * 1e9)
+    return saying.sent_at_ns > last_ns
+
+
+def _not_executed(operation: Operation) -> OperationEnded:
+    requested = operation.requested
+    return OperationEnded(
+        requested.operation_id,
+        OperationStatus.FAILED,
+        began=False,
+        code="not_executed",
+        message=f"the robot did not begin the command within its {requested.time_to_live_s:g} s and refuses it from "
+        "now on; nothing moved",
+    )
+
+
+def _overtaken(operation: Operation, saying: RobotSaying) -> OperationEnded:
+    return OperationEnded(
+        operation.requested.operation_id,
+        OperationStatus.FAILED,
+        began=True,
+        code="outcome_not_seen",
+        message=f"the robot has gone on to command {saying.command_id}, and how this one ended was not seen; take a "
+        "new image before the next plan",
+    )
+
+
+def _by_its_effect(operation: Operation, saying: RobotSaying) -> OperationEnded:
+    """Commands without a motion leave no trace but their effect."""
+    waits_for = saying.stop_latched if operation.requested.verb == "acknowledge_stop" else saying.in_fault
+    condition = "its stop" if operation.requested.verb == "acknowledge_stop" else "its fault"
+    return OperationEnded(
+        operation.requested.operation_id,
+        OperationStatus.FAILED if waits_for else OperationStatus.SUCCEEDED,
+        began=not waits_for,
+        code="no_effect" if waits_for else "",
+        message=f"the robot gave no answer; {condition} is {'still' if waits_for else 'no longer'} in force",
+    )
 
 
 def _own_command(operation: Operation, saying: RobotSaying) -> OperationProgressed | OperationEnded | None:

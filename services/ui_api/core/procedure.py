@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from services.ui_api.core.events import Step
+from services.ui_api.core.event_data import Step
 
 
 class Stage(StrEnum):

@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from services.ui_api.core.case import STEPS_THAT_CHANGE_THE_SETUP, Case
-from services.ui_api.core.events import CaseOpened, CaseSetup, EventDraft, PartUse, SetupChanged, Step, StepRecorded
+from services.ui_api.core.event_data import CaseOpened, CaseSetup, PartUse, SetupChanged, Step, StepRecorded
+from services.ui_api.core.events import EventDraft
 from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
 from services.ui_api.desks.parts import JsonObject, PartFile, PartKind, resolve_part
 from services.ui_api.desks.refusals import conflict, invalid, unknown

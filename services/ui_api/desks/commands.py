@@ -6,14 +6,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
 
-from services.ui_api.core.events import (
-    EventDraft,
+from services.ui_api.core.events import EventDraft
+from services.ui_api.core.operations import VERBS_WITH_A_MOTION, Operation, settle
+from services.ui_api.core.robot_event_data import (
     OperationEnded,
     OperationProgressed,
     OperationRequested,
     OperationStatus,
 )
-from services.ui_api.core.operations import Operation, settle
 from services.ui_api.desks.clock import Clock
 from services.ui_api.desks.leases import Leases
 from services.ui_api.desks.refusals import conflict
@@ -38,7 +38,6 @@ from shared.messages.robot import (
 COMMAND_TIMEOUT_S = 0.5
 TIME_TO_LIVE_S = 1.0
 PlainVerb = Literal["reference", "acknowledge_stop", "reset"]
-_MOVING_VERBS = frozenset({"move", "reference"})
 _VERBS_THAT_END_WITH_THE_REPLY = frozenset({"acknowledge_stop", "reset"})
 
 
@@ -89,7 +88,7 @@ class CommandDesk:
 
     def begin_plain(self, unit: Unit, verb: PlainVerb, who: str) -> Operation:
         """Record a command without a plan, to be sent when the transaction is on the disk; raises `Refused`."""
-        if verb in _MOVING_VERBS:
+        if verb in VERBS_WITH_A_MOTION:
             self._refuse_while_pending()
         state = self._view.current()
         envelope = self._envelope(state)
@@ -112,7 +111,7 @@ class CommandDesk:
                 self._note(verdict)
 
     def _refuse_while_pending(self) -> None:
-        pending = [o for o in self._record.ledger.pending_operations() if o.requested.verb in _MOVING_VERBS]
+        pending = [o for o in self._record.ledger.pending_operations() if o.requested.verb in VERBS_WITH_A_MOTION]
         if pending:
             raise conflict(
                 "operation_pending",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.ui_api.core.case import Case
-from services.ui_api.core.events import ImageReceived
+from services.ui_api.core.event_data import ImageReceived
 from services.ui_api.desks.refusals import RefusalKind, Refused, conflict, unknown
 from services.ui_api.record.record import CaseRecord
 from shared.bus.keys import Keys

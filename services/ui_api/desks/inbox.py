@@ -5,20 +5,17 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from services.ui_api.core.events import (
-    EventData,
-    EventDraft,
-    ImageCalibrated,
-    ImageReceived,
-    LocalisationReceived,
-    PresenceChanged,
-)
+from services.ui_api.core.case import Case
+from services.ui_api.core.event_data import ImageCalibrated, ImageReceived, LocalisationReceived, PresenceChanged
+from services.ui_api.core.events import EventData, EventDraft
 from services.ui_api.desks.commands import CommandDesk
+from services.ui_api.desks.images import FRAME_TIMEOUT_S
 from services.ui_api.desks.robot_view import RobotView, change_of
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit import Unit
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Sample
+from shared.errors import NoReply
 from shared.messages.base import MessageInvalid, decode, encode
 from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageReference
 from shared.messages.presence import ServiceName
@@ -123,23 +120,25 @@ class Inbox:
     def _calibration(self, payload: bytes) -> None:
         message = decode(CalibrationMessage, payload)
         codes = tuple(reason.code.value for reason in message.reasons)
+        header = self._header_if_missed(message.case_id, message.image)
         with self._record.write() as unit:
             case = self._record.ledger.cases.get(message.case_id or "")
             document = unit.put_document(payload)
             data = ImageCalibrated(message.image.sha256, message.verdict, codes, document)
             if case is None or data in case.calibrations:
                 return
-            self._keep_image(unit, message.case_id, message.case_revision, message.image, None)
+            self._keep_image(unit, message.case_id, message.case_revision, message.image, header)
             unit.append(EventDraft(data, case.case_id, "imaging"))
 
     def _localisation(self, payload: bytes) -> None:
         message = decode(LocalisationRecord, payload)
         found = message.localisation
+        header = self._header_if_missed(message.case_id, message.image)
         with self._record.write() as unit:
             case = self._record.ledger.cases.get(message.case_id)
             if case is None or case.knows_localisation(message.image.sha256, message.registration_epoch):
                 return
-            self._keep_image(unit, message.case_id, message.case_revision, message.image, None)
+            self._keep_image(unit, message.case_id, message.case_revision, message.image, header)
             data = LocalisationReceived(
                 number=len(case.localisations) + 1,
                 image_sha256=message.image.sha256,
@@ -152,19 +151,35 @@ class Inbox:
             )
             unit.append(EventDraft(data, case.case_id, "registration"))
 
+    def _header_if_missed(self, case_id: str | None, reference: ImageReference) -> FrameHeader | None:
+        """Frames may be dropped on the bus: then a result is the first to tell, and imaging is asked for the header."""
+        case = self._record.ledger.cases.get(case_id or "")
+        if case is None or _has_image(case, reference):
+            return None
+        try:
+            answer = self._bus.query(self._keys.frame_by_hash(reference.sha256), b"", FRAME_TIMEOUT_S)
+            return decode(FrameHeader, answer.attachment)
+        except (NoReply, MessageInvalid) as error:
+            self._log.warning("header_missing", image=reference.sha256, detail=str(error))
+            return None
+
     def _keep_image(
         self, unit: Unit, case_id: str | None, revision: int, reference: ImageReference, header: FrameHeader | None
     ) -> None:
-        """Record an image once. Frames may be dropped on the bus: then a result made from it is the first to tell."""
+        """Record an image once."""
         case = self._record.ledger.cases.get(case_id or "")
-        known = () if case is None else case.images
-        if any((i.image_sha256, i.received_at_ns) == (reference.sha256, reference.received_at_ns) for i in known):
+        if case is not None and _has_image(case, reference):
             return
         header_sha256 = None if header is None else unit.put_document(encode(header))
         data = ImageReceived(
             reference.sha256, reference.sop_instance_uid, reference.received_at_ns, revision, header_sha256
         )
         unit.append(EventDraft(data, case.case_id if case else None, "imaging"))
+
+
+def _has_image(case: Case, reference: ImageReference) -> bool:
+    wanted = (reference.sha256, reference.received_at_ns)
+    return any((i.image_sha256, i.received_at_ns) == wanted for i in case.images)
 
 
 def _keep_overlay(unit: Unit, message: LocalisationRecord) -> str | None:

@@ -7,7 +7,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Literal
 
-from services.ui_api.core.events import PartUse
+from services.ui_api.core.event_data import PartUse
 from services.ui_api.desks.refusals import invalid
 from shared.errors import PartFileInvalid
 from shared.parts.files import guide_from_json, nail_from_json, ring_from_json, sha256_of

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from services.ui_api.core.case import Case, PlanEntry
-from services.ui_api.core.events import EventDraft, LocalisationReceived, PlanApproved, PlanMade, PlanRefused
+from services.ui_api.core.event_data import LocalisationReceived, PlanApproved, PlanMade, PlanRefused
+from services.ui_api.core.events import EventDraft
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.procedure import Stage
 from services.ui_api.desks.cases import require_known_holes

@@ -1,13 +1,13 @@
 """The robot as last seen on the bus, with its age: stale data must be visible as stale."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from services.ui_api.core.events import RobotChanged
 from services.ui_api.core.operations import RobotSaying
+from services.ui_api.core.robot_event_data import RobotChanged
 from services.ui_api.desks.clock import Clock
 from services.ui_api.desks.refusals import RefusalKind, Refused
-from shared.messages.robot import MotionState, RobotState
+from shared.messages.robot import MotionState, RobotState, StopLatch
 
 IN_MOTION = frozenset({MotionState.MOVING, MotionState.REFERENCING})
 
@@ -37,10 +37,10 @@ class RobotView:
         self._seen: SeenRobot | None = None
 
     def note(self, state: RobotState) -> bool:
-        """Take a state in; True when more than pose and time differ from the one before."""
+        """Take a state in; True when its condition differs from the one before, not only pose, time or wording."""
         before = self._seen
         self._seen = SeenRobot(state, self._clock.monotonic_s())
-        return before is None or change_of(before.state) != change_of(state)
+        return before is None or _condition(before.state) != _condition(state)
 
     def newest(self) -> SeenRobot | None:
         """The newest state, however old."""
@@ -90,6 +90,10 @@ def change_of(state: RobotState) -> RobotChanged:
     )
 
 
+def _condition(state: RobotState) -> RobotChanged:
+    return replace(change_of(state), detail="")
+
+
 def saying_of(state: RobotState) -> RobotSaying:
     """What a robot state says about commands."""
     return RobotSaying(
@@ -99,6 +103,8 @@ def saying_of(state: RobotState) -> RobotSaying:
         command_id=state.command_id,
         outcome=state.outcome,
         at_rest=state.state not in IN_MOTION,
+        stop_latched=state.stop is StopLatch.LATCHED,
+        in_fault=state.state is MotionState.FAULT,
         detail=state.detail,
         deviation_mm=state.deviation_mm,
         deviation_deg=state.deviation_deg,

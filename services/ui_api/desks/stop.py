@@ -3,7 +3,8 @@
 import itertools
 from dataclasses import dataclass
 
-from services.ui_api.core.events import EventDraft, StopRequested
+from services.ui_api.core.events import EventDraft
+from services.ui_api.core.robot_event_data import StopRequested
 from services.ui_api.record.record import CaseRecord
 from shared.bus.keys import Keys
 from shared.bus.port import Bus

@@ -1,7 +1,8 @@
 """Verifications: wires and guide holes against the nail's hole axes, measured by registration."""
 
 from services.ui_api.core.case import Case
-from services.ui_api.core.events import EventDraft, VerificationMade, VerificationRefused
+from services.ui_api.core.event_data import VerificationMade, VerificationRefused
+from services.ui_api.core.events import EventDraft
 from services.ui_api.desks.refusals import conflict, unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit import Unit

@@ -32,10 +32,15 @@ def open_database(url: str) -> Engine:
     """
     engine = _engine(url)
     try:
+        _make_folder(engine)
         _upgrade(engine)
     except CommandError as error:
         raise ConfigurationError(
             f"case record {url}: its schema is not one that this version knows ({error}); start the newer version"
+        ) from None
+    except OSError as error:
+        raise ConfigurationError(
+            f"case record {url}: its folder cannot be made: {error.strerror or error}; set another state_dir"
         ) from None
     except (DBAPIError, sqlite3.Error) as error:
         cause = error.orig if isinstance(error, DBAPIError) else error
@@ -43,18 +48,36 @@ def open_database(url: str) -> Engine:
     return engine
 
 
+def existing_database(url: str) -> Engine:
+    """Open a database as it is, to read it: nothing is created or upgraded.
+
+    Raises
+    ------
+    ConfigurationError
+        When there is none.
+    """
+    engine = _engine(url)
+    file = engine.url.database
+    if engine.url.get_backend_name() == "sqlite" and file and not Path(file).is_file():
+        raise ConfigurationError(f"there is no case record at {file}; choose its folder with --state-dir")
+    return engine
+
+
 def _engine(url: str) -> Engine:
     try:
         parsed = make_url(url)
-        if parsed.get_backend_name() == "sqlite" and parsed.database:
-            Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
         engine = create_engine(parsed)
-    except (ArgumentError, ImportError, OSError) as error:
+    except (ArgumentError, ImportError) as error:
         raise ConfigurationError(f"database URL {url!r} cannot be used: {error}") from None
     if parsed.get_backend_name() == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
     return engine
+
+
+def _make_folder(engine: Engine) -> None:
+    if engine.url.get_backend_name() == "sqlite" and engine.url.database:
+        Path(engine.url.database).parent.mkdir(parents=True, exist_ok=True)
 
 
 def _prepare_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from services.ui_api.core.events import Step
+from services.ui_api.core.event_data import Step
 from services.ui_api.desks.cases import SetupRequest
 from shared.messages.base import Identifier, Sha256
 from shared.messages.cases import Bone, HeadExtension, Mount, Side

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path, Query, Response
 
-from services.ui_api.core.events import ImageReceived
+from services.ui_api.core.event_data import ImageReceived
 from services.ui_api.desks.images import ImageDesk
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.pages import Cursor, Limit, Page, page

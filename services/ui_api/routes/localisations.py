@@ -3,12 +3,12 @@
 from fastapi import APIRouter
 
 from services.ui_api.core.case import Case
-from services.ui_api.core.events import LocalisationReceived
+from services.ui_api.core.event_data import LocalisationReceived
 from services.ui_api.desks.planning import localisation_of, localisation_staleness
 from services.ui_api.desks.refusals import unknown
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
-from services.ui_api.routes.views import AlignmentView, HoleTilt, LocalisationView, age_s
+from services.ui_api.routes.result_views import AlignmentView, HoleTilt, LocalisationView, age_s
 from services.ui_api.service import Gateway
 from shared.messages.base import decode
 from shared.messages.registration import LocalisationRecord

@@ -6,8 +6,8 @@ from typing import Literal
 from pydantic import Field
 
 from services.ui_api.core.case import PlanEntry
-from services.ui_api.core.events import OperationStatus
 from services.ui_api.core.operations import Operation
+from services.ui_api.core.robot_event_data import OperationStatus
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256, UnixNanoseconds
 from shared.messages.registration import Plan

@@ -2,14 +2,14 @@
 
 from fastapi import APIRouter, Request, Response
 
-from services.ui_api.core.events import VerificationMade
+from services.ui_api.core.event_data import VerificationMade
 from services.ui_api.record.unit import Answer, Unit
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import VerificationBody
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.problems import problem
-from services.ui_api.routes.views import VerificationView
+from services.ui_api.routes.result_views import VerificationView
 from shared.messages.registration import Verification, VerificationReply
 
 router = APIRouter(prefix="/cases/{case_id}/verifications", tags=["verifications"])

@@ -5,7 +5,7 @@ import hashlib
 
 import numpy as np
 
-from services.ui_api.core.events import CaseSetup, PartUse
+from services.ui_api.core.event_data import CaseSetup, PartUse
 from shared.errors import ReasonCode
 from shared.messages.base import ReasonMessage
 from shared.messages.imaging import FrameHeader, ImageReference

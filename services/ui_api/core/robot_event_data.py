@@ -1,0 +1,93 @@
+"""What events of the robot and of commands to it say: one frozen dataclass per kind."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class OperationStatus(StrEnum):
+    """How far a command to the robot has come."""
+
+    REQUESTED = "requested"
+    RUNNING = "running"
+    UNKNOWN = "unknown"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class OperationRequested:
+    """A command is about to be sent to the robot. Recorded before it is sent: it is never sent twice.
+
+    Attributes
+    ----------
+    operation_id
+        Also the command's id.
+    verb
+        `move`, `reference`, `acknowledge_stop` or `reset`.
+    plan_number, plan_sha256
+        Of a move; None otherwise.
+    hold_to_move
+        Whether motion lasts only as long as a lease is renewed.
+    robot_boot_epoch, after_state_sequence, state_sent_at_ns, previous_command_id
+        From the newest robot state before sending: what decides, later, whether the command can still take effect.
+    time_to_live_s
+        How long after that state the robot may begin.
+    """
+
+    operation_id: str
+    verb: str
+    plan_number: int | None
+    plan_sha256: str | None
+    hold_to_move: bool
+    robot_boot_epoch: str
+    after_state_sequence: int
+    state_sent_at_ns: int
+    previous_command_id: str | None
+    time_to_live_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class OperationProgressed:
+    """The robot began, or did not answer (`unknown`)."""
+
+    operation_id: str
+    status: OperationStatus
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class OperationEnded:
+    """The operation is over. `began` is False only when the robot certainly never carried it out."""
+
+    operation_id: str
+    status: OperationStatus
+    began: bool
+    code: str
+    message: str
+    deviation_mm: float | None = None
+    deviation_deg: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StopRequested:
+    """Stop was sent to the robot."""
+
+    reason: str
+    confirmed: bool
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class RobotChanged:
+    """The robot's condition changed (its pose alone makes no event)."""
+
+    boot_epoch: str
+    state: str
+    stop: str
+    locked: bool
+    referenced: bool
+    command_id: str | None
+    outcome: str
+    detail: str
+    controller_identity: str
