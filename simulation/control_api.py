@@ -1,9 +1,6 @@
 """The virtual operating room's own control API: what people's hands do, and the truth. Not part of the product."""
 
-from collections.abc import Callable
-
 from fastapi import FastAPI, Response
-from pydantic import JsonValue
 
 from simulation.control_models import (
     CArmBody,
@@ -19,6 +16,8 @@ from simulation.control_models import (
     passage_body,
     scenario_body,
 )
+from simulation.controller.faults import Fault
+from simulation.controller.virtual_controller import VirtualController
 from simulation.faults import NO_ROOM_FAULTS
 from simulation.faults_models import ControllerFault, FaultBody, FaultsBody, faults_body, with_fault
 from simulation.operating_room import OperatingRoom
@@ -26,12 +25,6 @@ from simulation.problems import Problem, add_problem_handlers
 from simulation.shooting import FootPedal, TakenShot
 from simulation.truth_models import TruthBody, truth_body
 from simulation.world import CArmAngles
-
-FaultInjector = Callable[[str, dict[str, JsonValue]], None]
-
-
-class FaultUnknown(ValueError):
-    """The controller knows no fault of that name, or not with these parameters."""
 
 
 def _shot_body(shot: TakenShot) -> ShotBody:
@@ -46,20 +39,14 @@ def _shot_body(shot: TakenShot) -> ShotBody:
     )
 
 
-def control_app(room: OperatingRoom, pedal: FootPedal, controller_fault: FaultInjector) -> FastAPI:
-    """The control API of one room.
-
-    Parameters
-    ----------
-    controller_fault
-        Injects a fault by name into the hexapod's controller; raises `FaultUnknown`.
-    """
+def control_app(room: OperatingRoom, pedal: FootPedal, controller: VirtualController) -> FastAPI:
+    """The control API of one room; `controller` is there only to put faults into it."""
     app = FastAPI(title="distalock virtual operating room", version="1", docs_url="/docs", redoc_url=None)
     add_problem_handlers(app)
     _add_looking(app, room, pedal)
     _add_imaging(app, room, pedal)
     _add_tools(app, room)
-    _add_faults(app, room, controller_fault)
+    _add_faults(app, room, controller)
     return app
 
 
@@ -125,22 +112,28 @@ def _add_tools(app: FastAPI, room: OperatingRoom) -> None:
         return passage_body(room.drill(body.hole_id))
 
 
-def _add_faults(app: FastAPI, room: OperatingRoom, controller_fault: FaultInjector) -> None:
+def _add_faults(app: FastAPI, room: OperatingRoom, controller: VirtualController) -> None:
+    def now() -> FaultsBody:
+        return faults_body(room.faults, controller.snapshot().faults)
+
     @app.get("/faults")
     def faults() -> FaultsBody:
-        return faults_body(room.faults)
+        return now()
 
     @app.post("/faults", status_code=201)
     def inject(body: FaultBody) -> FaultsBody:
         if isinstance(body, ControllerFault):
-            try:
-                controller_fault(body.name, body.parameters)
-            except FaultUnknown as error:
-                raise Problem(422, "fault_unknown", str(error)) from None
+            controller.inject(body.name)
         else:
             room.set_faults(with_fault(room.faults, body))
-        return faults_body(room.faults)
+        return now()
+
+    @app.delete("/faults/controller/{name}", status_code=204)
+    def clear_controller_fault(name: Fault) -> None:
+        controller.clear(name)
 
     @app.delete("/faults", status_code=204)
     def clear_faults() -> None:
         room.set_faults(NO_ROOM_FAULTS)
+        for fault in controller.snapshot().faults:
+            controller.clear(fault)

@@ -3,9 +3,10 @@
 from dataclasses import replace
 from typing import Annotated, Literal, TypeAlias, assert_never
 
-from pydantic import Field, JsonValue
+from pydantic import Field
 
 from simulation.control_models import Body
+from simulation.controller.faults import Fault
 from simulation.faults import RoomFaults
 
 Shift = Annotated[float, Field(allow_inf_nan=False, ge=-50.0, le=50.0)]
@@ -59,11 +60,10 @@ class MountShift(Body):
 
 
 class ControllerFault(Body):
-    """A fault of the hexapod's controller, handed over to it by name."""
+    """A fault of the hexapod's controller."""
 
     kind: Literal["controller"]
-    name: Annotated[str, Field(min_length=1, max_length=64)]
-    parameters: dict[str, JsonValue] = Field(default_factory=dict)
+    name: Fault
 
 
 RoomFault: TypeAlias = LowDose | MotionBlur | Saturation | RemoveNail | RemoveGuide | RingShift | MountShift
@@ -71,7 +71,7 @@ FaultBody: TypeAlias = Annotated[RoomFault | ControllerFault, Field(discriminato
 
 
 class FaultsBody(Body):
-    """The faults in the room that are switched on."""
+    """The faults that are switched on."""
 
     dose_factor: float
     motion_blur_px: float
@@ -80,6 +80,7 @@ class FaultsBody(Body):
     guide_present: bool
     ring_shift_mm: float
     mount_shift_mm: tuple[float, float, float]
+    controller: list[Fault]
 
 
 def with_fault(faults: RoomFaults, fault: RoomFault) -> RoomFaults:
@@ -103,8 +104,8 @@ def with_fault(faults: RoomFaults, fault: RoomFault) -> RoomFaults:
             assert_never(fault)
 
 
-def faults_body(faults: RoomFaults) -> FaultsBody:
-    """Describe the faults in the room."""
+def faults_body(faults: RoomFaults, controller: frozenset[Fault]) -> FaultsBody:
+    """Describe the faults in the room and in the controller."""
     return FaultsBody(
         dose_factor=faults.image.dose_factor,
         motion_blur_px=faults.image.motion_blur_px,
@@ -113,4 +114,5 @@ def faults_body(faults: RoomFaults) -> FaultsBody:
         guide_present=faults.guide_present,
         ring_shift_mm=faults.ring_shift_mm,
         mount_shift_mm=faults.mount_shift_mm,
+        controller=sorted(controller),
     )

@@ -1,0 +1,140 @@
+"""Composition of the virtual operating room: controller, C-arm and control API in one process."""
+
+import contextlib
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import uvicorn
+from fastapi import FastAPI
+
+from shared.errors import ConfigurationError, InputError
+from simulation.control_api import control_app
+from simulation.controller.accuracy import seeded
+from simulation.controller.servers import tcp_server, terminal_server
+from simulation.controller.virtual_controller import VirtualController
+from simulation.operating_room import OperatingRoom
+from simulation.render.image import render_scene
+from simulation.scenario.files import read_scenario_file, scenario_file_of_seed
+from simulation.scenario.sampling import scenario_from_file
+from simulation.scenario.values import Scenario
+from simulation.settings import VirtualRoomSettings
+from simulation.shooting import FootPedal
+from simulation.world import starting_state
+
+_DEFAULT_SEED = 0
+_WARM_UP_PX = 64
+_START_WITHIN_S = 30.0
+_END_WITHIN_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Addresses:
+    """Where a running virtual operating room can be reached."""
+
+    gcs_port: int
+    gcs_terminal: str
+    control_url: str
+
+
+def run_virtual_or(settings: VirtualRoomSettings) -> int:
+    """Run until SIGTERM or SIGINT. Call from the main thread.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after a clean end, 2 when it cannot start (one line on stderr says why).
+    """
+    ending = threading.Event()
+    before = {number: signal.signal(number, lambda *_: ending.set()) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        scenario = chosen_scenario(settings)
+        with virtual_room(settings, scenario) as addresses:
+            _announce(scenario, settings, addresses)
+            ending.wait()
+    except (ConfigurationError, InputError) as error:
+        print(f"virtual-or: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
+        return 2
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    return 0
+
+
+def chosen_scenario(settings: VirtualRoomSettings) -> Scenario:
+    """The scenario that the settings name; raises `ScenarioInvalid`."""
+    if settings.scenario is not None:
+        return scenario_from_file(read_scenario_file(settings.scenario), settings.scenario.parent)
+    seed = _DEFAULT_SEED if settings.seed is None else settings.seed
+    return scenario_from_file(scenario_file_of_seed(seed), Path())
+
+
+@contextlib.contextmanager
+def virtual_room(settings: VirtualRoomSettings, scenario: Scenario) -> Iterator[Addresses]:
+    """Run controller and control API for as long as the context lasts; both answer when it is entered.
+
+    Raises
+    ------
+    ConfigurationError
+        When a port is in use.
+    """
+    controller = VirtualController(scenario.parts.hexapod, time.monotonic, seeded(scenario.seed))
+    room = OperatingRoom(scenario, lambda: controller.snapshot().base_from_top)
+    app = control_app(room, FootPedal(room, settings.target), controller)
+    with (
+        contextlib.closing(_listener(settings.host, settings.control_port)) as listener,
+        tcp_server(controller, settings.host, settings.gcs_port) as gcs_port,
+        terminal_server(controller) as terminal,
+    ):
+        _warm_up(scenario)
+        with _served(app, listener):
+            host, port = listener.getsockname()[:2]
+            yield Addresses(gcs_port, terminal, f"http://{host}:{port}")
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    try:
+        return socket.create_server((host, port))
+    except OSError as error:
+        raise ConfigurationError(
+            f"the control API cannot listen at {host}:{port}: {error.strerror}; stop the program that uses the port, "
+            "or choose another with --control-port"
+        ) from None
+
+
+def _warm_up(scenario: Scenario) -> None:
+    """Compile the ray tracer now, not during the first shot."""
+    small = replace(scenario, c_arm=replace(scenario.c_arm, size_px=_WARM_UP_PX))
+    render_scene(small, starting_state(small))
+
+
+@contextlib.contextmanager
+def _served(app: FastAPI, listener: socket.socket) -> Iterator[None]:
+    """Serve on a thread of its own, so that signals stay with the main thread."""
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off"))
+    serving = threading.Thread(target=server.run, args=([listener],), name="control api", daemon=True)
+    serving.start()
+    deadline = time.monotonic() + _START_WITHIN_S
+    while not server.started:
+        if not serving.is_alive() or time.monotonic() > deadline:
+            raise ConfigurationError(f"the control API did not start within {_START_WITHIN_S:g} s; see the log above")
+        serving.join(0.01)
+    try:
+        yield
+    finally:
+        server.should_exit = True
+        serving.join(_END_WITHIN_S)
+
+
+def _announce(scenario: Scenario, settings: VirtualRoomSettings, addresses: Addresses) -> None:
+    target = f"to {settings.target}" if settings.target else "nowhere (no --dicom-target)"
+    print(  # noqa: T201 - where to reach it, for the person at the terminal
+        f"virtual operating room, seed {scenario.seed}: hexapod controller at {settings.host}:{addresses.gcs_port} and "
+        f"{addresses.gcs_terminal}, control at {addresses.control_url}, images go {target}",
+        flush=True,
+    )
