@@ -11,6 +11,7 @@ from distalock.arguments import (
     port_number,
     scenario_arguments,
 )
+from distalock.bench import BENCHMARKS, run_benchmarks
 
 _PORTS = (
     ("router", 7447, "the bus router"),
@@ -57,9 +58,19 @@ def _demo(given: argparse.Namespace) -> int:
     return run_demo(DemoRequest(scenario_arguments(given), given.overlay), Console(soft_wrap=True))
 
 
+def _bench_arguments(parser: argparse.ArgumentParser) -> None:
+    known = "; ".join(f"{name}: {measures}" for name, measures in BENCHMARKS.items())
+    parser.add_argument("names", nargs="*", choices=[*BENCHMARKS, []], metavar="NAME", help=f"all if none; {known}")
+
+
+def _bench(given: argparse.Namespace) -> int:
+    return run_benchmarks(given.names)
+
+
 COMMANDS = (
     Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
+    Command("bench", "the benchmarks: tables with ratios to the named peers", _bench_arguments, _bench),
 )
 
 

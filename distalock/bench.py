@@ -1,0 +1,24 @@
+"""`distalock bench`: the statistics, whole. Each benchmark is a module of the `benchmarks` folder of a checkout."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+ROOT: Final = Path(__file__).resolve().parent.parent
+EXIT_BAD_INPUT: Final = 2
+# Name, and what it measures. Each module has a `main` that returns an exit code and writes its table under docs/.
+BENCHMARKS: Final = {
+    "procedure": "twenty seeded procedures in the virtual operating room",
+}
+
+
+def run_benchmarks(names: Sequence[str]) -> int:
+    """Run the named benchmarks, or all; the exit code is that of the first that failed."""
+    if not (ROOT / "benchmarks").is_dir():
+        print(f"distalock bench: there is no folder {ROOT / 'benchmarks'}; run from a checkout", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    sys.path.insert(0, str(ROOT))
+    codes = [int(importlib.import_module(f"benchmarks.{name}").main()) for name in names or BENCHMARKS]
+    return next((code for code in codes if code), 0)

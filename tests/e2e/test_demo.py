@@ -1,0 +1,22 @@
+"""The whole procedure over seeded scenarios: `make bench` runs twenty, this runs three."""
+
+import pytest
+
+from distalock.demo import DemoRequest, demonstrate
+from distalock.procedure import Ending
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_drills_pass_or_the_system_refuses(seed: int) -> None:
+    print(f"scenario seed {seed}")
+    lines: list[str] = []
+    outcome = demonstrate(DemoRequest(("--seed", str(seed))), lines.append)
+    print("\n".join(lines))
+    assert outcome.ending is Ending.DRILLED, outcome.why
+    assert len(outcome.drills) == 2
+    assert all(d.passed for d in outcome.drills)
+    assert outcome.moves >= 1
+    for before, after in zip(outcome.before, outcome.after, strict=True):
+        assert max(after.entry_offset_mm, after.exit_offset_mm) < max(before.entry_offset_mm, before.exit_offset_mm)
