@@ -10,11 +10,20 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from shared.bus.key_expressions import includes
+from shared.bus.memory_declarations import (
+    Declared,
+    Pending,
+    Publisher,
+    Queryable,
+    RetainedPublisher,
+    Subscriber,
+    Token,
+    Watcher,
+)
 from shared.bus.port import Answer, Query, Sample
-from shared.bus.replies import error_text, no_answer, no_reply_in_time, replied_with_error
-from shared.bus.workers import Worker
+from shared.bus.replies import no_answer, no_reply_in_time, replied_with_error
 
-D = TypeVar("D", bound="_Declared")
+D = TypeVar("D", bound=Declared)
 
 
 class MemoryRouter:
@@ -23,11 +32,7 @@ class MemoryRouter:
     def __init__(self) -> None:
         self._lock = threading.RLock()
         self._up = True
-        self._subscribers: list[_Subscriber] = []
-        self._queryables: list[_Queryable] = []
-        self._watchers: list[_Watcher] = []
-        self._tokens: list[_Token] = []
-        self._retained: list[_RetainedPublisher] = []
+        self._declared: list[Declared] = []
 
     def open(self) -> "MemoryBus":
         """A new session."""
@@ -37,16 +42,16 @@ class MemoryRouter:
         """Lose the link of all sessions: tokens vanish, samples are lost, queries bring no answer."""
         with self._lock:
             self._up = False
-            for token in self._tokens:
+            for token in self._of(Token):
                 self._announce(token.key, alive=False)
 
     def restore(self) -> None:
         """Give the link back: tokens return, and retained values that were put meanwhile arrive."""
         with self._lock:
             self._up = True
-            for token in self._tokens:
+            for token in self._of(Token):
                 self._announce(token.key, alive=True)
-            for publisher in self._retained:
+            for publisher in self._of(RetainedPublisher):
                 publisher.deliver_missed()
 
     @property
@@ -54,171 +59,64 @@ class MemoryRouter:
         """Whether the link is there."""
         return self._up
 
+    def add(self, declared: D) -> D:
+        """Take part in what the bus carries."""
+        with self._lock:
+            self._declared.append(declared)
+            return declared
+
+    def add_subscriber_with_history(self, subscriber: Subscriber) -> None:
+        """Begin to deliver to it, the retained values first."""
+        with self._lock:
+            self.add(subscriber)
+            for publisher in self._of(RetainedPublisher):
+                if self._up and publisher.last is not None:
+                    subscriber.offer(publisher.last)
+
+    def add_token(self, token: Token) -> None:
+        """Announce a liveliness token."""
+        with self._lock:
+            self.add(token)
+            if self._up:
+                self._announce(token.key, alive=True)
+
+    def add_watcher(self, watcher: Watcher) -> None:
+        """Tell about all tokens that are there, then about changes."""
+        with self._lock:
+            self.add(watcher)
+            for token in self._of(Token):
+                if self._up:
+                    watcher.offer(token.key, alive=True)
+
+    def remove(self, declared: Declared) -> None:
+        """Take any declaration back; harmless when it is gone already."""
+        with self._lock:
+            if declared not in self._declared:
+                return
+            self._declared.remove(declared)
+            if isinstance(declared, Token) and self._up:
+                self._announce(declared.key, alive=False)
+
     def deliver(self, sample: Sample) -> bool:
         """Hand a sample to everyone who listens; False when the link is down."""
         with self._lock:
             if self._up:
-                for subscriber in self._subscribers:
+                for subscriber in self._of(Subscriber):
                     subscriber.offer(sample)
             return self._up
 
-    def add_subscriber(self, subscriber: "_Subscriber") -> None:
-        """Begin to deliver to it."""
-        with self._lock:
-            self._subscribers.append(subscriber)
-
-    def add_retained_subscriber(self, subscriber: "_Subscriber") -> None:
-        """Begin to deliver to it, the retained values first."""
-        with self._lock:
-            self._subscribers.append(subscriber)
-            for publisher in self._retained:
-                if self._up and publisher.last is not None:
-                    subscriber.offer(publisher.last)
-
-    def add_retained_publisher(self, publisher: "_RetainedPublisher") -> None:
-        """Remember whose last value late joiners get."""
-        with self._lock:
-            self._retained.append(publisher)
-
-    def add_queryable(self, queryable: "_Queryable") -> None:
-        """Begin to put queries to it."""
-        with self._lock:
-            self._queryables.append(queryable)
-
-    def queryable_for(self, key: str) -> "_Queryable | None":
+    def queryable_for(self, key: str) -> Queryable | None:
         """The one that answers a key, if any and if the link is up."""
         with self._lock:
-            found = [q for q in self._queryables if includes(q.key, key)]
+            found = [q for q in self._of(Queryable) if includes(q.key, key)]
             return found[0] if found and self._up else None
 
-    def add_token(self, token: "_Token") -> None:
-        """Announce a liveliness token."""
-        with self._lock:
-            self._tokens.append(token)
-            if self._up:
-                self._announce(token.key, alive=True)
-
-    def add_watcher(self, watcher: "_Watcher") -> None:
-        """Tell about all tokens that are there, then about changes."""
-        with self._lock:
-            self._watchers.append(watcher)
-            for token in self._tokens:
-                if self._up:
-                    watcher.offer(token.key, alive=True)
-
-    def remove(self, declared: "_Declared") -> None:
-        """Take any declaration back; harmless when it is gone already."""
-        with self._lock:
-            if isinstance(declared, _Token) and declared in self._tokens:
-                self._tokens.remove(declared)
-                if self._up:
-                    self._announce(declared.key, alive=False)
-            for others in (self._subscribers, self._queryables, self._watchers, self._retained):
-                if declared in others:
-                    others.remove(declared)  # type: ignore[arg-type]  # each list holds one kind of `_Declared`
+    def _of(self, kind: type[D]) -> list[D]:
+        return [declared for declared in self._declared if isinstance(declared, kind)]
 
     def _announce(self, key: str, *, alive: bool) -> None:
-        for watcher in self._watchers:
+        for watcher in self._of(Watcher):
             watcher.offer(key, alive=alive)
-
-
-class _Declared:
-    """Anything a session declared; `close` takes it back."""
-
-    def __init__(self, router: MemoryRouter, key: str) -> None:
-        self.router = router
-        self.key = key
-
-    def close(self) -> None:
-        self.router.remove(self)
-
-
-class _Working(_Declared):
-    """A declaration whose handler runs on a thread of its own."""
-
-    def __init__(self, router: MemoryRouter, key: str) -> None:
-        super().__init__(router, key)
-        self.worker = Worker(key)
-
-    def close(self) -> None:
-        super().close()
-        self.worker.close()
-
-
-class _Subscriber(_Working):
-    def __init__(self, router: MemoryRouter, key: str, handler: Callable[[Sample], None]) -> None:
-        super().__init__(router, key)
-        self._handler = handler
-
-    def offer(self, sample: Sample) -> None:
-        if includes(self.key, sample.key):
-            self.worker.submit(lambda: self._handler(sample))
-
-
-class _Watcher(_Working):
-    def __init__(self, router: MemoryRouter, key: str, handler: Callable[[str, bool], None]) -> None:
-        super().__init__(router, key)
-        self._handler = handler
-
-    def offer(self, key: str, *, alive: bool) -> None:
-        if includes(self.key, key):
-            self.worker.submit(lambda: self._handler(key, alive))
-
-
-class _Queryable(_Working):
-    def __init__(self, router: MemoryRouter, key: str, handler: Callable[[Query], Answer]) -> None:
-        super().__init__(router, key)
-        self._handler = handler
-
-    def ask(self, query: Query, pending: "_Pending") -> None:
-        self.worker.submit(lambda: self._answer(query, pending))
-
-    def _answer(self, query: Query, pending: "_Pending") -> None:
-        try:
-            pending.settle(self._handler(query))
-        except Exception as error:
-            pending.settle(error_text(error))
-            raise
-
-
-class _Token(_Declared):
-    pass
-
-
-class _Publisher(_Declared):
-    def put(self, payload: bytes, attachment: bytes = b"") -> None:
-        self.router.deliver(Sample(self.key, payload, attachment))
-
-
-class _RetainedPublisher(_Declared):
-    def __init__(self, router: MemoryRouter, key: str) -> None:
-        super().__init__(router, key)
-        self.last: Sample | None = None
-        self._missed = False
-
-    def put(self, payload: bytes, attachment: bytes = b"") -> None:
-        self.last = Sample(self.key, payload, attachment)
-        self._missed = not self.router.deliver(self.last)
-
-    def deliver_missed(self) -> None:
-        if self._missed and self.last is not None:
-            self._missed = not self.router.deliver(self.last)
-
-
-class _Pending:
-    """A query that waits for its first outcome: an answer, or the text of an error."""
-
-    def __init__(self) -> None:
-        self._settled = threading.Event()
-        self.outcome: Answer | str | None = None
-
-    def settle(self, outcome: Answer | str) -> None:
-        self.outcome = outcome
-        self._settled.set()
-
-    def wait(self, timeout_s: float) -> Answer | str | None:
-        self._settled.wait(timeout_s)
-        return self.outcome
 
 
 class MemoryBus:
@@ -226,42 +124,36 @@ class MemoryBus:
 
     def __init__(self, router: MemoryRouter) -> None:
         self._router = router
-        self._declared: list[_Declared] = []
+        self._declared: list[Declared] = []
 
-    def publisher(self, key: str) -> _Publisher:
+    def publisher(self, key: str) -> Publisher:
         """See `Bus`."""
-        return self._keep(_Publisher(self._router, key))
+        return self._router.add(self._keep(Publisher(key, self._router.remove, self._router.deliver)))
 
-    def retained_publisher(self, key: str) -> _RetainedPublisher:
+    def retained_publisher(self, key: str) -> RetainedPublisher:
         """See `Bus`."""
-        publisher = self._keep(_RetainedPublisher(self._router, key))
-        self._router.add_retained_publisher(publisher)
-        return publisher
+        return self._router.add(self._keep(RetainedPublisher(key, self._router.remove, self._router.deliver)))
 
-    def subscribe(self, key: str, handler: Callable[[Sample], None]) -> _Declared:
+    def subscribe(self, key: str, handler: Callable[[Sample], None]) -> Subscriber:
         """See `Bus`."""
-        subscriber = self._keep(_Subscriber(self._router, key, handler))
-        self._router.add_subscriber(subscriber)
+        return self._router.add(self._keep(Subscriber(key, self._router.remove, handler)))
+
+    def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> Subscriber:
+        """See `Bus`."""
+        subscriber = self._keep(Subscriber(key, self._router.remove, handler))
+        self._router.add_subscriber_with_history(subscriber)
         return subscriber
 
-    def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> _Declared:
+    def queryable(self, key: str, handler: Callable[[Query], Answer]) -> Queryable:
         """See `Bus`."""
-        subscriber = self._keep(_Subscriber(self._router, key, handler))
-        self._router.add_retained_subscriber(subscriber)
-        return subscriber
-
-    def queryable(self, key: str, handler: Callable[[Query], Answer]) -> _Declared:
-        """See `Bus`."""
-        queryable = self._keep(_Queryable(self._router, key, handler))
-        self._router.add_queryable(queryable)
-        return queryable
+        return self._router.add(self._keep(Queryable(key, self._router.remove, handler)))
 
     def query(self, key: str, payload: bytes, timeout_s: float) -> Answer:
         """See `Bus`; raises `NoReply`."""
         queryable = self._router.queryable_for(key)
         if queryable is None:
             raise no_answer(key)
-        pending = _Pending()
+        pending = Pending()
         queryable.ask(Query(key, payload), pending)
         outcome = pending.wait(timeout_s)
         if outcome is None:
@@ -274,15 +166,15 @@ class MemoryBus:
         """The session itself."""
         return self
 
-    def declare_alive(self, key: str) -> _Declared:
+    def declare_alive(self, key: str) -> Token:
         """See `Presence`."""
-        token = self._keep(_Token(self._router, key))
+        token = self._keep(Token(key, self._router.remove))
         self._router.add_token(token)
         return token
 
-    def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> _Declared:
+    def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> Watcher:
         """See `Presence`."""
-        watcher = self._keep(_Watcher(self._router, key, handler))
+        watcher = self._keep(Watcher(key, self._router.remove, handler))
         self._router.add_watcher(watcher)
         return watcher
 
