@@ -29,10 +29,9 @@ LARGEST_AXIAL_TURN_DEG = 20.0
 # What the hexapod adds: standard deviation per axis at the guide, from its accuracy of 0.05 mm over its joints' radius.
 ROBOT_SD_MM = 0.03
 ROBOT_SD_DEG = 0.03
-_SHIFTS_MM = np.linspace(-LONGEST_AXIAL_SHIFT_MM, LONGEST_AXIAL_SHIFT_MM, 65)
-_TURNS_DEG = np.linspace(-LARGEST_AXIAL_TURN_DEG, LARGEST_AXIAL_TURN_DEG, 21)
+_SHIFTS_MM = np.linspace(-LONGEST_AXIAL_SHIFT_MM, LONGEST_AXIAL_SHIFT_MM, 33)
+_TURNS_DEG = np.linspace(-LARGEST_AXIAL_TURN_DEG, LARGEST_AXIAL_TURN_DEG, 11)
 _MM_PER_DEG = 0.5
-_PATHS_TRIED = 40
 
 
 class PlanRefusal(StrEnum):
@@ -170,15 +169,21 @@ def _within_reach(
 ) -> _Freedom | PlanRefused:
     """The use of the freedom with the least travel that the hexapod can make, along the whole way."""
     uses = sorted(((s, t) for s in _SHIFTS_MM for t in turns_deg), key=lambda u: abs(u[0]) + _MM_PER_DEG * abs(u[1]))
-    tried = [_freedom(shortest, axis, float(s), float(t), robot) for s, t in uses]
-    poses = np.array([f.pose.as_array() for f in tried])
-    legs_mm, joints_deg = limit_margins(robot.hexapod, poses, robot.pivot_mm)
-    reachable = np.flatnonzero((legs_mm >= 0.0) & (joints_deg >= 0.0))
-    for freedom in (tried[int(k)] for k in reachable[:_PATHS_TRIED]):
-        if not path_violations(robot.hexapod, robot.pose, freedom.pose, robot.pivot_mm):
+    tried: list[tuple[float, _Freedom]] = []
+    for shift_mm, turn_deg in uses:
+        freedom = _freedom(shortest, axis, float(shift_mm), float(turn_deg), robot)
+        margin = _margin(freedom.pose, robot)
+        if margin >= 0.0 and not path_violations(robot.hexapod, robot.pose, freedom.pose, robot.pivot_mm):
             return freedom
-    nearest = tried[int(np.argmax(np.minimum(legs_mm, joints_deg)))]
-    return PlanRefused(PlanRefusal.OUT_OF_REACH, _out_of_reach(tried[0], nearest, robot))
+        tried.append((margin, freedom))
+    nearest = max(tried, key=lambda one: one[0])[1]
+    return PlanRefused(PlanRefusal.OUT_OF_REACH, _out_of_reach(tried[0][1], nearest, robot))
+
+
+def _margin(pose: PlatformPose, robot: RobotNow) -> float:
+    """How far a pose is inside the limits, in mm of the legs or degrees of the joints; negative outside."""
+    leg_mm, joint_deg = limit_margins(robot.hexapod, pose.as_array(), robot.pivot_mm)
+    return min(float(leg_mm), float(joint_deg))
 
 
 def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str:

@@ -1,0 +1,63 @@
+"""Does the drill pass? Offsets, bounds and chances against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.stats import ncx2
+
+from services.registration.core.passing import AxisOffset, across_basis, axis_offset_mm
+from shared.geometry.lines import Line
+
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def offset(covariance: object, mean: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)) -> AxisOffset:
+    return AxisOffset(np.array(mean), np.asarray(covariance, dtype=np.float64), 11.0)
+
+
+def test_a_pure_shift_passes_as_rayleigh_says() -> None:
+    """Entry and exit move together by sigma per axis: P = 1 - exp(-play^2 / 2 sigma^2), play 0.65 mm."""
+    shift = 0.3**2 * np.kron(np.ones((2, 2)), np.eye(2))
+    assert offset(shift).chance_to_pass(5.3) == pytest.approx(1.0 - np.exp(-0.5 * (0.65 / 0.3) ** 2), abs=0.002)
+
+
+def test_independent_ends_must_both_pass() -> None:
+    one_end = 1.0 - np.exp(-0.5 * (0.65 / 0.3) ** 2)
+    assert offset(0.09 * np.eye(4)).chance_to_pass(5.3) == pytest.approx(one_end**2, abs=0.002)
+
+
+def test_a_bias_counts() -> None:
+    shift = 0.1**2 * np.kron(np.ones((2, 2)), np.eye(2))
+    expected = ncx2.cdf((0.65 / 0.1) ** 2, 2, (0.5 / 0.1) ** 2)
+    assert offset(shift, (0.5, 0.0, 0.5, 0.0)).chance_to_pass(5.3) == pytest.approx(expected, abs=0.003)
+
+
+@pytest.mark.parametrize("hole_mm", [4.0, 3.9])
+def test_no_play_no_chance(hole_mm: float) -> None:
+    assert offset(1e-12 * np.eye(4)).chance_to_pass(hole_mm) == 0.0
+
+
+def test_predicted_rms_of_both_errors() -> None:
+    """0.03 mm per axis at each end independently: entry 0.042 mm, axis sqrt(2) * 0.042 / 11 rad."""
+    made = offset(0.03**2 * np.eye(4))
+    assert made.entry_sd_mm == pytest.approx(0.03 * np.sqrt(2.0))
+    assert made.axis_sd_deg == pytest.approx(np.degrees(0.03 * 2.0 / 11.0))
+    assert made.entry_bound_mm == pytest.approx(0.03 * 2.4477, rel=1e-4)
+    assert made.axis_bound_deg == pytest.approx(np.degrees(0.03 * np.sqrt(2.0) / 11.0) * 2.4477, rel=1e-4)
+
+
+def test_offsets_are_measured_in_the_planes_across_the_axis() -> None:
+    other = Line(np.array([0.3, -0.2, 0.0]), np.array([0.1, 0.0, 1.0]))
+    offsets = axis_offset_mm(Line(np.zeros(3), Z), other, np.zeros(3), 10.0 * Z).reshape(2, 2) @ across_basis(Z)
+    assert offsets == pytest.approx(np.array([[0.3, -0.2, 0.0], [1.3, -0.2, 0.0]]))
+
+
+def test_across_basis_is_orthonormal_for_any_direction() -> None:
+    for direction in np.random.default_rng(1).standard_normal((20, 3)):
+        unit = direction / np.linalg.norm(direction)
+        basis = np.vstack([across_basis(unit), unit])
+        assert basis @ basis.T == pytest.approx(np.eye(3))
+
+
+def test_shapes_are_checked() -> None:
+    with pytest.raises(ValueError, match=r"expected shapes \(4,\) and \(4, 4\), got \(4,\) and \(2, 2\)"):
+        offset(np.eye(2))
