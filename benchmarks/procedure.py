@@ -52,17 +52,18 @@ def _summary(outcomes: dict[int, Outcome]) -> str:
         return f"{len(endings)} procedures: {counts}."
     offsets = [_worst_offset_mm(o, before=False) for o in drilled]
     angles = [max(e.angle_deg for e in o.after) for o in drilled]
+    shots = statistics.median(o.shots for o in drilled)
     return (
         f"{len(endings)} procedures: {counts}. Of those drilled: true offset of the worse hole's axis "
         f"{statistics.median(offsets):.2f} mm median, {max(offsets):.2f} mm worst; angle "
-        f"{statistics.median(angles):.2f}° median, {max(angles):.2f}° worst; shots {statistics.median(o.shots for o in drilled):.0f} median."
+        f"{statistics.median(angles):.2f}° median, {max(angles):.2f}° worst; shots {shots:.0f} median."
     )
 
 
 def _report(outcomes: dict[int, Outcome], summary: str) -> str:
     head = (
         "# Whole procedures in the virtual operating room\n\n"
-        "Made by `distalock bench procedure`. Offsets and angles: true errors of the guide's axes, at the worse hole.\n\n"
+        "Made by `distalock bench procedure`. Offsets and angles: true errors of the guide's axes, the worse hole.\n\n"
         "| seed | ending | mm before | mm after | ° after | shots | moves | drills passed | refusal |\n"
         "|---|---|---|---|---|---|---|---|---|\n"
     )

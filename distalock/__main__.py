@@ -58,9 +58,15 @@ def _demo(given: argparse.Namespace) -> int:
     return run_demo(DemoRequest(scenario_arguments(given), given.overlay), Console(soft_wrap=True))
 
 
+def _benchmark_name(text: str) -> str:
+    if text not in BENCHMARKS:
+        raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; there are {', '.join(BENCHMARKS)}")
+    return text
+
+
 def _bench_arguments(parser: argparse.ArgumentParser) -> None:
     known = "; ".join(f"{name}: {measures}" for name, measures in BENCHMARKS.items())
-    parser.add_argument("names", nargs="*", choices=[*BENCHMARKS, []], metavar="NAME", help=f"all if none; {known}")
+    parser.add_argument("names", nargs="*", type=_benchmark_name, metavar="NAME", help=f"all if none; {known}")
 
 
 def _bench(given: argparse.Namespace) -> int:
