@@ -10,7 +10,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.blur import blurred_image
 from services.registration.core.nail.compiled import compiled
+from services.registration.core.nail.noise import Whitening
 from services.registration.core.nail.paths import metal_path
 from services.registration.core.nail.pose import POSE_SIZE, Anchors, pose_from_parameters
 from services.registration.core.nail.window import SAMPLES_PX, Window
@@ -20,7 +22,7 @@ from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
 _SAMPLES = len(SAMPLES_PX)
-_KERNEL_REACH = 4.0
+_MOST_DEVIATIONS = 4.0
 
 
 class Unknown(IntEnum):
@@ -44,6 +46,7 @@ class Unknown(IntEnum):
 
 
 PARAMETERS = len(Unknown)
+LAST_GEOMETRIC = Unknown.NAIL_RADIUS_EXCESS_MM + 1
 
 # Mean and standard deviation of what is known before the image is seen. Attenuation: effective values of 40-80 keV.
 ATTENUATION_PER_MM = {"steel": 1.0, "Ti6Al4V": 0.33}
@@ -74,6 +77,18 @@ class NailScene:
     camera: PinholeCamera
     anchors: Anchors
     nail: NailPart
+    whitening: Whitening | None = None
+
+    def compared(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The strip's pixels of an image of the window, shape (N,), whitened when the scene says so."""
+        if self.whitening is not None:
+            image = self.whitening.apply(image)
+        return image.ravel()[self.window.compared]
+
+    @property
+    def grey(self) -> NDArray[np.float64]:
+        """Measured grey values that the model is compared with, shape (N,)."""
+        return self.compared(self.window.grey)
 
     def pose(self, parameters: NDArray[np.float64]) -> Transform[Camera, Nail]:
         """`camera_from_nail` that the parameters stand for."""
@@ -96,6 +111,12 @@ def prior_mean() -> NDArray[np.float64]:
 def prior_precision() -> NDArray[np.float64]:
     """Inverse variances, shape (PARAMETERS,); zero for the pose."""
     return np.array([PRIOR[u][1] ** -2 if u in PRIOR else 0.0 for u in Unknown])
+
+
+def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Nuisances clipped to four standard deviations of their prior: beyond lies nothing physical."""
+    reach = np.array([_MOST_DEVIATIONS * PRIOR[u][1] if u in PRIOR else np.inf for u in Unknown])
+    return np.clip(parameters, prior_mean() - reach, prior_mean() + reach)
 
 
 def transmission(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -135,15 +156,15 @@ def appearance(
 ) -> Appearance:
     """Blur, display curve and edge enhancement on a transmission map (from `transmission`)."""
     window = scene.window
-    blur = np.exp(parameters[Unknown.LOG_BLUR_PX]) / window.reduction
+    blur = np.hypot(np.exp(parameters[Unknown.LOG_BLUR_PX]) / window.reduction, window.smoothing)
     width = np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX]) / window.reduction
     blurred = blurred_image(passed, float(blur))
     bent = blurred * (1.0 + parameters[Unknown.CURVE] * (1.0 - blurred))
     sharpening = parameters[Unknown.SHARPENING]
     visible = (1.0 + sharpening) * bent - sharpening * blurred_image(bent, float(width))
     body = blurred_image(window.delrin_mm, float(blur))
-    delrin = np.exp(-parameters[Unknown.DELRIN_PER_MM] * body.ravel()[window.compared])
-    return Appearance(visible.ravel()[window.compared], delrin)
+    delrin = np.exp(-parameters[Unknown.DELRIN_PER_MM] * scene.compared(body))
+    return Appearance(scene.compared(visible), delrin)
 
 
 def render(scene: NailScene, parameters: NDArray[np.float64]) -> Appearance:
@@ -166,12 +187,14 @@ def render_with_derivatives(
     """Appearance and its derivatives by the free parameters (differences of one step), one `Appearance` each."""
     passed = transmission(scene, parameters)
     base = appearance(scene, parameters, passed)
+    steps = STEP.copy()
+    steps[:LAST_GEOMETRIC] *= scene.window.reduction
     derivatives = []
     for unknown in Unknown:
         if not free[unknown]:
             continue
         moved = parameters.copy()
-        moved[unknown] += STEP[unknown]
+        moved[unknown] += steps[unknown]
         if unknown in _NEEDS_NO_NEW_PATHS:
             there = appearance(scene, moved, passed)
         else:
@@ -179,44 +202,11 @@ def render_with_derivatives(
         derivatives.append(
             replace(
                 there,
-                visible=(there.visible - base.visible) / STEP[unknown],
-                delrin=(there.delrin - base.delrin) / STEP[unknown],
+                visible=(there.visible - base.visible) / steps[unknown],
+                delrin=(there.delrin - base.delrin) / steps[unknown],
             )
         )
     return base, derivatives
-
-
-def blurred_image(image: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """Gaussian blur with edge values repeated."""
-    reach = max(1, int(np.ceil(_KERNEL_REACH * sigma)))
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-3)) ** 2)
-    out = np.empty_like(image)
-    _separable_blur(image, kernel / kernel.sum(), np.empty_like(image), out)
-    return out
-
-
-@compiled
-def _separable_blur(
-    image: NDArray[np.float64],
-    kernel: NDArray[np.float64],
-    between: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    rows, columns = image.shape
-    reach = kernel.shape[0] // 2
-    for i in range(rows):
-        for j in range(columns):
-            total = kernel[reach] * image[i, j]
-            for k in range(1, reach + 1):
-                total += kernel[reach + k] * (image[i, max(j - k, 0)] + image[i, min(j + k, columns - 1)])
-            between[i, j] = total
-    for i in range(rows):
-        for j in range(columns):
-            out[i, j] = kernel[reach] * between[i, j]
-        for k in range(1, reach + 1):
-            above, below = max(i - k, 0), min(i + k, rows - 1)
-            for j in range(columns):
-                out[i, j] += kernel[reach + k] * (between[above, j] + between[below, j])
 
 
 @compiled

@@ -13,10 +13,12 @@ from services.registration.core.nail.image_model import (
     prior_precision,
     render,
     render_with_derivatives,
+    within_reason,
 )
 from services.registration.core.nail.texture import SplineField, accumulate_normal_equations
 
 _LEAST_RIDGE = 1e-9
+_LEAST_CURVATURE = 1e-3
 _DAMPING_START = 1e-3
 _DAMPING_FACTOR = 10.0
 _DAMPING_LIMIT = 1e6
@@ -28,6 +30,8 @@ class Problem:
 
     Attributes
     ----------
+    grey
+        Measured values, shape (N,) (those of the scene: whitened when the scene is).
     floor
         Basis of the grey value where nothing passes, shape (N, D).
     weight
@@ -40,6 +44,7 @@ class Problem:
 
     scene: NailScene
     field: SplineField
+    grey: NDArray[np.float64]
     floor: NDArray[np.float64]
     weight: NDArray[np.float64]
     texture_precision: float
@@ -84,13 +89,13 @@ def solve_linear(problem: Problem, parameters: NDArray[np.float64], look: Appear
     """Best background and floor for a given appearance."""
     gain = look.visible * look.delrin
     dense = (1.0 - look.visible)[:, None] * problem.floor
-    matrix, right = _normal_equations(problem, gain, dense, problem.scene.window.grey[:, None])
+    matrix, right = _normal_equations(problem, gain, dense, problem.grey[:, None])
     factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
     coefficients = cho_solve(factor, right, check_finite=False)[:, 0]
     size = problem.field.size
     background = problem.field.at_places(coefficients[:size])
     floor = problem.floor @ coefficients[size:]
-    residual = problem.scene.window.grey - gain * background - (1.0 - look.visible) * floor
+    residual = problem.grey - gain * background - (1.0 - look.visible) * floor
     c = coefficients[:size]
     penalty = problem.texture_precision * float(c @ (problem.field.roughness @ c))
     excess = parameters - prior_mean()
@@ -138,9 +143,10 @@ def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tole
             break
         steps += 1
         while True:
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+            step = np.linalg.solve(normal + damping * np.diag(np.maximum(np.diag(normal), _LEAST_CURVATURE)), gradient)
             trial = parameters.copy()
             trial[free] += step
+            trial = within_reason(trial)
             lower = solve_linear(problem, trial, render(problem.scene, trial)).cost
             if lower < linear.cost:
                 damping = max(damping / _DAMPING_FACTOR, 1e-9)
@@ -169,7 +175,7 @@ def _projected(
     """Normal matrix and gradient of the free parameters after the linear ones have been eliminated."""
     look = linear.appearance
     dense = (1.0 - look.visible)[:, None] * problem.floor
-    cross = _cross_terms(problem, look.visible * look.delrin, dense, sensitivities)
+    cross = cross_terms(problem, look.visible * look.delrin, dense, sensitivities)
     weighted = problem.weight[:, None] * sensitivities
     normal = sensitivities.T @ weighted - cross.T @ cho_solve(linear.factor, cross, check_finite=False)
     precision = prior_precision()[problem.free]
@@ -179,7 +185,7 @@ def _projected(
     return normal, gradient
 
 
-def _cross_terms(
+def cross_terms(
     problem: Problem, gain: NDArray[np.float64], dense: NDArray[np.float64], columns: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """A'W columns, shape (M + D, P)."""

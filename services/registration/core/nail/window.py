@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.occluders import Occluders, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
+from services.registration.core.nail.blur import blurred_image
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
@@ -16,10 +17,8 @@ from shared.geometry.transform import Transform
 # either axis is resolved to a quarter of a pixel by four samples.
 SAMPLES_PX = np.array([[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]])
 _SAMPLES = len(SAMPLES_PX)
-_BEYOND_HOLE_MM = 4.0
-_BESIDE_NAIL_MM = 3.5
-_BLUR_REACH_PX = 6
-_INSIDE_APERTURE_PX = 6.0
+_BLUR_REACH_PX = 8
+_INSIDE_APERTURE_PX = 9.0
 _LEAST_PIXELS = 200
 
 
@@ -31,6 +30,9 @@ class Window:
     ----------
     reduction
         Side of a pixel of the window in image pixels.
+    smoothing
+        Gaussian that the reduced image was smoothed with, in pixels of the window: keeps the likelihood's surface
+        smooth, so that coarse fits find their optimum in few steps.
     shape
         Rows and columns of the rectangle.
     support
@@ -38,7 +40,7 @@ class Window:
     compared
         Flat indices of the strip, shape (N,), a subset of `support`.
     grey
-        Grey values of the strip's pixels divided by `grey_scale`, shape (N,).
+        Grey values of the whole rectangle divided by `grey_scale`, shape of the rectangle.
     along_mm, across_mm
         Position of the strip's pixels in the nail's plane at the start pose, shape (N,).
     directions
@@ -50,6 +52,7 @@ class Window:
     """
 
     reduction: int
+    smoothing: float
     shape: tuple[int, int]
     origin_px: tuple[float, float]
     support: NDArray[np.int64]
@@ -64,6 +67,14 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
+class Scale:
+    """How coarsely to look: side of a reduced pixel in image pixels, and smoothing after the reduction, in its pixels."""
+
+    reduction: int
+    smoothing: float
+
+
+@dataclass(frozen=True, slots=True)
 class Strip:
     """Part of the nail that is looked at, in the nail's frame: from x to x, and to either side of its axis, in mm."""
 
@@ -72,15 +83,13 @@ class Strip:
     half_width_mm: float
 
 
-def strip_of(nail: NailPart) -> Strip:
-    """From 4 mm before the first hole's rim to 4 mm behind the last's (not the rounded tip), 3.5 mm of surroundings."""
+def strip_of(nail: NailPart, surroundings_mm: float) -> Strip:
+    """The holes with so many mm of surroundings along and beside the nail, without the rounded tip."""
     first = min(h.axis.point_mm[0] - 0.5 * h.diameter_mm for h in nail.holes)
     last = max(h.axis.point_mm[0] + 0.5 * h.diameter_mm for h in nail.holes)
     before_tip = max(last, nail.tip_x_mm - nail.radius_mm)
     return Strip(
-        float(first) - _BEYOND_HOLE_MM,
-        float(min(last + _BEYOND_HOLE_MM, before_tip)),
-        nail.radius_mm + _BESIDE_NAIL_MM,
+        float(first) - surroundings_mm, float(min(last + surroundings_mm, before_tip)), nail.radius_mm + surroundings_mm
     )
 
 
@@ -90,9 +99,10 @@ def cut_window(
     strip: Strip,
     camera_from_nail: Transform[Camera, Nail],
     occluders: Occluders,
-    reduction: int,
+    scale: Scale,
 ) -> Window | None:
     """Take the strip out of the image; `None` when fewer than 200 of its pixels are inside image and aperture."""
+    reduction = scale.reduction
     box = _bounding_box(calibration, strip, camera_from_nail, reduction)
     if box is None:
         return None
@@ -112,15 +122,18 @@ def cut_window(
     compared = np.flatnonzero(inside)
     samples = _sample_directions(slopes, support)
     delrin = _delrin_map(slopes, occluders)
-    scale = float(np.percentile(grey.ravel()[compared], 95.0)) or 1.0
+    if scale.smoothing > 0.0:
+        grey = blurred_image(grey, scale.smoothing)
+    grey_scale = float(np.percentile(grey.ravel()[compared], 95.0)) or 1.0
     return Window(
         reduction,
+        scale.smoothing,
         (rows, columns),
         (left + middle, top + middle),
         support,
         compared,
-        grey.ravel()[compared] / scale,
-        scale,
+        grey / grey_scale,
+        grey_scale,
         along[compared],
         across[compared],
         samples,

@@ -1,0 +1,76 @@
+"""Which tilts the image allows: coarse fits from many tilts, and the distinct optima they end in.
+
+The opening of a bore is the overlap of two nearly equal circles, so that a tilt and its reflection look nearly alike.
+On a smoothed and reduced image the likelihood has hardly any optimum but these two, whatever the start.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.image_model import PARAMETERS, NailScene, Unknown, prior_mean
+from services.registration.core.nail.pose import POSE_SIZE
+from services.registration.core.nail.solver import Problem, Solution, minimise
+from shared.geometry.lines import angle_between_rad
+
+_FURTHER_TILTS_RAD = np.radians([(6.0, 6.0), (6.0, -6.0), (-6.0, 6.0), (-6.0, -6.0)])
+_DISTINCT_RAD = float(np.radians(1.5))
+_MOST_STEPS = 10
+_TOLERANCE = 2.0
+POSE_ONLY = np.arange(PARAMETERS) < POSE_SIZE
+ANCHORS_ONLY = np.arange(PARAMETERS) < Unknown.PITCH_RAD
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Optimum:
+    """An end of a fit, with the direction of the nail's z axis in the camera frame."""
+
+    solution: Solution
+    z_camera: NDArray[np.float64]
+
+
+def distinct_optima(problem: Problem, start: NDArray[np.float64]) -> list[Optimum]:
+    """Optima of pose alone, best first, any two of them at least 1.5° apart.
+
+    Parameters
+    ----------
+    start
+        Pose parameters, shape (6,): tried as it is, with either tilt or both reflected, and with tilts of ±6°.
+    """
+    found = [_optimum(problem, _with_tilt(start, tilt)) for tilt in _starting_tilts(start)]
+    best = min(found, key=lambda o: o.solution.cost)
+    reflected = best.solution.parameters.copy()
+    reflected[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]] *= -1.0
+    found.append(_optimum(problem, reflected))
+    return without_repetition(found)
+
+
+def without_repetition(found: list[Optimum]) -> list[Optimum]:
+    """Best first, leaving out whatever lies within 1.5° of a better one."""
+    kept: list[Optimum] = []
+    for candidate in sorted(found, key=lambda o: o.solution.cost):
+        if all(angle_between_rad(candidate.z_camera, other.z_camera) > _DISTINCT_RAD for other in kept):
+            kept.append(candidate)
+    return kept
+
+
+def optimum_of(scene: NailScene, solution: Solution) -> Optimum:
+    """Attach the direction that tells optima apart."""
+    return Optimum(solution, scene.pose(solution.parameters).rotation[:, 2])
+
+
+def _starting_tilts(start: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    own = start[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]]
+    return [own, -own, *_FURTHER_TILTS_RAD]
+
+
+def _with_tilt(start: NDArray[np.float64], tilt: NDArray[np.float64]) -> NDArray[np.float64]:
+    parameters = prior_mean()
+    parameters[:POSE_SIZE] = start
+    parameters[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]] = tilt
+    return parameters
+
+
+def _optimum(problem: Problem, start: NDArray[np.float64]) -> Optimum:
+    return optimum_of(problem.scene, minimise(problem, start, _MOST_STEPS, _TOLERANCE))

@@ -1,0 +1,152 @@
+"""Fit the nail's pose to the pixels by maximum likelihood: capture, refine, weigh, judge.
+
+The record `docs/decisions/nail-likelihood.md` has the model, the alternatives and their figures.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.covariance import parameter_covariance, pose_covariance
+from services.registration.core.nail.image_model import Unknown
+from services.registration.core.nail.judgement import (
+    Evidence,
+    HoleView,
+    ResidualStatistics,
+    hole_views,
+    nail_outside,
+    reasons_against,
+    residual_statistics,
+)
+from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.pose import POSE_SIZE
+from services.registration.core.nail.rivals import Winner, find_winner
+from services.registration.core.nail.solver import Problem, Solution, minimise
+from services.registration.core.nail.stages import (
+    EVERYTHING,
+    Detail,
+    Given,
+    Noise,
+    noise_of,
+    problem_for,
+    reweighted,
+    scene_at,
+    whitened,
+)
+from services.registration.core.nail.window import Scale
+from shared.errors import Accepted, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.lines import read_only
+from shared.geometry.parts import NailPart
+from shared.geometry.transform import Transform
+
+_FINE = Detail(Scale(1, 0.0), 3.5, 1.5, 0.01)
+_FIRST_STEPS, _WHITENED_STEPS, _LAST_STEPS = 2, 4, 3
+_TOLERANCE = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NailFit:
+    """Pose of the nail, how sure it is, and what else the pixels said.
+
+    Attributes
+    ----------
+    camera_from_nail
+        The pose.
+    covariance
+        Of the small motion `m` with true pose = `camera_from_nail @ m`: rotation vector (rad), then translation (mm),
+        both in the nail's frame at its origin, shape (6, 6). Correlated noise and all nuisances are included;
+        calibration's and guide's errors are not.
+    mirror_margin
+        Logarithm of the likelihood ratio between this pose and the other optimum (at least 1.5° away, in practice the
+        reflected tilt), or, when there is no other, the best pose with pitch or roll 3° away. The noise's correlation
+        is divided out, so that the ratio is that of as many independent samples.
+    hole_radius_excess_mm, nail_radius_excess_mm
+        Fitted radii less those of the part.
+    blur_px
+        Standard deviation of the blur that was fitted.
+    residual
+        Statistics of what the model does not explain.
+    holes
+        How much of each hole was seen.
+    """
+
+    camera_from_nail: Transform[Camera, Nail]
+    covariance: NDArray[np.float64]
+    mirror_margin: float
+    hole_radius_excess_mm: float
+    nail_radius_excess_mm: float
+    blur_px: float
+    residual: ResidualStatistics
+    holes: tuple[HoleView, ...]
+
+
+def fit_nail(
+    pixels: NDArray[np.float32],
+    calibration: CArmCalibration,
+    nail: NailPart,
+    start: Transform[Camera, Nail],
+    occluders: Occluders,
+) -> Accepted[NailFit] | Rejected:
+    """Find where the nail is, from a start within about 5° and 3 mm across.
+
+    Parameters
+    ----------
+    pixels
+        Grey values of the un-mirrored image, darker is denser, shape (rows, columns).
+    start
+        First guess of the pose; its tilt may be the reflected one.
+
+    Returns
+    -------
+    Accepted[NailFit] or Rejected
+        Refused as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
+    """
+    given = Given(pixels, calibration, nail, occluders)
+    winner = find_winner(given, start)
+    if winner is None:
+        return nail_outside(nail)
+    scene = scene_at(given, winner.camera_from_nail, _FINE)
+    if scene is None:
+        return nail_outside(nail)
+    problem, solution, noise = _refined(problem_for(scene, _FINE, EVERYTHING), winner)
+    evidence = _evidence(problem, solution, noise, winner)
+    reasons = reasons_against(evidence)
+    if reasons:
+        return Rejected(reasons)
+    covariance = parameter_covariance(problem, solution, noise.correlation)[:POSE_SIZE, :POSE_SIZE]
+    return Accepted(
+        NailFit(
+            scene.pose(solution.parameters),
+            read_only(pose_covariance(scene, solution.parameters, covariance)),
+            evidence.mirror_margin,
+            evidence.hole_radius_excess_mm,
+            evidence.nail_radius_excess_mm,
+            float(np.exp(solution.parameters[Unknown.LOG_BLUR_PX])),
+            evidence.residual,
+            evidence.holes,
+        )
+    )
+
+
+def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise]:
+    """Full resolution: learn the noise, filter it, fit again with weights by brightness."""
+    solution = minimise(problem, winner.parameters, _FIRST_STEPS, _TOLERANCE)
+    problem = whitened(problem, solution, noise_of(problem, solution))
+    solution = minimise(problem, solution.parameters, _WHITENED_STEPS, _TOLERANCE)
+    problem = reweighted(problem, solution, noise_of(problem, solution))
+    solution = minimise(problem, solution.parameters, _LAST_STEPS, _TOLERANCE)
+    return problem, solution, noise_of(problem, solution)
+
+
+def _evidence(problem: Problem, solution: Solution, noise: Noise, winner: Winner) -> Evidence:
+    return Evidence(
+        problem.scene.nail,
+        hole_views(problem, solution),
+        residual_statistics(problem, solution, noise.correlation),
+        float(solution.parameters[Unknown.HOLE_RADIUS_EXCESS_MM]),
+        float(solution.parameters[Unknown.NAIL_RADIUS_EXCESS_MM]),
+        winner.margin,
+    )

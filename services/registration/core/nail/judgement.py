@@ -1,0 +1,180 @@
+"""Whether a fitted nail may be believed: how much of each hole was seen, and what the model leaves unexplained."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.image_model import transmission
+from services.registration.core.nail.noise import Correlation
+from services.registration.core.nail.solver import Problem, Solution
+from shared.errors import Reason, ReasonCode, Rejected
+from shared.geometry.parts import Hole, NailPart
+
+_OPEN = 0.5
+_LEAST_OPENING = 0.35
+_LEAST_CONTRAST_TO_NOISE = 1.5
+_MOST_RADIUS_EXCESS_MM = 0.2
+_MOST_STRUCTURE = 2.5
+_LEAST_MIRROR_MARGIN = 8.0
+_STRUCTURE_BLUR_PX = 2.0
+_RIM = (0.03, 0.97)
+
+
+@dataclass(frozen=True, slots=True)
+class HoleView:
+    """How a hole was seen.
+
+    Attributes
+    ----------
+    opening
+        Area through which background is seen, clear of balls and inside the image, as a share of the bore's disc.
+    contrast_to_noise
+        Brightness of the opening over the metal around it, in standard deviations of a pixel.
+    """
+
+    id: str
+    opening: float
+    contrast_to_noise: float
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualStatistics:
+    """What the model does not explain.
+
+    Attributes
+    ----------
+    rms_grey
+        Root mean square of the residual in the image's grey values.
+    structure
+        Rms of the smoothed residual around rims and edges, over that elsewhere: one when only noise is left.
+    noise_inflation
+        Variance of a mean over many pixels, over that of independent pixels.
+    """
+
+    rms_grey: float
+    structure: float
+    noise_inflation: float
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the verdict rests on."""
+
+    nail: NailPart
+    holes: tuple[HoleView, ...]
+    residual: ResidualStatistics
+    hole_radius_excess_mm: float
+    nail_radius_excess_mm: float
+    mirror_margin: float
+
+
+def reasons_against(evidence: Evidence) -> tuple[Reason, ...]:
+    """Why the fit must be refused; empty when it may be used."""
+    return (*_unseen_holes(evidence), *_mismatch(evidence), *_ambiguity(evidence))
+
+
+def nail_outside(nail: NailPart) -> Rejected:
+    """Refusal when the strip around the holes is not in the image."""
+    names = ", ".join(f"'{h.id}'" for h in nail.holes)
+    message = (
+        f"the nail's holes ({names}) lie outside the image, or fewer than 200 pixels around them do inside; "
+        "centre the holes and take one more image"
+    )
+    return Rejected((Reason(ReasonCode.HOLE_NOT_VISIBLE, message),))
+
+
+def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
+    """Opening and contrast of each hole of the nail."""
+    scene = problem.scene
+    window = scene.window
+    parameters = solution.parameters
+    clear = transmission(scene, parameters).ravel()[window.compared] > _OPEN
+    noise = float(np.sqrt(np.median(1.0 / problem.weight)))
+    linear = solution.linear
+    contrast = (linear.background - linear.floor) / noise
+    return tuple(_hole_view(problem, parameters, hole, clear, contrast) for hole in scene.nail.holes)
+
+
+def _hole_view(
+    problem: Problem,
+    parameters: NDArray[np.float64],
+    hole: Hole,
+    clear: NDArray[np.bool_],
+    contrast: NDArray[np.float64],
+) -> HoleView:
+    scene = problem.scene
+    window = scene.window
+    radius = 0.5 * hole.diameter_mm
+    centre_x, centre_y = hole.axis.point_mm[:2]
+    near = np.hypot(window.along_mm - centre_x, window.across_mm - centre_y) < 1.5 * radius
+    inside_nail = np.abs(window.across_mm) < 0.8 * scene.nail.radius_mm
+    seen = clear & near & inside_nail
+    depth = float(scene.pose(parameters).translation_mm[2])
+    pixel_mm = depth / scene.camera.focal_length_px * window.reduction
+    opening = float(np.count_nonzero(seen)) * pixel_mm**2 / (np.pi * radius**2)
+    to_noise = float(np.median(contrast[seen])) if np.any(seen) else 0.0
+    return HoleView(hole.id, min(opening, 1.0), to_noise)
+
+
+def residual_statistics(problem: Problem, solution: Solution, correlation: Correlation) -> ResidualStatistics:
+    """Size and structure of the residual."""
+    window, residual = problem.scene.window, solution.linear.residual
+    standardised = np.zeros(window.shape)
+    standardised.ravel()[window.compared] = np.clip(residual * np.sqrt(problem.weight), -6.0, 6.0)
+    smooth = blurred_image(standardised, _STRUCTURE_BLUR_PX).ravel()[window.compared]
+    visible = solution.linear.appearance.visible
+    rim = (visible > _RIM[0]) & (visible < _RIM[1])
+    elsewhere = ~rim
+    rms = float(np.sqrt(np.mean(residual**2))) * window.grey_scale
+    reference = float(np.sqrt(np.mean(smooth[elsewhere] ** 2))) if np.any(elsewhere) else 1.0
+    at_rims = float(np.sqrt(np.mean(smooth[rim] ** 2))) if np.any(rim) else 0.0
+    return ResidualStatistics(rms, at_rims / max(reference, 1e-9), correlation.inflation)
+
+
+def _unseen_holes(evidence: Evidence) -> list[Reason]:
+    reasons = []
+    for view in evidence.holes:
+        if view.opening < _LEAST_OPENING:
+            message = (
+                f"hole '{view.id}' shows {100 * view.opening:.0f} % of its disc (limit {100 * _LEAST_OPENING:.0f} %); "
+                "turn the C-arm towards the hole's axis, or move what covers it, and take one more image"
+            )
+            reasons.append(Reason(ReasonCode.HOLE_NOT_VISIBLE, message))
+        elif view.contrast_to_noise < _LEAST_CONTRAST_TO_NOISE:
+            message = (
+                f"hole '{view.id}' is {view.contrast_to_noise:.1f} standard deviations of the noise brighter than the "
+                f"metal around it (limit {_LEAST_CONTRAST_TO_NOISE:.1f}); raise the dose and take one more image"
+            )
+            reasons.append(Reason(ReasonCode.HOLE_NOT_VISIBLE, message))
+    return reasons
+
+
+def _mismatch(evidence: Evidence) -> list[Reason]:
+    reasons = []
+    measured = (("holes", evidence.hole_radius_excess_mm), ("nail", evidence.nail_radius_excess_mm))
+    for what, excess in measured:
+        if abs(excess) > _MOST_RADIUS_EXCESS_MM:
+            message = (
+                f"the {what} measure {2 * excess:+.2f} mm in diameter against the nail file "
+                f"(limit {2 * _MOST_RADIUS_EXCESS_MM:.2f} mm); check that the file is that of the implanted nail"
+            )
+            reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
+    if evidence.residual.structure > _MOST_STRUCTURE:
+        message = (
+            f"the residual along the nail's edges is {evidence.residual.structure:.1f} times that elsewhere "
+            f"(limit {_MOST_STRUCTURE:.1f}); check the nail file, remove what lies over the holes, and take one more image"
+        )
+        reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
+    return reasons
+
+
+def _ambiguity(evidence: Evidence) -> list[Reason]:
+    if evidence.mirror_margin >= _LEAST_MIRROR_MARGIN:
+        return []
+    message = (
+        f"the reflected tilt explains the image nearly as well: logarithm of the likelihood ratio "
+        f"{evidence.mirror_margin:.1f} (limit {_LEAST_MIRROR_MARGIN:.0f}); turn the C-arm by 5° and take one more image"
+    )
+    return [Reason(ReasonCode.MIRROR_AMBIGUOUS, message)]

@@ -1,0 +1,120 @@
+"""From a rough start to the one optimum that explains the image best, and by how much it beats the next."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.capture import (
+    ANCHORS_ONLY,
+    POSE_ONLY,
+    Optimum,
+    distinct_optima,
+    optimum_of,
+    without_repetition,
+)
+from services.registration.core.nail.image_model import Unknown, prior_mean
+from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
+from services.registration.core.nail.solver import Problem, minimise
+from services.registration.core.nail.stages import (
+    EVERYTHING,
+    Detail,
+    Given,
+    noise_of,
+    problem_for,
+    reweighted,
+    scene_at,
+)
+from services.registration.core.nail.window import Scale
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.transform import Transform
+
+_HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 11.0
+_CENTRING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 8, 3
+_LOOSE, _TIGHT = 2.0, 0.5
+_TILTS = [Unknown.PITCH_RAD, Unknown.ROLL_RAD]
+_NEARBY_RAD = np.radians([(3.0, 0.0), (-3.0, 0.0), (0.0, 3.0), (0.0, -3.0)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Winner:
+    """Best optimum: all parameters, pose, and the margin (see `NailFit.mirror_margin`)."""
+
+    parameters: NDArray[np.float64]
+    camera_from_nail: Transform[Camera, Nail]
+    margin: float
+
+
+def find_winner(given: Given, start: Transform[Camera, Nail]) -> Winner | None:
+    """Centre, capture, compare; `None` when the holes turn out to lie outside the image."""
+    centred = _centred(given, start)
+    poses = [] if centred is None else _captured(given, centred)
+    return _compared(given, poses) if poses else None
+
+
+def _centred(given: Given, start: Transform[Camera, Nail]) -> Transform[Camera, Nail] | None:
+    """Move the nail over its image, tilt as it is, on an image so smooth that 3 mm are a small step."""
+    detail = Detail(Scale(_reduction(given, start, _HOLE_PX_TO_CENTRE), 1.5), 6.0, 8.0, 0.005)
+    scene = scene_at(given, start, detail)
+    if scene is None:
+        return None
+    problem = problem_for(scene, detail, ANCHORS_ONLY)
+    return scene.pose(minimise(problem, _from_pose(problem, start), _CENTRING_STEPS, _LOOSE).parameters)
+
+
+def _captured(given: Given, start: Transform[Camera, Nail]) -> list[Transform[Camera, Nail]]:
+    """Poses of the distinct optima on the reduced image, best first."""
+    detail = Detail(Scale(_reduction(given, start, _HOLE_PX_TO_CAPTURE), 0.8), 3.5, 4.0, 0.02)
+    scene = scene_at(given, start, detail)
+    if scene is None:
+        return []
+    problem = problem_for(scene, detail, POSE_ONLY)
+    optima = distinct_optima(problem, parameters_from_pose(start, scene.camera, scene.anchors))
+    return [scene.pose(o.solution.parameters) for o in optima]
+
+
+def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | None:
+    """Refine the two best with all nuisances floating."""
+    detail = Detail(Scale(2, 0.8), 3.5, 2.0, 0.01)
+    scene = scene_at(given, poses[0], detail)
+    if scene is None:
+        return None
+    problem = problem_for(scene, detail, EVERYTHING)
+    first = minimise(problem, _from_pose(problem, poses[0]), _MIDDLE_STEPS, _TIGHT)
+    problem = reweighted(problem, first, noise_of(problem, first))
+    optima = [optimum_of(scene, minimise(problem, first.parameters, _MIDDLE_STEPS, _TIGHT))]
+    for rival in poses[1:2]:
+        start = first.parameters.copy()
+        start[:POSE_SIZE] = parameters_from_pose(rival, scene.camera, scene.anchors)
+        optima.append(optimum_of(scene, minimise(problem, start, _MIDDLE_STEPS, _TIGHT)))
+    optima = without_repetition(optima)
+    best = optima[0].solution
+    runner_up = optima[1].solution.cost if len(optima) > 1 else _cost_nearby(problem, optima[0])
+    inflation = noise_of(problem, best).correlation.inflation
+    return Winner(best.parameters, scene.pose(best.parameters), 0.5 * (runner_up - best.cost) / inflation)
+
+
+def _cost_nearby(problem: Problem, optimum: Optimum) -> float:
+    """Least cost with the tilt held 3° away in one of four directions."""
+    free = EVERYTHING.copy()
+    free[_TILTS] = False
+    held = replace(problem, free=free)
+    costs = []
+    for tilt in _NEARBY_RAD:
+        start = optimum.solution.parameters.copy()
+        start[_TILTS] += tilt
+        costs.append(minimise(held, start, _NEARBY_STEPS, _LOOSE).cost)
+    return min(costs)
+
+
+def _from_pose(problem: Problem, pose: Transform[Camera, Nail]) -> NDArray[np.float64]:
+    start = prior_mean()
+    start[:POSE_SIZE] = parameters_from_pose(pose, problem.scene.camera, problem.scene.anchors)
+    return start
+
+
+def _reduction(given: Given, start: Transform[Camera, Nail], hole_px: float) -> int:
+    """Reduction after which the smallest hole is about `hole_px` pixels wide."""
+    scale = given.calibration.camera.focal_length_px / float(start.translation_mm[2])
+    smallest = min(h.diameter_mm for h in given.nail.holes)
+    return max(2, round(smallest * scale / hole_px))

@@ -1,0 +1,106 @@
+"""The fit's stages, coarse to fine: what each one looks at, with which freedom, and how it weighs the pixels."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.image_model import PARAMETERS, NailScene, render
+from services.registration.core.nail.noise import (
+    Correlation,
+    correlation_of,
+    robust_weight,
+    variance_by_brightness,
+    whitening_for,
+)
+from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.pose import anchors_of
+from services.registration.core.nail.solver import Problem, Solution, solve_linear
+from services.registration.core.nail.texture import spline_field
+from services.registration.core.nail.window import Scale, Window, cut_window, strip_of
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.parts import NailPart
+from shared.geometry.transform import Transform
+
+EVERYTHING = np.ones(PARAMETERS, dtype=bool)
+_ASSUMED_NOISE = 0.025
+_CLIPPED_DEVIATIONS = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Given:
+    """What a fit is given."""
+
+    pixels: NDArray[np.float32]
+    calibration: CArmCalibration
+    nail: NailPart
+    occluders: Occluders
+
+
+@dataclass(frozen=True, slots=True)
+class Detail:
+    """How finely a stage looks: pixels, surroundings of the holes, knots of the background and its roughness.
+
+    `texture` is the standard deviation of second differences between the background's knots, in units of the
+    window's brightness.
+    """
+
+    scale: Scale
+    surroundings_mm: float
+    knots_mm: float
+    texture: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """Standardised residuals of a fit: variance per pixel, shape (N,), and correlation between pixels."""
+
+    variance: NDArray[np.float64]
+    correlation: Correlation
+
+
+def scene_at(given: Given, camera_from_nail: Transform[Camera, Nail], detail: Detail) -> NailScene | None:
+    """Window around a pose; `None` when the nail's holes are not in the image."""
+    strip = strip_of(given.nail, detail.surroundings_mm)
+    window = cut_window(given.pixels, given.calibration, strip, camera_from_nail, given.occluders, detail.scale)
+    if window is None:
+        return None
+    return NailScene(window, given.calibration.camera, anchors_of(given.nail), given.nail)
+
+
+def problem_for(scene: NailScene, detail: Detail, free: NDArray[np.bool_]) -> Problem:
+    """Least-squares problem with the same weight for all pixels."""
+    window = scene.window
+    field = spline_field(window.along_mm, window.across_mm, detail.knots_mm)
+    weight = np.full(len(window.compared), _ASSUMED_NOISE**-2)
+    return Problem(scene, field, scene.grey, _floor_basis(window), weight, detail.texture**-2, free)
+
+
+def noise_of(problem: Problem, solution: Solution) -> Noise:
+    """Variance and correlation of the residuals."""
+    residual = solution.linear.residual
+    variance = variance_by_brightness(residual, problem.grey - residual)
+    standardised = np.clip(residual / np.sqrt(variance), -_CLIPPED_DEVIATIONS, _CLIPPED_DEVIATIONS)
+    window = problem.scene.window
+    return Noise(variance, correlation_of(standardised, window.compared, window.shape))
+
+
+def reweighted(problem: Problem, solution: Solution, noise: Noise) -> Problem:
+    """The same problem with every pixel weighed by its variance, outliers less."""
+    return replace(problem, weight=robust_weight(solution.linear.residual, noise.variance))
+
+
+def whitened(problem: Problem, solution: Solution, noise: Noise) -> Problem:
+    """The same problem on the image after the filter that makes its noise about independent, weights renewed."""
+    scene = replace(problem.scene, whitening=whitening_for(noise.correlation, problem.scene.window.shape))
+    filtered = replace(problem, scene=scene, grey=scene.grey)
+    linear = solve_linear(filtered, solution.parameters, render(scene, solution.parameters))
+    variance = variance_by_brightness(linear.residual, filtered.grey - linear.residual)
+    return replace(filtered, weight=robust_weight(linear.residual, variance))
+
+
+def _floor_basis(window: Window) -> NDArray[np.float64]:
+    """Grey value behind closed metal: scatter and glare vary slowly, as a quadratic in the nail's plane, shape (N, 6)."""
+    x, y = window.along_mm / 20.0, window.across_mm / 6.0
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
