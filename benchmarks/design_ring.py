@@ -1,9 +1,9 @@
 """Design the default calibration ring: `python -m benchmarks.design_ring` writes shared/parts/catalogue/ring-120.json.
 
-Wanted: 120 balls on two plates 76 mm apart; no two shadows touch, wherever the focal spot wanders; each plate covers the
-whole circle, so that source and distortion can be told apart everywhere; and no turned, mirrored or shifted copy of the
-pattern looks like the pattern. Points are thrown at random with a least distance between shadows (seeded), and spread
-over the plates by taking the farthest point in turn.
+Wanted: 120 balls on two plates 76 mm apart; no two shadows touch, wherever the focal spot wanders; each plate covers
+the whole circle, so that source and distortion can be told apart everywhere; and no turned, mirrored or shifted copy of
+the pattern looks like the pattern. Points are thrown at random with a least distance between shadows (seeded), and
+spread over the plates by taking the farthest point in turn.
 """
 
 import json

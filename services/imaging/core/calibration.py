@@ -13,7 +13,7 @@ from services.imaging.core.joint_estimate import (
     estimate_jointly,
     on_plane,
 )
-from services.imaging.core.judgement import judge, too_few_reason
+from services.imaging.core.judgement import judge, motion_reason, too_few_reason
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import find_ring
 from services.imaging.core.view import View, view_of
@@ -66,7 +66,8 @@ def _measure_twice(view: View, ring: RingPart, nominal: NominalGeometry) -> Acce
     nominal_source = NominalSource(source, np.array(_SOURCE_SD_MM))
     measured = view.measure(view.predicted, _FIRST_LOOK)
     if (few := too_few_reason(measured, ring)) is not None:
-        return Rejected((few,))
+        moved = motion_reason(view, measured)
+        return Rejected((few,) if moved is None else (moved, few))
     estimate = _estimate(view, measured, ring, source, nominal_source)
     measured = view.measure(_expected(view, measured, estimate, ring), _SECOND_LOOK)
     if (few := too_few_reason(measured, ring)) is not None:

@@ -30,13 +30,15 @@ def too_few_reason(measured: BallMeasurements, ring: RingPart) -> Reason | None:
 
 def judge(view: View, measured: BallMeasurements, model: SourceAndField) -> tuple[Reason, ...]:
     """Reasons against a calibration; none when it may be used."""
-    reasons = (_motion_reason(view, measured), _extrapolation_reason(view, model))
+    reasons = (motion_reason(view, measured), _extrapolation_reason(view, model))
     return tuple(r for r in reasons if r is not None)
 
 
-def _motion_reason(view: View, measured: BallMeasurements) -> Reason | None:
-    alone = measured.seen & ~measured.overlapped
-    moved = motion_blur_px(view.pixels, measured.centre_px[alone], measured.radius_px[alone])
+def motion_reason(view: View, measured: BallMeasurements) -> Reason | None:
+    """Refuse when the balls are smeared along one direction, whether or not each of them could be measured."""
+    alone = ~measured.overlapped
+    centre = np.where(measured.seen[:, None], measured.centre_px, view.predicted.centre_px)
+    moved = motion_blur_px(view.pixels, centre[alone], view.predicted.radius_px[alone])
     if moved <= MOTION_LIMIT_PX:
         return None
     return Reason(

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from shared.xray.measurement import measure_balls
+from tests.unit.shared.xray.discs_image import grid_of_centres, image_of_discs
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_isolated_balls_are_placed_to_five_hundredths_and_the_error_is_foretold(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    truth = grid_of_centres(rng)
+    radius = rng.choice([4.36, 7.1], len(truth))
+    pixels = image_of_discs(truth, radius, noise=0.006, seed=seed)
+    measured = measure_balls(pixels, truth + rng.normal(0.0, 0.6, truth.shape), 0.9 * radius)
+    assert measured.seen.all()
+    assert not measured.overlapped.any()
+    error = measured.centre_px - truth
+    assert np.sqrt(np.mean(error**2)) < 0.05
+    normalised = error / measured.standard_deviation_px[:, None]
+    assert 0.3 < np.sqrt(np.mean(normalised**2)) < 1.3  # the noise here is white: the factor for correlation is spare
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_overlapping_pairs_are_measured_together(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    first = grid_of_centres(rng, spacing_px=50)
+    angle = rng.uniform(0.0, 2.0 * np.pi, len(first))
+    second = first + 9.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    truth = np.concatenate([first, second])
+    radius = np.concatenate([np.full(len(first), 7.0), np.full(len(second), 4.36)])
+    pixels = image_of_discs(truth, radius, noise=0.006, seed=seed)
+    start = truth + rng.normal(0.0, 0.4, truth.shape)
+    measured = measure_balls(pixels, start, 0.93 * radius)
+    error = np.hypot(*(measured.centre_px - truth).T)[measured.seen]
+    assert measured.overlapped.all()
+    assert measured.seen.mean() > 0.97
+    assert np.sqrt(np.mean(error**2 / 2.0)) < 0.1
+    neighbours = measure_balls(pixels, start[: len(first)], 0.93 * radius[: len(first)], start[len(first) :], radius[-1:] * np.ones(len(first)))
+    alone = measure_balls(pixels, start[: len(first)], 0.93 * radius[: len(first)])
+    with_error = np.hypot(*(neighbours.centre_px - first).T)
+    alone_error = np.hypot(*(alone.centre_px - first).T)
+    assert np.sqrt(np.mean(with_error**2)) < 0.5 * np.sqrt(np.mean(alone_error**2))
+
+
+def test_a_ball_that_is_not_there_is_not_seen() -> None:
+    truth = np.array([[100.0, 100.0], [200.0, 120.0]])
+    pixels = image_of_discs(truth[:1], np.array([6.0]), noise=0.006, seed=8)
+    measured = measure_balls(pixels, truth, np.array([6.0, 6.0]))
+    assert measured.seen.tolist() == [True, False]
+
+
+def test_a_ball_cut_by_the_rim_is_not_seen() -> None:
+    truth = np.array([[100.0, 100.0]])
+    pixels = image_of_discs(truth, np.array([6.0]), noise=0.006, seed=9)
+    usable = np.ones(pixels.shape, bool)
+    usable[:, :97] = False
+    assert not measure_balls(pixels, truth, np.array([6.0]), usable=usable).seen[0]
+
+
+def test_a_neighbour_on_the_ball_itself_is_taken_for_the_ball() -> None:
+    truth = np.array([[150.0, 150.0]])
+    pixels = image_of_discs(truth, np.array([6.0]), noise=0.004, seed=10)
+    measured = measure_balls(pixels, truth, np.array([6.0]), truth + 0.8, np.array([6.0]))
+    assert measured.seen[0]
+    assert not measured.overlapped[0]
+    assert np.hypot(*(measured.centre_px[0] - truth[0])) < 0.1
+
+
+def test_nothing_asked_nothing_answered() -> None:
+    pixels = np.ones((50, 50), np.float32)
+    assert measure_balls(pixels, np.zeros((0, 2)), np.zeros(0)).seen.shape == (0,)
