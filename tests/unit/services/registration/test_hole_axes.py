@@ -1,0 +1,106 @@
+"""Hole axes in the guide's frame: against hand-placed parts, and their covariance against random errors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from services.registration.core.guide import GuideFit
+from services.registration.core.hole_axes import NailEstimate, hole_estimates
+from services.registration.core.passing import across_basis
+from services.registration.core.pose import Correspondences, RigidPose, refine_pose
+from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.parts import hole_surface_points
+from shared.geometry.transform import Transform
+from tests.unit.services.registration.xray_scene import calibration, guide_part, nail_part, posed_guide, posed_nail
+
+VIEW = calibration(1024)
+KNOWN_SOURCE = replace(VIEW, source_covariance_mm2=np.zeros((3, 3)))
+GUIDE_POSE = posed_guide(20.0, (4.0, -3.0, 630.0))
+NAIL_POSE = posed_nail(25.0, (2.0, -3.0), (1.0, 2.0, 740.0))
+
+
+def guide_fit(pose: Transform[Camera, Guide], covariance: NDArray[np.float64]) -> GuideFit:
+    part = guide_part()
+    px = VIEW.camera.project(pose.points(part.balls.position_mm))
+    count = len(part.balls)
+    return GuideFit(pose, covariance, px, np.ones(count, bool), px, np.full(count, 0.05), count, 0.05, 10)
+
+
+def test_entry_and_axis_are_those_of_the_composed_poses() -> None:
+    holes = hole_estimates(
+        VIEW, guide_part(), nail_part(), guide_fit(GUIDE_POSE, np.eye(6)), NailEstimate(NAIL_POSE, None, None)
+    )
+    assert [hole.id for hole in holes] == ["distal", "proximal"]
+    for hole, x_mm in zip(holes, (15.0, -15.0), strict=True):
+        entry_camera = NAIL_POSE @ np.array([x_mm, 0.0, -6.0])
+        assert GUIDE_POSE @ hole.entry_guide_mm == pytest.approx(entry_camera)
+        assert GUIDE_POSE @ hole.exit_guide_mm == pytest.approx(NAIL_POSE @ np.array([x_mm, 0.0, 6.0]))
+        assert GUIDE_POSE.directions(hole.axis_guide.direction) == pytest.approx(NAIL_POSE.rotation[:, 2])
+        assert hole.offset is None
+        assert hole.chance_to_pass is None
+
+
+def small_covariance(seed: int) -> NDArray[np.float64]:
+    """A correlated covariance of about 0.05 degrees and 0.05 mm."""
+    root = np.random.default_rng(seed).standard_normal((6, 6)) * 0.03
+    scale = np.diag([np.radians(1.0)] * 3 + [1.0] * 3)
+    return np.asarray(scale @ root @ root.T @ scale)
+
+
+def moved(pose: Transform[Camera, Guide], step: NDArray[np.float64]) -> Transform[Camera, Guide]:
+    small: Transform[Guide, Guide] = Transform.from_rotvec(step[:3], step[3:])
+    return pose @ small
+
+
+def test_covariance_is_that_of_random_pose_errors() -> None:
+    """Draw true poses around the estimated ones: the offsets of the true axis scatter as predicted."""
+    rng = np.random.default_rng(1)
+    guide_cov, nail_cov = small_covariance(2), small_covariance(3)
+    part = nail_part()
+    holes = hole_estimates(
+        KNOWN_SOURCE, guide_part(), part, guide_fit(GUIDE_POSE, guide_cov), NailEstimate(NAIL_POSE, nail_cov, 10.0)
+    )
+    guide_steps = rng.multivariate_normal(np.zeros(6), guide_cov, 3000)
+    nail_steps = rng.multivariate_normal(np.zeros(6), nail_cov, 3000)
+    drawn: list[NDArray[np.float64]] = []
+    hole = holes[0]
+    across = across_basis(hole.axis_guide.direction)
+    ends = np.stack(hole_surface_points(part, part.holes[0]))
+    for guide_step, nail_step in zip(guide_steps, nail_steps, strict=True):
+        camera_from_nail = RigidPose(NAIL_POSE.rotation, NAIL_POSE.translation_mm).moved(nail_step)
+        true = moved(GUIDE_POSE, guide_step).inverse().points(camera_from_nail.points(ends))
+        drawn.append(((true - np.stack([hole.entry_guide_mm, hole.exit_guide_mm])) @ across.T).ravel())
+    assert hole.offset is not None
+    sample = np.cov(np.array(drawn).T)
+    deviation = np.sqrt(np.diag(hole.offset.covariance_mm2))
+    assert np.abs(sample - hole.offset.covariance_mm2) / np.outer(deviation, deviation) == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_source_a_few_millimetres_off_costs_little_and_is_counted() -> None:
+    """One millimetre of the source's distance costs about 0.003 degrees near the image's centre."""
+    nail = NailEstimate(NAIL_POSE, np.zeros((6, 6)), 10.0)
+    fit = guide_fit(GUIDE_POSE, np.zeros((6, 6)))
+    for axis in range(3):
+        uncertain = np.zeros((3, 3))
+        uncertain[axis, axis] = 1.0
+        holes = hole_estimates(replace(VIEW, source_covariance_mm2=uncertain), guide_part(), nail_part(), fit, nail)
+        assert holes[0].offset is not None
+        print(f"axis {axis}: {holes[0].offset.axis_sd_deg:.4f} deg, {holes[0].offset.entry_sd_mm:.4f} mm")
+        assert 0.0 < holes[0].offset.axis_sd_deg < 0.02
+        assert 0.0 < holes[0].offset.entry_sd_mm < 0.1
+
+
+def test_pose_refinement_reaches_the_truth_past_outliers() -> None:
+    camera = PinholeCamera(VIEW.camera.intrinsic_matrix_px)
+    body = np.random.default_rng(4).uniform(-25.0, 25.0, (20, 3))
+    true = RigidPose(Rotation.from_euler("xyz", [10, -8, 50], degrees=True).as_matrix(), np.array([3.0, 5.0, 640.0]))
+    px = camera.project(true.points(body))
+    px[:3] += 30.0
+    start = true.moved(np.array([0.02, -0.03, 0.05, 1.0, -2.0, 6.0]))
+    found = refine_pose(camera, start, Correspondences(body, px, np.full(20, 0.1)))
+    assert found.rotation == pytest.approx(true.rotation, abs=1e-5)
+    assert found.translation_mm == pytest.approx(true.translation_mm, abs=5e-3)
