@@ -28,7 +28,7 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
 
     def connect() -> HexapodController:
         port = open_port(settings.controller_url, settings.controller_baud)
-        return GcsController(port, hexapod, settings.reply_timeout_s)
+        return GcsController(port, hexapod, settings.encoders, settings.reply_timeout_s)
 
     drive = Drive(connect, settings.reference_travel(), time.monotonic, settings.retry_s, runtime.fail)
 

@@ -99,9 +99,7 @@ class Drive:
 
     def supervision_lost(self, why: str) -> None:
         """Stop and lock if anything is under way."""
-        if self._status.state in UNDER_WAY:
-            self._stop_controller()
-            self._apply(Event.SUPERVISION_LOST, why)
+        self._apply(Event.SUPERVISION_LOST, why)
 
     def begin_move(self, command_id: str, guard: Guard) -> Refusal | None:
         """Begin a move that the motion table allows and the guard permits; None when begun."""

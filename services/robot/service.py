@@ -7,7 +7,7 @@ from typing import Self
 
 from services.robot import translate
 from services.robot.core.envelope import CommandLedger, Envelope, Repeat
-from services.robot.core.guard import GuardLimits, PermittedMove, Situation, check_move
+from services.robot.core.guard import GuardLimits, PermittedMove, Situation, check_move, check_supervision
 from services.robot.core.plans import PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.status import UNDER_WAY, DriveStatus
@@ -128,7 +128,7 @@ class RobotService:
         return self._once(envelope, lambda: self._begin_move(move.envelope.command_id, plan, move.approval.plan_sha256))
 
     def _on_reference(self, query: Query) -> Answer:
-        return self._on_plain(query, "reference", self._drive.begin_reference)
+        return self._on_plain(query, "reference", self._begin_reference)
 
     def _on_acknowledge_stop(self, query: Query) -> Answer:
         return self._on_plain(query, "acknowledge_stop", lambda _: self._drive.acknowledge_stop())
@@ -172,6 +172,10 @@ class RobotService:
             return permitted
 
         return self._drive.begin_move(command_id, guard)
+
+    def _begin_reference(self, command_id: str) -> Refusal | None:
+        unwatched = check_supervision(self._situation(self._drive.status))
+        return unwatched or self._drive.begin_reference(command_id)
 
     def _situation(self, status: DriveStatus) -> Situation:
         now_s = self._parts.clock_s()

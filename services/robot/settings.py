@@ -1,12 +1,13 @@
 """What the robot service is started with (`DISTALOCK_ROBOT_...`, or the table `[robot]` of the configuration file)."""
 
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from services.robot.core.guard import GuardLimits
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
+from services.robot.devices.gcs_controller import Encoders
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
 from shared.runtime.settings import ServiceSettings
 
@@ -25,8 +26,8 @@ class RobotSettings(ServiceSettings):
     reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = 0.25
     retry_s: PositiveSeconds = Field(1.0, description="Time between attempts to reach the controller.")
     hexapod_file: Path = Field(DEFAULT_HEXAPOD, description="The robot's geometry, `distalock/hexapod/1`.")
-    encoders: Literal["absolute", "incremental"] = Field(
-        "absolute", description="Incremental ones move for reference: only with the guide off the bone."
+    encoders: Encoders = Field(
+        Encoders.ABSOLUTE, description="Incremental ones move for reference: only with the guide off the bone."
     )
     largest_step_mm: Annotated[float, Field(gt=0.0, le=40.0)] = 20.0
     largest_step_deg: Annotated[float, Field(gt=0.0, le=30.0)] = 12.0
@@ -41,4 +42,4 @@ class RobotSettings(ServiceSettings):
 
     def reference_travel(self) -> Deviation:
         """How far the robot may move for reference."""
-        return READ_BACK_TOLERANCE if self.encoders == "absolute" else Deviation(40.0, 60.0)
+        return READ_BACK_TOLERANCE if self.encoders is Encoders.ABSOLUTE else Deviation(40.0, 60.0)

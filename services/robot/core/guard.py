@@ -82,6 +82,11 @@ def check_move(plan: PlannedMove, approved_sha256: str, situation: Situation) ->
     return _permitted(plan, situation.hexapod)
 
 
+def check_supervision(situation: Situation) -> Refusal | None:
+    """Whether somebody watches over what is about to begin (a move, or reference); None when so."""
+    return next(_supervision(situation), None)
+
+
 def _refusals(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterator[Refusal]:
     yield from _supervision(now)
     yield from _approval(plan, approved_sha256, now)

@@ -10,6 +10,8 @@ from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading,
 from shared.geometry.hexapod import PlatformPose
 
 STOPPED_BY_COMMAND = 10
+STOP_BUTTON = 500
+STOP_CODES = (STOPPED_BY_COMMAND, STOP_BUTTON)
 PATH_TOLERANCE = Deviation(0.5, 0.5)
 SETTLE_S = 1.0
 REFERENCE_TIMEOUT_S = 60.0
@@ -20,7 +22,10 @@ ERROR_SENTENCES = {
     5: "an axis is not referenced or its servo is off; reset and reference again",
     7: "a target is outside the controller's limits; compare its limits with the hexapod file",
     8: "a velocity is outside the controller's limits; compare its limits with the hexapod file",
-    10: "the controller was stopped by a command",
+    9: "the pivot cannot be changed while the platform is turned; drive it to U V W = 0 with the maker's program",
+    STOPPED_BY_COMMAND: "the controller was stopped by a command",
+    STOP_BUTTON: "the controller's stop button is pressed; find out why, release it, then acknowledge the stop",
+    -1024: "a leg does not follow (motion error): something holds the robot; free it, reset and reference again",
 }
 
 
@@ -61,11 +66,9 @@ def judge_at_rest(state: MotionState, reading: ControllerReading) -> Finding | N
     """Check a robot that is to stand still and locked (`locked`, `unreferenced`, `stopped`)."""
     if reading.moving:
         return Finding(Event.FAULT_SEEN, f"the robot moves in the state '{state.value}'; keep clear of it")
-    if reading.error_code == STOPPED_BY_COMMAND:
-        if state is MotionState.STOPPED:
-            return None
-        return Finding(Event.CONTROLLER_STOPPED, "the controller reports a stop that this service did not ask for")
-    if reading.error_code:
+    if reading.error_code in STOP_CODES and state is not MotionState.STOPPED:
+        return Finding(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(reading.error_code)}")
+    if reading.error_code not in (0, *STOP_CODES):
         return Finding(Event.FAULT_SEEN, error_sentence(reading.error_code))
     if not reading.locked:
         return Finding(
@@ -80,8 +83,8 @@ def judge_at_rest(state: MotionState, reading: ControllerReading) -> Finding | N
 
 def judge_moving(move: MoveUnderWay, reading: ControllerReading, now_s: float) -> Finding | None:
     """Check a robot that is carrying out a move; None means go on."""
-    if reading.error_code == STOPPED_BY_COMMAND:
-        return Finding(Event.CONTROLLER_STOPPED, "the controller reports a stop that this service did not ask for")
+    if reading.error_code in STOP_CODES:
+        return Finding(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(reading.error_code)}")
     if reading.error_code:
         return Finding(Event.FAULT_SEEN, error_sentence(reading.error_code))
     if not (reading.unlocked and reading.referenced):
@@ -121,8 +124,8 @@ def judge_referencing(
     before: PlatformPose, reading: ControllerReading, lasted_s: float, allowed: Deviation
 ) -> Finding | None:
     """Check a robot that is being referenced; it may move by `allowed` (nothing, with absolute encoders)."""
-    if reading.error_code == STOPPED_BY_COMMAND:
-        return Finding(Event.CONTROLLER_STOPPED, "the controller was stopped during reference")
+    if reading.error_code in STOP_CODES:
+        return Finding(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(reading.error_code)}")
     if reading.error_code:
         return Finding(Event.FAULT_SEEN, error_sentence(reading.error_code))
     moved = deviation(before, reading.pose)

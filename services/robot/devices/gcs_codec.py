@@ -58,10 +58,10 @@ def parse_axis_values(lines: Sequence[str], axes: Sequence[str], question: str) 
     for line in lines:
         axis, equals, text = line.strip().partition("=")
         if not equals or axis not in axes or axis in found:
-            raise _garbled(question, lines)
+            raise garbled(question, lines)
         found[axis] = _parse_float(text, question, lines)
     if len(found) != len(axes):
-        raise _garbled(question, lines)
+        raise garbled(question, lines)
     return tuple(found[axis] for axis in axes)
 
 
@@ -69,7 +69,7 @@ def parse_switches(lines: Sequence[str], axes: Sequence[str], question: str) -> 
     """Like `parse_axis_values`, for values that are 0 or 1."""
     values = parse_axis_values(lines, axes, question)
     if not set(values) <= {0.0, 1.0}:
-        raise _garbled(question, lines)
+        raise garbled(question, lines)
     return tuple(value == 1.0 for value in values)
 
 
@@ -87,7 +87,7 @@ def parse_integer(lines: Sequence[str], question: str) -> int:
     """One bare whole number."""
     text = _only_line(lines, question)
     if not re.fullmatch(r"[+-]?\d{1,6}", text, re.ASCII):
-        raise _garbled(question, lines)
+        raise garbled(question, lines)
     return int(text)
 
 
@@ -95,7 +95,7 @@ def parse_motion_status(lines: Sequence[str]) -> bool:
     """Whether any axis moves, from the answer to the single byte 5: a hexadecimal bit mask of moving axes."""
     text = _only_line(lines, "#5")
     if not _HEXADECIMAL.fullmatch(text):
-        raise _garbled("#5", lines)
+        raise garbled("#5", lines)
     return int(text, 16) != 0
 
 
@@ -103,7 +103,7 @@ def parse_axis_names(lines: Sequence[str], question: str) -> tuple[str, ...]:
     """Names of axes, one a line."""
     names = tuple(line.strip() for line in lines)
     if not all(re.fullmatch(r"[A-Za-z0-9]{1,8}", name, re.ASCII) for name in names):
-        raise _garbled(question, lines)
+        raise garbled(question, lines)
     return names
 
 
@@ -111,26 +111,27 @@ def parse_text(lines: Sequence[str], question: str) -> str:
     """One line of printable text."""
     text = _only_line(lines, question)
     if not text or not text.isprintable():
-        raise _garbled(question, lines)
+        raise garbled(question, lines)
     return text
 
 
 def _only_line(lines: Sequence[str], question: str) -> str:
     if len(lines) != 1:
-        raise _garbled(question, lines)
+        raise garbled(question, lines)
     return lines[0].strip()
 
 
 def _parse_float(text: str, question: str, lines: Sequence[str]) -> float:
     if not _NUMBER.fullmatch(text.strip()):
-        raise _garbled(question, lines)
+        raise garbled(question, lines)
     value = float(text)
     if not math.isfinite(value):
-        raise _garbled(question, lines)
+        raise garbled(question, lines)
     return value
 
 
-def _garbled(question: str, lines: Sequence[str]) -> ReplyGarbled:
+def garbled(question: str, lines: Sequence[str]) -> ReplyGarbled:
+    """The error for an answer that is none."""
     shown = " | ".join(lines)
     shown = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "..."
     return ReplyGarbled(

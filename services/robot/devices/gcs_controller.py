@@ -1,11 +1,12 @@
 """A hexapod controller that speaks PI GCS 2.0."""
 
+from enum import StrEnum
 from functools import partial
 
 import numpy as np
 
 from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, deviation
-from services.robot.core.supervision import STOPPED_BY_COMMAND, error_sentence
+from services.robot.core.supervision import STOP_CODES, error_sentence
 from services.robot.devices import gcs_codec as codec
 from services.robot.devices.controller import StopInForce
 from services.robot.devices.gcs_line import GcsLine, Port
@@ -26,6 +27,13 @@ WRITTEN_TOLERANCE = 1e-4
 SPEED_TOLERANCE_MM_PER_S = 1e-3
 
 
+class Encoders(StrEnum):
+    """Absolute encoders know where they are: `FRF` moves nothing. Incremental ones must move for reference."""
+
+    ABSOLUTE = "absolute"
+    INCREMENTAL = "incremental"
+
+
 class GcsController:
     """The controller behind a port, stopped and locked as found or made so.
 
@@ -35,7 +43,14 @@ class GcsController:
         When it does not answer, is not a GCS 2.0 hexapod with the axes X Y Z U V W, or cannot be locked.
     """
 
-    def __init__(self, port: Port, hexapod: HexapodPart, reply_timeout_s: float = REPLY_TIMEOUT_S) -> None:
+    def __init__(
+        self,
+        port: Port,
+        hexapod: HexapodPart,
+        encoders: Encoders = Encoders.ABSOLUTE,
+        reply_timeout_s: float = REPLY_TIMEOUT_S,
+    ) -> None:
+        self._encoders = encoders
         self._line = GcsLine(port, STOP_AND_LOCK, MARKER, reply_timeout_s)
         try:
             self._line.stop_now()
@@ -72,7 +87,9 @@ class GcsController:
         )
 
     def reference(self) -> None:
-        """Begin reference of all axes."""
+        """Begin reference of all axes: locked with absolute encoders, unlocked with incremental ones."""
+        if self._encoders is Encoders.INCREMENTAL:
+            self._unlock()
         self._line.write_unless_stopped(b"FRF " + " ".join(AXES).encode("ascii") + b"\n")
         self._refuse_errors("reference")
 
@@ -81,9 +98,7 @@ class GcsController:
         self._check_no_pending_target()
         self._set_speed(speed_mm_per_s)
         self._check_reachable(target)
-        self._line.write_unless_stopped(SERVOS_ON)
-        self._line.write_unless_stopped(BRAKES_OFF)
-        self._refuse_errors("unlock")
+        self._unlock()
         self._line.write_unless_stopped(codec.command("MOV", codec.pose_values(target)))
         self._refuse_errors("move")
         self._check_target(target)
@@ -100,7 +115,7 @@ class GcsController:
                 f"the robot does not lock: brakes off on {off}, servos on on {on}; do not drill, switch it off"
             )
         code = self._error_code()
-        if code not in (0, STOPPED_BY_COMMAND):
+        if code not in (0, *STOP_CODES):
             raise DeviceError(f"locking the robot failed: {error_sentence(code)}")
 
     def stop_now(self) -> None:
@@ -114,6 +129,12 @@ class GcsController:
     def close(self) -> None:
         """Leave the line."""
         self._line.close()
+
+    def _unlock(self) -> None:
+        self._line.write_unless_stopped(SERVOS_ON)
+        self._refuse_errors("switch the servos on")
+        self._line.write_unless_stopped(BRAKES_OFF)
+        self._refuse_errors("release the brakes")
 
     def _check_axes(self) -> None:
         axes = self._line.ask(codec.query("SAI"), partial(codec.parse_axis_names, question="SAI?"))
@@ -164,16 +185,19 @@ class GcsController:
     def _check_target(self, target: PlatformPose) -> None:
         taken = self._pose("MOV")
         apart = float(np.abs(taken.as_array() - target.as_array()).max())
-        if not apart <= WRITTEN_TOLERANCE:
+        if apart <= WRITTEN_TOLERANCE:
+            return
+        try:
+            self._refuse_errors("move")  # a stop or a fault between command and question explains it better
+        finally:
             self.stop_now()
-            raise DeviceError(
-                f"the controller took the target {taken} for {target}, {apart:.6f} apart; "
-                "it was stopped, check the cable"
-            )
+        raise DeviceError(
+            f"the controller took the target {taken} for {target}, {apart:.6f} apart; it was stopped, check the cable"
+        )
 
     def _refuse_errors(self, doing: str) -> None:
         code = self._error_code()
-        if code == STOPPED_BY_COMMAND:
+        if code in STOP_CODES:
             raise StopInForce(f"could not {doing}: {error_sentence(code)}")
         if code:
             self.stop_now()

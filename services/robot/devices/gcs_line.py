@@ -16,13 +16,14 @@ import os
 import queue
 import socket
 import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
 import serial
 
 from services.robot.devices.controller import StopInForce
-from services.robot.devices.gcs_codec import ReplyGarbled
+from services.robot.devices.gcs_codec import ReplyGarbled, garbled
 from shared.errors import DeviceError
 
 READ_POLL_S = 0.05
@@ -120,11 +121,15 @@ class GcsLine:
         ControllerSilent
             When no answer comes in time.
         ReplyGarbled
-            When three answers in a row are garbled.
+            When three answers are garbled, or time runs out over it: who asks may have a motion to watch.
         """
+        deadline_s = time.monotonic() + self._reply_timeout_s
         for _ in range(READ_ATTEMPTS - 1):
-            with contextlib.suppress(ReplyGarbled):
+            try:
                 return self.ask_once(question, parse)
+            except ReplyGarbled:
+                if time.monotonic() > deadline_s:
+                    raise
         return self.ask_once(question, parse)
 
     def ask_once(self, question: bytes, parse: Callable[[list[str]], T]) -> T:
@@ -179,11 +184,19 @@ class GcsLine:
         """Discard answers that come late until the marker's has come: answers keep their order."""
         self._forget_partial.set()
         self.write(self._marker_question)
+        last: list[str] = []
         for _ in range(MOST_STALE_REPLIES):
-            if self._next_reply(self._marker_question) == self._marker_answer:
+            try:
+                reply = self._next_reply(self._marker_question)
+            except ControllerSilent:
+                if last:
+                    raise garbled("SAI?", last) from None
+                raise
+            if reply == self._marker_answer:
                 self._in_step = True
                 return
-        raise ControllerSilent("the controller keeps sending what was not asked for; switch it off and on again")
+            last = reply
+        raise garbled("SAI?", last)
 
     def _next_reply(self, question: bytes) -> list[str]:
         try:

@@ -33,6 +33,7 @@ class FakeGcs:
         self.broken: OSError | None = None
         self.brakes_hold = True
         self.reachable = True
+        self.pressed = False
         self.closed = False
         self.spoil: Callable[[bytes, bytes], bytes] = lambda _question, answer: answer
         self.disturb: Callable[[bytes], bytes] = lambda message: message
@@ -135,8 +136,13 @@ class FakeGcs:
             self.error = 2
 
     def _command(self, name: str, arguments: list[str]) -> None:
+        if name == "FRF":
+            self.referenced |= dict.fromkeys(arguments, 1)
+            return
         values = _pairs(arguments)
         match name:
+            case "SVO" if self.pressed and any(values.values()):
+                self.error = 500
             case "SVO":
                 self.servo |= {axis: int(value) for axis, value in values.items()}
             case "BRA":
@@ -146,8 +152,6 @@ class FakeGcs:
                 self.speed = float(arguments[0])
             case "SPI":
                 self.pivot |= values
-            case "FRF":
-                self.referenced |= dict.fromkeys(arguments, 1)
             case "MOV" if all(self.servo.values()) and all(self.referenced.values()):
                 self.target |= values
                 self.moving = True

@@ -225,7 +225,7 @@ def test_a_stop_by_the_controllers_own_button_is_noticed(bench: Bench) -> None:
     bench.controller.stop_now()
     bench.work(1)
     assert bench.has(MotionState.STOPPED)
-    assert "did not ask for" in bench.drive.status.detail
+    assert "not by this service: the controller was stopped by a command" in bench.drive.status.detail
 
 
 def test_reference_that_moves_an_absolute_robot_is_a_fault(bench: Bench) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from services.robot.devices.controller import StopInForce
 from services.robot.devices.gcs_codec import ReplyGarbled
-from services.robot.devices.gcs_controller import STOP_AND_LOCK, GcsController
+from services.robot.devices.gcs_controller import STOP_AND_LOCK, Encoders, GcsController
 from services.robot.devices.gcs_line import ControllerSilent, open_port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
@@ -175,6 +175,29 @@ def test_a_brake_that_does_not_go_on_is_told(gcs: FakeGcs, released: GcsControll
     gcs.brakes_hold = False
     with pytest.raises(DeviceError, match=r"does not lock: brakes off on \['X', 'Y', 'Z', 'U', 'V', 'W'\]"):
         released.lock()
+
+
+def test_reference_with_absolute_encoders_stays_locked(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.referenced = dict.fromkeys(gcs.referenced, 0)
+    gcs.messages.clear()
+    released.reference()
+    assert released.read().referenced
+    assert not any(m.startswith(b"SVO X") for m in gcs.messages)
+
+
+def test_reference_with_incremental_encoders_unlocks(gcs: FakeGcs) -> None:
+    controller = GcsController(gcs, HEXAPOD, Encoders.INCREMENTAL)
+    controller.release_stop()
+    controller.reference()
+    assert controller.read().unlocked
+    controller.close()
+
+
+def test_the_controllers_own_stop_button_holds_a_move_back(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.pressed = True
+    with pytest.raises(StopInForce, match="the controller's stop button is pressed"):
+        released.move(TARGET, 1.0)
+    assert gcs.locked
 
 
 def test_silence_is_told_with_the_question_and_the_limit(gcs: FakeGcs, controller: GcsController) -> None:

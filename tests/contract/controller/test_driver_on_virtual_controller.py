@@ -1,0 +1,269 @@
+"""Our driver against the virtual controller, over TCP and over a pseudo-terminal: what both must agree on."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+
+import pytest
+
+from services.robot.core.guard import PermittedMove
+from services.robot.core.motion import MotionState
+from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation, deviation
+from services.robot.core.status import DriveStatus
+from services.robot.devices.gcs_controller import Encoders, GcsController
+from services.robot.devices.gcs_line import ControllerSilent, open_port
+from services.robot.drive import Drive
+from shared.errors import DeviceError
+from shared.geometry.hexapod import ZERO_POSE, PlatformPose
+from shared.parts.hexapod_file import default_hexapod
+from simulation.controller import hexapod_model
+from simulation.controller.faults import Fault
+from simulation.controller.servers import tcp_server, terminal_server
+from simulation.controller.virtual_controller import VirtualController
+
+HEXAPOD = default_hexapod()
+NEAR = PlatformPose(0.2, -0.1, 0.1, 0.1, -0.1, 0.2)
+FAR = PlatformPose(6.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+WAIT_S = 20.0
+
+
+@pytest.fixture
+def virtual() -> VirtualController:
+    return VirtualController(HEXAPOD, time.monotonic)
+
+
+@pytest.fixture(params=["tcp", "pty"])
+def url(request: pytest.FixtureRequest, virtual: VirtualController) -> Iterator[str]:
+    server: AbstractContextManager[int | str] = (
+        tcp_server(virtual) if request.param == "tcp" else terminal_server(virtual)
+    )
+    with server as place:
+        yield f"socket://127.0.0.1:{place}" if isinstance(place, int) else place
+
+
+@pytest.fixture
+def controller(url: str) -> Iterator[GcsController]:
+    connected = GcsController(open_port(url, 115200), HEXAPOD)
+    yield connected
+    connected.close()
+
+
+@pytest.fixture
+def referenced(controller: GcsController) -> GcsController:
+    controller.release_stop()
+    controller.reference()
+    wait_until(lambda: controller.read().referenced)
+    return controller
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + WAIT_S
+    while not condition():
+        assert time.monotonic() < deadline, "did not come true in time"
+
+
+def test_connecting_finds_a_locked_controller_that_says_what_it_is(
+    controller: GcsController, virtual: VirtualController
+) -> None:
+    assert "simulated" in controller.identity
+    reading = controller.read()
+    assert (reading.locked, reading.moving, reading.referenced, reading.error_code) == (True, False, False, 0)
+    assert virtual.snapshot().brake_on
+
+
+def test_reference_with_absolute_encoders_moves_nothing(referenced: GcsController, virtual: VirtualController) -> None:
+    assert virtual.snapshot().measured_pose == HEXAPOD.home_pose
+    assert referenced.read().locked
+
+
+def test_reference_with_incremental_encoders_unlocks_and_moves_home() -> None:
+    virtual = VirtualController(HEXAPOD, time.monotonic, encoders=hexapod_model.Encoders.INCREMENTAL)
+    with tcp_server(virtual) as port:
+        controller = GcsController(open_port(f"socket://127.0.0.1:{port}", 115200), HEXAPOD, Encoders.INCREMENTAL)
+        controller.release_stop()
+        controller.reference()
+        wait_until(lambda: controller.read().referenced)
+        controller.lock()
+        assert controller.read().locked
+        controller.close()
+
+
+def test_a_move_arrives_and_locks(referenced: GcsController, virtual: VirtualController) -> None:
+    referenced.move(NEAR, 2.0)
+    wait_until(lambda: referenced.read().on_target)
+    referenced.lock()
+    reading = referenced.read()
+    assert not deviation(NEAR, reading.pose).exceeds(READ_BACK_TOLERANCE)
+    assert reading.locked
+    assert not virtual.snapshot().was_unheld
+
+
+def test_a_stop_in_a_move_is_at_once_and_the_position_is_known(
+    referenced: GcsController, virtual: VirtualController
+) -> None:
+    referenced.move(FAR, 2.0)
+    assert referenced.read().moving
+    asked_s = time.monotonic()
+    referenced.stop_now()
+    wait_until(lambda: virtual.snapshot().brake_on and not virtual.snapshot().servo_on)
+    assert time.monotonic() - asked_s < 0.2
+    reading = referenced.read()
+    assert reading.locked
+    assert not deviation(virtual.snapshot().measured_pose, reading.pose).exceeds(Deviation(0.001, 0.001))
+    assert reading.pose.x_mm < FAR.x_mm - 1.0
+
+
+def test_after_a_stop_the_next_move_begins_where_it_stands(
+    referenced: GcsController, virtual: VirtualController
+) -> None:
+    referenced.move(FAR, 2.0)
+    referenced.stop_now()
+    referenced.lock()
+    stood = virtual.snapshot().measured_pose
+    referenced.release_stop()
+    referenced.move(stood, 2.0)
+    wait_until(lambda: referenced.read().on_target)
+    assert not deviation(stood, virtual.snapshot().measured_pose).exceeds(Deviation(0.002, 0.002))
+
+
+def test_a_target_out_of_reach_is_refused_while_locked(referenced: GcsController, virtual: VirtualController) -> None:
+    with pytest.raises(DeviceError, match="cannot reach the target"):
+        referenced.move(PlatformPose(0.0, 0.0, 12.0, 0.0, 0.0, 0.0), 2.0)
+    assert virtual.snapshot().brake_on
+
+
+def test_a_speed_beyond_the_limit_is_refused(referenced: GcsController) -> None:
+    with pytest.raises(DeviceError, match="velocity is outside the controller's limits"):
+        referenced.move(NEAR, 5.0)
+
+
+def test_silence_and_garbage_become_sentences(referenced: GcsController, virtual: VirtualController) -> None:
+    virtual.inject(Fault.GARBAGE_REPLY)
+    with pytest.raises(DeviceError, match="check the cable"):
+        referenced.read()
+    virtual.clear(Fault.GARBAGE_REPLY)
+    virtual.inject(Fault.SILENCE)
+    with pytest.raises(ControllerSilent, match="silent"):
+        referenced.read()
+    virtual.clear(Fault.SILENCE)
+    assert referenced.read().locked
+
+
+def test_connecting_to_a_moving_robot_stops_and_locks_it(referenced: GcsController, virtual: VirtualController) -> None:
+    referenced.move(FAR, 2.0)
+    referenced.close()
+    with tcp_server(virtual) as port:
+        again = GcsController(open_port(f"socket://127.0.0.1:{port}", 115200), HEXAPOD)
+        reading = again.read()
+        again.close()
+    assert (reading.locked, reading.moving) == (True, False)
+    assert not virtual.snapshot().moving
+
+
+# The drive on top: the whole way from a request to a locked guide, and every fault of the virtual controller.
+
+
+@pytest.fixture
+def drive(url: str) -> Iterator[Drive]:
+    def connect() -> GcsController:
+        return GcsController(open_port(url, 115200), HEXAPOD)
+
+    crashes: list[str] = []
+    made = Drive(connect, READ_BACK_TOLERANCE, time.monotonic, 0.1, crashes.append)
+    made.start()
+    yield made
+    made.close()
+    assert crashes == []
+
+
+def reach(drive: Drive, condition: Callable[[DriveStatus], bool]) -> DriveStatus:
+    deadline = time.monotonic() + WAIT_S
+    status = drive.status
+    while not condition(status):
+        assert time.monotonic() < deadline, f"not reached in time: {status}"
+        status = drive.wait_for_change(status, 0.1)
+    return status
+
+
+def make_ready(drive: Drive) -> None:
+    reach(drive, lambda s: s.state is MotionState.STOPPED and s.fresh_reading(time.monotonic()) is not None)
+    assert drive.acknowledge_stop() is None
+    reach(drive, lambda s: s.state is MotionState.UNREFERENCED and s.fresh_reading(time.monotonic()) is not None)
+    assert drive.begin_reference("r1") is None
+    reach(drive, lambda s: s.state is MotionState.LOCKED and s.outcome == "reached")
+
+
+def begin(drive: Drive, target: PlatformPose, seconds: float) -> None:
+    def permit(_: DriveStatus) -> PermittedMove:
+        return PermittedMove("a" * 64, ZERO_POSE, target, 2.0, seconds)
+
+    assert drive.begin_move("m1", permit) is None
+
+
+def is_locked(status: DriveStatus) -> bool:
+    reading = status.fresh_reading(time.monotonic())
+    return reading is not None and reading.locked
+
+
+def test_the_drive_moves_to_a_target_and_locks(drive: Drive, virtual: VirtualController) -> None:
+    make_ready(drive)
+    begin(drive, NEAR, 0.2)
+    status = reach(drive, lambda s: s.state is MotionState.LOCKED and s.deviation is not None)
+    assert status.outcome == "reached"
+    snapshot = virtual.snapshot()
+    assert snapshot.brake_on
+    assert not snapshot.servo_on
+    assert not snapshot.was_unheld
+    assert not deviation(NEAR, snapshot.measured_pose).exceeds(READ_BACK_TOLERANCE)
+
+
+def test_the_drive_stops_within_a_fifth_of_a_second(drive: Drive, virtual: VirtualController) -> None:
+    make_ready(drive)
+    begin(drive, FAR, 3.0)
+    wait_until(lambda: virtual.snapshot().moving)
+    asked_s = time.monotonic()
+    drive.stop("test")
+    wait_until(lambda: virtual.snapshot().brake_on and not virtual.snapshot().servo_on)
+    assert time.monotonic() - asked_s < 0.2
+    status = reach(drive, is_locked)
+    assert (status.state, status.outcome) == (MotionState.STOPPED, "stopped")
+
+
+@pytest.mark.parametrize(
+    ("fault", "state", "words"),
+    [
+        (Fault.SILENCE, MotionState.FAULT, "silent"),
+        (Fault.GARBAGE_REPLY, MotionState.FAULT, "not an answer"),
+        (Fault.LEG_STALL, MotionState.FAULT, "beside its path|motion error|does not call it reached|lost during"),
+        (Fault.SERVO_ERROR, MotionState.FAULT, "motion error"),
+        (Fault.EMERGENCY_STOP, MotionState.STOPPED, "stop button is pressed"),
+    ],
+)
+def test_every_fault_ends_a_move(
+    drive: Drive, virtual: VirtualController, fault: Fault, state: MotionState, words: str
+) -> None:
+    make_ready(drive)
+    begin(drive, FAR, 3.0)
+    wait_until(lambda: virtual.snapshot().moving)
+    virtual.inject(fault)
+    status = reach(drive, lambda s: s.state is not MotionState.MOVING)
+    assert status.state is state
+    assert any(word in status.detail for word in words.split("|")), status.detail
+    virtual.clear(fault)
+    wait_until(lambda: virtual.snapshot().brake_on and not virtual.snapshot().servo_on)
+
+
+def test_a_controller_that_is_not_there_yet_is_waited_for(virtual: VirtualController) -> None:
+    with tcp_server(virtual) as port:
+        url = f"socket://127.0.0.1:{port}"
+
+    def connect() -> GcsController:
+        return GcsController(open_port(url, 115200), HEXAPOD)
+
+    drive = Drive(connect, READ_BACK_TOLERANCE, time.monotonic, 0.05, lambda _: None)
+    drive.start()
+    status = reach(drive, lambda s: "cannot be reached" in s.detail)
+    assert status.state is MotionState.DISCONNECTED
+    with tcp_server(virtual, port=port):
+        reach(drive, lambda s: s.state is MotionState.STOPPED)
+        drive.close()
