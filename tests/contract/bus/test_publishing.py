@@ -18,14 +18,23 @@ def test_sample_arrives_whole(room: Room) -> None:
         got.wait_for(Sample("whole/a", b"payload", b"header"))
 
 
-def test_frame_of_four_megabytes_arrives(room: Room) -> None:
+def test_frames_of_four_megabytes_arrive(room: Room) -> None:
     got: Collector[tuple[int, bytes]] = Collector()
+    arrived = threading.Event()
+
+    def handler(sample: Sample) -> None:
+        got.add((len(sample.payload), sample.attachment))
+        arrived.set()
+
     with room.open() as sender, room.open() as receiver:
         publisher = sender.publisher("frame/a")
-        receiver.subscribe("frame/a", lambda s: got.add((len(s.payload), s.attachment)))
+        receiver.subscribe("frame/a", handler)
         until_known(receiver, sender)
-        publisher.put(bytes(4 * 1024 * 1024), b"header")
-        got.wait_for((4 * 1024 * 1024, b"header"))
+        for _ in range(5):  # streams may drop, and on a busy machine the first frame of a session sometimes is
+            publisher.put(bytes(4 * 1024 * 1024), b"header")
+            if arrived.wait(PATIENCE_S / 5):
+                break
+    assert set(got.items) == {(4 * 1024 * 1024, b"header")}
 
 
 def test_wildcards_cover_one_chunk_or_many(room: Room) -> None:
