@@ -15,7 +15,7 @@ from distalock.case_client import CaseClient
 from distalock.installation import Installation, Ports
 from distalock.procedure import Ending, Outcome, Procedure, Tell
 from distalock.rest_client import RestClient
-from distalock.room_client import RoomClient
+from distalock.room_client import RoomClient, TrueError
 from shared.errors import ConfigurationError
 
 EXIT_CODES: Final = {Ending.DRILLED: 0, Ending.MISSED: 1, Ending.REFUSED: 3}
@@ -98,21 +98,21 @@ def _progress(console: Console) -> Tell:
 
 def outcome_table(outcome: Outcome) -> Table:
     """True errors of each guide hole's axis before and after, and where the drills went."""
-    table = Table(title=f"true errors of the guide's axes; {outcome.shots} shots, {outcome.moves} moves")
-    table.add_column("hole")
-    for name in ("entry before", "exit before", "angle before", "entry after", "exit after", "angle after", "drill"):
-        table.add_column(name, justify="right")
+    table = Table(title="true errors of the guide's axes: at the nail hole's entry and exit, and their angle")
+    table.add_column("hole", no_wrap=True)
+    for name in ("before", "after", "drill"):
+        table.add_column(name, justify="right", no_wrap=True)
     drills = {d.hole_id: d for d in outcome.drills}
     for before, after in zip(outcome.before, outcome.after, strict=True):
         drill = drills.get(before.hole_id)
         fate = "not drilled" if drill is None else "passed" if drill.passed else f"struck {drill.struck}"
-        figures = [
-            text
-            for e in (before, after)
-            for text in (f"{e.entry_offset_mm:.2f} mm", f"{e.exit_offset_mm:.2f} mm", f"{e.angle_deg:.2f}°")
-        ]
-        table.add_row(before.hole_id, *figures, fate)
+        table.add_row(before.hole_id, _figures(before), _figures(after), fate)
+    table.caption = f"{outcome.shots} X-ray shots, {outcome.moves} moves"
     return table
+
+
+def _figures(error: TrueError) -> str:
+    return f"{error.entry_offset_mm:.2f} mm  {error.exit_offset_mm:.2f} mm  {error.angle_deg:.2f}°"
 
 
 def conclusion(outcome: Outcome) -> str:

@@ -94,6 +94,21 @@ class Fleet:
         lines = self._log_file(name).read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else "it wrote nothing"
 
+    def restart(self, name: str) -> None:
+        """Start a process again, after ending it if it still runs.
+
+        Raises
+        ------
+        ConfigurationError
+            When it does not start.
+        """
+        spec, process = next(entry for entry in self._running if entry[0].name == name)
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            _wait_or_kill(process)
+        self._running.remove((spec, process))
+        self._start(spec)
+
     def stop(self) -> None:
         """End every process, the last started first; those that do not leave in time are killed."""
         for _, process in reversed(self._running):
@@ -106,7 +121,7 @@ class Fleet:
         return self._log_dir / f"{name}.log"
 
     def _start(self, spec: ProcessSpec) -> None:
-        with self._log_file(spec.name).open("wb") as log:
+        with self._log_file(spec.name).open("ab") as log:
             # A session of its own: Ctrl-C reaches only us, and we stop the others in order.
             process = subprocess.Popen(
                 [sys.executable, "-m", spec.module, *spec.arguments],
