@@ -68,6 +68,7 @@ class ImagingService:
         self._frames = bus.publisher(runtime.keys.frame)
         self._calibrations = bus.retained_publisher(runtime.keys.calibration)
         self._shots: BoundedQueue[_Shot] = BoundedQueue(_QUEUE)
+        self._ended = threading.Event()
         self._lock = threading.Lock()
         self._case: CaseContext | None = None
         self._ring: RingPart | None = None
@@ -86,6 +87,7 @@ class ImagingService:
         finally:
             case.close()
             frames.close()
+            self._ended.set()
             self._shots.close()
             worker.join(5.0)
 
@@ -161,7 +163,7 @@ class ImagingService:
 
     def _work(self) -> None:
         """Publish and calibrate what is queued, in order of arrival."""
-        while not self._runtime.stop.is_set():
+        while not self._ended.is_set():
             shot = self._shots.take(_WAIT_S)
             if shot is None:
                 continue

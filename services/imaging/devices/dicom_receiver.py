@@ -73,6 +73,14 @@ class _Requestor(Protocol):
     @property
     def address(self) -> str: ...
 
+    @property
+    def primitive(self) -> "_Request | None": ...
+
+
+class _Request(Protocol):
+    @property
+    def called_ae_title(self) -> str: ...
+
 
 @contextmanager
 def dicom_receiver(endpoint: Endpoint, take: Callable[[bytes, str], None], log: Log) -> Iterator[int]:
@@ -146,8 +154,9 @@ def _status(code: int, comment: str) -> Dataset:
 
 def _log_rejection(event: _StoreEvent, endpoint: Endpoint, log: Log) -> None:
     requestor = event.assoc.requestor
+    called = requestor.primitive.called_ae_title.strip() if requestor.primitive else "nobody"
     log.warning(
         "association rejected",
         sender=f"{requestor.ae_title.strip()}@{requestor.address}",
-        detail=f"it must call the application entity title {endpoint.ae_title}",
+        detail=f"it called {called}, it must call the application entity title {endpoint.ae_title}",
     )

@@ -129,7 +129,7 @@ def shade(light: Array, x: float, y: float, radius: float, absorption: float = _
 
 
 def _finished(scene: Scene, rng: np.random.Generator, light: Array, truth: Rendered) -> Rendered:
-    light = cv2.GaussianBlur(light, (0, 0), _BLUR_PX) + 0.03
+    light = np.asarray(cv2.GaussianBlur(light, (0, 0), _BLUR_PX) + 0.03, dtype=np.float64)
     noise = cv2.GaussianBlur(rng.normal(size=light.shape), (0, 0), 0.7)
     grey = (light / light.max()) ** scene.curve + scene.noise * noise / noise.std()
     if scene.aperture:

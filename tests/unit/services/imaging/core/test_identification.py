@@ -1,4 +1,4 @@
-"""The default ring is identified from any 60 % of its balls, in any rotation, mirrored or not, with other balls about."""
+"""The default ring is identified from any 60 % of its balls, in any rotation, mirrored or not, among other balls."""
 
 from dataclasses import replace
 
@@ -51,9 +51,7 @@ def test_any_sixty_per_cent_in_any_rotation(seed: int, mirrored: bool) -> None: 
     rng = np.random.default_rng([seed, mirrored])
     ring = default_ring()
     source = (*rng.uniform(-15.0, 15.0, 2), -rng.uniform(880.0, 1030.0))
-    scene = Scene(
-        source_mm=source, turn_deg=rng.uniform(0, 360), mirrored=mirrored, pincushion=rng.uniform(0.0, 0.08)
-    )
+    scene = Scene(source_mm=source, turn_deg=rng.uniform(0, 360), mirrored=mirrored, pincushion=rng.uniform(0.0, 0.08))
     present = at_random(120, 0.6, rng) if seed % 2 else but_for_a_patch(ring, 0.6, rng)
     candidates, truth = candidates_of(scene, ring, present, others=40, rng=rng)
     nominal = NominalGeometry(1000.0 * rng.uniform(0.91, 1.09), 0.235 * rng.uniform(0.91, 1.09))

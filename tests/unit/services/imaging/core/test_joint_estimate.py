@@ -78,9 +78,7 @@ def test_left_out_residuals_are_those_of_a_fit_without_the_ball() -> None:
     whole = estimate_jointly(Observations(measured, np.full(60, 0.05), position), START_MM, NOMINAL, gauge)
     residual, _ = whole.solution.left_out()
     keep = np.arange(60) != 17
-    part = estimate_jointly(
-        Observations(measured, np.full(60, 0.05), position).select(keep), START_MM, NOMINAL, gauge
-    )
+    part = estimate_jointly(Observations(measured, np.full(60, 0.05), position).select(keep), START_MM, NOMINAL, gauge)
     displacement, _ = part.solution.predict(measured[17:18])
     ideal = gauge.pixels(on_plane(position[17:18], part.source_mm))
     assert residual[17] == pytest.approx((ideal - measured[17] - displacement)[0], abs=0.05)

@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+
+from services.imaging.devices.dicom_file import dicom_of_pixels, is_dicom, read_dicom
+from shared.errors import ImageUnreadable
+from tests.unit.services.imaging.devices.dicom_samples import dataset_of, file_of, grey_ramp
+
+
+def test_a_made_file_reads_back_the_same_pixels() -> None:
+    content, uid = dicom_of_pixels(grey_ramp())
+    assert is_dicom(content)
+    image = read_dicom(content, "test")
+    assert (image.pixels == grey_ramp()).all()
+    assert image.pixels.dtype == np.float32
+    assert (image.bits_stored, image.sop_instance_uid, image.dicom) == (16, uid, content)
+
+
+def test_the_same_pixels_make_the_same_file_and_others_another() -> None:
+    assert dicom_of_pixels(grey_ramp()) == dicom_of_pixels(grey_ramp())
+    assert dicom_of_pixels(grey_ramp())[1] != dicom_of_pixels(grey_ramp()[:, ::-1])[1]
+
+
+def test_eight_bits_and_an_odd_number_of_pixels() -> None:
+    pixels = np.arange(15, dtype=np.uint8).reshape(3, 5)
+    image = read_dicom(dicom_of_pixels(pixels)[0], "test")
+    assert (image.pixels == pixels).all()
+    assert image.bits_stored == 8
+
+
+@pytest.mark.parametrize(
+    ("photometric", "sign", "reversed_"),
+    [
+        ("MONOCHROME2", None, False),
+        ("MONOCHROME1", None, True),
+        ("MONOCHROME2", 1, False),
+        ("MONOCHROME2", -1, True),
+        ("MONOCHROME1", 1, False),
+        ("MONOCHROME1", -1, True),
+    ],
+)
+def test_polarity_is_normalised_to_darker_is_denser(photometric: str, sign: int | None, reversed_: bool) -> None:  # noqa: FBT001
+    dataset = dataset_of(grey_ramp())
+    dataset.PhotometricInterpretation = photometric
+    if sign is not None:
+        dataset.PixelIntensityRelationshipSign = sign
+    dataset.BitsStored, dataset.HighBit = 14, 13
+    pixels = read_dicom(file_of(dataset), "test").pixels
+    expected = 2**14 - 1 - grey_ramp().astype(np.float32) if reversed_ else grey_ramp().astype(np.float32)
+    assert (pixels == expected).all()
+
+
+def test_a_falling_rescale_reverses_what_an_untagged_image_shows() -> None:
+    dataset = dataset_of(grey_ramp())
+    dataset.RescaleSlope, dataset.RescaleIntercept = -1.0, 65535.0
+    pixels = read_dicom(file_of(dataset), "test").pixels
+    assert (np.diff(pixels.ravel()) < 0).all()
+
+
+def test_nominal_geometry_is_read_and_nonsense_left_out() -> None:
+    dataset = dataset_of(grey_ramp())
+    dataset.ImagerPixelSpacing = [0.21, 0.21]
+    dataset.DistanceSourceToDetector = 985.0
+    dataset.PositionerPrimaryAngle, dataset.PositionerSecondaryAngle = -12.5, 3.0
+    dataset.Manufacturer, dataset.ManufacturerModelName = "Maker", "Model"
+    made = read_dicom(file_of(dataset), "test").acquisition
+    assert (made.pixel_mm, made.source_to_detector_mm) == (0.21, 985.0)
+    assert (made.positioner_primary_angle_deg, made.positioner_secondary_angle_deg) == (-12.5, 3.0)
+    assert (made.manufacturer, made.model_name) == ("Maker", "Model")
+    dataset.DistanceSourceToDetector = 0.0
+    assert read_dicom(file_of(dataset), "test").acquisition.source_to_detector_mm is None
+
+
+@pytest.mark.parametrize("keep", [0.99, 0.7, 0.5])
+def test_a_truncated_file_is_refused_in_one_sentence(keep: float) -> None:
+    content = dicom_of_pixels(np.zeros((64, 64), np.uint16))[0]
+    with pytest.raises(ImageUnreadable, match=r"truncated.*send") as refused:
+        read_dicom(content[: int(keep * len(content))], "shot 7")
+    assert str(refused.value).startswith("shot 7: ")
+    assert "\n" not in str(refused.value)
+
+
+def test_only_the_mark_of_dicom_is_left() -> None:
+    with pytest.raises(ImageUnreadable, match="DICOM"):
+        read_dicom(b"\0" * 128 + b"DICM" + b"rubbish" * 5, "shot")
+
+
+def test_colour_and_film_are_refused() -> None:
+    dataset = dataset_of(grey_ramp())
+    dataset.PhotometricInterpretation = "RGB"
+    with pytest.raises(ImageUnreadable, match=r"photometric interpretation is RGB; needed is MONOCHROME1"):
+        read_dicom(file_of(dataset), "test")
+    dataset = dataset_of(grey_ramp())
+    dataset.NumberOfFrames = 12
+    with pytest.raises(ImageUnreadable, match="12 frames; send single images"):
+        read_dicom(file_of(dataset), "test")
+
+
+def test_an_object_without_pixels_is_refused() -> None:
+    dataset = dataset_of(grey_ramp())
+    del dataset.PixelData
+    with pytest.raises(ImageUnreadable, match="no pixels"):
+        read_dicom(file_of(dataset), "test")

@@ -1,0 +1,61 @@
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.imaging.devices.image_file import read_image
+from shared.errors import ImageUnreadable
+from tests.unit.services.imaging.devices.dicom_samples import grey_ramp
+
+
+def encoded(pixels: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32], kind: str) -> bytes:
+    return bytes(cv2.imencode(kind, pixels)[1])
+
+
+@pytest.mark.parametrize("kind", [".png", ".tiff"])
+@pytest.mark.parametrize("bits", [8, 16])
+def test_grey_files_are_read_and_become_dicom(kind: str, bits: int) -> None:
+    pixels = (grey_ramp() // 20).astype(np.uint8) if bits == 8 else grey_ramp()
+    image = read_image(encoded(pixels, kind), "file")
+    assert (image.pixels == pixels).all()
+    assert image.bits_stored == bits
+    again = read_image(image.dicom, "the same as DICOM")
+    assert (again.pixels == pixels).all()
+    assert again.sop_instance_uid == image.sop_instance_uid
+
+
+def test_a_grey_picture_stored_in_colours_is_read() -> None:
+    pixels = np.repeat((grey_ramp() // 20).astype(np.uint8)[:, :, None], 3, axis=2)
+    assert (read_image(encoded(pixels, ".png"), "file").pixels == pixels[..., 0]).all()
+
+
+def test_a_coloured_picture_is_refused() -> None:
+    pixels = np.zeros((5, 5, 3), np.uint8)
+    pixels[..., 1] = 9
+    with pytest.raises(ImageUnreadable, match="3 colours; needed is a grey image"):
+        read_image(encoded(pixels, ".png"), "file")
+
+
+def test_a_floating_point_tiff_is_refused() -> None:
+    with pytest.raises(ImageUnreadable, match="grey values are float32"):
+        read_image(encoded(np.ones((5, 5), np.float32), ".tiff"), "file")
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"GIF89a" + b"\0" * 200, b"{}" * 100])
+def test_what_is_not_an_image_is_refused(content: bytes) -> None:
+    with pytest.raises(
+        ImageUnreadable, match=f"notes.txt: {len(content)} bytes that are not an image; needed is a PNG"
+    ):
+        read_image(content, "notes.txt")
+
+
+def test_a_truncated_png_is_refused() -> None:
+    content = encoded(np.random.default_rng(1).integers(0, 255, (64, 64), np.uint8), ".png")
+    with pytest.raises(ImageUnreadable, match=r"without its end mark \(truncated\); send it again"):
+        read_image(content[: len(content) // 2], "file")
+
+
+def test_a_damaged_tiff_is_refused() -> None:
+    content = encoded(np.random.default_rng(1).integers(0, 255, (64, 64), np.uint8), ".tiff")
+    with pytest.raises(ImageUnreadable, match="damaged or truncated"):
+        read_image(content[:40], "file")

@@ -1,0 +1,171 @@
+"""Imaging on an in-memory bus: images in, frames and calibrations out."""
+
+import queue
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import structlog
+
+from services.imaging.devices.image_store import ImageStore
+from services.imaging.service import Defaults, ImagingService
+from shared.bus.keys import Keys
+from shared.bus.memory_bus import MemoryRouter
+from shared.bus.port import Bus, Sample
+from shared.errors import ImageUnreadable, NoReply
+from shared.messages.base import decode, encode
+from shared.messages.cases import CaseContext
+from shared.messages.imaging import CalibrationMessage, FrameHeader
+from shared.messages.presence import ServiceStatus
+from shared.runtime.lifecycle import Runtime
+from shared.runtime.presence import StatusReporter
+from tests.unit.services.imaging.devices.dicom_samples import dataset_of, file_of, grey_ramp
+from tests.unit.services.imaging.synthetic import RING_FILE, Scene, default_ring, render
+
+KEYS = Keys("or1")
+PATIENCE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Room:
+    """The service with someone who listens to it."""
+
+    bus: Bus
+    service: ImagingService
+    frames: "queue.Queue[Sample]"
+    calibrations: "queue.Queue[Sample]"
+    statuses: "queue.Queue[ServiceStatus]"
+
+    def open_case(self, **changes: object) -> None:
+        context = {"case_id": "case-1", "revision": 3, "ring_json": RING_FILE.read_text(), **changes}
+        self.bus.retained_publisher(KEYS.case_context).put(encode(CaseContext.model_validate(context)))
+        self.wait_for("ready" if "detail" not in changes else "degraded")
+
+    def wait_for(self, condition: str) -> ServiceStatus:
+        while True:
+            status = self.statuses.get(timeout=PATIENCE_S)
+            if status.condition == condition:
+                return status
+
+    def calibration(self) -> CalibrationMessage:
+        return decode(CalibrationMessage, self.calibrations.get(timeout=PATIENCE_S).payload)
+
+
+@contextmanager
+def room_of(store: ImageStore) -> Iterator[Room]:
+    router = MemoryRouter()
+    with router.open() as bus, router.open() as listener:
+        status = StatusReporter(bus.retained_publisher(KEYS.status("imaging")), "imaging", "epoch-1", "0")
+        log: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("test")
+        runtime = Runtime("imaging", "epoch-1", KEYS, log, status)
+        service = ImagingService(bus, runtime, store, Defaults(1000.0, 0.235))
+        frames: queue.Queue[Sample] = queue.Queue()
+        calibrations: queue.Queue[Sample] = queue.Queue()
+        statuses: queue.Queue[ServiceStatus] = queue.Queue()
+        listener.subscribe(KEYS.frame, frames.put)
+        listener.subscribe_retained(KEYS.calibration, calibrations.put)
+        listener.subscribe_retained(KEYS.status("imaging"), lambda s: statuses.put(decode(ServiceStatus, s.payload)))
+        with service.running():
+            yield Room(listener, service, frames, calibrations, statuses)
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Iterator[Room]:
+    with room_of(ImageStore(tmp_path)) as built:
+        yield built
+
+
+def small_dicom() -> bytes:
+    dataset = dataset_of(grey_ramp())
+    dataset.ImagerPixelSpacing, dataset.DistanceSourceToDetector = [0.3, 0.3], 950.0
+    return file_of(dataset)
+
+
+def test_a_frame_is_published_with_its_header_and_fetched_again_by_hash(room: Room) -> None:
+    room.service.take(small_dicom(), "CARM")
+    sample = room.frames.get(timeout=PATIENCE_S)
+    header = decode(FrameHeader, sample.attachment)
+    assert (header.pixels(sample.payload) == grey_ramp()).all()
+    assert (header.sequence, header.boot_epoch, header.case_id) == (1, "epoch-1", None)
+    assert (header.nominal_pixel_mm, header.nominal_source_to_detector_mm) == (0.3, 950.0)
+    answer = room.bus.query(KEYS.frame_by_hash(header.sha256), b"", PATIENCE_S)
+    assert (answer.payload, answer.attachment) == (sample.payload, sample.attachment)
+
+
+def test_a_frame_is_still_there_after_a_restart(tmp_path: Path) -> None:
+    with room_of(ImageStore(tmp_path)) as before:
+        before.service.take(small_dicom(), "CARM")
+        sample = before.frames.get(timeout=PATIENCE_S)
+    sha256 = decode(FrameHeader, sample.attachment).sha256
+    with room_of(ImageStore(tmp_path)) as after:
+        answer = after.bus.query(KEYS.frame_by_hash(sha256), b"", PATIENCE_S)
+    assert (answer.payload, answer.attachment) == (sample.payload, sample.attachment)
+
+
+def test_an_unknown_hash_is_an_error_reply(room: Room) -> None:
+    with pytest.raises(NoReply, match="no image with SHA-256 000"):
+        room.bus.query(KEYS.frame_by_hash("0" * 64), b"", PATIENCE_S)
+
+
+def test_an_image_of_an_open_case_is_calibrated(room: Room) -> None:
+    room.open_case()
+    rendered = render(Scene(seed=21, mirrored=True), default_ring())
+    room.service.take(bytes(cv2.imencode(".png", rendered.pixels.astype(np.uint16))[1]), "file")
+    message = room.calibration()
+    assert (message.verdict, message.reasons) == ("accepted", ())
+    assert (message.case_id, message.case_revision) == ("case-1", 3)
+    assert message.ring_sha256 == default_ring().sha256
+    assert message.values is not None
+    calibration = message.values.calibration()
+    assert calibration.mirrored
+    source = calibration.camera_from_ring.inverse().translation_mm
+    assert np.abs(source - rendered.source_mm).max() < 1.0
+    header = decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment)
+    assert message.image.sha256 == header.sha256
+    assert header.case_revision == 3
+
+
+def test_a_refusal_is_published_with_its_reasons(room: Room) -> None:
+    room.open_case()
+    room.service.take(small_dicom(), "CARM")
+    message = room.calibration()
+    assert (message.verdict, message.values) == ("rejected", None)
+    assert message.reasons[0].code == "image_unusable"
+    assert "8 x 6 pixels" in message.reasons[0].message
+
+
+def test_without_a_case_the_image_is_kept_but_not_calibrated(room: Room) -> None:
+    room.service.take(small_dicom(), "CARM")
+    room.frames.get(timeout=PATIENCE_S)
+    room.open_case()
+    room.service.take(small_dicom(), "CARM")
+    room.frames.get(timeout=PATIENCE_S)
+    assert room.calibration().image.sequence == 2
+    assert room.calibrations.empty()
+
+
+def test_nominal_values_of_the_case_go_before_those_of_the_image(room: Room) -> None:
+    room.open_case(nominal_pixel_mm=0.2, nominal_source_to_detector_mm=None)
+    room.service.take(small_dicom(), "CARM")
+    header = decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment)
+    assert (header.nominal_pixel_mm, header.nominal_source_to_detector_mm) == (0.2, 950.0)
+
+
+def test_what_is_not_an_image_is_refused_and_nothing_is_kept(room: Room, tmp_path: Path) -> None:
+    with pytest.raises(ImageUnreadable, match="5 bytes that are not an image"):
+        room.service.take(b"hello", "CARM")
+    assert list(tmp_path.rglob("*.*")) == []
+    assert room.frames.empty()
+
+
+def test_a_broken_ring_file_is_said_in_the_status_and_the_next_case_mends_it(room: Room) -> None:
+    context = CaseContext(case_id="case-2", revision=1, ring_json='{"schema": "distalock/ring/1"}')
+    room.bus.retained_publisher(KEYS.case_context).put(encode(context))
+    assert "correct the ring's file" in room.wait_for("degraded").detail
+    room.open_case()
+    room.service.take(small_dicom(), "CARM")
+    assert room.calibration().case_id == "case-1"
