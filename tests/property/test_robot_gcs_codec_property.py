@@ -62,7 +62,7 @@ def test_a_missing_a_repeated_and_a_foreign_axis_are_refused(pose: PlatformPose,
             codec.parse_pose(wrong, "POS?")
 
 
-@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1_0", "١", "1e999", "", "0x10", "1,5"])
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1_0", "١", "1e999", "", "0x10", "1,5", "\x1f1.5", "1.5\x85"])
 def test_numbers_that_python_would_take_and_a_controller_never_sends_are_refused(text: str) -> None:
     with pytest.raises(ReplyGarbled):
         codec.parse_number([text], "VLS?")

@@ -56,7 +56,7 @@ def parse_axis_values(lines: Sequence[str], axes: Sequence[str], question: str) 
     """Values of ``AXIS=VALUE`` lines, in the order of `axes`; exactly these axes, each once."""
     found: dict[str, float] = {}
     for line in lines:
-        axis, equals, text = line.strip().partition("=")
+        axis, equals, text = line.strip(" ").partition("=")
         if not equals or axis not in axes or axis in found:
             raise garbled(question, lines)
         found[axis] = _parse_float(text, question, lines)
@@ -101,7 +101,7 @@ def parse_motion_status(lines: Sequence[str]) -> bool:
 
 def parse_axis_names(lines: Sequence[str], question: str) -> tuple[str, ...]:
     """Names of axes, one a line."""
-    names = tuple(line.strip() for line in lines)
+    names = tuple(line.strip(" ") for line in lines)
     if not all(re.fullmatch(r"[A-Za-z0-9]{1,8}", name, re.ASCII) for name in names):
         raise garbled(question, lines)
     return names
@@ -118,11 +118,11 @@ def parse_text(lines: Sequence[str], question: str) -> str:
 def _only_line(lines: Sequence[str], question: str) -> str:
     if len(lines) != 1:
         raise garbled(question, lines)
-    return lines[0].strip()
+    return lines[0].strip(" ")
 
 
 def _parse_float(text: str, question: str, lines: Sequence[str]) -> float:
-    if not _NUMBER.fullmatch(text.strip()):
+    if not _NUMBER.fullmatch(text.strip(" ")):
         raise garbled(question, lines)
     value = float(text)
     if not math.isfinite(value):

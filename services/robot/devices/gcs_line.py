@@ -236,7 +236,7 @@ class GcsLine:
                 reply.append(line.decode("ascii", errors="replace")[:-1].rstrip("\r"))
                 line.clear()
                 if not reply[-1].endswith(" ") or len(reply) >= MOST_LINES:
-                    self._keep([text.strip() for text in reply])
+                    self._keep([text.strip(" ") for text in reply])
                     reply = []
             del line[:-LONGEST_LINE]
 

@@ -1,0 +1,151 @@
+"""What readings mean, state by state."""
+
+from dataclasses import replace
+
+import pytest
+
+from services.robot.core.guard import PermittedMove
+from services.robot.core.motion import Event, MotionState
+from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
+from services.robot.core.status import DriveStatus, with_reading
+from services.robot.core.supervision import (
+    MoveUnderWay,
+    distance_from_path,
+    error_sentence,
+    judge_at_rest,
+    judge_moving,
+    judge_referencing,
+)
+from shared.geometry.hexapod import ZERO_POSE, PlatformPose
+
+TARGET = PlatformPose(4.0, 0.0, 0.0, 0.0, 0.0, 2.0)
+HALF_WAY = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+MOVE = MoveUnderWay(PermittedMove("a" * 64, ZERO_POSE, TARGET, 2.0, 2.0), began_s=10.0)
+AT_REST = ControllerReading(ZERO_POSE, False, False, True, False, True, 0)
+MOVING = ControllerReading(HALF_WAY, True, False, False, True, True, 0)
+ARRIVED = replace(MOVING, pose=TARGET, moving=False, on_target=True)
+
+
+def test_a_move_on_its_way_is_left_alone() -> None:
+    assert judge_moving(MOVE, MOVING, 11.0) is None
+
+
+def test_a_move_on_its_target_has_arrived() -> None:
+    finding = judge_moving(MOVE, ARRIVED, 12.0)
+    assert finding is not None
+    assert finding.event is Event.ARRIVED
+
+
+@pytest.mark.parametrize(
+    ("reading", "now_s", "event", "words"),
+    [
+        (replace(MOVING, error_code=10), 11.0, Event.CONTROLLER_STOPPED, "stopped by a command"),
+        (replace(MOVING, error_code=500), 11.0, Event.CONTROLLER_STOPPED, "stop button is pressed"),
+        (replace(MOVING, error_code=7), 11.0, Event.FAULT_SEEN, "outside the controller's limits"),
+        (replace(MOVING, error_code=77), 11.0, Event.FAULT_SEEN, "reports error 77"),
+        (replace(MOVING, unlocked=False), 11.0, Event.FAULT_SEEN, "a servo, a brake"),
+        (replace(MOVING, referenced=False), 11.0, Event.FAULT_SEEN, "the reference was lost"),
+        (replace(MOVING, pose=replace(HALF_WAY, y_mm=0.6)), 11.0, Event.FAULT_SEEN, "0.600 mm and 0.000° beside"),
+        (replace(MOVING, pose=replace(HALF_WAY, u_deg=0.6)), 11.0, Event.FAULT_SEEN, "beside its path"),
+        (replace(MOVING, pose=replace(TARGET, x_mm=4.6)), 11.0, Event.FAULT_SEEN, "beside its path"),
+        (MOVING, 16.1, Event.FAULT_SEEN, "has taken 6.1 s (limit 6.0 s)"),
+        (replace(ARRIVED, pose=replace(TARGET, x_mm=4.06)), 12.0, Event.FAULT_SEEN, "ended 0.060 mm"),
+        (replace(ARRIVED, pose=replace(TARGET, u_deg=0.06)), 12.0, Event.FAULT_SEEN, "ended 0.000 mm and 0.060°"),
+    ],
+)
+def test_every_trouble_in_a_move_is_found(reading: ControllerReading, now_s: float, event: Event, words: str) -> None:
+    finding = judge_moving(MOVE, reading, now_s)
+    assert finding is not None
+    assert finding.event is event
+    assert words in finding.message
+
+
+def test_a_robot_that_rests_short_of_its_target_gets_a_second() -> None:
+    resting = replace(MOVING, moving=False)
+    move = replace(MOVE, at_rest_s=11.0)
+    assert judge_moving(move, resting, 11.9) is None
+    finding = judge_moving(move, resting, 12.1)
+    assert finding is not None
+    assert "came to rest 2.000 mm and 1.000° from its target" in finding.message
+
+
+@pytest.mark.parametrize("state", [MotionState.LOCKED, MotionState.UNREFERENCED, MotionState.STOPPED])
+def test_at_rest_and_locked_is_right(state: MotionState) -> None:
+    assert judge_at_rest(state, AT_REST) is None
+
+
+@pytest.mark.parametrize(
+    ("state", "reading", "event"),
+    [
+        (MotionState.LOCKED, replace(AT_REST, moving=True), Event.FAULT_SEEN),
+        (MotionState.STOPPED, replace(AT_REST, moving=True), Event.FAULT_SEEN),
+        (MotionState.LOCKED, replace(AT_REST, locked=False), Event.FAULT_SEEN),
+        (MotionState.UNREFERENCED, replace(AT_REST, locked=False), Event.FAULT_SEEN),
+        (MotionState.STOPPED, replace(AT_REST, locked=False), Event.FAULT_SEEN),
+        (MotionState.LOCKED, replace(AT_REST, referenced=False), Event.FAULT_SEEN),
+        (MotionState.LOCKED, replace(AT_REST, error_code=1), Event.FAULT_SEEN),
+        (MotionState.LOCKED, replace(AT_REST, error_code=10), Event.CONTROLLER_STOPPED),
+        (MotionState.UNREFERENCED, replace(AT_REST, error_code=500), Event.CONTROLLER_STOPPED),
+    ],
+)
+def test_every_trouble_at_rest_is_found(state: MotionState, reading: ControllerReading, event: Event) -> None:
+    finding = judge_at_rest(state, reading)
+    assert finding is not None
+    assert finding.event is event
+
+
+@pytest.mark.parametrize("code", [10, 500])
+def test_a_stopped_robot_may_report_its_stop(code: int) -> None:
+    assert judge_at_rest(MotionState.STOPPED, replace(AT_REST, error_code=code)) is None
+
+
+@pytest.mark.parametrize(
+    ("reading", "lasted_s", "event"),
+    [
+        (AT_REST, 0.1, Event.REFERENCE_DONE),
+        (replace(AT_REST, referenced=False), 0.1, None),
+        (replace(AT_REST, moving=True), 0.1, None),
+        (replace(AT_REST, referenced=False), 61.0, Event.FAULT_SEEN),
+        (replace(AT_REST, pose=HALF_WAY), 0.1, Event.FAULT_SEEN),
+        (replace(AT_REST, error_code=5), 0.1, Event.FAULT_SEEN),
+        (replace(AT_REST, error_code=10), 0.1, Event.CONTROLLER_STOPPED),
+    ],
+)
+def test_reference(reading: ControllerReading, lasted_s: float, event: Event | None) -> None:
+    finding = judge_referencing(ZERO_POSE, reading, lasted_s, READ_BACK_TOLERANCE)
+    assert (finding.event if finding else None) is event
+
+
+def test_the_path_ends_at_its_ends() -> None:
+    beyond = PlatformPose(5.0, 0.0, 0.0, 0.0, 0.0, 2.0)
+    assert distance_from_path(ZERO_POSE, TARGET, beyond).distance_mm == pytest.approx(1.0, abs=0.2)
+    assert distance_from_path(ZERO_POSE, TARGET, HALF_WAY).distance_mm == pytest.approx(0.0, abs=1e-12)
+    assert distance_from_path(ZERO_POSE, ZERO_POSE, HALF_WAY).distance_mm == pytest.approx(2.0)
+
+
+def test_deviation_is_a_distance_and_an_angle_and_nan_exceeds() -> None:
+    off = deviation(PlatformPose(3.0, 4.0, 0.0, 0.0, 0.0, 0.0), PlatformPose(0.0, 0.0, 0.0, 3.0, 0.0, 0.0))
+    assert off.distance_mm == pytest.approx(5.0)
+    assert off.angle_deg == pytest.approx(3.0)
+    assert deviation(ZERO_POSE, replace(ZERO_POSE, u_deg=float("nan"))).exceeds(Deviation(1e9, 1e9))
+
+
+def test_error_codes_have_sentences() -> None:
+    assert error_sentence(5).startswith("an axis is not referenced or its servo is off")
+    assert error_sentence(99) == "the controller reports error 99; see its manual, then reset"
+
+
+def test_a_reading_while_moving_without_a_move_is_a_fault() -> None:
+    _, finding = with_reading(DriveStatus(state=MotionState.MOVING), MOVING, 0.0, 0.0)
+    assert finding is not None
+    assert finding.event is Event.FAULT_SEEN
+    _, finding = with_reading(DriveStatus(state=MotionState.REFERENCING), MOVING, 0.0, 0.0)
+    assert finding is not None
+    assert finding.event is Event.FAULT_SEEN
+
+
+def test_a_robot_that_shifts_when_locked_is_a_fault() -> None:
+    status = DriveStatus(state=MotionState.LOCKED, outcome="moving", task=MOVE)
+    _, finding = with_reading(status, replace(AT_REST, pose=replace(TARGET, x_mm=4.1)), 0.0, 0.0)
+    assert finding is not None
+    assert "locking moved the robot 0.100 mm" in finding.message

@@ -1,0 +1,38 @@
+"""Settings of the robot service."""
+
+from pathlib import Path
+
+import pytest
+
+from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
+from services.robot.devices.gcs_controller import Encoders
+from services.robot.settings import RobotSettings
+from shared.errors import ConfigurationError
+from shared.parts.hexapod_file import DEFAULT_HEXAPOD
+from shared.runtime.settings import load_settings
+
+
+def test_defaults_are_the_shipped_robot_and_the_limits_of_the_safety_page() -> None:
+    settings = load_settings(RobotSettings)
+    assert settings.hexapod_file == DEFAULT_HEXAPOD
+    limits = settings.guard_limits()
+    assert limits.step == Deviation(20.0, 12.0)
+    assert (limits.plan_lifetime_s, limits.heartbeat_deadline_s) == (600.0, 0.2)
+
+
+def test_only_incremental_encoders_may_move_for_reference() -> None:
+    assert load_settings(RobotSettings).reference_travel() == READ_BACK_TOLERANCE
+    assert load_settings(RobotSettings, encoders=Encoders.INCREMENTAL).reference_travel().distance_mm > 10.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("heartbeat_deadline_s", 0.6), ("largest_step_mm", 41.0), ("encoders", "none"), ("reply_timeout_s", 0.0)],
+)
+def test_settings_that_would_weaken_the_guard_are_refused(name: str, value: object) -> None:
+    with pytest.raises(ConfigurationError, match=f"setting '{name}'"):
+        load_settings(RobotSettings, **{name: value})
+
+
+def test_paths_are_paths() -> None:
+    assert isinstance(load_settings(RobotSettings, hexapod_file="x.json").hexapod_file, Path)
