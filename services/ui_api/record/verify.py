@@ -1,5 +1,6 @@
-"""Verify a case record: the chain of its events, and the hash of every document."""
+"""Verify a case record: the chain of its events, and every document that they name."""
 
+import json
 from collections.abc import Iterator
 
 from sqlalchemy import Connection, Engine, select
@@ -9,6 +10,9 @@ from services.ui_api.record.codec import entry_of_row
 from services.ui_api.record.tables import DOCUMENTS, EVENTS
 from shared.parts.files import sha256_of
 
+# Keys of event data that name a document; `image_sha256` names a file of imaging's instead.
+_NAMES_A_DOCUMENT = frozenset({"document_sha256", "overlay_sha256", "header_sha256", "plan_sha256", "sha256"})
+
 
 def verify_record(engine: Engine) -> ChainIntact | ChainBroken:
     """Check a whole record without changing it.
@@ -16,14 +20,28 @@ def verify_record(engine: Engine) -> ChainIntact | ChainBroken:
     Returns
     -------
     ChainIntact | ChainBroken
-        Broken names the first event that does not hold; a document that was changed is reported with sequence 0.
+        Broken names the first event that does not hold, or whose documents do not.
     """
     with engine.connect() as connection:
         chain = check_chain(_entries(connection))
-        damaged = _damaged_document(connection)
-    if isinstance(chain, ChainIntact) and damaged is not None:
-        return ChainBroken(0, f"document {damaged} was changed: its content does not give its hash")
-    return chain
+        return chain if isinstance(chain, ChainBroken) else _check_documents(connection) or chain
+
+
+def documents_named(data_json: str) -> frozenset[str]:
+    """Hashes of the documents that an event's data names, at any depth."""
+    return frozenset(_named(json.loads(data_json)))
+
+
+def _named(value: object) -> Iterator[str]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            if key in _NAMES_A_DOCUMENT and isinstance(inner, str):
+                yield inner
+            else:
+                yield from _named(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _named(inner)
 
 
 def _entries(connection: Connection) -> Iterator[ChainEntry]:
@@ -31,6 +49,23 @@ def _entries(connection: Connection) -> Iterator[ChainEntry]:
         yield entry_of_row(row)
 
 
-def _damaged_document(connection: Connection) -> str | None:
+def _check_documents(connection: Connection) -> ChainBroken | None:
+    intact, damaged = _documents(connection)
+    for entry in _entries(connection):
+        for sha256 in sorted(documents_named(entry.data_json) - intact):
+            finding = "was changed" if sha256 in damaged else "is missing"
+            return ChainBroken(
+                entry.sequence, f"document {sha256}, which event {entry.sequence} ({entry.kind}) names, {finding}"
+            )
+    return None
+
+
+def _documents(connection: Connection) -> tuple[set[str], set[str]]:
+    """Hashes of the documents whose content gives their hash, and of those whose content does not."""
+    intact: set[str] = set()
+    damaged: set[str] = set()
     rows = connection.execute(select(DOCUMENTS.c.sha256, DOCUMENTS.c.content).execution_options(yield_per=20))
-    return next((sha256 for sha256, content in rows if sha256_of(content) != sha256), None)
+    for sha256, content in rows:
+        holds = isinstance(content, bytes) and sha256_of(content) == sha256
+        (intact if holds else damaged).add(sha256)
+    return intact, damaged

@@ -62,9 +62,13 @@ class FakeImaging(OnTheBus):
 
     def send(self, name: str, case_id: str | None, revision: int = 1) -> FrameHeader:
         header = samples.frame_header(name, case_id, revision, len(self._headers))
-        self._headers[header.sha256] = header
+        self.keep(header)
         self._frames.put(samples.pixels(), encode(header))
         return header
+
+    def keep(self, header: FrameHeader) -> None:
+        """Have an image without publishing it, as if the bus had dropped the frame."""
+        self._headers[header.sha256] = header
 
     def _frame(self, query: Query) -> Answer:
         header = self._headers[query.key.rsplit("/", 1)[-1]]
@@ -92,6 +96,10 @@ class FakeRegistration(OnTheBus):
         record = samples.localisation_record(header, f"registration-1.{self.count}", *reasons)
         self._localisations.put(encode(record))
         return record
+
+    def repeat(self, record: LocalisationRecord) -> None:
+        """Publish the same record again, as the bus does for late joiners."""
+        self._localisations.put(encode(record))
 
     def _plan(self, query: Query) -> Answer:
         request = decode(PlanRequest, query.payload)

@@ -90,7 +90,8 @@ class Room:
 def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
     """A gateway among its fakes, on a state folder that may have been used before."""
     router, keys = MemoryRouter(), Keys(ROOM)
-    chosen = UiApiSettings(room=ROOM, state_dir=state_dir, **settings)  # type: ignore[arg-type]  # pydantic checks it
+    unhurried = {"robot_state_stale_after_s": 10.0}  # the fake robot speaks only when told to
+    chosen = UiApiSettings(room=ROOM, state_dir=state_dir, **(unhurried | settings))  # type: ignore[arg-type]  # pydantic checks it
     with ExitStack() as stack:
         imaging = stack.enter_context(FakeImaging(router, keys))
         registration = stack.enter_context(FakeRegistration(router, keys))

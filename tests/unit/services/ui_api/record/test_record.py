@@ -1,0 +1,190 @@
+"""The case record on SQLite."""
+
+import itertools
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import Engine, text
+from sqlalchemy.exc import IntegrityError
+
+from services.ui_api.core.chain import ChainBroken, ChainIntact
+from services.ui_api.core.event_data import CaseOpened, PartUse, Step, StepRecorded
+from services.ui_api.core.events import Event, EventDraft, EventKind
+from services.ui_api.record.database import existing_database, open_database, sqlite_url
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.tables import METADATA
+from services.ui_api.record.unit import Answer
+from services.ui_api.record.verify import verify_record
+from shared.errors import ConfigurationError
+from tests.unit.services.ui_api import samples
+
+_OPENED = EventDraft(CaseOpened(samples.case_setup()), "case-1", "Dr A")
+_STEP = EventDraft(StepRecorded(Step.DRILLED, ("distal",), True, "it was done"), "case-1", "Dr A", "it was done")
+
+
+@pytest.fixture
+def engine(tmp_path: Path) -> Engine:
+    return open_database(sqlite_url(tmp_path))
+
+
+def _record(engine: Engine) -> CaseRecord:
+    ticks = itertools.count(1_000)
+    return CaseRecord(engine, lambda: next(ticks))
+
+
+def _fill(record: CaseRecord) -> None:
+    """A case with all the documents that its events name."""
+    with record.write() as unit:
+        ring, guide, nail, hexapod = (
+            PartUse(name, unit.put_document(name.encode())) for name in ("ring", "guide", "nail", "hexapod")
+        )
+        setup = replace(samples.case_setup(), ring=ring, guide=guide, nail=nail, hexapod=hexapod)
+        unit.append(EventDraft(CaseOpened(setup), "case-1", "Dr A"))
+        unit.append(_STEP)
+
+
+def _tamper(engine: Engine, statement: str) -> None:
+    """Change the file as someone would who also removes the triggers."""
+    with engine.begin() as connection:
+        for trigger in (
+            "events_refuse_update",
+            "events_refuse_delete",
+            "documents_refuse_update",
+            "documents_refuse_delete",
+        ):
+            connection.execute(text(f"DROP TRIGGER {trigger}"))
+        connection.execute(text(statement))
+
+
+def test_a_reopened_record_adds_up_to_the_same(engine: Engine) -> None:
+    record = _record(engine)
+    record.append(_OPENED, _STEP)
+    again = _record(engine)
+    assert again.ledger.cases == record.ledger.cases
+    assert again.ledger.cases["case-1"].drilled_hole_ids == {"distal"}
+    assert [e.kind for e in again.events_after(0)] == [EventKind.CASE_OPENED, EventKind.STEP_RECORDED]
+    again.append(_STEP)
+    assert again.ledger.head_sequence == 3
+
+
+def test_what_fails_half_way_leaves_nothing(engine: Engine) -> None:
+    record = _record(engine)
+    told: list[Event] = []
+    record.listen(told.extend)
+
+    def half() -> None:
+        with record.write() as unit:
+            unit.append(_OPENED)
+            unit.put_document(b"{}")
+            unit.after_commit(lambda: pytest.fail("it was not committed"))
+            raise RuntimeError("half-way")
+
+    with pytest.raises(RuntimeError, match="half-way"):
+        half()
+    assert (record.events_after(0), told, record.ledger.head_sequence) == ([], [], 0)
+    with pytest.raises(KeyError):
+        record.document(samples.sha("{}"))
+    record.append(_OPENED)
+    assert [e.sequence for e in told] == [1]
+
+
+def test_events_are_read_by_case_and_from_a_place(engine: Engine) -> None:
+    record = _record(engine)
+    record.append(_OPENED, EventDraft(CaseOpened(samples.case_setup()), "case-2", "Dr B"), _STEP)
+    assert [e.sequence for e in record.events_after(0, "case-1")] == [1, 3]
+    assert [e.sequence for e in record.events_after(1)] == [2, 3]
+    assert [e.sequence for e in record.events_after(0, limit=2)] == [1, 2]
+
+
+@pytest.mark.parametrize("statement", ["UPDATE events SET who = 'x'", "DELETE FROM events", "DELETE FROM documents"])
+def test_the_database_itself_refuses_changes(engine: Engine, statement: str) -> None:
+    record = _record(engine)
+    with record.write() as unit:
+        unit.append(_OPENED)
+        unit.put_document(b"{}")
+    with pytest.raises(IntegrityError, match="are append-only"), engine.begin() as connection:
+        connection.execute(text(statement))
+
+
+@pytest.mark.parametrize(
+    ("statement", "finding"),
+    [
+        ("UPDATE events SET who = 'Dr B' WHERE sequence = 1", r"event 1 \(case_opened\) was changed"),
+        ("DELETE FROM events WHERE sequence = 1", "event 1 is missing"),
+        ("UPDATE documents SET content = 'forged'", r"document [0-9a-f]{64}, which event 1 .* names, was changed"),
+        ("UPDATE documents SET content = x'00'", r"document [0-9a-f]{64}, which event 1 .* names, was changed"),
+        ("DELETE FROM documents", r"document [0-9a-f]{64}, which event 1 .* names, is missing"),
+    ],
+)
+def test_verify_finds_what_was_tampered_with(engine: Engine, statement: str, finding: str) -> None:
+    _fill(_record(engine))
+    assert isinstance(verify_record(engine), ChainIntact)
+    _tamper(engine, statement)
+    verdict = verify_record(engine)
+    assert isinstance(verdict, ChainBroken)
+    assert re.search(finding, verdict.message)
+
+
+def test_a_document_is_stored_once(engine: Engine) -> None:
+    record = _record(engine)
+    for _ in range(2):
+        with record.write() as unit:
+            sha256 = unit.put_document(b"[1]")
+    assert record.document(sha256) == b"[1]"
+
+
+def test_answers_are_remembered_by_their_key(engine: Engine) -> None:
+    record = _record(engine)
+    answer = Answer(201, "{}", {"location": "/x"})
+    with record.write() as unit:
+        unit.remember("key", "a" * 64, answer)
+    known = _record(engine).remembered("key")
+    assert known is not None
+    assert (known.request_sha256, known.answer) == ("a" * 64, answer)
+    assert record.remembered("other") is None
+
+
+def test_commits_reach_the_disk_before_they_are_acknowledged(engine: Engine) -> None:
+    with engine.connect() as connection:
+        assert connection.execute(text("PRAGMA journal_mode")).scalar() == "wal"
+        assert connection.execute(text("PRAGMA synchronous")).scalar() == 2, "FULL"
+
+
+def test_the_migrations_make_the_tables_that_the_code_expects(engine: Engine) -> None:
+    with engine.connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
+
+
+def test_a_record_of_a_newer_version_is_refused(tmp_path: Path) -> None:
+    engine = open_database(sqlite_url(tmp_path))
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(ConfigurationError, match=r"not one that this version knows .*9999.*start the newer version"):
+        open_database(sqlite_url(tmp_path))
+
+
+def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "case-record.sqlite").write_bytes(b"this is not a database, it is a sentence" * 100)
+    with pytest.raises(ConfigurationError, match="cannot be opened: file is not a database"):
+        open_database(sqlite_url(tmp_path))
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigurationError, match="its folder cannot be made"):
+        open_database(sqlite_url(tmp_path / "file"))
+
+
+def test_a_url_that_is_none_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="database URL 'nonsense' cannot be used"):
+        open_database("nonsense")
+
+
+def test_there_is_nothing_to_read_where_no_record_is(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="there is no case record at"):
+        existing_database(sqlite_url(tmp_path))
+    assert list(tmp_path.iterdir()) == []

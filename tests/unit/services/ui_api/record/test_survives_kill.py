@@ -1,0 +1,46 @@
+"""Kill -9 loses no acknowledged event."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from services.ui_api.core.chain import ChainIntact
+from services.ui_api.record.database import existing_database, open_database, sqlite_url
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.verify import verify_record
+
+_WRITER = """
+import sys, time
+from pathlib import Path
+from services.ui_api.core.event_data import GatewayStarted
+from services.ui_api.core.events import EventDraft
+from services.ui_api.record.database import open_database, sqlite_url
+from services.ui_api.record.record import CaseRecord
+
+record = CaseRecord(open_database(sqlite_url(Path(sys.argv[1]))), time.time_ns)
+while True:
+    record.append(EventDraft(GatewayStarted("epoch", "version"), None, "writer"))
+    print(record.ledger.head_sequence, flush=True)
+"""
+
+
+@pytest.mark.parametrize("acknowledged", [1, 7, 40])
+def test_a_killed_writer_leaves_every_acknowledged_event(tmp_path: Path, acknowledged: int) -> None:
+    with subprocess.Popen([sys.executable, "-c", _WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True) as writer:
+        assert writer.stdout is not None
+        last = 0
+        while last < acknowledged:
+            last = int(writer.stdout.readline())
+        os.kill(writer.pid, signal.SIGKILL)
+        for line in writer.stdout:
+            last = int(line) if line.endswith("\n") else last
+        assert writer.wait() == -signal.SIGKILL
+    verdict = verify_record(existing_database(sqlite_url(tmp_path)))
+    assert isinstance(verdict, ChainIntact)
+    assert verdict.entries >= last
+    again = CaseRecord(open_database(sqlite_url(tmp_path)), lambda: 0)
+    assert again.ledger.head_sequence == verdict.entries

@@ -1,0 +1,87 @@
+"""The log as a stream: complete, in order, resumable, and ended with the gateway."""
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+
+import httpx
+
+from tests.unit.services.ui_api.fakes import PATIENCE_S
+from tests.unit.services.ui_api.room import Room
+
+
+def _events(answer: httpx.Response) -> Iterator[dict[str, object]]:
+    """The events of a stream as they come."""
+    for line in answer.iter_lines():
+        if line.startswith("data: "):
+            yield json.loads(line.removeprefix("data: "))
+
+
+@contextmanager
+def _stream(room: Room, path: str, last_event_id: int | None = None) -> Iterator[Iterator[dict[str, object]]]:
+    headers = {} if last_event_id is None else {"Last-Event-ID": str(last_event_id)}
+    with room.client.stream("GET", f"/api/v1{path}", headers=headers, timeout=PATIENCE_S) as answer:
+        assert answer.status_code == 200
+        assert answer.headers["content-type"].startswith("text/event-stream")
+        yield _events(answer)
+
+
+def test_a_case_is_streamed_from_its_beginning_and_goes_on_live(room: Room) -> None:
+    case_id = room.open_case()
+    with _stream(room, f"/cases/{case_id}/events") as events:
+        first = next(events)
+        assert (first["kind"], first["case_id"]) == ("case_opened", case_id)
+        room.imaging.send("image", case_id)
+        image = next(e for e in events if e["kind"] == "image_received")
+    assert int(str(image["sequence"])) > int(str(first["sequence"]))
+
+
+def test_a_stream_resumes_after_the_last_event_received(room: Room) -> None:
+    case_id = room.open_case()
+    room.post(f"/cases/{case_id}/steps", {"step": "mount_moved"})
+    known = room.gateway.record.events_after(0)
+    with _stream(room, "/events", last_event_id=2) as events:
+        resumed = [e["sequence"] for e in islice(events, len(known) - 2)]
+    assert resumed == [e.sequence for e in known[2:]]
+    with _stream(room, "/events?after=3") as events:
+        assert next(events)["sequence"] == 4
+
+
+def test_without_a_place_to_resume_only_new_events_come(room: Room) -> None:
+    head = room.gateway.record.ledger.head_sequence
+    with _stream(room, "/events") as events:
+        case_id = room.open_case()
+        opened = next(events)
+    assert (opened["sequence"], opened["case_id"]) == (head + 1, case_id)
+
+
+def test_changes_of_the_robot_are_events(room: Room) -> None:
+    with _stream(room, "/events?after=0") as events:
+        changed = next(e for e in events if e["kind"] == "robot_changed")
+    assert changed["data"]["state"] == "locked"  # type: ignore[index]
+
+
+def test_streams_end_when_the_gateway_closes(room: Room) -> None:
+    ended = threading.Event()
+
+    def read_to_the_end() -> None:
+        with _stream(room, "/events?after=0") as events:
+            for _ in events:
+                started.set()
+        ended.set()
+
+    started = threading.Event()
+    reader = threading.Thread(target=read_to_the_end)
+    reader.start()
+    assert started.wait(PATIENCE_S)
+    room.gateway.feed.close()
+    assert ended.wait(PATIENCE_S)
+    reader.join()
+
+
+def test_a_place_that_is_no_number_is_refused(room: Room) -> None:
+    answer = room.client.get("/api/v1/events", headers={"Last-Event-ID": "last"})
+    assert (answer.status_code, answer.json()["code"]) == (422, "request_invalid")
+    assert room.get("/cases/none/events").json()["code"] == "case_not_found"

@@ -1,0 +1,197 @@
+"""Motions: only from an approved, current plan; at most once; followed to their end."""
+
+import threading
+
+import pytest
+
+from services.ui_api.core.events import EventKind
+from shared.messages.robot import CommandReply, MotionState, MoveCommand, StopLatch
+from tests.unit.services.ui_api import samples
+from tests.unit.services.ui_api.fakes import PATIENCE_S
+from tests.unit.services.ui_api.room import Room
+
+
+def _move(room: Room, case_id: str, plan: int, **more: object) -> str:
+    answer = room.post(f"/cases/{case_id}/motions", {"plan": plan, **more})
+    assert answer.status_code == 202, answer.text
+    return str(answer.json()["id"])
+
+
+def _assert_refused(room: Room, case_id: str, plan: int, code: str) -> str:
+    answer = room.post(f"/cases/{case_id}/motions", {"plan": plan})
+    assert (answer.status_code, answer.json()["code"]) == (409, code), answer.text
+    assert room.robot.moves == []
+    return str(answer.json()["detail"])
+
+
+def test_the_command_quotes_plan_approval_and_newest_state(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    newest = room.robot.say(MotionState.LOCKED, controller_identity="another")
+    room.log.wait_for_event(lambda e: getattr(e.data, "controller_identity", "") == "another")
+    operation_id = _move(room, case_id, plan)
+    room.wait_for_status(operation_id, "running")
+    command = room.robot.moves[0]
+    assert command.envelope.command_id == operation_id
+    assert command.envelope.robot_boot_epoch == samples.ROBOT_EPOCH
+    assert command.envelope.after_state_sequence == newest.sequence
+    assert command.approval.approved_by == "Dr A"
+    assert samples.sha(command.plan_json) == command.approval.plan_sha256
+
+
+def test_motion_without_approval_moves_nothing(room: Room) -> None:
+    room.image("image", case_id := room.open_case())
+    room.post(f"/cases/{case_id}/plans", {"localisation": 1, "hole_ids": ["distal"]})
+    assert "a surgeon approves it" in _assert_refused(room, case_id, 1, "plan_not_approved")
+
+
+def test_motion_from_a_plan_older_than_the_newest_image_moves_nothing(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.image("newer", case_id)
+    assert "a newer image has arrived" in _assert_refused(room, case_id, plan, "plan_stale")
+
+
+def test_motion_after_the_set_up_changed_moves_nothing(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    changed = room.client.patch(f"/api/v1/cases/{case_id}", json={"head_extension_mm": 70.0})
+    assert changed.json()["revision"] == 2
+    assert "revision 1" in _assert_refused(room, case_id, plan, "plan_stale")
+
+
+def test_motion_after_the_robot_restarted_moves_nothing(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.robot.say(MotionState.LOCKED, boot_epoch="robot-2")
+    room.log.wait_for_event(lambda e: getattr(e.data, "boot_epoch", "") == "robot-2")
+    assert "robot service restarted" in _assert_refused(room, case_id, plan, "plan_stale")
+
+
+def test_motion_with_wires_in_place_moves_nothing(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.post(f"/cases/{case_id}/steps", {"step": "wires_inserted", "why": "checking by hand"})
+    assert "wires are in distal, proximal" in _assert_refused(room, case_id, plan, "wires_in_place")
+
+
+def test_motion_while_a_stop_is_latched_moves_nothing(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.robot.say(MotionState.STOPPED, stop=StopLatch.LATCHED)
+    room.log.wait_for_event(lambda e: getattr(e.data, "stop", "") == "latched")
+    assert "acknowledge it first" in _assert_refused(room, case_id, plan, "stop_in_force")
+
+
+def test_motion_from_an_unreferenced_robot_moves_nothing(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.robot.say(MotionState.UNREFERENCED)
+    room.log.wait_for_event(lambda e: getattr(e.data, "state", "") == "unreferenced")
+    _assert_refused(room, case_id, plan, "robot_not_ready")
+
+
+def test_a_plan_moves_once(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    operation_id = _move(room, case_id, plan)
+    room.wait_for_status(operation_id, "running")
+    pending = room.post(f"/cases/{case_id}/motions", {"plan": plan})
+    assert (pending.status_code, pending.json()["code"]) == (409, "plan_stale")
+    room.robot.arrive()
+    room.wait_for_status(operation_id, "succeeded")
+    used = room.post(f"/cases/{case_id}/motions", {"plan": plan})
+    assert used.json()["detail"] == f"plan {plan} is stale: a motion was made from it; request a new plan"
+    assert len(room.robot.moves) == 1
+
+
+def test_the_same_request_under_the_same_key_moves_once(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    answers = []
+
+    def ask() -> None:
+        answers.append(room.post(f"/cases/{case_id}/motions", {"plan": plan}, key="one-motion"))
+
+    threads = [threading.Thread(target=ask) for _ in range(5)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    assert {(a.status_code, a.text) for a in answers} == {(202, answers[0].text)}
+    room.wait_for_status(answers[0].json()["id"], "running")
+    room.robot.arrive()
+    room.wait_for_status(answers[0].json()["id"], "succeeded")
+    assert len(room.robot.moves) == 1
+
+
+def test_a_refusal_by_the_robot_leaves_the_plan_usable(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+
+    def refuse(command: MoveCommand) -> CommandReply:
+        return CommandReply(
+            command_id=command.envelope.command_id,
+            verdict="refused",
+            code="out_of_workspace",
+            message="leg 3 would be 54.2 mm long (limit 53.0 mm)",
+            state=MotionState.LOCKED,
+        )
+
+    accept, room.robot.answers_moves = room.robot.answers_moves, refuse
+    ended = room.wait_for_status(_move(room, case_id, plan), "failed")
+    assert (ended["began"], ended["code"]) == (False, "out_of_workspace")
+    assert "limit 53.0 mm" in str(ended["detail"])
+    procedure = room.get(f"/cases/{case_id}").json()["procedure"]
+    assert (procedure["stage"], procedure["aim"]) == ("positioning", "approved")
+    room.robot.answers_moves = accept
+    room.wait_for_status(_move(room, case_id, plan), "running")
+
+
+def test_a_command_without_an_answer_is_unknown_until_the_robot_tells(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.robot.answers_moves = room.robot.hang
+    operation_id = _move(room, case_id, plan)
+    unknown = room.wait_for_status(operation_id, "unknown")
+    assert unknown["began"] is None
+    assert "does not mean that it was not carried out" in str(unknown["detail"])
+    room.robot.release.set()  # the robot was only slow, and carries it out now
+    room.wait_for_status(operation_id, "running")
+    room.robot.arrive()
+    room.wait_for_status(operation_id, "succeeded")
+    assert len(room.robot.moves) == 1
+
+
+def test_an_unanswered_command_that_the_robot_can_no_longer_begin_has_failed(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.robot.answers_moves = room.robot.hang
+    operation_id = _move(room, case_id, plan)
+    room.wait_for_status(operation_id, "unknown")
+    room.robot.say(MotionState.LOCKED, sent_at_ns=room.robot.state.sent_at_ns + 3_000_000_000)
+    ended = room.wait_for_status(operation_id, "failed")
+    assert (ended["began"], ended["code"]) == (False, "not_executed")
+
+
+def test_a_robot_that_restarts_during_a_motion_ends_it(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    operation_id = _move(room, case_id, plan)
+    room.wait_for_status(operation_id, "running")
+    room.robot.say(MotionState.UNREFERENCED, boot_epoch="robot-2", command_id=None, outcome="none")
+    ended = room.wait_for_status(operation_id, "failed")
+    assert (ended["code"], ended["began"]) == ("robot_restarted", True)
+
+
+def test_hold_to_move_goes_on_while_renewed_and_stops_when_not(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    operation_id = _move(room, case_id, plan, hold_to_move=True)
+    renewed = room.client.put(f"/api/v1/operations/{operation_id}/lease")
+    assert renewed.json() == {"operation": operation_id, "expires_in_s": room.gateway.leases.lease_s}
+    room.wait_for_status(operation_id, "stopped")
+    assert room.robot.stops[0].reason == "the hold-to-move lease lapsed"
+    room.log.wait_for_event(lambda e: e.kind is EventKind.STOP_REQUESTED)
+    late = room.client.put(f"/api/v1/operations/{operation_id}/lease")
+    assert (late.status_code, late.json()["code"]) == (409, "operation_ended")
+
+
+def test_a_motion_without_hold_to_move_has_no_lease(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    operation_id = _move(room, case_id, plan)
+    answer = room.client.put(f"/api/v1/operations/{operation_id}/lease")
+    assert (answer.status_code, answer.json()["code"]) == (409, "no_lease")
+
+
+@pytest.mark.parametrize("verb", ["get", "put"])
+def test_an_unknown_operation_is_not_found(room: Room, verb: str) -> None:
+    path = "/api/v1/operations/nothing" + ("/lease" if verb == "put" else "")
+    answer = room.client.request(verb, path)
+    assert (answer.status_code, answer.json()["code"]) == (404, "operation_not_found")

@@ -1,0 +1,99 @@
+"""Every error is a problem document with a stable code; health tells what is missing."""
+
+from pathlib import Path
+
+import pytest
+
+from services.ui_api.routes.motion_views import says_simulated
+from tests.unit.services.ui_api import samples
+from tests.unit.services.ui_api.room import Room, open_room
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status", "code"),
+    [
+        ("GET", "/nothing", 404, "not_found"),
+        ("GET", "/api/v1/nothing", 404, "not_found"),
+        ("DELETE", "/api/v1/cases", 405, "method_not_allowed"),
+        ("POST", "/api/v1/cases", 400, "idempotency_key_missing"),
+        ("GET", "/api/v1/cases?limit=0", 422, "request_invalid"),
+        ("GET", "/api/v1/cases/none/plans/first", 422, "request_invalid"),
+    ],
+)
+def test_every_error_is_a_problem_document(quiet_room: Room, method: str, path: str, status: int, code: str) -> None:
+    answer = quiet_room.client.request(method, path)
+    assert answer.status_code == status
+    assert answer.headers["content-type"] == "application/problem+json"
+    document = answer.json()
+    assert (document["status"], document["code"]) == (status, code)
+    assert document["type"] == f"urn:distalock:problem:{code}"
+    assert document["instance"] == path.split("?")[0]
+    assert document["detail"]
+
+
+def test_method_not_allowed_names_the_methods_that_are(quiet_room: Room) -> None:
+    allowed = quiet_room.client.delete("/api/v1/robot").headers["allow"]
+    assert "GET" in allowed
+
+
+@pytest.mark.parametrize("body", ["{", "[]", '"x"', "", '{"side": NaN}'])
+def test_a_body_that_is_no_object_is_refused(quiet_room: Room, body: str) -> None:
+    headers = {"Idempotency-Key": "k", "Content-Type": "application/json"}
+    answer = quiet_room.client.post("/api/v1/cases", content=body, headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (422, "request_invalid"), answer.text
+
+
+def test_all_that_is_wrong_with_a_body_is_listed(quiet_room: Room) -> None:
+    answer = quiet_room.post("/cases", samples.case_body(side="middle", bone="skull"))
+    places = {e["place"] for e in answer.json()["errors"]}
+    assert places == {"body.side", "body.bone"}
+    assert answer.json()["detail"].endswith("(and 1 more)")
+
+
+def test_a_fault_is_a_problem_without_its_inside(room: Room) -> None:
+    room.gateway.record.close()
+    room.gateway.record.ledger.cases["broken"] = None  # type: ignore[assignment]  # what cannot happen
+    answer = room.get("/cases/broken")
+    assert (answer.status_code, answer.json()["code"]) == (404, "case_not_found")
+    listed = room.get("/cases")
+    assert (listed.status_code, listed.json()["code"]) == (500, "internal_error")
+    assert "AttributeError" not in listed.text
+    del room.gateway.record.ledger.cases["broken"]
+
+
+def test_healthz_tells_that_the_process_runs(quiet_room: Room) -> None:
+    assert quiet_room.client.get("/healthz").json()["status"] == "ok"
+
+
+def test_readyz_tells_what_is_missing(room: Room) -> None:
+    ready = room.client.get("/readyz")
+    assert ready.status_code == 200, ready.text
+    assert set(ready.json()["checks"]) == {"bus", "imaging", "registration", "robot", "database"}
+    room.router.cut()
+    room.log.wait_for(lambda: not any(room.gateway.inbox.attendance.alive.values()))
+    missing = room.client.get("/readyz")
+    assert (missing.status_code, missing.json()["code"]) == (503, "not_ready")
+    assert missing.json()["checks"]["bus"] == "no router is connected"
+    assert "robot: the service is not on the bus" in missing.json()["detail"]
+
+
+def test_metrics_count_requests_by_route(room: Room) -> None:
+    room.get("/cases/none")
+    text = room.client.get("/metrics").text
+    assert 'distalock_http_requests_total{method="GET",route="/cases/{case_id}",status="404"} 1.0' in text
+    assert 'distalock_service_alive{service="robot"} 1.0' in text
+
+
+def test_a_robot_that_fell_silent_is_stale_and_moves_nothing(tmp_path: Path) -> None:
+    with open_room(tmp_path, robot_state_stale_after_s=0.001) as room:
+        assert room.get("/robot").json()["validity"] == "stale"
+        refused = room.post("/robot/reference")
+        assert (refused.status_code, refused.json()["code"]) == (503, "robot_state_stale")
+        assert "limit 0.001 s" in refused.json()["detail"]
+        assert room.robot.plain == []
+
+
+def test_devices_say_themselves_whether_they_are_simulated() -> None:
+    assert says_simulated("") is None
+    assert says_simulated("(c) Physik Instrumente, C-887.52, 0, 2.0") is False
+    assert says_simulated("distalock, Virtual hexapod, 1") is True

@@ -1,0 +1,134 @@
+"""Stop waits for nothing: not for a hanging command, a hanging query, or the record."""
+
+import threading
+
+import httpx
+import pytest
+
+from services.ui_api.core.events import EventKind
+from services.ui_api.desks.planning import MotionRequest
+from shared.messages.robot import MotionState, StopLatch
+from tests.unit.services.ui_api.fakes import PATIENCE_S
+from tests.unit.services.ui_api.room import Room
+
+HANGING_REQUESTS = 60
+
+
+def _wait_until_no_thread_is_free(room: Room) -> None:
+    """Ask for something that needs a thread, until it has to wait for one."""
+    for _ in range(HANGING_REQUESTS):
+        try:
+            room.client.get("/api/v1/cases", timeout=0.3)
+        except httpx.TimeoutException:
+            return
+    pytest.fail("the server always had a thread to spare: the test would prove nothing")
+
+
+def test_stop_needs_no_key_and_no_body_and_is_recorded(room: Room) -> None:
+    answer = room.client.post("/api/v1/robot/stop")
+    assert answer.status_code == 200
+    assert answer.json() == {"confirmed": True, "state": "stopped", "detail": "", "recorded": True}
+    assert len(room.robot.stops) == 1
+    assert room.gateway.record.events_after(0)[-1].kind is EventKind.STOP_REQUESTED
+
+
+def test_stop_during_a_motion_stops_the_operation(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    operation_id = room.post(f"/cases/{case_id}/motions", {"plan": plan}).json()["id"]
+    room.wait_for_status(operation_id, "running")
+    assert room.client.post("/api/v1/robot/stop").json()["confirmed"] is True
+    ended = room.wait_for_status(operation_id, "stopped")
+    assert (ended["began"], ended["code"]) == (True, "motion_stopped")
+    assert room.get(f"/cases/{case_id}").json()["procedure"]["stage"] == "positioning"
+
+
+def test_stop_does_not_wait_for_a_motion_command_that_hangs(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.robot.answers_moves = room.robot.hang
+    operation_id = room.post(f"/cases/{case_id}/motions", {"plan": plan}).json()["id"]
+    assert room.robot.moved.wait(PATIENCE_S)
+    assert room.gateway.record.ledger.operations[operation_id].status == "requested"
+    assert room.client.post("/api/v1/robot/stop").json()["confirmed"] is True
+    assert room.robot.stopped.is_set()
+    room.robot.release.set()
+
+
+def test_stop_does_not_wait_for_the_threads_of_other_requests(room: Room) -> None:
+    """More requests hang in queries than the server has threads for them."""
+    room.image("image", case_id := room.open_case())
+    room.registration.hold.clear()
+    body = {"localisation": 1, "hole_ids": ["distal"]}
+    hanging = [
+        threading.Thread(target=room.post, args=(f"/cases/{case_id}/plans", body)) for _ in range(HANGING_REQUESTS)
+    ]
+    for thread in hanging:
+        thread.start()
+    try:
+        _wait_until_no_thread_is_free(room)
+        assert room.client.post("/api/v1/robot/stop").json()["confirmed"] is True
+        assert room.robot.stopped.is_set()
+    finally:
+        room.registration.hold.set()
+        for thread in hanging:
+            thread.join(PATIENCE_S)
+
+
+def test_stop_is_sent_while_the_record_is_locked(room: Room) -> None:
+    answers: list[bool] = []
+
+    def stop() -> None:
+        answers.append(room.client.post("/api/v1/robot/stop").json()["recorded"])
+
+    thread = threading.Thread(target=stop)
+    with room.gateway.record.write():
+        thread.start()
+        assert room.robot.stopped.wait(PATIENCE_S), "the stop waited for the record"
+        thread.join(PATIENCE_S)
+    assert answers == [False]
+    room.log.wait_for_event(lambda e: e.kind is EventKind.STOP_REQUESTED)
+
+
+def test_a_stop_that_is_not_confirmed_says_what_to_do(room: Room) -> None:
+    room.router.cut()
+    answer = room.client.post("/api/v1/robot/stop")
+    assert (answer.status_code, answer.json()["code"]) == (504, "stop_not_confirmed")
+    assert "press the stop button on the controller" in answer.json()["detail"]
+
+
+def test_a_stop_between_the_recording_of_a_motion_and_its_sending_wins(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    with room.gateway.record.write() as unit:
+        case = room.gateway.cases.case(case_id)
+        operation = room.gateway.planning.begin_motion(unit, case, MotionRequest(plan, False, "Dr A"))
+        room.gateway.stops.stop("test")
+    ended = room.wait_for_status(operation.requested.operation_id, "stopped")
+    assert (ended["began"], ended["code"]) == (False, "stopped_before_sending")
+    assert room.robot.moves == []
+
+
+def test_acknowledging_a_stop_is_an_operation(room: Room) -> None:
+    room.robot.say(MotionState.STOPPED, stop=StopLatch.LATCHED)
+    answer = room.post("/robot/acknowledge-stop", {"requested_by": "Dr A"})
+    assert answer.status_code == 202
+    ended = room.wait_for_status(answer.json()["id"], "succeeded")
+    assert ended["verb"] == "acknowledge_stop"
+    assert room.robot.plain[0].verb == "acknowledge_stop"
+
+
+@pytest.mark.parametrize("verb", ["reference", "reset"])
+def test_other_commands_reach_the_robot_once(room: Room, verb: str) -> None:
+    for _ in range(2):
+        answer = room.post(f"/robot/{verb}", key="the-same")
+        assert answer.status_code == 202
+    assert answer.json()["verb"] == verb
+    operation_id = answer.json()["id"]
+    room.wait_for_status(operation_id, "running", "succeeded")
+    assert [c.envelope.command_id for c in room.robot.plain] == [operation_id]
+
+
+def test_referencing_ends_when_the_robot_says_so(room: Room) -> None:
+    operation_id = room.post("/robot/reference").json()["id"]
+    room.wait_for_status(operation_id, "running")
+    room.robot.say(MotionState.REFERENCING, command_id=operation_id, outcome="moving")
+    room.robot.say(MotionState.LOCKED, command_id=operation_id, outcome="reached")
+    assert room.wait_for_status(operation_id, "succeeded")["began"] is True
