@@ -1,0 +1,37 @@
+"""Calibration of X-ray images that other software rendered; skipped where they are not at hand."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.calibration import Row, calibrate, default_folder
+
+SAMPLE = (0, 6, 7, 9, 16, 27)
+FOLDER = default_folder()
+pytestmark = pytest.mark.skipif(FOLDER is None, reason="the independent X-ray images are not here")
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    assert FOLDER is not None
+    entries = json.loads((FOLDER / "manifest.json").read_text())["images"]
+    return [calibrate(FOLDER, entries[i]) for i in SAMPLE]
+
+
+def test_every_image_is_calibrated(rows: list[Row]) -> None:
+    assert [r.refusal for r in rows] == [""] * len(SAMPLE)
+    assert min(r.balls_found for r in rows) >= 95
+
+
+def test_the_source_is_within_a_millimetre_and_its_error_foretold(rows: list[Row]) -> None:
+    error = np.array([r.source_error_mm for r in rows])
+    assert np.abs(error[:, :2]).max() < 0.15
+    assert np.abs(error[:, 2]).max() < 1.0
+    normalised = np.array([r.source_normalised for r in rows])
+    assert 0.4 < np.sqrt(np.mean(normalised**2)) < 1.6
+
+
+def test_rays_near_the_middle_pass_the_truth_closely(rows: list[Row]) -> None:
+    assert max(float(np.mean(r.nail_error_mm)) for r in rows) < 0.05
+    assert max(float(np.mean(r.axis_error_deg)) for r in rows) < 0.02
