@@ -1,6 +1,7 @@
 """Composition of the virtual operating room: controller, C-arm and control API in one process."""
 
 import contextlib
+import os
 import signal
 import socket
 import sys
@@ -102,7 +103,7 @@ def _listener(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port))
     except OSError as error:
         raise ConfigurationError(
-            f"the control API cannot listen at {host}:{port}: {error.strerror}; stop the program that uses the port, "
+            f"the control API cannot listen at {host}:{port}: {os.strerror(error.errno or 0)}; stop the program that uses the port, "
             "or choose another with --control-port"
         ) from None
 
