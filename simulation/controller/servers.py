@@ -34,7 +34,7 @@ def tcp_server(controller: VirtualController, host: str = "127.0.0.1", port: int
         listener = socket.create_server((host, port))
     except OSError as error:
         raise ConfigurationError(
-            f"the virtual controller cannot listen at {host}:{port}: {error.strerror}; "
+            f"the virtual controller cannot listen at {host}:{port}: {_cause(error)}; "
             "stop the program that uses the port, or choose another"
         ) from error
     server = _TcpServer(controller, listener)
@@ -113,12 +113,13 @@ class _TcpServer:
             self._clients[client].start()
 
     def _serve(self, client: socket.socket) -> None:
-        with client, suppress(OSError):  # a client that hangs up, or does not take its replies, is forgotten
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(_SEND_WITHIN_S))
-            _converse(self._controller, lambda: client.recv(_RECEIVE_BYTES), client.sendall)
-        with self._lock:
-            self._clients.pop(client, None)
+        with client:
+            with suppress(OSError):  # a client that hangs up, or does not take its replies, is forgotten
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(_SEND_WITHIN_S))
+                _converse(self._controller, lambda: client.recv(_RECEIVE_BYTES), client.sendall)
+            with self._lock:  # before the client learns that it was hung up on: its place is free by then
+                self._clients.pop(client, None)
 
 
 def _converse(controller: VirtualController, read: Callable[[], bytes], write: Callable[[bytes], object]) -> None:
@@ -133,6 +134,10 @@ def _converse(controller: VirtualController, read: Callable[[], bytes], write: C
 def _write_all(number: int, content: bytes) -> None:
     while content:
         content = content[os.write(number, content) :]
+
+
+def _cause(error: OSError) -> str:
+    return str(error) if error.errno is None else os.strerror(error.errno)
 
 
 def _timeval(seconds: float) -> bytes:
