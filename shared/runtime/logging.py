@@ -38,6 +38,13 @@ def configure_logging(service: str, room: str, boot_epoch: str, level: LogLevel)
     return log
 
 
+class _StandardError(logging.Handler):
+    """Writes to what standard error is at that moment."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(self.format(record), file=sys.stderr, flush=True)  # noqa: T201 - this is where logs leave the process
+
+
 class _Origin:
     """Adds to every line where it comes from, whoever wrote it."""
 
@@ -53,7 +60,7 @@ class _Origin:
 
 
 def _send_to_stderr(common: list[structlog.typing.Processor], level: LogLevel) -> None:
-    handler = logging.StreamHandler(sys.stderr)
+    handler = _StandardError()
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
             foreign_pre_chain=common,
@@ -65,5 +72,5 @@ def _send_to_stderr(common: list[structlog.typing.Processor], level: LogLevel) -
         )
     )
     root = logging.getLogger()
-    root.handlers[:] = [handler]
+    root.handlers = [*(h for h in root.handlers if not isinstance(h, _StandardError)), handler]
     root.setLevel(level.upper())

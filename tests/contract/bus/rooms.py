@@ -1,6 +1,7 @@
 """Rooms in which bus sessions meet, and helpers that wait on events."""
 
 import itertools
+import signal
 import socket
 import subprocess
 import sys
@@ -71,9 +72,16 @@ class RouterProcess:
             pass
 
     def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+        self.wait()
+
+    def send_signal(self, number: signal.Signals) -> None:
         assert self._process is not None
-        self._process.kill()
-        self._process.wait()
+        self._process.send_signal(number)
+
+    def wait(self) -> int:
+        assert self._process is not None
+        return self._process.wait(PATIENCE_S)
 
 
 class ZenohRoom:
