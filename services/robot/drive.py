@@ -11,9 +11,9 @@ from typing import assert_never
 
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Effect, Event, MotionState, Transition, next_motion
-from services.robot.core.readings import ControllerReading, Deviation
-from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.status import UNDER_WAY, DriveStatus, ReferenceUnderWay, with_reading
+from services.robot.core.readings import Deviation
+from services.robot.core.refusals import Refusal
+from services.robot.core.status import UNDER_WAY, DriveStatus, ReferenceUnderWay, locked_reading, with_reading
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.devices.controller import HexapodController, StopInForce
 from shared.errors import DeviceError
@@ -116,7 +116,7 @@ class Drive:
     def begin_reference(self, command_id: str) -> Refusal | None:
         """Begin reference; None when begun."""
         with self._lock:
-            reading = self._reading_if_possible(Event.REFERENCE)
+            reading = locked_reading(self._status, Event.REFERENCE, self._clock_s())
             if isinstance(reading, Refusal):
                 return reading
             task = ReferenceUnderWay(reading.pose, self._reference_travel, self._clock_s())
@@ -127,7 +127,7 @@ class Drive:
     def acknowledge_stop(self) -> Refusal | None:
         """Release the stop, on a person's word; None when released."""
         with self._lock:
-            reading = self._reading_if_possible(Event.ACKNOWLEDGE_REFERENCED)
+            reading = locked_reading(self._status, Event.ACKNOWLEDGE_REFERENCED, self._clock_s())
             if isinstance(reading, Refusal):
                 return reading
             event = Event.ACKNOWLEDGE_REFERENCED if reading.referenced else Event.ACKNOWLEDGE_UNREFERENCED
@@ -142,18 +142,6 @@ class Drive:
                 return planned
             self._apply(Event.RESET, "connecting anew after a fault")
         return None
-
-    def _reading_if_possible(self, event: Event) -> ControllerReading | Refusal:
-        """A fresh reading of a locked robot in a state where `event` is possible."""
-        planned = next_motion(self._status.state, event)
-        if isinstance(planned, Refusal):
-            return planned
-        reading = self._status.fresh_reading(self._clock_s())
-        if reading is None:
-            return Refusal(RefusalCode.POSE_UNKNOWN, "the controller has not answered just now; ask again in a second")
-        if not reading.locked or reading.moving:
-            return Refusal(RefusalCode.NOT_LOCKED, "the robot is not locked at rest yet; ask again in a second")
-        return reading
 
     def _stop_controller(self) -> None:
         controller = self._controller

@@ -3,8 +3,9 @@
 from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
-from services.robot.core.motion import Event, MotionState
+from services.robot.core.motion import Event, MotionState, next_motion
 from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
+from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.supervision import Finding, MoveUnderWay, judge_at_rest, judge_moving, judge_referencing
 from shared.geometry.hexapod import PlatformPose
 
@@ -70,6 +71,19 @@ class DriveStatus:
             generation=self.generation + 1,
             outcome=_outcome_after(self.outcome, event, state),
         )
+
+
+def locked_reading(status: DriveStatus, event: Event, now_s: float) -> ControllerReading | Refusal:
+    """A fresh reading of a robot that is locked at rest, for an `event` that the motion table allows."""
+    planned = next_motion(status.state, event)
+    if isinstance(planned, Refusal):
+        return planned
+    reading = status.fresh_reading(now_s)
+    if reading is None:
+        return Refusal(RefusalCode.POSE_UNKNOWN, "the controller has not answered just now; ask again in a second")
+    if not reading.locked or reading.moving:
+        return Refusal(RefusalCode.NOT_LOCKED, "the robot is not locked at rest yet; ask again in a second")
+    return reading
 
 
 def with_reading(

@@ -21,10 +21,12 @@ class FakeController:
         self.target = ZERO_POSE
         self.stopped = True
         self.closed = False
+        self.asked_to_move = 0
         self.motions: list[PlatformPose] = []
         self.failures: list[str] = []
         self.brakes_hold = True
         self.before_move: Callable[[], None] = lambda: None
+        self.after_read: Callable[[], None] = lambda: None
 
     @property
     def identity(self) -> str:
@@ -35,6 +37,7 @@ class FakeController:
         """The present state; asking clears the error."""
         self._fail_if_told()
         reading, self.reading = self.reading, replace(self.reading, error_code=0)
+        self.after_read()
         return reading
 
     def reference(self) -> None:
@@ -46,6 +49,7 @@ class FakeController:
 
     def move(self, target: PlatformPose, speed_mm_per_s: float) -> None:
         """Unlock and begin."""
+        self.asked_to_move += 1
         self._fail_if_told()
         self.before_move()
         if self.stopped:

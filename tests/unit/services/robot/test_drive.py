@@ -139,7 +139,7 @@ def test_a_stop_before_the_worker_begins_the_move_keeps_it_from_beginning(bench:
     assert bench.begin_move() is None
     bench.drive.stop("test")
     bench.work()
-    assert bench.controller.motions == []
+    assert bench.controller.asked_to_move == 0
     assert bench.has(MotionState.STOPPED)
 
 
@@ -150,6 +150,26 @@ def test_a_stop_while_the_worker_begins_the_move_keeps_it_from_beginning(bench: 
     bench.work()
     assert bench.controller.motions == []
     assert bench.has(MotionState.STOPPED)
+
+
+def test_a_reading_from_before_a_stop_says_nothing_about_the_time_after(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.after_read = lambda: bench.drive.stop("test")
+    bench.work(1)
+    bench.controller.after_read = lambda: None
+    assert bench.has(MotionState.STOPPED)
+    assert bench.drive.status.detail == "test"
+    assert bench.drive.status.fresh_reading(bench.now_s) is None
+    bench.work(1)
+    assert bench.has(MotionState.STOPPED)
+
+
+def test_what_is_not_locked_yet_cannot_be_acknowledged(bench: Bench) -> None:
+    bench.work()
+    bench.drive.stop("once more")
+    refusal = bench.drive.acknowledge_stop()
+    assert refusal is not None
+    assert refusal.code is RefusalCode.POSE_UNKNOWN, "no reading since the last stop"
 
 
 def test_lost_supervision_stops_a_move_and_nothing_else(bench: Bench) -> None:
