@@ -3,7 +3,7 @@
 import string
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.robot.devices import gcs_codec as codec
@@ -14,8 +14,11 @@ from shared.geometry.hexapod import AXES, PlatformPose
 VALUES = st.floats(-100.0, 100.0)
 POSES = st.builds(PlatformPose, *[VALUES] * 6)
 NOISE = st.lists(st.text(max_size=20), max_size=8)
+# The machine may be busy: how long an example takes is not what is tested.
+UNHURRIED = settings(deadline=None)
 
 
+@UNHURRIED
 @given(POSES)
 def test_a_pose_sent_comes_back_within_a_nanometre(pose: PlatformPose) -> None:
     words = codec.command("MOV", codec.pose_values(pose)).decode().split()[1:]
@@ -23,6 +26,7 @@ def test_a_pose_sent_comes_back_within_a_nanometre(pose: PlatformPose) -> None:
     assert codec.parse_pose(lines, "MOV?").as_array() == pytest.approx(pose.as_array(), abs=6e-7)
 
 
+@UNHURRIED
 @given(POSES, st.permutations(AXES))
 def test_the_order_of_the_lines_does_not_matter(pose: PlatformPose, order: list[str]) -> None:
     values = codec.pose_values(pose)
@@ -30,6 +34,7 @@ def test_the_order_of_the_lines_does_not_matter(pose: PlatformPose, order: list[
     assert codec.parse_pose(lines, "POS?") == pose
 
 
+@UNHURRIED
 @given(NOISE)
 def test_noise_is_refused_or_is_exactly_an_answer(lines: list[str]) -> None:
     for parse in (
@@ -46,6 +51,7 @@ def test_noise_is_refused_or_is_exactly_an_answer(lines: list[str]) -> None:
             assert "is not an answer to it" in str(error)  # noqa: PT017 - any other exception fails the test by itself
 
 
+@UNHURRIED
 @given(POSES, st.integers(0, 5), st.sampled_from(string.ascii_letters + "_ =;\x00\xff"))
 def test_a_letter_in_a_number_is_refused(pose: PlatformPose, which: int, noise: str) -> None:
     lines = [f"{axis}={value:.6f}" for axis, value in codec.pose_values(pose).items()]
@@ -54,6 +60,7 @@ def test_a_letter_in_a_number_is_refused(pose: PlatformPose, which: int, noise: 
         codec.parse_pose(lines, "POS?")
 
 
+@UNHURRIED
 @given(POSES, st.integers(0, 5))
 def test_a_missing_a_repeated_and_a_foreign_axis_are_refused(pose: PlatformPose, which: int) -> None:
     lines = [f"{axis}={value!r}" for axis, value in codec.pose_values(pose).items()]
@@ -74,6 +81,7 @@ def test_numbers_that_are_not_finite_are_never_sent(value: float) -> None:
         codec.command("MOV", {"X": value})
 
 
+@UNHURRIED
 @given(st.integers(0, 0xFFFF))
 def test_the_motion_status_is_hexadecimal(mask: int) -> None:
     assert codec.parse_motion_status([f"{mask:X}"]) is (mask != 0)
