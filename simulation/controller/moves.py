@@ -88,8 +88,6 @@ def move_between(
 
 
 def stopping(move: Move) -> Move:
-    """Come to rest smoothly, within `RAMP_S`, on the line of a move; the same move when it does so already."""
-    if move.purpose is Purpose.STOP:
-        return move
+    """Come to rest smoothly, within `RAMP_S`, on the line of a move; a move that does so already just goes on."""
     profile = to_rest(move.progress.speed_per_s, move.deceleration_per_s2)
     return Move(move.pose, move.way, profile, move.deceleration_per_s2, Purpose.STOP)

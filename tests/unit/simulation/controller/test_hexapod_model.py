@@ -93,6 +93,11 @@ def test_halt_comes_to_rest_on_the_line_within_the_ramp() -> None:
     np.testing.assert_allclose(beyond / np.linalg.norm(beyond), FAR / np.linalg.norm(FAR), atol=1e-9)
 
 
+def test_halting_twice_changes_nothing() -> None:
+    halted = model.advance(HEXAPOD, model.halt(moving()), 0.5 * RAMP_S)
+    np.testing.assert_allclose(settled(model.halt(halted)).pose, settled(halted).pose, atol=1e-12)
+
+
 def test_stop_is_at_rest_at_once() -> None:
     state = moving()
     stopped = model.stop(state)
