@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from services.registration.knowledge import Knowledge
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
 from shared.bus.port import Bus
@@ -13,7 +14,8 @@ from shared.runtime.lifecycle import Runtime, service_main
 @contextmanager
 def compose(settings: RegistrationSettings, bus: Bus, runtime: Runtime) -> Iterator[None]:
     """Build the service and run it for as long as the context lasts."""
-    with RegistrationService(bus, runtime, settings).running():
+    knowledge = Knowledge(runtime.boot_epoch, settings.kept_images)
+    with RegistrationService(bus, runtime, settings, knowledge).running():
         yield
 
 

@@ -121,11 +121,13 @@ class Knowledge:
         self._frames[header.sha256] = frame
         while len(self._frames) > self._kept:
             self._frames.popitem(last=False)
+        self._changed.notify_all()
         return frame
 
-    def frame(self, sha256: str) -> ReceivedFrame | None:
-        """A kept image, or None."""
+    def wait_for_frame(self, sha256: str, timeout_s: float) -> ReceivedFrame | None:
+        """A kept image, as soon as it is there; None when it does not come."""
         with self._changed:
+            self._changed.wait_for(lambda: sha256 in self._frames, timeout_s)
             return self._frames.get(sha256)
 
     def wait_for_case(self, case_id: str, revision: int, timeout_s: float) -> OpenCase | None:

@@ -33,6 +33,7 @@ from shared.runtime.lifecycle import Runtime, software_version
 
 _WAIT_S = 0.2
 _CASE_TIMEOUT_S = 2.0
+_OVERTAKEN_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,13 +54,15 @@ class RegistrationService:
         Where to publish, and what the process gives every service.
     settings
         Limits.
+    knowledge
+        Where everything that is heard is kept.
     """
 
-    def __init__(self, bus: Bus, runtime: Runtime, settings: RegistrationSettings) -> None:
+    def __init__(self, bus: Bus, runtime: Runtime, settings: RegistrationSettings, knowledge: Knowledge) -> None:
         self._bus = bus
         self._runtime = runtime
         self._settings = settings
-        self._knowledge = Knowledge(runtime.boot_epoch, settings.kept_images)
+        self._knowledge = knowledge
         self._jobs: BoundedQueue[CalibrationMessage] = BoundedQueue(settings.queue_length)
         self._localisations = bus.retained_publisher(runtime.keys.localisation)
         self._plans = bus.retained_publisher(runtime.keys.plan)
@@ -161,7 +164,8 @@ class RegistrationService:
                 revision=job.case_revision,
             )
             return
-        frame = self._knowledge.frame(job.image.sha256) or self._fetched(job.image.sha256)
+        # pixels travel on a key of their own and may be overtaken by the much smaller calibration
+        frame = self._knowledge.wait_for_frame(job.image.sha256, _OVERTAKEN_S) or self._fetched(job.image.sha256)
         located = _located(frame, job, case)
         record = self._record(frame, job, case, located)
         self._knowledge.note_localised(LocalisedFrame(frame, case, record, located.calibration, located.result))

@@ -16,7 +16,29 @@ from shared.geometry.lines import Line
 from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
+# What the pixels cannot tell of the model itself: display curve, texture and radii trade against one another. Standard
+# deviation of the tilt about the nail's x and y axes, and of its place across the beam, from independent images.
+MODEL_SD_DEG = 0.11
+MODEL_SD_MM = 0.03
+MODEL_COVARIANCE = np.diag([np.radians(MODEL_SD_DEG) ** 2] * 2 + [0.0] + [MODEL_SD_MM**2] * 2 + [0.0])
 _RIM_POINTS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """How far the fitted model had to depart from the part, and what it left unexplained.
+
+    Attributes
+    ----------
+    hole_radius_excess_mm, nail_radius_excess_mm
+        Fitted radii less those of the nail's file.
+    structure
+        Residual at rims and edges over that elsewhere; one when only noise is left.
+    """
+
+    hole_radius_excess_mm: float
+    nail_radius_excess_mm: float
+    structure: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,11 +54,14 @@ class NailEstimate:
         None for a method that does not know its errors.
     mirror_margin
         How much worse the best mirrored pose explains the pixels; None for methods without one.
+    misfit
+        What speaks against the model; None for methods that fit none.
     """
 
     camera_from_nail: Transform[Camera, Nail]
     covariance: NDArray[np.float64] | None
     mirror_margin: float | None
+    misfit: Misfit | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,6 +15,8 @@ LARGEST_AXIS_BOUND_DEG = 1.5
 LEAST_CHANCE = 0.99
 LARGEST_TILT_DEG = 14.0
 LARGEST_DISTORTION_SD_PX = 0.5
+LARGEST_RADIUS_EXCESS_MM = 0.12
+LARGEST_STRUCTURE = 2.0
 
 
 def judge(
@@ -27,6 +29,7 @@ def judge(
     """Reasons against a localisation in which ring, guide and nail were all found; none means accepted."""
     return (
         *_extrapolated(calibration, nail, estimate),
+        *_unexplained(estimate),
         *(reason for hole in holes for reason in _tilted(hole, correction)),
         *(reason for hole in holes for reason in _uncertain(hole)),
     )
@@ -43,6 +46,23 @@ def _extrapolated(calibration: CArmCalibration, nail: NailPart, estimate: NailEs
                 f"image's distortion uncertain by {deviation:.2f} px (limit {LARGEST_DISTORTION_SD_PX}); move the "
                 "C-arm until the holes are nearer to the image's centre and take one more image",
             )
+
+
+def _unexplained(estimate: NailEstimate) -> Iterator[Reason]:
+    """Something over a hole that the model does not know (a wire, an instrument) shows in radii and residual first."""
+    misfit = estimate.misfit
+    if misfit is None:
+        return
+    excess_mm = max(abs(misfit.hole_radius_excess_mm), abs(misfit.nail_radius_excess_mm))
+    if not (excess_mm <= LARGEST_RADIUS_EXCESS_MM and misfit.structure <= LARGEST_STRUCTURE):
+        yield Reason(
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            f"holes and nail measure {2.0 * misfit.hole_radius_excess_mm:+.2f} mm and "
+            f"{2.0 * misfit.nail_radius_excess_mm:+.2f} mm in diameter against the nail's file (limit "
+            f"{2.0 * LARGEST_RADIUS_EXCESS_MM:.2f} mm), and {misfit.structure:.1f} times the noise is left unexplained "
+            f"at their edges (limit {LARGEST_STRUCTURE:g}); remove wires and instruments from in front of the holes, "
+            "check that the file is that of the implanted nail, and take one more image",
+        )
 
 
 def _tilted(hole: HoleEstimate, correction: CArmTurn) -> Iterator[Reason]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
 from services.registration.core.fronto_parallel import fronto_parallel_from_start
 from services.registration.core.guide import GuideFit, locate_guide
-from services.registration.core.hole_axes import HoleEstimate, NailEstimate, hole_estimates
+from services.registration.core.hole_axes import MODEL_COVARIANCE, HoleEstimate, Misfit, NailEstimate, hole_estimates
 from services.registration.core.judge import judge
 from services.registration.core.nail.coarse import NailStart, find_nail
 from services.registration.core.nail.fit import fit_nail
@@ -157,11 +157,14 @@ def _by_model(
     fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, Occluders(placed, parts.ring))
     if isinstance(fit, Rejected):
         return fit
-    return Accepted(NailEstimate(fit.value.camera_from_nail, fit.value.covariance, fit.value.mirror_margin))
+    found = fit.value
+    misfit = Misfit(found.hole_radius_excess_mm, found.nail_radius_excess_mm, found.residual.structure)
+    covariance = found.covariance + MODEL_COVARIANCE
+    return Accepted(NailEstimate(found.camera_from_nail, covariance, found.mirror_margin, misfit))
 
 
 def _by_roundness(calibration: CArmCalibration, parts: Parts, start: NailStart) -> Accepted[NailEstimate] | Rejected:
     round_holes = fronto_parallel_from_start(start, calibration, parts.nail)
     if isinstance(round_holes, Rejected):
         return round_holes
-    return Accepted(NailEstimate(round_holes.value.camera_from_nail, None, None))
+    return Accepted(NailEstimate(round_holes.value.camera_from_nail, None, None, None))

@@ -32,7 +32,7 @@ def guide_fit(pose: Transform[Camera, Guide], covariance: NDArray[np.float64]) -
 
 def test_entry_and_axis_are_those_of_the_composed_poses() -> None:
     holes = hole_estimates(
-        VIEW, guide_part(), nail_part(), guide_fit(GUIDE_POSE, np.eye(6)), NailEstimate(NAIL_POSE, None, None)
+        VIEW, guide_part(), nail_part(), guide_fit(GUIDE_POSE, np.eye(6)), NailEstimate(NAIL_POSE, None, None, None)
     )
     assert [hole.id for hole in holes] == ["distal", "proximal"]
     for hole, x_mm in zip(holes, (15.0, -15.0), strict=True):
@@ -62,7 +62,11 @@ def test_covariance_is_that_of_random_pose_errors() -> None:
     guide_cov, nail_cov = small_covariance(2), small_covariance(3)
     part = nail_part()
     holes = hole_estimates(
-        KNOWN_SOURCE, guide_part(), part, guide_fit(GUIDE_POSE, guide_cov), NailEstimate(NAIL_POSE, nail_cov, 10.0)
+        KNOWN_SOURCE,
+        guide_part(),
+        part,
+        guide_fit(GUIDE_POSE, guide_cov),
+        NailEstimate(NAIL_POSE, nail_cov, 10.0, None),
     )
     guide_steps = rng.multivariate_normal(np.zeros(6), guide_cov, 3000)
     nail_steps = rng.multivariate_normal(np.zeros(6), nail_cov, 3000)
@@ -82,7 +86,7 @@ def test_covariance_is_that_of_random_pose_errors() -> None:
 
 def test_a_source_a_few_millimetres_off_costs_little_and_is_counted() -> None:
     """One millimetre of the source's distance costs about 0.003 degrees near the image's centre."""
-    nail = NailEstimate(NAIL_POSE, np.zeros((6, 6)), 10.0)
+    nail = NailEstimate(NAIL_POSE, np.zeros((6, 6)), 10.0, None)
     fit = guide_fit(GUIDE_POSE, np.zeros((6, 6)))
     for axis in range(3):
         uncertain = np.zeros((3, 3))
