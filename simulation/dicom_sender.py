@@ -1,5 +1,6 @@
 """Send images to the imaging service by DICOM C-STORE, as a C-arm does."""
 
+import socket
 from dataclasses import dataclass
 
 from pydicom.uid import ExplicitVRLittleEndian, XRayAngiographicImageStorage
@@ -40,13 +41,14 @@ def send(shot: DicomShot, target: DicomTarget) -> None:
     ImageNotDelivered
         When the target does not answer, or refuses the association or the image; the sentence says which.
     """
+    _knock(target)
     entity = AE(ae_title=CALLING_TITLE)
     entity.add_requested_context(XRayAngiographicImageStorage, ExplicitVRLittleEndian)
     entity.connection_timeout = entity.acse_timeout = entity.dimse_timeout = entity.network_timeout = _SECONDS
     association = entity.associate(target.host, target.port, ae_title=target.title)
     if not association.is_established:
         why = "refused the association" if association.is_rejected else "does not answer"
-        raise ImageNotDelivered(f"DICOM target {target} {why}; start the imaging service, or correct --dicom-target")
+        raise ImageNotDelivered(_undelivered(target, why))
     try:
         status = association.send_c_store(shot.dataset)
     finally:
@@ -59,3 +61,15 @@ def send(shot: DicomShot, target: DicomTarget) -> None:
     if code != _SUCCESS and code not in _WARNINGS:
         comment = status.get("ErrorComment", "no comment")
         raise ImageNotDelivered(f"DICOM target {target} refused the image with status 0x{code:04X} ({comment})")
+
+
+def _knock(target: DicomTarget) -> None:
+    """Find out whether anybody listens: pynetdicom would leave a socket open that was refused."""
+    try:
+        socket.create_connection((target.host, target.port), _SECONDS).close()
+    except OSError as error:
+        raise ImageNotDelivered(_undelivered(target, f"does not answer ({error.strerror or error})")) from None
+
+
+def _undelivered(target: DicomTarget, why: str) -> str:
+    return f"DICOM target {target} {why}; start the imaging service, or correct --dicom-target"

@@ -103,8 +103,8 @@ def _listener(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port))
     except OSError as error:
         raise ConfigurationError(
-            f"the control API cannot listen at {host}:{port}: {os.strerror(error.errno or 0)}; stop the program that uses the port, "
-            "or choose another with --control-port"
+            f"the control API cannot listen at {host}:{port}: {os.strerror(error.errno or 0)}; "
+            "stop the program that uses the port, or choose another with --control-port"
         ) from None
 
 

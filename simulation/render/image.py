@@ -37,7 +37,7 @@ _SPREAD_32NDS = np.array(
     ],
     dtype=np.float64,
 )
-_EDGE = 0.04
+_EDGE = 0.08
 
 
 class Noise(StrEnum):
@@ -131,7 +131,7 @@ def trace_primary(scenario: Scenario, world: World, packed: PackedScene) -> Imag
     )
     primary = np.concatenate([signal for signal, _ in parts])
     share = np.concatenate([share for _, share in parts])
-    edges = np.argwhere(_edges(primary))
+    edges = np.argwhere(_edges(primary) & (detector.window(scenario.detector, size) > 0.0))
     primary[tuple(edges.T)] = _refined(scenario, packed, targets, edges, share, beam)
     return primary
 

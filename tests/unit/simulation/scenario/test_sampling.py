@@ -1,0 +1,106 @@
+"""What a seed makes: the same every time, within its ranges, and always correctable."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared.geometry.hexapod import base_from_top
+from shared.geometry.hexapod_limits import limit_violations, path_violations
+from simulation.scenario.files import ScenarioFile, ScenarioInvalid, merged_ranges
+from simulation.scenario.placement_sampling import correcting_pose
+from simulation.scenario.sampling import scenario_from_file, scenario_of_seed
+from simulation.scenario.values import MountKind, Side
+from simulation.truth import guide_axis_errors
+from simulation.world import bone_from_guide, starting_state, world_at
+
+SEEDS = range(40)
+
+
+def test_the_same_seed_makes_the_same_scenario() -> None:
+    first, second = scenario_of_seed(7), scenario_of_seed(7)
+    assert (first.c_arm.pixel_mm, first.exposure, first.display) == (
+        second.c_arm.pixel_mm,
+        second.exposure,
+        second.display,
+    )
+    np.testing.assert_array_equal(first.placement.bone_from_base.matrix, second.placement.bone_from_base.matrix)
+
+
+def test_seeds_differ() -> None:
+    drawn = [scenario_of_seed(seed) for seed in range(12)]
+    assert len({s.c_arm.pixel_mm for s in drawn}) == 12
+    assert {s.side for s in drawn} == {Side.LEFT, Side.RIGHT}
+    assert len({s.sources.nail.name for s in drawn}) > 1
+
+
+def test_pinning_one_section_leaves_the_others() -> None:
+    plain = scenario_of_seed(3)
+    pinned = scenario_from_file(
+        ScenarioFile(schema_name="distalock/scenario/1", seed=3, ranges={"exposure": {"blur_px": [2.0, 2.0]}}), Path()
+    )
+    assert pinned.exposure.blur_px == 2.0
+    assert pinned.display == plain.display
+    np.testing.assert_array_equal(pinned.placement.room_from_bone.matrix, plain.placement.room_from_bone.matrix)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_guide_is_off_but_the_robot_can_correct_it(seed: int) -> None:
+    print(f"seed {seed}")
+    scenario = scenario_of_seed(seed)
+    hexapod, ranges = scenario.parts.hexapod, merged_ranges({}).placement
+    state = starting_state(scenario)
+    offset, tilt = off_at_the_guides_middle(scenario, state)
+    assert 0.4 < offset <= 8.0 + 1e-6
+    assert tilt <= 6.0 + 1e-6
+    head = hexapod.top_from_guide(scenario.head_extension_mm)
+    pose = correcting_pose(ranges, scenario.parts, head, scenario.placement)
+    assert pose is not None
+    assert not limit_violations(hexapod, pose, hexapod.pivot_mm)
+    assert not path_violations(hexapod, hexapod.home_pose, pose, hexapod.pivot_mm)
+    corrected = replace(state, platform=base_from_top(hexapod, pose, hexapod.pivot_mm))
+    spacing = {
+        abs(part.holes[0].axis.point_mm[0] - part.holes[1].axis.point_mm[0])
+        for part in (scenario.parts.guide, scenario.parts.nail)
+    }
+    left = 0.5 * (max(spacing) - min(spacing))
+    for error in guide_axis_errors(scenario, world_at(scenario, corrected)):
+        assert max(error.entry_offset_mm, error.exit_offset_mm) == pytest.approx(left, abs=1e-6)
+
+
+def off_at_the_guides_middle(scenario, state) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    """How far the guide's middle is off where it should be, across the holes, and the tilt of its axes."""
+    nail_from_guide = scenario.placement.bone_from_nail.inverse() @ bone_from_guide(scenario, state)
+    middle = np.mean([h.axis.point_mm for h in scenario.parts.nail.holes], axis=0) - np.mean(
+        [h.axis.point_mm for h in scenario.parts.guide.holes], axis=0
+    )
+    axis = nail_from_guide.directions(np.array([0.0, 0.0, 1.0]))
+    offset = (nail_from_guide.translation_mm - middle)[:2]
+    return float(np.linalg.norm(offset)), float(np.degrees(np.arctan2(np.hypot(axis[0], axis[1]), axis[2])))
+
+
+def test_large_errors_occur_and_are_not_all_filtered_out() -> None:
+    errors = [off_at_the_guides_middle(s, starting_state(s)) for s in map(scenario_of_seed, SEEDS)]
+    assert max(e[0] for e in errors) > 6.0
+    assert max(e[1] for e in errors) > 4.0
+
+
+def test_an_uncorrectable_range_is_refused() -> None:
+    ranges = {"placement": {"guide_offset_mm": [40.0, 41.0]}}
+    file = ScenarioFile(schema_name="distalock/scenario/1", seed=1, ranges=ranges)
+    with pytest.raises(ScenarioInvalid, match=r"none of 400 placements within guide_offset_mm \(40\.0, 41\.0\)"):
+        scenario_from_file(file, Path())
+
+
+def test_a_head_that_cannot_be_set_so_is_refused() -> None:
+    file = ScenarioFile(schema_name="distalock/scenario/1", seed=1, head_extension_mm=200.0)
+    with pytest.raises(ScenarioInvalid, match="head extension is 200 mm"):
+        scenario_from_file(file, Path())
+
+
+def test_a_nail_head_mount_is_softer() -> None:
+    base = ScenarioFile(schema_name="distalock/scenario/1", seed=1, mount=MountKind.NAIL_HEAD)
+    assert scenario_from_file(base, Path()).drilling.stiffness_share < 1.0
+    bone = base.model_copy(update={"mount": MountKind.BONE})
+    assert scenario_from_file(bone, Path()).drilling.stiffness_share == 1.0
