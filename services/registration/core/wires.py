@@ -109,8 +109,10 @@ def find_wire(
     """The wire through one guide hole, or why there is none to be seen."""
     along_mm = float((hole.entry_guide_mm - guide_hole.axis.point_mm) @ guide_hole.axis.direction)
     fit = fit_wire(views, wire_model(guide, guide_hole, WIRE_DIAMETER_MM, along_mm))
-    seen, free = sum(fit.seen_px), sum(fit.free_px)
-    fraction = seen / free if free > 0.0 else 0.0
+    seen = sum(fit.seen_px)
+    # Every image that should show the wire must show it: otherwise the images contradict one another.
+    fractions = [s / f for s, f in zip(fit.seen_px, fit.free_px, strict=True) if f >= _LEAST_SEEN_PX]
+    fraction = min(fractions, default=0.0)
     if seen >= _LEAST_SEEN_PX and fraction >= _LEAST_SEEN_FRACTION and fit.darkness >= _LEAST_DARKNESS:
         return fit
     return Reason(

@@ -20,9 +20,13 @@ _PER_VIEW = 7
 _RADIUS_SD_PX = 0.3
 _EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
 _ROBUST_PX = 1.2
-_LEAST_STRENGTH = 4.0
 _SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
+_SEARCH_TIPS_MM = (-12.0, -2.0, 8.0)
+_SEARCH_DISCS, _FIT_DISCS = 40, 250
+_STARTS, _STARTS_APART_MM = 8, 1.0
 _PENALTY_OF_MISSING = 0.5
+_SEEN_NATS, _MISSING_NATS, _TYPICAL_SHIFT_PX = 2.0, -1.3, 0.5
+_SAME_MM, _TEMPER = 0.15, 0.5
 _REACHES_PX = (6.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.5, 2.5, 2.5, 2.5)
 _SEEN_WITHIN_PX = 1.0
 _STEPS = np.array([1e-3] * (SHARED + 1) + [1e-5] * 3 + [1e-3] * 3)
@@ -82,50 +86,99 @@ class _System:
     rows: tuple[_Rows, ...]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    state: NDArray[np.float64]
+    system: _System
+    log_likelihood: float
+
+    @property
+    def covariance_mm2(self) -> NDArray[np.float64]:
+        inverse = np.linalg.inv(self.system.normal)[:4, :4]
+        return np.asarray(inverse * max(1.0, self.system.mean_square), dtype=np.float64)
+
+
 def fit_wire(views: tuple[PreparedView, ...], model: WireModel) -> WireFit:
     """Find a wire near its guide hole's axis and fit it in all views together.
 
-    The axis is searched on a grid of places at the nail (8 mm about the guide's axis), then moved by Gauss-Newton steps
-    to where the outline's points meet edges of the images, with Cauchy weights. Whether what was found is a wire is for
-    the caller to judge, by how much of its outline was seen.
+    Axes on a grid of places at the nail (8 mm about the guide's axis) are ranked by how much outline lies on edges.
+    The best ones are moved by Gauss-Newton steps, with Cauchy weights, to where the outline's points meet edges, and
+    the one that then explains the images best is taken. Others that explain them nearly as well (a wire seen nearly end
+    on looks much the same from its other end) widen the covariance by their distance, as likely as they are.
+
+    Whether what was found is a wire is for the caller to judge, by how much of its outline was seen.
     """
-    state = np.concatenate([_search(views, model), np.zeros(_PER_VIEW * len(views))])
-    for reach_px in _REACHES_PX:
-        system = _linearised(views, model, state, reach_px)
-        state = state + np.linalg.solve(system.normal, system.gradient)
-    system = _linearised(views, model, state, _REACHES_PX[-1])
-    covariance = np.asarray(np.linalg.inv(system.normal)[:4, :4] * max(1.0, system.mean_square), dtype=np.float64)
-    darkness = np.concatenate([_darkness(view, rows) for view, rows in zip(views, system.rows, strict=True)])
+    solutions = [_refined(views, model, start) for start in _starts(views, model)]
+    best = max(solutions, key=lambda solution: solution.log_likelihood)
+    covariance, total = np.zeros((4, 4)), 0.0
+    for solution in _distinct(solutions, best):
+        weight = float(np.exp(_TEMPER * (solution.log_likelihood - best.log_likelihood)))
+        apart = (solution.state - best.state)[:4]
+        covariance += weight * (solution.covariance_mm2 + np.outer(apart, apart))
+        total += weight
+    darkness = np.concatenate([rows.matches.darkness for rows in best.system.rows])
     return WireFit(
         model,
-        model.line_guide(state[:4]),
-        read_only(state[:4]),
-        read_only(covariance),
-        tuple(_seen_px(rows) for rows in system.rows),
-        tuple(float(rows.shape.length_px[rows.shape.free].sum()) for rows in system.rows),
+        model.line_guide(best.state[:4]),
+        read_only(best.state[:4]),
+        read_only(covariance / total),
+        tuple(_seen_px(rows) for rows in best.system.rows),
+        tuple(float(rows.shape.length_px[rows.shape.free].sum()) for rows in best.system.rows),
         float(np.median(darkness)) if darkness.size else 0.0,
     )
 
 
-def _search(views: tuple[PreparedView, ...], model: WireModel) -> NDArray[np.float64]:
-    """Best of a grid of axes through the middle of the guide hole: length of outline on edges, less what shows none."""
+def _distinct(solutions: list[_Solution], best: _Solution) -> list[_Solution]:
+    """The best solution and those that differ from it and from one another by more than the fit's own rest."""
+    chosen = [best]
+    for solution in sorted(solutions, key=lambda s: -s.log_likelihood):
+        if all(float(np.abs((solution.state - other.state)[:4]).max()) > _SAME_MM for other in chosen):
+            chosen.append(solution)
+    return chosen
+
+
+def _refined(views: tuple[PreparedView, ...], model: WireModel, start: NDArray[np.float64]) -> _Solution:
+    state = np.concatenate([start, np.zeros(_PER_VIEW * len(views))])
+    for reach_px in _REACHES_PX:
+        system = _linearised(views, model, state, reach_px)
+        state = state + np.linalg.solve(system.normal, system.gradient)
+    system = _linearised(views, model, state, _REACHES_PX[-1])
+    deviation = state[:SHARED] - model.mean
+    prior = -0.5 * float(deviation @ model.precision @ deviation)
+    return _Solution(state, system, prior + sum(_log_likelihood(rows) for rows in system.rows))
+
+
+def _log_likelihood(rows: _Rows) -> float:
+    """How well edges lie on the outline: a long-tailed law for each correlation length, and a price for none."""
+    nats = np.full(len(rows.shape.free), _MISSING_NATS)
+    nats[rows.matches.index] = _SEEN_NATS - np.log1p((rows.matches.shift_px / _TYPICAL_SHIFT_PX) ** 2)
+    return float((nats * rows.shape.length_px)[rows.shape.free].sum()) / _EDGE_CORRELATION_PX
+
+
+def _starts(views: tuple[PreparedView, ...], model: WireModel) -> list[NDArray[np.float64]]:
+    """Best axes of a grid through the middle of the guide hole, apart from one another, for a few places of the tip."""
     steps = np.arange(-_SEARCH_REACH_MM, _SEARCH_REACH_MM + 1e-9, _SEARCH_STEP_MM)
-    best, best_score = model.mean, -np.inf
-    for x in steps:
-        for y in steps:
-            unknowns = model.mean.copy()
-            unknowns[2:4] = x, y
-            deviation = unknowns - model.mean
-            score = -0.5 * float(deviation @ model.precision @ deviation)
-            for view in views:
-                shape = _shape(view, model, np.concatenate([unknowns, np.zeros(_PER_VIEW)]))
-                matches = match_edges(view, shape.outline, _SEARCH_REACH_PX, _LEAST_STRENGTH)
-                seen = matches.index[shape.free[matches.index]]
-                score += float(shape.length_px[seen].sum())
-                score -= _PENALTY_OF_MISSING * float(shape.length_px[shape.free].sum())
-            if score > best_score:
-                best, best_score = unknowns, score
-    return best
+    grid = np.array([(x, y, tip) for x in steps for y in steps for tip in _SEARCH_TIPS_MM])
+    scores = np.empty(len(grid))
+    for k, (x, y, tip) in enumerate(grid):
+        unknowns = model.mean + np.array([0.0, 0.0, x, y, 0.0, tip])
+        deviation = unknowns - model.mean
+        scores[k] = -0.5 * float(deviation @ model.precision @ deviation)
+        scores[k] += sum(_evidence_px(view, model, unknowns) for view in views)
+    chosen: list[NDArray[np.float64]] = []
+    for k in np.argsort(-scores):
+        if all(np.hypot(*(grid[k] - other)[:2]) > _STARTS_APART_MM for other in chosen):
+            chosen.append(grid[k])
+        if len(chosen) == _STARTS:
+            break
+    return [model.mean + np.array([0.0, 0.0, x, y, 0.0, tip]) for x, y, tip in chosen]
+
+
+def _evidence_px(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> float:
+    shape = _shape(view, model, np.concatenate([unknowns, np.zeros(_PER_VIEW)]), _SEARCH_DISCS)
+    matches = match_edges(view, shape.stack, shape.outline, _SEARCH_REACH_PX)
+    seen = matches.index[shape.free[matches.index]]
+    return float(shape.length_px[seen].sum() - _PENALTY_OF_MISSING * shape.length_px[shape.free].sum())
 
 
 def _linearised(
@@ -155,8 +208,8 @@ def _linearised(
 
 
 def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> _Rows:
-    shape = _shape(view, model, unknowns)
-    matches = match_edges(view, shape.outline, reach_px, _LEAST_STRENGTH)
+    shape = _shape(view, model, unknowns, _FIT_DISCS)
+    matches = match_edges(view, shape.stack, shape.outline, reach_px)
     disc, outward = shape.outline.disc[matches.index], shape.outline.outward[matches.index]
     derivative = np.empty((len(disc), unknowns.size))
     for j, step in enumerate(_STEPS):
@@ -180,10 +233,10 @@ def _stack(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], 
     return Stack(stack.centre_px, stack.radius_px + unknowns[SHARED])
 
 
-def _shape(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> _Shape:
+def _shape(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], most_discs: int) -> _Shape:
     rough = _stack(view, model, unknowns, 3)
     way_px = float(np.linalg.norm(np.diff(rough.centre_px, axis=0), axis=1).sum())
-    stack = _stack(view, model, unknowns, int(np.clip(way_px / 3.0, 12, 250)))
+    stack = _stack(view, model, unknowns, int(np.clip(way_px / 3.0, 12, most_discs)))
     outline = outline_of(stack)
     # The cap at the begin of the wire does not count: where it is, nobody knows.
     free = view.is_free(outline.point_px) & (outline.disc > 0)
@@ -193,12 +246,3 @@ def _shape(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) 
 def _seen_px(rows: _Rows) -> float:
     close = rows.matches.index[np.abs(rows.matches.shift_px) < _SEEN_WITHIN_PX]
     return float(rows.shape.length_px[close[rows.shape.free[close]]].sum())
-
-
-def _darkness(view: PreparedView, rows: _Rows) -> NDArray[np.float64]:
-    """Darkness of the wire just inside each edge that was found, shape (N,)."""
-    index = rows.matches.index
-    point, outward = rows.shape.outline.point_px[index], rows.shape.outline.outward[index]
-    radius = rows.shape.stack.radius_px[rows.shape.outline.disc[index]][:, None]
-    inside, outside = view.grey(point - 0.7 * radius * outward), view.grey(point + 0.6 * radius * outward)
-    return np.asarray((outside - inside) / np.maximum(outside - view.metal_grey, 1e-9))

@@ -11,7 +11,7 @@ from shared.geometry.parts import GuidePart, Hole
 SHARED = 6
 START, TIP = 4, 5
 _STICKS_OUT_MM, _STICKS_OUT_SD_MM = 40.0, 25.0
-_TIP_SD_MM = 8.0
+_TIP_PAST_ENTRY_MM, _TIP_SD_MM = 6.0, 9.0
 _LEAST_PLAY_SD_MM = 0.05
 _BORE_HALF_LENGTH_MM = 10.0
 
@@ -60,7 +60,8 @@ def wire_model(guide: GuidePart, hole: Hole, wire_diameter_mm: float, nail_along
     """Prior of a wire through a guide hole.
 
     At both ends of the bore the wire may lie anywhere that its diameter allows, equally likely: a standard deviation
-    per axis of half the play's radius. It sticks out of the guide on the surgeon's side and ends near the nail.
+    per axis of half the play's radius. It sticks out of the guide on the surgeon's side, and ends somewhere
+    between the near cortex and the far one.
     """
     direction = hole.axis.direction
     first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
@@ -76,7 +77,7 @@ def wire_model(guide: GuidePart, hole: Hole, wire_diameter_mm: float, nail_along
             row[axis], row[2 + axis] = 1.0 - fraction, fraction
             precision += np.outer(row, row) / play_sd_mm**2
     precision[START, START], precision[TIP, TIP] = _STICKS_OUT_SD_MM**-2, _TIP_SD_MM**-2
-    mean = np.array([0.0, 0.0, 0.0, 0.0, ends_mm[0] - _STICKS_OUT_MM, nail_along_mm])
+    mean = np.array([0.0, 0.0, 0.0, 0.0, ends_mm[0] - _STICKS_OUT_MM, nail_along_mm + _TIP_PAST_ENTRY_MM])
     return WireModel(
         hole, 0.5 * wire_diameter_mm, read_only(across), nail_along_mm, read_only(mean), read_only(precision)
     )

@@ -17,6 +17,8 @@ from shared.geometry.transform import Transform
 _CAP_DIRECTIONS = 36
 _SAMPLES_PER_PX = 1.5
 _CLEAR_OF_MASK_PX = 1.0
+_LEAST_STRENGTH = 4.0
+_LEAST_DARKNESS, _INSIDE, _OUTSIDE = 0.4, 0.7, 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,13 +73,13 @@ class EdgeMatches:
         Points of the outline that have one, shape (N,).
     shift_px
         How far outwards it lies, shape (N,).
-    strength
-        Its slope in units of the image's slope noise, shape (N,).
+    darkness
+        How dark the wire is just inside, between the nail's metal (1) and what lies just outside (0), shape (N,).
     """
 
     index: NDArray[np.int64]
     shift_px: NDArray[np.float64]
-    strength: NDArray[np.float64]
+    darkness: NDArray[np.float64]
 
 
 def stack_discs(
@@ -120,22 +122,28 @@ def _cap(along: NDArray[np.float64], lean: float, sense: float) -> NDArray[np.fl
     return outward[sense * (outward @ along - lean) > 0.0]
 
 
-def match_edges(prepared: PreparedView, outline: Outline, reach_px: float, least_strength: float) -> EdgeMatches:
-    """Steepest brightening outwards within a reach of each point of an outline, where the view is free."""
+def match_edges(prepared: PreparedView, stack: Stack, outline: Outline, reach_px: float) -> EdgeMatches:
+    """Steepest brightening outwards within a reach of each point of an outline, where the view is free.
+
+    It counts where it is well above the image's texture and the wire is dark inside it: steel is, bone is not.
+    """
     shifts = np.arange(-reach_px, reach_px + 1e-9, 1.0 / _SAMPLES_PER_PX)
     where = outline.point_px[:, None, :] + shifts[None, :, None] * outline.outward[:, None, :]
     slope = prepared.outward_slope(where, np.broadcast_to(outline.outward[:, None, :], where.shape))
     slope = np.where(prepared.is_free(where), slope, 0.0)
     peak = np.clip(slope.argmax(axis=1), 1, len(shifts) - 2)
     row = np.arange(len(peak))
-    at = slope[row, peak]
+    before, at, after = slope[row, peak - 1], slope[row, peak], slope[row, peak + 1]
     edge = outline.point_px + shifts[peak][:, None] * outline.outward
-    good = at >= least_strength * prepared.noise
+    good = (at >= _LEAST_STRENGTH * prepared.noise) & (at >= before) & (at >= after)
     for sense in (-1.0, 1.0):
         good &= prepared.is_free(edge + sense * _CLEAR_OF_MASK_PX * outline.outward)
-    good &= (at >= slope[row, peak - 1]) & (at >= slope[row, peak + 1])
-    before, after = slope[row, peak - 1], slope[row, peak + 1]
+    radius = stack.radius_px[outline.disc][:, None]
+    inside = prepared.grey(edge - _INSIDE * radius * outline.outward)
+    outside = prepared.grey(edge + _OUTSIDE * radius * outline.outward)
+    darkness = (outside - inside) / np.maximum(outside - prepared.metal_grey, 1e-9)
+    good &= darkness >= _LEAST_DARKNESS
     bend = np.minimum(before - 2.0 * at + after, -1e-12)
     shift = shifts[peak] + 0.5 * (before - after) / bend / _SAMPLES_PER_PX
     found = np.flatnonzero(good)
-    return EdgeMatches(found, shift[found], at[found] / prepared.noise)
+    return EdgeMatches(found, shift[found], darkness[found])
