@@ -53,11 +53,13 @@ def beating(
     publisher = bus.publisher(keys.heartbeat(service))
 
     def beat() -> None:
-        sequence = 0
+        sequence, due_s = 0, time.monotonic()
         try:
-            while not ended.wait(1.0 / rate_hz):
+            while not ended.wait(max(due_s - time.monotonic(), 0.0)):
                 publisher.put(encode(Heartbeat(service=service, boot_epoch=boot_epoch, sequence=sequence)))
                 sequence += 1
+                # From beat to beat, not from pause to pause; but after a hang, missed beats are not made up for.
+                due_s = max(due_s, time.monotonic() - 1.0 / rate_hz) + 1.0 / rate_hz
         except Exception as error:  # noqa: BLE001 - the border of a task: a service that cannot beat must end
             on_error(error)
 
