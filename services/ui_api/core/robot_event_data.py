@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Literal
+
+CommandVerb = Literal["move", "reference", "acknowledge_stop", "reset"]
 
 
 class OperationStatus(StrEnum):
@@ -23,8 +26,6 @@ class OperationRequested:
     ----------
     operation_id
         Also the command's id.
-    verb
-        `move`, `reference`, `acknowledge_stop` or `reset`.
     plan_number, plan_sha256
         Of a move; None otherwise.
     hold_to_move
@@ -36,7 +37,7 @@ class OperationRequested:
     """
 
     operation_id: str
-    verb: str
+    verb: CommandVerb
     plan_number: int | None
     plan_sha256: str | None
     hold_to_move: bool

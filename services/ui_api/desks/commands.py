@@ -9,6 +9,7 @@ from typing import Literal
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.operations import VERBS_WITH_A_MOTION, Operation, settle
 from services.ui_api.core.robot_event_data import (
+    CommandVerb,
     OperationEnded,
     OperationProgressed,
     OperationRequested,
@@ -32,7 +33,6 @@ from shared.messages.robot import (
     MoveCommand,
     PlainCommand,
     RobotState,
-    Verb,
 )
 
 COMMAND_TIMEOUT_S = 0.5
@@ -56,7 +56,7 @@ class _Waiting:
     """A command on its way to the robot. `stops_before` is the count of stops when it was asked for."""
 
     operation_id: str
-    verb: Verb
+    verb: CommandVerb
     payload: bytes
     stops_before: int
 
@@ -136,7 +136,7 @@ class CommandDesk:
         event = unit.append(draft)
         if requested.hold_to_move:
             unit.after_commit(lambda: self._leases.grant(requested.operation_id))
-        waiting = _Waiting(requested.operation_id, _verb(requested.verb), payload, self._stops.count)
+        waiting = _Waiting(requested.operation_id, requested.verb, payload, self._stops.count)
         unit.after_commit(lambda: self._hand_over(waiting))
         return Operation(requested, draft.case_id, event.at_ns)
 
@@ -184,17 +184,9 @@ def _never_began(waiting: _Waiting, status: OperationStatus, code: str, message:
     return OperationEnded(waiting.operation_id, status, began=False, code=code, message=message)
 
 
-def _verb(name: str) -> Verb:
-    verbs: dict[str, Verb] = {
-        "move": "move",
-        "reference": "reference",
-        "acknowledge_stop": "acknowledge_stop",
-        "reset": "reset",
-    }
-    return verbs[name]
-
-
-def _requested(envelope: CommandEnvelope, verb: str, state: RobotState, move: Move | None) -> OperationRequested:
+def _requested(
+    envelope: CommandEnvelope, verb: CommandVerb, state: RobotState, move: Move | None
+) -> OperationRequested:
     return OperationRequested(
         operation_id=envelope.command_id,
         verb=verb,

@@ -1,0 +1,27 @@
+"""`docs/rest.md` lists every problem code that the gateway knows, and no other."""
+
+import re
+from pathlib import Path
+
+_TOP = Path(__file__).parents[3]
+_RAISED = (
+    r'\b(?:conflict|invalid)\(\s*"(\w+)"',
+    r'RefusalKind\.\w+,\s*"(\w+)"',
+    r'\bproblem\(\s*\d+,\s*"(\w+)"',
+    r'\n        \d+,\n        "(\w+)",\n        "the header',
+)
+# From the shared tree of errors, and from the table of plain HTTP statuses.
+_ELSEWHERE = {"not_found", "method_not_allowed", "part_file_invalid", "message_invalid", "no_reply"}
+
+
+def _known_codes() -> set[str]:
+    source = "\n".join(p.read_text(encoding="utf-8") for p in (_TOP / "services" / "ui_api").rglob("*.py"))
+    codes = {code for pattern in _RAISED for code in re.findall(pattern, source)}
+    return codes | {f"{what}_not_found" for what in re.findall(r'\bunknown\("(\w+)"', source)} | _ELSEWHERE
+
+
+def test_the_page_lists_the_codes_there_are() -> None:
+    page = (_TOP / "docs" / "rest.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if re.match(r"\| \d{3} \|", line)]
+    listed = {code for row in rows for code in re.findall(r"`(\w+)`", row)}
+    assert listed == _known_codes()

@@ -1,0 +1,111 @@
+"""One key, one effect: also when the same request comes twice at once."""
+
+import itertools
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from services.ui_api.desks.refusals import Refused, conflict
+from services.ui_api.record.database import open_database, sqlite_url
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.routes.idempotency import Idempotency, Keyed
+from shared.errors import NoReply
+from tests.unit.services.ui_api.fakes import PATIENCE_S
+
+_REQUEST = Keyed("key", "a" * 64, "/api/v1/cases")
+_OTHER = Keyed("key", "b" * 64, "/api/v1/cases")
+
+
+class Desk:
+    """Counts what is asked of it; `ask` waits while `hold` is clear."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+        self.done = 0
+        self.hold = threading.Event()
+        self.hold.set()
+        self.entered = threading.Event()
+
+    def ask(self) -> int:
+        self.asked += 1
+        self.entered.set()
+        self.hold.wait(PATIENCE_S)
+        return self.asked
+
+    def act(self, unit: Unit, asked: int) -> Answer:
+        del unit
+        self.done += 1
+        return Answer(201, f'{{"asked":{asked}}}', {"content-type": "application/json", "etag": '"x"'})
+
+
+@pytest.fixture
+def idempotency(tmp_path: Path) -> Idempotency:
+    ticks = itertools.count()
+    return Idempotency(CaseRecord(open_database(sqlite_url(tmp_path)), lambda: next(ticks)))
+
+
+def test_a_repeat_gets_the_same_answer_with_its_headers(idempotency: Idempotency) -> None:
+    desk = Desk()
+    first, second = (idempotency.once_after(_REQUEST, desk.ask, desk.act) for _ in range(2))
+    assert (first.status_code, first.body, first.headers) == (second.status_code, second.body, second.headers)
+    assert second.headers["etag"] == '"x"'
+    assert (desk.asked, desk.done) == (1, 1)
+
+
+def test_another_request_under_the_same_key_is_refused(idempotency: Idempotency) -> None:
+    desk = Desk()
+    idempotency.once_after(_REQUEST, desk.ask, desk.act)
+    with pytest.raises(Refused, match="the key 'key' was used for another request"):
+        idempotency.once_after(_OTHER, desk.ask, desk.act)
+    assert desk.done == 1
+
+
+def test_a_second_request_waits_for_the_first_and_gets_its_answer(idempotency: Idempotency) -> None:
+    desk = Desk()
+    desk.hold.clear()
+    bodies: list[bytes] = []
+
+    def request() -> None:
+        bodies.append(bytes(idempotency.once_after(_REQUEST, desk.ask, desk.act).body))
+
+    first, second = threading.Thread(target=request), threading.Thread(target=request)
+    first.start()
+    assert desk.entered.wait(PATIENCE_S)
+    desk.entered.clear()
+    second.start()
+    assert not desk.entered.wait(0.2), "the second request was not held back"
+    desk.hold.set()
+    first.join(PATIENCE_S)
+    second.join(PATIENCE_S)
+    assert (desk.asked, bodies[0]) == (1, bodies[1])
+
+
+def test_requests_under_other_keys_do_not_wait(idempotency: Idempotency) -> None:
+    desk, other = Desk(), Desk()
+    desk.hold.clear()
+    slow = threading.Thread(target=idempotency.once_after, args=(_REQUEST, desk.ask, desk.act))
+    slow.start()
+    assert desk.entered.wait(PATIENCE_S)
+    idempotency.once_after(Keyed("other", "a" * 64, "/"), other.ask, other.act)
+    assert other.done == 1
+    desk.hold.set()
+    slow.join(PATIENCE_S)
+
+
+def test_a_refusal_is_remembered_and_a_failure_is_not(idempotency: Idempotency) -> None:
+    def fails(error: Exception) -> Callable[[], int]:
+        def ask() -> int:
+            raise error
+
+        return ask
+
+    desk = Desk()
+    with pytest.raises(NoReply, match="nobody answers"):
+        idempotency.once_after(_REQUEST, fails(NoReply("nobody answers")), desk.act)
+    refused = idempotency.once_after(_REQUEST, fails(conflict("not_now", "not now")), desk.act)
+    assert refused.status_code == 409
+    again = idempotency.once_after(_REQUEST, desk.ask, desk.act)
+    assert (again.status_code, again.body, desk.done) == (409, refused.body, 0)
