@@ -69,7 +69,7 @@ def main() -> None:
         text = json.dumps(example(schema, schema.get("$defs", {})))
         file = GOLDEN / f"{file_stem(name)}.json"
         file.write_bytes(encode(decode(kind, text.encode())) + b"\n")
-        print(file)  # noqa: T201 - a command's output
+        print(file)
 
 
 if __name__ == "__main__":
