@@ -1,5 +1,7 @@
 """The drive on a controller without a line, one round of work at a time."""
 
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -149,6 +151,24 @@ def test_a_stop_while_the_worker_begins_the_move_keeps_it_from_beginning(bench: 
     bench.controller.before_move = lambda: bench.drive.stop("test")
     bench.work()
     assert bench.controller.motions == []
+    assert bench.has(MotionState.STOPPED)
+
+
+def test_a_stop_does_not_wait_for_a_decision_that_is_being_made(bench: Bench) -> None:
+    bench.make_ready()
+    stopping = threading.Thread(target=bench.drive.stop, args=("test",))
+
+    def guard(_: DriveStatus) -> PermittedMove:
+        stopping.start()
+        deadline = time.monotonic() + 5.0
+        while not bench.controller.stopped:
+            assert time.monotonic() < deadline, "the stop waits for the guard"
+        return MOVE
+
+    assert bench.drive.begin_move("m1", guard) is None
+    stopping.join()
+    bench.work()
+    assert bench.controller.asked_to_move == 0
     assert bench.has(MotionState.STOPPED)
 
 
