@@ -14,7 +14,7 @@ from shared.xray.discs import Array, DiscFit, DiscPriors, FloatImage, Mask, fit_
 
 _SCALE_STEP = 1.35
 _BLUR_PX = 1.5
-_BLUR_SD_PX = 0.4
+_BLUR_SD_PX = 0.8
 _MARGIN_PX = 3.0
 _DRIFT_PX = 1.5
 

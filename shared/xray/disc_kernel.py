@@ -18,7 +18,7 @@ _ROOT_2PI = math.sqrt(2.0 * math.pi)
 _MAX_DAMPING = 1e3
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def model_row(x: float, y: float, frame: Array, p: Array, discs: int, row: Array) -> float:
     """Grey value of the model at one pixel; `row` receives its derivatives by the parameters."""
     b = BACKGROUND_TERMS
@@ -50,7 +50,7 @@ def model_row(x: float, y: float, frame: Array, p: Array, discs: int, row: Array
     return grey + _overlaps(p, discs, row)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _overlaps(p: Array, discs: int, row: Array) -> float:
     """What overlaps take back of the summed shadows; turns the shades kept in `row` into derivatives by contrast."""
     b = BACKGROUND_TERMS
@@ -69,7 +69,7 @@ def _overlaps(p: Array, discs: int, row: Array) -> float:
     return float(overlap * common)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def normal_equations(
     pixels: Array, weight: Array, frame: Array, p: Array, discs: int, normal: Array, gradient: Array
 ) -> float:
@@ -91,7 +91,7 @@ def normal_equations(
     return cost
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def factorise(matrix: Array) -> bool:
     """Cholesky factor in the lower triangle, in place; False when the matrix is not positive."""
     for i in range(len(matrix)):
@@ -108,7 +108,7 @@ def factorise(matrix: Array) -> bool:
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def solve_cholesky(normal: Array, gradient: Array, damping: float, step: Array) -> bool:
     """Solve (normal + damping * its diagonal) step = gradient; False when the matrix is not positive."""
     size = len(gradient)
@@ -130,7 +130,7 @@ def solve_cholesky(normal: Array, gradient: Array, damping: float, step: Array) 
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def clip_parameters(p: Array, mean: Array, discs: int) -> None:
     """Keep radii and blur positive, and overlaps between sum and union of shadows."""
     first = BACKGROUND_TERMS + 3 * discs
@@ -140,7 +140,7 @@ def clip_parameters(p: Array, mean: Array, discs: int) -> None:
     p[-1] = min(max(p[-1], 0.4), 4.0)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def levenberg(
     pixels: Array, weight: Array, frame: Array, p: Array, mean: Array, precision: Array, discs: int, iterations: int
 ) -> Array:
@@ -175,7 +175,7 @@ def levenberg(
     return normal
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _with_priors(cost: float, p: Array, mean: Array, precision: Array, normal: Array, gradient: Array) -> float:
     """Add the priors to cost, normal matrix and gradient."""
     for i in range(len(p)):
@@ -186,7 +186,7 @@ def _with_priors(cost: float, p: Array, mean: Array, precision: Array, normal: A
     return cost
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def fit_group(
     pixels: Array, frame: Array, mean: Array, precision: Array, discs: int, passes: int, huber: float
 ) -> tuple[Array, Array, float]:

@@ -39,7 +39,7 @@ class MeasurementSettings:
     drift_px: float = 1.0
     radius_tolerance: float = 0.15
     blur_px: float = 1.5
-    blur_sd_px: float = 0.4
+    blur_sd_px: float = 0.8
     contrast_to_sd: float = 8.0
     noise_factor: float = 2.0
 

@@ -166,7 +166,7 @@ class _Matcher:
 def _grow(seeds: Seeds, index: int, matcher: _Matcher) -> _Grown | None:
     flat, height = matcher.constellation.flat_mm, matcher.constellation.height
     predicted = seeds.predict(index, flat)
-    from_seed = np.hypot(*(flat - seeds.middle_mm[index]).T)
+    from_seed = np.hypot(*(flat - flat[seeds.anchor[index]]).T)
     ball = candidate = np.zeros(0, dtype=np.int64)
     for step in _GROWTH:
         near = np.flatnonzero(from_seed < step.radius_mm)

@@ -35,20 +35,21 @@ class Seeds:
         Shape (S,).
     mirrored
         Shape (S,).
-    middle_mm
-        Middle of the pair of balls, shape (S, 2).
-    score
-        Balls of the neighbourhood with a disc close by, less those expected by chance, shape (S,).
+    anchor
+        The ball from which the guess was made, shape (S,): there it is most exact.
     """
 
     factor: Complexes
     offset: Complexes
     mirrored: NDArray[np.bool_]
-    middle_mm: Array
-    score: Array
+    anchor: Ints
 
     def __len__(self) -> int:
-        return len(self.score)
+        return len(self.factor)
+
+    def select(self, which: Ints) -> "Seeds":
+        """Those of an index array."""
+        return Seeds(self.factor[which], self.offset[which], self.mirrored[which], self.anchor[which])
 
     def predict(self, index: int, flat_mm: Array) -> Array:
         """Pixels, shape (M, 2), of points of the flat pattern, shape (M, 2)."""
@@ -90,8 +91,7 @@ def make_seeds(candidates: BallCandidates, flat_mm: Array, plate: Ints, scale_px
     factor, offset = (np.concatenate([p[i] for p in parts]) for i in range(2))
     pair = np.concatenate([p[2] for p in parts])
     mirrored = np.repeat([False, True], [len(p[0]) for p in parts])
-    middle = 0.5 * (flat_mm[ball_pairs[pair, 0]] + flat_mm[ball_pairs[pair, 1]])
-    seeds = Seeds(factor, offset, mirrored, middle, np.zeros(len(factor)))
+    seeds = Seeds(factor, offset, mirrored, ball_pairs[pair, 0])
     return _distinct(_scored(seeds, candidates, flat_mm), scale_px_per_mm)
 
 
@@ -140,24 +140,25 @@ def _guesses(
 def _scored(seeds: Seeds, candidates: BallCandidates, flat_mm: Array) -> Seeds:
     """Count discs close to the predicted balls of each guess's neighbourhood; keep the best guesses, best first."""
     occupied = _Occupied(candidates.centre_px)
-    z = _complex(flat_mm)
-    near: list[list[int]] = list(cKDTree(flat_mm).query_ball_point(seeds.middle_mm, _NEIGHBOURHOOD_MM))  # type: ignore[arg-type]  # stubs say int
-    most = max((len(n) for n in near), default=0)
-    members = np.full((len(seeds), most), -1, dtype=np.int64)
-    for row, balls in enumerate(near):
-        members[row, : len(balls)] = balls
+    neighbours = _neighbours(flat_mm)
+    z = np.append(_complex(flat_mm), np.nan)
+    both = np.stack([z, np.conj(z)])
     score = np.empty(len(seeds))
     for start in range(0, len(seeds), _CHUNK):
         part = slice(start, start + _CHUNK)
-        where = z[members[part]]
-        where = np.where(seeds.mirrored[part, None], np.conj(where), where)
-        pixel = seeds.factor[part, None] * where + seeds.offset[part, None]
-        there = members[part] >= 0
-        hits = np.count_nonzero(occupied.at(pixel) & there, axis=1)
-        count = np.count_nonzero(there & occupied.inside(pixel), axis=1)
-        score[part] = (hits - occupied.density * count) / np.sqrt(np.maximum(count, 6))
-    order = np.argsort(-score, kind="stable")[:_KEPT]
-    return Seeds(seeds.factor[order], seeds.offset[order], seeds.mirrored[order], seeds.middle_mm[order], score[order])
+        where = both[seeds.mirrored[part].astype(np.int64)[:, None], neighbours[seeds.anchor[part]]]
+        inside, hit = occupied.look(seeds.factor[part, None] * where + seeds.offset[part, None])
+        count = np.count_nonzero(inside, axis=1)
+        score[part] = (np.count_nonzero(hit, axis=1) - occupied.density * count) / np.sqrt(np.maximum(count, 6))
+    return seeds.select(np.argsort(-score, kind="stable")[:_KEPT])
+
+
+def _neighbours(flat_mm: Array) -> Ints:
+    """Balls around each ball, shape (M, most), filled up with M: no ball."""
+    distance = np.hypot(*(flat_mm[:, None] - flat_mm[None]).transpose(2, 0, 1))
+    near = distance < _NEIGHBOURHOOD_MM
+    order = np.argsort(~near, axis=1, kind="stable")[:, : int(near.sum(axis=1).max())]
+    return np.asarray(np.where(np.take_along_axis(near, order, axis=1), order, len(flat_mm)))
 
 
 class _Occupied:
@@ -174,16 +175,13 @@ class _Occupied:
         self._map[at[:, 1, None] + dy[disc][None], at[:, 0, None] + dx[disc][None]] = True
         self.density = float(self._map.mean())
 
-    def inside(self, pixel: Complexes) -> NDArray[np.bool_]:
-        """Whether pixels lie in the region where there are discs."""
+    def look(self, pixel: Complexes) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Whether pixels lie in the region where there are discs, and whether a disc is near; NaN lies nowhere."""
+        rows, columns = self._map.shape
         column, row = pixel.real - self._low[0], pixel.imag - self._low[1]
-        return np.asarray((column >= 0) & (row >= 0) & (column < self._map.shape[1]) & (row < self._map.shape[0]))
-
-    def at(self, pixel: Complexes) -> NDArray[np.bool_]:
-        """Whether there is a disc near each pixel."""
-        column = np.clip(pixel.real - self._low[0], 0, self._map.shape[1] - 1).astype(np.int64)
-        row = np.clip(pixel.imag - self._low[1], 0, self._map.shape[0] - 1).astype(np.int64)
-        return np.asarray(self._map[row, column] & self.inside(pixel))
+        inside = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        index = np.where(inside, row, 0.0).astype(np.int64) * columns + np.where(inside, column, 0.0).astype(np.int64)
+        return inside, np.asarray(self._map.ravel()[index] & inside)
 
 
 def _distinct(seeds: Seeds, scale: float) -> Seeds:
@@ -198,5 +196,4 @@ def _distinct(seeds: Seeds, scale: float) -> Seeds:
         axis=1,
     )
     _, first = np.unique(key, axis=0, return_index=True)
-    keep = np.sort(first)
-    return Seeds(seeds.factor[keep], seeds.offset[keep], seeds.mirrored[keep], seeds.middle_mm[keep], seeds.score[keep])
+    return seeds.select(np.sort(first))
