@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from services.registration.core.wires_model import SHARED, START, TIP, WireModel
-from services.registration.core.wires_outline import EdgeMatches, Outline, Stack, match_edges, outline_of, stack_discs
+from services.registration.core.wires_outline import EdgeMatches, Outline, Stack, match_edges, outline_of
 from services.registration.core.wires_view import PreparedView
 from shared.geometry.lines import Line, read_only
 
@@ -21,9 +20,9 @@ _RADIUS_SD_PX = 0.3
 _EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
 _ROBUST_PX = 1.2
 _SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
-_SEARCH_TIPS_MM = (-12.0, -2.0, 8.0)
-_SEARCH_DISCS, _FIT_DISCS = 40, 250
-_STARTS, _STARTS_APART_MM = 8, 1.0
+_OTHER_TIPS_MM = (-12.0, 8.0)
+_SEARCH_DISCS, _LEAST_DISCS, _MOST_DISCS, _DISC_EVERY_PX = 40, 12, 250, 3.0
+_CANDIDATES, _STARTS, _STARTS_APART_MM = 40, 5, 1.0
 _PENALTY_OF_MISSING = 0.5
 _SEEN_NATS, _MISSING_NATS, _TYPICAL_SHIFT_PX = 2.0, -1.3, 0.5
 _SAME_MM, _TEMPER = 0.15, 0.5
@@ -158,20 +157,30 @@ def _log_likelihood(rows: _Rows) -> float:
 def _starts(views: tuple[PreparedView, ...], model: WireModel) -> list[NDArray[np.float64]]:
     """Best axes of a grid through the middle of the guide hole, apart from one another, for a few places of the tip."""
     steps = np.arange(-_SEARCH_REACH_MM, _SEARCH_REACH_MM + 1e-9, _SEARCH_STEP_MM)
-    grid = np.array([(x, y, tip) for x in steps for y in steps for tip in _SEARCH_TIPS_MM])
-    scores = np.empty(len(grid))
-    for k, (x, y, tip) in enumerate(grid):
-        unknowns = model.mean + np.array([0.0, 0.0, x, y, 0.0, tip])
+    scored = _ranked(views, model, [(x, y, 0.0) for x in steps for y in steps])[:_CANDIDATES]
+    others = [(x, y, tip) for _, (x, y, _) in scored for tip in _OTHER_TIPS_MM]
+    chosen: list[tuple[float, float, float]] = []
+    for _, place in sorted(scored + _ranked(views, model, others), reverse=True):
+        if all(np.hypot(place[0] - x, place[1] - y) > _STARTS_APART_MM for x, y, _ in chosen):
+            chosen.append(place)
+    return [_unknowns_at(model, place) for place in chosen[:_STARTS]]
+
+
+def _ranked(
+    views: tuple[PreparedView, ...], model: WireModel, places: list[tuple[float, float, float]]
+) -> list[tuple[float, tuple[float, float, float]]]:
+    """Scores of places at the nail (two offsets, and how far the tip is past its usual place, in mm), best first."""
+    scored = []
+    for place in places:
+        unknowns = _unknowns_at(model, place)
         deviation = unknowns - model.mean
-        scores[k] = -0.5 * float(deviation @ model.precision @ deviation)
-        scores[k] += sum(_evidence_px(view, model, unknowns) for view in views)
-    chosen: list[NDArray[np.float64]] = []
-    for k in np.argsort(-scores):
-        if all(np.hypot(*(grid[k] - other)[:2]) > _STARTS_APART_MM for other in chosen):
-            chosen.append(grid[k])
-        if len(chosen) == _STARTS:
-            break
-    return [model.mean + np.array([0.0, 0.0, x, y, 0.0, tip]) for x, y, tip in chosen]
+        prior = -0.5 * float(deviation @ model.precision @ deviation)
+        scored.append((prior + sum(_evidence_px(view, model, unknowns) for view in views), place))
+    return sorted(scored, reverse=True)
+
+
+def _unknowns_at(model: WireModel, place: tuple[float, float, float]) -> NDArray[np.float64]:
+    return np.asarray(model.mean + np.array([0.0, 0.0, place[0], place[1], 0.0, place[2]]))
 
 
 def _evidence_px(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> float:
@@ -208,35 +217,40 @@ def _linearised(
 
 
 def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> _Rows:
-    shape = _shape(view, model, unknowns, _FIT_DISCS)
+    shape = _shape(view, model, unknowns)
     matches = match_edges(view, shape.stack, shape.outline, reach_px)
     disc, outward = shape.outline.disc[matches.index], shape.outline.outward[matches.index]
-    derivative = np.empty((len(disc), unknowns.size))
-    for j, step in enumerate(_STEPS):
-        moved = unknowns.copy()
-        moved[j] += step
-        stack = _stack(view, model, moved, len(shape.stack.radius_px))
-        derivative[:, j] = np.einsum("ij,ij->i", (stack.centre_px - shape.stack.centre_px)[disc], outward) / step
-        if j in (START, TIP, SHARED):
-            # Elsewhere a change of apparent radius is left to the view's own radius error: edges shift with contrast.
-            derivative[:, j] += (stack.radius_px - shape.stack.radius_px)[disc] / step
+    moved = _stacks(view, model, unknowns + np.diag(_STEPS), len(shape.stack.radius_px))
+    by_centre = (moved.centre_px - shape.stack.centre_px)[:, disc]
+    derivative = np.einsum("jmi,mi->mj", by_centre, outward) / _STEPS
+    # A change of apparent radius along the wire is left to the view's own radius error: edges shift with contrast.
+    ends = [START, TIP, SHARED]
+    derivative[:, ends] += ((moved.radius_px[ends] - shape.stack.radius_px) / _STEPS[ends, None])[:, disc].T
     crowding = np.maximum(_EDGE_CORRELATION_PX / np.maximum(shape.length_px[matches.index], 1e-6), 1.0)
     weight = 1.0 / (_EDGE_SD_PX**2 * crowding * (1.0 + (matches.shift_px / _ROBUST_PX) ** 2))
     return _Rows(shape, matches, derivative, weight, float((1.0 / crowding).sum()))
 
 
-def _stack(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], count: int) -> Stack:
-    points = model.points_guide_mm(unknowns[:SHARED], count)
-    turn, shift = unknowns[SHARED + 1 : SHARED + 4], unknowns[SHARED + 4 :]
-    points = points @ np.asarray(Rotation.from_rotvec(turn).as_matrix()).T + shift
-    stack = stack_discs(view.view.calibration, view.view.camera_from_guide, points, model.radius_mm)
-    return Stack(stack.centre_px, stack.radius_px + unknowns[SHARED])
+def _stacks(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], count: int) -> Stack:
+    """Discs along wires, unknowns of shape (B, 13): centres of shape (B, count, 2), radii of shape (B, count)."""
+    points = model.points_guide_mm(unknowns[:, :SHARED], count)
+    turn, shift = unknowns[:, None, SHARED + 1 : SHARED + 4], unknowns[:, None, SHARED + 4 :]
+    # The guide's pose is wrong by a hundredth of a degree: the turn's first order is exact to nanometres.
+    points_camera = view.camera_points_mm(points + np.cross(turn, points) + shift)
+    calibration = view.view.calibration
+    distance = np.linalg.norm(points_camera, axis=-1)
+    radius = model.radius_mm * calibration.camera.focal_length_px / distance + unknowns[:, SHARED, None]
+    return Stack(calibration.image_from_camera(points_camera), radius)
 
 
-def _shape(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], most_discs: int) -> _Shape:
-    rough = _stack(view, model, unknowns, 3)
-    way_px = float(np.linalg.norm(np.diff(rough.centre_px, axis=0), axis=1).sum())
-    stack = _stack(view, model, unknowns, int(np.clip(way_px / 3.0, 12, most_discs)))
+def _shape(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], discs: int | None = None) -> _Shape:
+    """Outline of one wire, by a given number of discs or by one every three pixels."""
+    if discs is None:
+        rough = _stacks(view, model, unknowns[None], 3).centre_px[0]
+        way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
+        discs = int(np.clip(way_px / _DISC_EVERY_PX, _LEAST_DISCS, _MOST_DISCS))
+    stacks = _stacks(view, model, unknowns[None], discs)
+    stack = Stack(stacks.centre_px[0], stacks.radius_px[0])
     outline = outline_of(stack)
     # The cap at the begin of the wire does not count: where it is, nobody knows.
     free = view.is_free(outline.point_px) & (outline.disc > 0)

@@ -43,11 +43,13 @@ class WireModel:
     precision: NDArray[np.float64]
 
     def points_guide_mm(self, unknowns: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-        """Points along the wire's axis from begin to end, shape (count, 3), in the guide's frame."""
-        along = np.linspace(unknowns[START], unknowns[TIP], count)
-        fraction = (along / self.nail_along_mm)[:, None]
-        offset = (1.0 - fraction) * unknowns[0:2] + fraction * unknowns[2:4]
-        return np.asarray(self.hole.axis.point_mm + along[:, None] * self.hole.axis.direction + offset @ self.across)
+        """Points along the axis of wires, unknowns of shape (B, 6), from begin to end, shape (B, count, 3)."""
+        way = np.linspace(0.0, 1.0, count)
+        along = unknowns[:, START, None] * (1.0 - way) + unknowns[:, TIP, None] * way
+        fraction = (along / self.nail_along_mm)[..., None]
+        offset = (1.0 - fraction) * unknowns[:, None, 0:2] + fraction * unknowns[:, None, 2:4]
+        axis = self.hole.axis
+        return np.asarray(axis.point_mm + along[..., None] * axis.direction + offset @ self.across)
 
     def line_guide(self, offsets_mm: NDArray[np.float64]) -> Line:
         """The wire's axis in the guide's frame, from the four offsets, shape (4,)."""

@@ -10,9 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.wires_view import PreparedView
-from shared.geometry.calibration import CArmCalibration
-from shared.geometry.frames import Camera, Guide
-from shared.geometry.transform import Transform
 
 _CAP_DIRECTIONS = 36
 _SAMPLES_PER_PX = 1.5
@@ -80,19 +77,6 @@ class EdgeMatches:
     index: NDArray[np.int64]
     shift_px: NDArray[np.float64]
     darkness: NDArray[np.float64]
-
-
-def stack_discs(
-    calibration: CArmCalibration,
-    camera_from_guide: Transform[Camera, Guide],
-    points_guide_mm: NDArray[np.float64],
-    radius_mm: float,
-) -> Stack:
-    """Images of discs of one radius at points along a wire, shape (K, 3), in the guide's frame."""
-    points_camera = camera_from_guide.points(points_guide_mm)
-    centre = calibration.image_from_camera(points_camera)
-    distance = np.linalg.norm(points_camera, axis=1)
-    return Stack(centre, radius_mm * calibration.camera.focal_length_px / distance)
 
 
 def outline_of(stack: Stack) -> Outline:

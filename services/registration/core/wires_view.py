@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.paths import metal_path
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart
@@ -52,6 +51,8 @@ class PreparedView:
         Robust spread of the slope in the free part of the image (texture and noise).
     metal_grey
         Grey value of the nail's metal.
+    rotation, translation_mm
+        `camera_from_guide`, taken apart once because a fit uses it thousands of times.
     """
 
     view: WireView
@@ -61,6 +62,12 @@ class PreparedView:
     free: NDArray[np.bool_]
     noise: float
     metal_grey: float
+    rotation: NDArray[np.float64]
+    translation_mm: NDArray[np.float64]
+
+    def camera_points_mm(self, points_guide_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the guide's frame, shape (..., 3), in the camera's."""
+        return points_guide_mm @ self.rotation.T + self.translation_mm
 
     def is_free(self, points_px: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether points, shape (..., 2), lie in the free part of the image."""
@@ -90,13 +97,16 @@ def prepare_view(
     smooth = np.asarray(cv2.GaussianBlur(view.pixels.astype(np.float32), (0, 0), _BLUR_PX), dtype=np.float32)
     slope_x = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=0.125), dtype=np.float32)
     slope_y = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=0.125), dtype=np.float32)
-    metal = _metal(view, nail, view.camera_from_guide @ guide_from_nail)
+    pose = view.camera_from_guide
+    metal = _metal(view, nail, pose @ guide_from_nail)
     bright = _in_border(view.calibration)
     free = bright & ~metal & ~_balls(view, guide)
     steepness = np.hypot(slope_x[free], slope_y[free])
     noise = float(np.median(steepness)) / _MEDIAN_OF_RAYLEIGH if steepness.size else 1.0
     metal_grey = float(np.percentile(smooth[metal & bright], 20)) if (metal & bright).any() else 0.0
-    return PreparedView(view, smooth, slope_x, slope_y, free, max(noise, 1e-12), metal_grey)
+    return PreparedView(
+        view, smooth, slope_x, slope_y, free, max(noise, 1e-12), metal_grey, pose.rotation, pose.translation_mm
+    )
 
 
 def _metal(view: WireView, nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.bool_]:
@@ -104,27 +114,45 @@ def _metal(view: WireView, nail: NailPart, camera_from_nail: Transform[Camera, N
     x = np.arange(0, calibration.width_px + _GRID_STEP_PX, _GRID_STEP_PX, dtype=np.float64)
     y = np.arange(0, calibration.height_px + _GRID_STEP_PX, _GRID_STEP_PX, dtype=np.float64)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
-    rays = calibration.rays_camera(grid).reshape(-1, 3)
-    length_mm = np.zeros(len(rays))
-    metal_path(
-        np.ascontiguousarray(rays[:, :2] / rays[:, 2:]),
-        camera_from_nail.rotation,
-        camera_from_nail.translation_mm,
-        nail.radius_mm,
-        0.0,
-        np.array([hole.axis.point_mm for hole in nail.holes]),
-        np.array([hole.axis.direction for hole in nail.holes]),
-        np.array([0.5 * hole.diameter_mm for hole in nail.holes]),
-        length_mm,
-    )
+    length_mm = metal_length_mm(calibration.rays_camera(grid), nail, camera_from_nail)
     columns, rows = np.meshgrid(
         *(np.arange(n, dtype=np.float32) for n in (calibration.width_px, calibration.height_px))
     )
-    coarse = length_mm.reshape(grid.shape[:2]).astype(np.float32)
-    full = cv2.remap(coarse, columns / _GRID_STEP_PX, rows / _GRID_STEP_PX, cv2.INTER_LINEAR)
+    full = cv2.remap(length_mm.astype(np.float32), columns / _GRID_STEP_PX, rows / _GRID_STEP_PX, cv2.INTER_LINEAR)
     size = 2 * int(np.ceil(_MARGIN_PX)) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return np.asarray(cv2.dilate((full > _METAL_MM).astype(np.uint8), kernel) > 0)
+
+
+def metal_length_mm(
+    rays_camera: NDArray[np.float64], nail: NailPart, camera_from_nail: Transform[Camera, Nail]
+) -> NDArray[np.float64]:
+    """Length of rays, unit directions of shape (..., 3), in an endless nail with its holes, shape (...), in mm.
+
+    The cannulation counts as metal: it is not open.
+    """
+    nail_from_camera = camera_from_nail.inverse()
+    source, rays = nail_from_camera.translation_mm, nail_from_camera.directions(rays_camera)
+    near, far = _inside(source, rays, np.array([1.0, 0.0, 0.0]), nail.radius_mm)
+    length = np.maximum(far - near, 0.0)
+    for hole in nail.holes:
+        first, last = _inside(source - hole.axis.point_mm, rays, hole.axis.direction, 0.5 * hole.diameter_mm)
+        length = length - np.maximum(np.minimum(last, far) - np.maximum(first, near), 0.0)
+    return np.asarray(np.maximum(length, 0.0))
+
+
+def _inside(
+    origin_mm: NDArray[np.float64], rays: NDArray[np.float64], axis: NDArray[np.float64], radius_mm: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where rays are inside an endless cylinder through the origin: along them from `origin_mm`; empty as (0, -1)."""
+    across = rays - (rays @ axis)[..., None] * axis
+    offset = origin_mm - (origin_mm @ axis) * axis
+    a = np.maximum((across**2).sum(axis=-1), 1e-18)
+    b = across @ offset
+    discriminant = b * b - a * (float(offset @ offset) - radius_mm**2)
+    root = np.sqrt(np.maximum(discriminant, 0.0))
+    hit = discriminant > 0.0
+    return np.where(hit, (-b - root) / a, 0.0), np.where(hit, (-b + root) / a, -1.0)
 
 
 def _balls(view: WireView, guide: GuidePart) -> NDArray[np.bool_]:

@@ -1,0 +1,79 @@
+"""Wires at random places: errors against the predicted uncertainty, over seeds."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.registration.core.passing import axis_offset_mm
+from services.registration.core.wires_view import WireView
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.transform import Transform
+from tests.unit.services.registration.test_wires import (
+    GUIDE_COVARIANCE,
+    Wired,
+    estimates,
+    oblique,
+    verified,
+    view_of,
+)
+from tests.unit.services.registration.xray_scene import nail_part, posed_guide
+
+SEEDS = range(100, 108)
+
+
+def true_offsets_mm(wires: Wired, hole_id: str) -> NDArray[np.float64]:
+    hole = next(h for h in estimates(nail_part()) if h.id == hole_id)
+    return axis_offset_mm(hole.axis_guide, wires.line(hole_id), hole.entry_guide_mm, hole.exit_guide_mm)
+
+
+def random_wires(rng: np.random.Generator) -> Wired:
+    """Within the guide holes' play; up to a few millimetres off at the nail."""
+    at_guide = {name: np.clip(rng.normal(0.0, 0.5, 2), -1.0, 1.0) for name in ("distal", "proximal")}
+    return Wired({name: np.concatenate([place, rng.normal(0.0, 1.2, 2)]) for name, place in at_guide.items()})
+
+
+def believed(rng: np.random.Generator, view: WireView) -> WireView:
+    """The view with the guide's pose as wrong as its covariance says."""
+    error = rng.multivariate_normal(np.zeros(6), GUIDE_COVARIANCE)
+    wrong: Transform[Guide, Guide] = Transform.from_rotvec(error[:3], error[3:])
+    return WireView(view.pixels, view.calibration, view.camera_from_guide @ wrong, view.guide_covariance)
+
+
+def lateral_view(rng: np.random.Generator, wires: Wired, tip_mm: float) -> WireView:
+    place = (float(rng.uniform(-8.0, 8.0)), float(rng.uniform(-8.0, 8.0)), 625.0)
+    faced: Transform[Camera, Guide] = posed_guide(float(rng.uniform(-180.0, 180.0)), place)
+    leaning: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(rng.normal(0.0, 1.5, 3)), np.zeros(3))
+    return view_of(faced @ leaning, wires, seed=int(rng.integers(1 << 30)), tip_mm=tip_mm)
+
+
+def errors(kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Errors of the entry offset, as distances, and their predicted rms, for all wires of all seeds."""
+    distances, predicted = [], []
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        wires, tip_mm = random_wires(rng), float(rng.uniform(106.0, 132.0))
+        views = [believed(rng, lateral_view(rng, wires, tip_mm))]
+        if kind == "pair":
+            pose = oblique(float(rng.uniform(25.0, 50.0)))
+            views.append(believed(rng, view_of(pose, wires, int(rng.integers(1 << 30)), tip_mm)))
+        for wire in verified(*views).wires:
+            error = wire.offset.mean_mm - true_offsets_mm(wires, wire.hole_id)
+            distances.append(np.hypot(error[0], error[1]))
+            predicted.append(wire.offset.entry_sd_mm)
+    return np.array(distances), np.array(predicted)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "found", "median_mm"), [("pair", 15, 0.15), ("lateral", 14, 0.5)])
+def test_errors_are_as_large_as_predicted(kind: str, found: int, median_mm: float) -> None:
+    distances, predicted = errors(kind)
+    normalised = distances / predicted
+    print(
+        f"{kind}: seeds {SEEDS}, {len(distances)} wires, median {np.median(distances):.3f} mm, "
+        f"largest {distances.max():.3f} mm, normalised rms {np.sqrt(np.mean(normalised**2)):.2f}, "
+        f"largest {normalised.max():.2f}"
+    )
+    assert len(distances) >= found
+    assert np.median(distances) < median_mm
+    assert np.sqrt(np.mean(normalised**2)) < 1.3
+    assert normalised.max() < 3.5
