@@ -24,7 +24,7 @@ def verify_images(images: tuple[Path, ...], parts: Parts, nominal: NominalOption
     """Verify the wires in one image file or two of the same set-up; raises `ImageUnreadable`."""
     located = [locate_image(image, parts, nominal) for image in images]
     return verification_message(
-        tuple(VerifiedImage(one.pixels, one.calibration, one.result, one.message) for one in located), parts
+        tuple(VerifiedImage(one.pixels, one.calibration, one.result, one.message) for one in located), parts, None
     )
 
 

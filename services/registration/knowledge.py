@@ -151,6 +151,19 @@ class Knowledge:
         with self._changed:
             return self._localised.get(sha256)
 
+    def accepted_beside(self, frame: LocalisedFrame) -> LocalisedFrame | None:
+        """The newest accepted image with case and robot as they were for another one; None when there is none."""
+        robot, setup = frame.record.robot_pose, _name(frame.case)
+        if robot is None:
+            return None
+        with self._changed:
+            for other in reversed(self._localised.values()):
+                same = other.record.robot_pose == robot and _name(other.case) == setup
+                same = same and other.record.robot_boot_epoch == frame.record.robot_boot_epoch
+                if same and other.record.localisation.verdict == "accepted":
+                    return other
+        return None
+
     @property
     def case(self) -> OpenCase | None:
         """The open case."""

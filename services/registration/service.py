@@ -139,7 +139,9 @@ class RegistrationService:
             )
             return Answer(encode(VerificationReply(code="unknown_image", message=message)))
         images = tuple(VerifiedImage(f.frame.pixels, f.calibration, f.result, f.record.localisation) for f in known)
-        return Answer(encode(VerificationReply(verification=verification_message(images, case.parts))))
+        earlier = self._knowledge.accepted_beside(known[0])
+        verification = verification_message(images, case.parts, None if earlier is None else earlier.result)
+        return Answer(encode(VerificationReply(verification=verification)))
 
     def _work(self) -> None:
         """Localise in what is queued, in order of arrival."""

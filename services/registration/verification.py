@@ -30,22 +30,27 @@ class VerifiedImage:
     localisation: Localisation
 
 
-def verification_message(images: tuple[VerifiedImage, ...], parts: Parts) -> Verification:
+def verification_message(
+    images: tuple[VerifiedImage, ...], parts: Parts, earlier: LocalisationResult | None
+) -> Verification:
     """Compare the wires in one image or two of the same set-up with the nail's hole axes.
 
-    The axes come from the first image in which they were accepted. An image in which the guide was not found is left
-    out; its reasons are told when the others do not suffice.
+    An image in which the guide was not found is left out; its reasons are told when the others do not suffice.
+
+    Parameters
+    ----------
+    earlier
+        An accepted localisation with the guide in the same place, from before the wires were inserted. Wires cover the
+        holes: where the images themselves do not show the axes, these are taken.
     """
     hashes = tuple(image.localisation.image.sha256 for image in images)
-    with_holes = [image for image in images if image.result is not None and image.result.accepted]
     reasons_of_images = tuple(reason for image in images for reason in image.localisation.reasons)
-    if not with_holes:
+    result = _axes(images, earlier)
+    if result is None or result.guide_from_nail is None or result.holes is None:
         return Verification(verdict="rejected", reasons=reasons_of_images, images=hashes, wires=())
-    result = with_holes[0].result
-    assert result is not None
-    assert result.guide_from_nail is not None
-    assert result.holes is not None
     views = tuple(view for image in images if (view := _view(image)) is not None)
+    if not views:
+        return Verification(verdict="rejected", reasons=reasons_of_images, images=hashes, wires=())
     verified = verify_wires(views, parts.guide, parts.nail, result.guide_from_nail, result.holes)
     reasons = tuple(ReasonMessage.of(reason) for reason in verified.reasons)
     if reasons and len(views) < len(images):
@@ -57,6 +62,12 @@ def verification_message(images: tuple[VerifiedImage, ...], parts: Parts) -> Ver
         wires=tuple(_wire(comparison) for comparison in verified.wires),
         guide_holes=tuple(_guide_hole(comparison) for comparison in verified.guide_holes),
     )
+
+
+def _axes(images: tuple[VerifiedImage, ...], earlier: LocalisationResult | None) -> LocalisationResult | None:
+    """The first accepted localisation of the images, else the earlier one."""
+    accepted = (image.result for image in images if image.result is not None and image.result.accepted)
+    return next(accepted, earlier)
 
 
 def _view(image: VerifiedImage) -> WireView | None:

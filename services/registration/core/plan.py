@@ -39,7 +39,7 @@ class PlanRefusal(StrEnum):
 
     UNKNOWN_HOLE = "unknown_hole"
     UNKNOWN_UNCERTAINTY = "unknown_uncertainty"
-    SPACINGS_DIFFER = "spacings_differ"
+    UNEQUAL_SPACING = "unequal_spacing"
     OUT_OF_REACH = "out_of_reach"
 
 
@@ -133,7 +133,7 @@ def plan_move(
     )
     if residual_mm > LARGEST_RESIDUAL_MM:
         return PlanRefused(
-            PlanRefusal.SPACINGS_DIFFER,
+            PlanRefusal.UNEQUAL_SPACING,
             f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {residual_mm:.2f} mm would remain "
             f"(limit {LARGEST_RESIDUAL_MM:g} mm); plan one hole per move",
         )

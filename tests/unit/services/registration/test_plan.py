@@ -118,7 +118,7 @@ def test_a_guide_that_is_right_already_stays() -> None:
 def test_unequal_spacings_are_planned_one_by_one() -> None:
     holes = holes_at(nail_at((1.0, 1.0, 0.0), (1.0, 1.0)), (12.5, -12.5))
     refusal = refused(holes, BOTH)
-    assert refusal.code is PlanRefusal.SPACINGS_DIFFER
+    assert refusal.code is PlanRefusal.UNEQUAL_SPACING
     assert "2.50 mm would remain" in refusal.message
     assert "one hole per move" in refusal.message
     for hole in holes:
