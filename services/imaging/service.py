@@ -25,6 +25,7 @@ from shared.messages.imaging import CalibrationMessage, CalibrationValues, Frame
 from shared.parts.files import ring_from_json
 from shared.runtime.latest import BoundedQueue
 from shared.runtime.lifecycle import Runtime, software_version
+from shared.xray.discs import compile_fits
 
 _QUEUE = 64
 _WAIT_S = 0.2
@@ -163,6 +164,7 @@ class ImagingService:
 
     def _work(self) -> None:
         """Publish and calibrate what is queued, in order of arrival."""
+        compile_fits()
         while not self._ended.is_set():
             shot = self._shots.take(_WAIT_S)
             if shot is None:

@@ -104,6 +104,16 @@ def fit_discs(pixels: FloatImage, usable: Mask, priors: DiscPriors, reach_px: fl
     return _unpacked(parameters, np.asarray(np.linalg.inv(normal)), discs, spread, noise)
 
 
+def compile_fits() -> None:
+    """Compile (or load from the cache) what the fits run on, so that the first image does not wait for it."""
+    y, x = np.ogrid[:24, :24]
+    pixels = np.where(np.hypot(x - 12.0, y - 12.0) < 5.0, 1.0, 2.0).astype(np.float32)
+    one = np.ones(1)
+    fit_discs(
+        pixels, np.ones(pixels.shape, bool), DiscPriors(np.array([[12.0, 12.0]]), 1.0, 5.0 * one, one, 1.5, 0.8), 4.0
+    )
+
+
 def _samples(pixels: FloatImage, usable: Mask, centre_px: Array, reach_px: Array) -> Array:
     """Usable pixels within reach of any disc: columns x, y, grey, shape (P, 3)."""
     rows, columns = pixels.shape

@@ -26,8 +26,8 @@ from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
 
 _SOURCE_SD_MM = (100.0, 100.0, 150.0)
 _GAUGE_REACH = 0.25
-_FIRST_LOOK = MeasurementSettings(drift_px=1.2)
-_SECOND_LOOK = MeasurementSettings(drift_px=0.6)
+_FIRST_DRIFT_PX, _SECOND_DRIFT_PX = 1.2, 0.6
+_USUAL_PIXEL_MM = 0.235
 _SAME_DISC_PX = 2.0
 
 
@@ -64,12 +64,12 @@ def _measure_twice(view: View, ring: RingPart, nominal: NominalGeometry) -> Acce
     """Measure and estimate twice: the first estimate says where the balls of the second measurement must be."""
     source = np.array([0.0, 0.0, -nominal.source_to_ring_mm])
     nominal_source = NominalSource(source, np.array(_SOURCE_SD_MM))
-    measured = view.measure(view.predicted, _FIRST_LOOK)
+    measured = view.measure(view.predicted, _look(_FIRST_DRIFT_PX, nominal))
     if (few := too_few_reason(measured, ring)) is not None:
         moved = motion_reason(view, measured)
         return Rejected((few,) if moved is None else (moved, few))
     estimate = _estimate(view, measured, ring, source, nominal_source)
-    measured = view.measure(_expected(view, measured, estimate, ring), _SECOND_LOOK)
+    measured = view.measure(_expected(view, measured, estimate, ring), _look(_SECOND_DRIFT_PX, nominal))
     if (few := too_few_reason(measured, ring)) is not None:
         return Rejected((few,))
     estimate = _estimate(view, measured, ring, estimate.source_mm, nominal_source)
@@ -77,6 +77,15 @@ def _measure_twice(view: View, ring: RingPart, nominal: NominalGeometry) -> Acce
     if reasons := judge(view, measured, model):
         return Rejected(reasons)
     return Accepted(_calibration(view, measured, estimate, model))
+
+
+def _look(drift_px: float, nominal: NominalGeometry) -> MeasurementSettings:
+    """How to measure: blur is a matter of millimetres, so that finer pixels need wider surroundings."""
+    usual = MeasurementSettings()
+    finer = max(1.0, _USUAL_PIXEL_MM / nominal.pixel_mm)
+    return MeasurementSettings(
+        reach_px=usual.reach_px * finer, blur_px=usual.blur_px * finer, drift_px=drift_px * finer
+    )
 
 
 def _estimate(
@@ -147,7 +156,7 @@ def _all_balls(view: View, measured: BallMeasurements, used: NDArray[np.int64], 
     centre, others = measured.centre_px[used], view.others
     distance = np.hypot(*(others.centre_px[:, None] - centre[None]).transpose(2, 0, 1)).min(axis=1)
     other = distance > _SAME_DISC_PX
-    factor = noise_factor * _SECOND_LOOK.noise_factor
+    factor = noise_factor * MeasurementSettings().noise_factor
     return BallCandidates(
         centre_px=np.concatenate([centre, others.centre_px[other]]),
         radius_px=np.concatenate([measured.radius_px[used], others.radius_px[other]]),

@@ -22,6 +22,7 @@ from shared.xray.discs import Mask
 _ORDER = 3
 _OUTLIER = 4.0
 _STEP_MM = 1e-2
+_NEWTON_STEPS = 10
 _LEAST_BALLS = 20
 _LEAST_DEVIATION_PX = 0.02
 _FIRST_SEARCH, _NEXT_SEARCH = 70, 35
@@ -156,11 +157,12 @@ def _converged(
     observations: Observations, source: Array, nominal: NominalSource, gauge: Gauge, prior: FieldPrior
 ) -> tuple[Array, FieldSolution]:
     """Newton steps of the source at a given roughness: the problem is almost linear, two or three suffice."""
-    while True:
+    for _ in range(_NEWTON_STEPS):
         solution = solve_field(_linearised(observations, source, nominal, gauge), prior)
         source = source + solution.step_mm
         if float(np.abs(solution.step_mm).max()) < _STEP_MM:
-            return source, solution
+            break
+    return source, solution
 
 
 def _disagreeing(solution: FieldSolution) -> Mask:

@@ -35,7 +35,9 @@ def test_overlapping_pairs_are_measured_together(seed: int) -> None:
     assert measured.overlapped.all()
     assert measured.seen.mean() > 0.97
     assert np.sqrt(np.mean(error**2 / 2.0)) < 0.1
-    neighbours = measure_balls(pixels, start[: len(first)], 0.93 * radius[: len(first)], start[len(first) :], radius[-1:] * np.ones(len(first)))
+    neighbours = measure_balls(
+        pixels, start[: len(first)], 0.93 * radius[: len(first)], start[len(first) :], radius[-1:] * np.ones(len(first))
+    )
     alone = measure_balls(pixels, start[: len(first)], 0.93 * radius[: len(first)])
     with_error = np.hypot(*(neighbours.centre_px - first).T)
     alone_error = np.hypot(*(alone.centre_px - first).T)

@@ -88,3 +88,10 @@ def test_seven_discs_are_too_few_to_name() -> None:
     rng = np.random.default_rng(13)
     candidates, _ = candidates_of(Scene(), default_ring(), np.zeros(120, bool), others=7, rng=rng)
     assert identify_ring(candidates, default_ring(), NominalGeometry()) is None
+
+
+def test_discs_too_far_apart_to_be_neighbours_are_no_ring() -> None:
+    corners = np.stack(np.meshgrid([0.0, 1500.0, 3000.0], [0.0, 1500.0, 3000.0]), axis=-1).reshape(-1, 2)
+    ones = np.ones(9)
+    far_apart = BallCandidates(corners, 5.0 * ones, ones, 0.1 * ones, -np.ones(9, np.int64))
+    assert identify_ring(far_apart, default_ring(), NominalGeometry()) is None
