@@ -1,0 +1,131 @@
+"""A case as its events add up to it."""
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from services.ui_api.core.case import Case, opened_case
+from services.ui_api.core.event_data import (
+    CaseOpened,
+    ImageReceived,
+    LocalisationReceived,
+    PlanApproved,
+    PlanMade,
+    SetupChanged,
+    Step,
+    StepRecorded,
+)
+from services.ui_api.core.events import Event, EventData
+from services.ui_api.core.ledger import Ledger
+from services.ui_api.core.procedure import Aim, Stage
+from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus
+from tests.unit.services.ui_api import samples
+
+
+@dataclass(slots=True)
+class Log:
+    """Takes events in the order in which they are written."""
+
+    ledger: Ledger = field(default_factory=Ledger)
+
+    def add(self, *data: EventData) -> Case:
+        for each in data:
+            sequence = self.ledger.head_sequence + 1
+            self.ledger.take(Event(sequence, sequence, "case-1", "test", "", each))
+        return self.ledger.cases["case-1"]
+
+
+def _image(name: str, revision: int = 1) -> ImageReceived:
+    return ImageReceived(samples.sha(name), "1.2", 1, revision, None)
+
+
+def _localised(number: int, name: str, revision: int = 1) -> LocalisationReceived:
+    return LocalisationReceived(number, samples.sha(name), revision, f"r.{number}", "accepted", (), "d" * 64, None)
+
+
+def _plan(number: int, name: str) -> PlanMade:
+    return PlanMade(number, 1, ("distal",), "f" * 64, samples.sha(name), 1)
+
+
+def _move(operation_id: str) -> OperationRequested:
+    return OperationRequested(operation_id, "move", 1, "f" * 64, False, "robot-1", 1, 1, None, 1.0)
+
+
+def _ended(operation_id: str, status: OperationStatus, *, began: bool) -> OperationEnded:
+    return OperationEnded(operation_id, status, began, "", "")
+
+
+@pytest.fixture
+def log() -> Log:
+    opened = Log()
+    opened.add(CaseOpened(samples.case_setup()))
+    return opened
+
+
+@pytest.fixture
+def approved(log: Log) -> Log:
+    """A case whose plan a surgeon has approved."""
+    log.add(_image("one"), _localised(1, "one"), _plan(1, "one"), PlanApproved(1, "f" * 64, "Dr A", 1))
+    return log
+
+
+def test_a_localisation_that_comes_after_a_newer_image_is_no_aim(log: Log) -> None:
+    case = log.add(_image("one"), _image("two"), _localised(1, "one"))
+    assert case.progress.aim is Aim.NONE
+    assert log.add(_localised(2, "two")).progress.aim is Aim.LOCALISED
+
+
+def test_a_localisation_of_an_older_set_up_is_no_aim(log: Log) -> None:
+    log.add(_image("one"), SetupChanged(2, samples.case_setup()))
+    assert log.add(_localised(1, "one", revision=1)).progress.aim is Aim.NONE
+
+
+def test_a_plan_that_comes_after_a_newer_image_is_no_aim(log: Log) -> None:
+    case = log.add(_image("one"), _localised(1, "one"), _image("two"), _plan(1, "one"))
+    assert (len(case.plans), case.progress.aim) == (1, Aim.NONE)
+
+
+def test_a_motion_that_never_began_leaves_everything_as_it_was(approved: Log) -> None:
+    before = approved.ledger.cases["case-1"]
+    moving = approved.add(_move("op"))
+    assert (moving.progress.stage, moving.plans[0].used) == (Stage.MOVING, True)
+    after = approved.add(_ended("op", OperationStatus.FAILED, began=False))
+    assert (after.progress, after.plans) == (before.progress, before.plans)
+
+
+@pytest.mark.parametrize(
+    ("status", "stage"),
+    [
+        (OperationStatus.SUCCEEDED, Stage.ALIGNED),
+        (OperationStatus.STOPPED, Stage.POSITIONING),
+        (OperationStatus.FAILED, Stage.POSITIONING),
+    ],
+)
+def test_a_motion_that_began_uses_its_plan_up(approved: Log, status: OperationStatus, stage: Stage) -> None:
+    case = approved.add(_move("op"), _ended("op", status, began=True))
+    assert (case.progress.stage, case.progress.aim, case.plans[0].used) == (stage, Aim.NONE, True)
+    assert case.motions == ("op",)
+
+
+def test_holes_are_drilled_one_by_one(log: Log) -> None:
+    case = log.add(StepRecorded(Step.DRILLED, ("distal",), True, "why"))
+    assert (case.drilled_hole_ids, case.progress.stage) == (frozenset({"distal"}), Stage.POSITIONING)
+    assert log.add(StepRecorded(Step.DRILLED, ("proximal",), True, "why")).progress.stage is Stage.DRILLED
+
+
+def test_wires_are_followed_hole_by_hole(log: Log) -> None:
+    case = log.add(StepRecorded(Step.WIRES_INSERTED, (), True, "why"))
+    assert case.progress.wired_hole_ids == {"proximal", "distal"}
+    case = log.add(StepRecorded(Step.WIRES_REMOVED, ("distal",), False, ""))
+    assert case.progress.wired_hole_ids == {"proximal"}
+
+
+def test_events_are_taken_in_their_order(log: Log) -> None:
+    with pytest.raises(ValueError, match="expected event 2, got event 4"):
+        log.ledger.take(Event(4, 4, "case-1", "test", "", _image("one")))
+
+
+def test_a_case_is_not_opened_without_an_id() -> None:
+    data = CaseOpened(samples.case_setup())
+    with pytest.raises(ValueError, match="event 1 opens a case without an id"):
+        opened_case(Event(1, 1, None, "test", "", data), data)
