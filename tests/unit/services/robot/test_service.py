@@ -328,11 +328,17 @@ def test_a_plan_that_was_rewritten_is_refused(room: Room) -> None:
 def test_without_the_gateways_heartbeat_nothing_moves(room: Room) -> None:
     plan_json = room.ready_with_plan()
     assert room.until_known(plan_json, approved="e" * 64).code == "approval_mismatch"
-    room.clock_offset_s = 2.0
-    before = room.state.sequence
-    room.wait(lambda s: s.sequence > before + 2)
-    reply = room.ask("move", room.move(plan_json))
-    assert reply.code == "heartbeat_missing"
+
+    def unheard() -> bool:
+        """Two seconds later, once the heartbeats that were still on their way have arrived."""
+        room.clock_offset_s += 2.0
+        before = room.state.sequence
+        room.wait(lambda s: s.sequence > before + 2)
+        return room.ask("move", room.move(plan_json, approved="e" * 64)).code == "heartbeat_missing"
+
+    wait_for(unheard)
+    assert room.ask("move", room.move(plan_json)).code == "heartbeat_missing"
+    assert room.controller.motions == []
 
 
 def test_without_the_gateways_heartbeat_nothing_is_referenced(room: Room) -> None:
