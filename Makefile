@@ -32,6 +32,7 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m shared.messages.schema_files --check
 	$(BIN)/python -m pytest -q -m "not slow" tests/unit tests/property tests/contract
 
 test: check

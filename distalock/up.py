@@ -3,13 +3,16 @@
 import signal
 import sys
 import threading
+from typing import Final
 
 from rich.console import Console
 
 from distalock.installation import Installation
+from distalock.processes import Fleet
 from shared.errors import ConfigurationError
 
 EXIT_OK, EXIT_FAULT, EXIT_BAD_INPUT = 0, 1, 2
+MOST_ROBOT_RESTARTS: Final = 5
 
 
 def run_installation(installation: Installation, console: Console) -> int:
@@ -28,7 +31,7 @@ def run_installation(installation: Installation, console: Console) -> int:
         with installation.fleet(stop) as fleet:
             installation.write_directory(fleet.pids)
             _announce(installation, console)
-            ended = fleet.wait_until_one_ends()
+            ended = _watch(fleet, console)
             last_words = fleet.last_words(ended) if ended else ""
             console.print("stopping; the robot locks first" if ended is None else "one process ended; stopping all")
     except ConfigurationError as error:
@@ -38,6 +41,19 @@ def run_installation(installation: Installation, console: Console) -> int:
         print(f"distalock up: {ended} ended by itself: {last_words}", file=sys.stderr)
         return EXIT_FAULT
     return EXIT_OK
+
+
+def _watch(fleet: Fleet, console: Console) -> str | None:
+    """Wait for the end; the name of the process that ended by itself, None after Ctrl-C.
+
+    The robot service is started again at once, for it stops and locks a hexapod that it finds moving; nothing else can.
+    """
+    restarts_left = MOST_ROBOT_RESTARTS
+    while (ended := fleet.wait_until_one_ends()) == "robot" and restarts_left > 0:
+        restarts_left -= 1
+        console.print(f"the robot service ended by itself ({fleet.last_words('robot')}); starting it again")
+        fleet.restart("robot")
+    return ended
 
 
 def _announce(installation: Installation, console: Console) -> None:
