@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.wires_model import SHARED, START, TIP, WireModel
-from services.registration.core.wires_outline import EdgeMatches, Outline, Stack, match_edges, outline_of
+from services.registration.core.wires_outline import EdgeMatches, match_edges
+from services.registration.core.wires_shape import PER_VIEW, Shape, shape_of, stacks_of
 from services.registration.core.wires_view import PreparedView
 from shared.geometry.lines import Line, read_only
 
-_PER_VIEW = 7
 _RADIUS_SD_PX = 0.3
 _EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
 _ROBUST_PX = 1.2
 _SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
 _OTHER_TIPS_MM = (-12.0, 8.0)
-_SEARCH_DISCS, _LEAST_DISCS, _MOST_DISCS, _DISC_EVERY_PX = 40, 12, 250, 3.0
+_SEARCH_DISCS = 40
 _CANDIDATES, _STARTS, _STARTS_APART_MM = 40, 5, 1.0
 _PENALTY_OF_MISSING = 0.5
 _SEEN_NATS, _MISSING_NATS, _TYPICAL_SHIFT_PX = 2.0, -1.3, 0.5
@@ -57,20 +57,10 @@ class WireFit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Shape:
-    """A wire's outline in one view; `length_px` is what each point stands for, shape (M,)."""
-
-    stack: Stack
-    outline: Outline
-    length_px: NDArray[np.float64]
-    free: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Rows:
     """Linearised observations of one view: derivatives along the normals, shifts, weights, effective number."""
 
-    shape: _Shape
+    shape: Shape
     matches: EdgeMatches
     derivative: NDArray[np.float64]
     weight: NDArray[np.float64]
@@ -137,7 +127,7 @@ def _distinct(solutions: list[_Solution], best: _Solution) -> list[_Solution]:
 
 
 def _refined(views: tuple[PreparedView, ...], model: WireModel, start: NDArray[np.float64]) -> _Solution:
-    state = np.concatenate([start, np.zeros(_PER_VIEW * len(views))])
+    state = np.concatenate([start, np.zeros(PER_VIEW * len(views))])
     for reach_px in _REACHES_PX:
         system = _linearised(views, model, state, reach_px)
         state = state + np.linalg.solve(system.normal, system.gradient)
@@ -184,7 +174,7 @@ def _unknowns_at(model: WireModel, place: tuple[float, float, float]) -> NDArray
 
 
 def _evidence_px(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> float:
-    shape = _shape(view, model, np.concatenate([unknowns, np.zeros(_PER_VIEW)]), _SEARCH_DISCS)
+    shape = shape_of(view, model, np.concatenate([unknowns, np.zeros(PER_VIEW)]), _SEARCH_DISCS)
     matches = match_edges(view, shape.stack, shape.outline, _SEARCH_REACH_PX)
     seen = matches.index[shape.free[matches.index]]
     return float(shape.length_px[seen].sum() - _PENALTY_OF_MISSING * shape.length_px[shape.free].sum())
@@ -199,8 +189,8 @@ def _linearised(
     gradient[:SHARED] = model.precision @ (model.mean - state[:SHARED])
     all_rows = []
     for k, view in enumerate(views):
-        own = SHARED + k * _PER_VIEW + np.arange(_PER_VIEW)
-        prior = np.zeros((_PER_VIEW, _PER_VIEW))
+        own = SHARED + k * PER_VIEW + np.arange(PER_VIEW)
+        prior = np.zeros((PER_VIEW, PER_VIEW))
         prior[0, 0] = _RADIUS_SD_PX**-2
         prior[1:, 1:] = np.linalg.inv(view.view.guide_covariance)
         normal[np.ix_(own, own)] += prior
@@ -217,10 +207,10 @@ def _linearised(
 
 
 def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> _Rows:
-    shape = _shape(view, model, unknowns)
+    shape = shape_of(view, model, unknowns)
     matches = match_edges(view, shape.stack, shape.outline, reach_px)
     disc, outward = shape.outline.disc[matches.index], shape.outline.outward[matches.index]
-    moved = _stacks(view, model, unknowns + np.diag(_STEPS), len(shape.stack.radius_px))
+    moved = stacks_of(view, model, unknowns + np.diag(_STEPS), len(shape.stack.radius_px))
     by_centre = (moved.centre_px - shape.stack.centre_px)[:, disc]
     derivative = np.einsum("jmi,mi->mj", by_centre, outward) / _STEPS
     # A change of apparent radius along the wire is left to the view's own radius error: edges shift with contrast.
@@ -229,32 +219,6 @@ def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], r
     crowding = np.maximum(_EDGE_CORRELATION_PX / np.maximum(shape.length_px[matches.index], 1e-6), 1.0)
     weight = 1.0 / (_EDGE_SD_PX**2 * crowding * (1.0 + (matches.shift_px / _ROBUST_PX) ** 2))
     return _Rows(shape, matches, derivative, weight, float((1.0 / crowding).sum()))
-
-
-def _stacks(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], count: int) -> Stack:
-    """Discs along wires, unknowns of shape (B, 13): centres of shape (B, count, 2), radii of shape (B, count)."""
-    points = model.points_guide_mm(unknowns[:, :SHARED], count)
-    turn, shift = unknowns[:, None, SHARED + 1 : SHARED + 4], unknowns[:, None, SHARED + 4 :]
-    # The guide's pose is wrong by a hundredth of a degree: the turn's first order is exact to nanometres.
-    points_camera = view.camera_points_mm(points + np.cross(turn, points) + shift)
-    calibration = view.view.calibration
-    distance = np.linalg.norm(points_camera, axis=-1)
-    radius = model.radius_mm * calibration.camera.focal_length_px / distance + unknowns[:, SHARED, None]
-    return Stack(calibration.image_from_camera(points_camera), radius)
-
-
-def _shape(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], discs: int | None = None) -> _Shape:
-    """Outline of one wire, by a given number of discs or by one every three pixels."""
-    if discs is None:
-        rough = _stacks(view, model, unknowns[None], 3).centre_px[0]
-        way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
-        discs = int(np.clip(way_px / _DISC_EVERY_PX, _LEAST_DISCS, _MOST_DISCS))
-    stacks = _stacks(view, model, unknowns[None], discs)
-    stack = Stack(stacks.centre_px[0], stacks.radius_px[0])
-    outline = outline_of(stack)
-    # The cap at the begin of the wire does not count: where it is, nobody knows.
-    free = view.is_free(outline.point_px) & (outline.disc > 0)
-    return _Shape(stack, outline, outline.length_px(stack), free)
 
 
 def _seen_px(rows: _Rows) -> float:

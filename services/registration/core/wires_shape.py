@@ -1,0 +1,64 @@
+"""A wire in one view: its discs and their outline, for given unknowns of the wire and of the view."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.wires_model import SHARED, WireModel
+from services.registration.core.wires_outline import Outline, Stack, outline_of
+from services.registration.core.wires_view import PreparedView
+
+PER_VIEW = 7
+_LEAST_DISCS, _MOST_DISCS, _DISC_EVERY_PX = 12, 250, 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A wire's outline in one view.
+
+    Attributes
+    ----------
+    length_px
+        Length of outline that each of its points stands for, shape (M,).
+    free
+        Which points can be seen, and count, shape (M,).
+    """
+
+    stack: Stack
+    outline: Outline
+    length_px: NDArray[np.float64]
+    free: NDArray[np.bool_]
+
+
+def stacks_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], count: int) -> Stack:
+    """Discs along wires: centres of shape (B, count, 2), radii of shape (B, count).
+
+    Parameters
+    ----------
+    unknowns
+        Shape (B, 13): of the wire (see `WireModel`), then the error of the apparent radius in this view (px), then that
+        of the guide's pose (rad, mm, in the guide's own frame).
+    """
+    points = model.points_guide_mm(unknowns[:, :SHARED], count)
+    turn, shift = unknowns[:, None, SHARED + 1 : SHARED + 4], unknowns[:, None, SHARED + 4 :]
+    # The guide's pose is wrong by a hundredth of a degree: the turn's first order is exact to nanometres.
+    points_camera = view.camera_points_mm(points + np.cross(turn, points) + shift)
+    calibration = view.view.calibration
+    distance = np.linalg.norm(points_camera, axis=-1)
+    radius = model.radius_mm * calibration.camera.focal_length_px / distance + unknowns[:, SHARED, None]
+    return Stack(calibration.image_from_camera(points_camera), radius)
+
+
+def shape_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], discs: int | None = None) -> Shape:
+    """Outline of one wire, by a given number of discs or by one every three pixels."""
+    if discs is None:
+        rough = stacks_of(view, model, unknowns[None], 3).centre_px[0]
+        way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
+        discs = int(np.clip(way_px / _DISC_EVERY_PX, _LEAST_DISCS, _MOST_DISCS))
+    stacks = stacks_of(view, model, unknowns[None], discs)
+    stack = Stack(stacks.centre_px[0], stacks.radius_px[0])
+    outline = outline_of(stack)
+    # The cap at the begin of the wire does not count: where it is, nobody knows.
+    free = view.is_free(outline.point_px) & (outline.disc > 0)
+    return Shape(stack, outline, outline.length_px(stack), free)
