@@ -63,10 +63,11 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rendered:
-    """An image with its truth: centres in pixels of the un-mirrored image, shape (N, 2), and which balls are there."""
+    """An image with its truth: the ring's and other balls' centres in un-mirrored pixels, and which of the ring are there."""
 
     pixels: FloatImage
     centre_px: Array
+    others_px: Array
     present: NDArray[np.bool_]
     source_mm: Array
 
@@ -95,10 +96,10 @@ def render(scene: Scene, ring: RingPart) -> Rendered:
     light = _background(rng)
     for (x, y), r in zip(centre[present], radius[present], strict=True):
         shade(light, x, y, float(r))
-    for _ in range(scene.others):
-        x, y = rng.uniform(260.0, 760.0, 2)
+    others = rng.uniform(260.0, 760.0, (scene.others, 2))
+    for x, y in others:
         shade(light, x, y, 6.8)
-    return _finished(scene, rng, light, Rendered(np.zeros((1, 1), np.float32), centre, present, source))
+    return _finished(scene, rng, light, Rendered(np.zeros((1, 1), np.float32), centre, others, present, source))
 
 
 def _background(rng: np.random.Generator) -> Array:

@@ -69,7 +69,9 @@ def test_identified_balls_carry_the_right_index_and_others_none() -> None:
     known = balls.ring_index >= 0
     error = np.hypot(*(balls.centre_px[known] - rendered.centre_px[balls.ring_index[known]]).T)
     assert error.max() < 0.6
-    assert np.count_nonzero(~known) >= 20
+    distance = np.hypot(*(rendered.others_px[:, None] - balls.centre_px[~known][None]).transpose(2, 0, 1)).min(axis=1)
+    assert np.median(distance) < 0.15
+    assert np.mean(distance < 1.0) > 0.7  # the others overlap at random
     assert len(np.unique(balls.ring_index[known])) == np.count_nonzero(known)
 
 

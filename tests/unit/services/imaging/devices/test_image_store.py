@@ -50,6 +50,15 @@ def test_a_write_that_fails_leaves_no_file(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 1
 
 
+def test_a_write_that_fails_at_the_last_step_takes_its_temporary_file_away(tmp_path: Path) -> None:
+    store = ImageStore(tmp_path)
+    sha256 = store.put(b"content")
+    store.path(sha256).with_suffix(".json").mkdir()
+    with pytest.raises(OSError, match="directory"):
+        store.put_header(sha256, b"header")
+    assert sorted(p.suffix for p in store.path(sha256).parent.iterdir()) == [".dcm", ".json"]
+
+
 def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(ConfigurationError, match=r"for images cannot be made: .*; set another state_dir"):
