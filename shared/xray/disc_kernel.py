@@ -37,7 +37,7 @@ def model_row(x: float, y: float, frame: Array, p: Array, discs: int, row: Array
         slope = p[b + k]
         for j in range(discs):
             if j != k:
-                slope -= overlap * 0.5 * (p[b + k] + p[b + j]) * row[b + j]
+                slope -= overlap * max(min(p[b + k], p[b + j]), 0.0) * row[b + j]
         dx, dy = x - p[b + discs + k], y - p[b + 2 * discs + k]
         distance = math.sqrt(dx * dx + dy * dy) + 1e-9
         z = (distance - p[b + 3 * discs + k]) / blur
@@ -62,9 +62,11 @@ def _overlaps(p: Array, discs: int, row: Array) -> float:
     for k in range(discs):
         for j in range(k + 1, discs):
             both = shade[k] * shade[j]
-            common += 0.5 * (p[b + k] + p[b + j]) * both
-            row[b + k] += 0.5 * overlap * both
-            row[b + j] += 0.5 * overlap * both
+            # Of two shadows the darker one stays: with overlap 1 the fainter one adds nothing.
+            fainter = k if p[b + k] < p[b + j] else j
+            if p[b + fainter] > 0.0:
+                common += p[b + fainter] * both
+                row[b + fainter] += overlap * both
     row[-2] = common
     return float(overlap * common)
 

@@ -63,7 +63,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rendered:
-    """An image with its truth: the ring's and other balls' centres in un-mirrored pixels, and which of the ring are there."""
+    """An image with its truth: un-mirrored centres of the ring's and other balls, and which of the ring are there."""
 
     pixels: FloatImage
     centre_px: Array
