@@ -153,6 +153,17 @@ def test_without_wires_there_are_none() -> None:
     assert "guide hole 'distal'" in result.reasons[0].message
 
 
+def test_a_plastic_rod_is_no_wire() -> None:
+    views = []
+    for pose, seed in ((LATERAL, 46), (oblique(38.0), 47)):
+        camera = calibration(SIZE_PX)
+        rods = tuple(replace(rod, per_mm=0.09) for rod in ALONG_THE_GUIDE.rods(pose, 112.0))
+        scene = Scene(SIZE_PX, nail_part(), pose @ GUIDE_FROM_NAIL, rods, texture=0.02, noise=0.003)
+        views.append(WireView(render(scene, camera, seed), camera, pose, GUIDE_COVARIANCE))
+    result = verified(*views)
+    assert [reason.code for reason in result.reasons] == [ReasonCode.WIRE_NOT_FOUND] * 2
+
+
 def test_one_wire_of_two_is_still_measured() -> None:
     one = Wired({"proximal": np.zeros(4)})
     result = verified(view_of(LATERAL, one, seed=41), view_of(oblique(38.0), one, seed=42))

@@ -27,11 +27,12 @@ _Z = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rod:
-    """A round steel rod (a wire, a screw) between two points in the camera's frame."""
+    """A round rod (a wire, a screw) between two points in the camera's frame; steel unless told otherwise."""
 
     start_mm: NDArray[np.float64]
     end_mm: NDArray[np.float64]
     diameter_mm: float
+    per_mm: float = METAL_PER_MM["steel"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +138,7 @@ def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32
         path_mm = _nail_path_mm(rays, scene.nail, scene.camera_from_nail)
         attenuation = attenuation + METAL_PER_MM[scene.nail.material] * path_mm
     for rod in scene.rods:
-        attenuation = attenuation + METAL_PER_MM["steel"] * _rod_path_mm(rays, rod)
+        attenuation = attenuation + rod.per_mm * _rod_path_mm(rays, rod)
     for ball in scene.balls:
         attenuation = attenuation + METAL_PER_MM["steel"] * _ball_path_mm(rays, ball[:3], 0.5 * float(ball[3]))
     light = gaussian_filter(np.exp(-attenuation), 1.2)
