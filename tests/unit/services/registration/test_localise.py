@@ -100,7 +100,9 @@ def test_times_add_up_and_the_drawing_shows_what_was_found() -> None:
     assert drawn is not None
     assert drawn.shape == (SIZE_PX, SIZE_PX, 3)
     for colour in (GUIDE, NAIL):
-        assert np.count_nonzero((drawn == np.array(colour)).all(axis=2)) > 20
+        # lines are drawn with soft edges: few pixels have exactly the colour
+        near = np.abs(drawn.astype(np.int64) - np.array(colour)).max(axis=2) < 60
+        assert np.count_nonzero(near) > 50
 
 
 def test_an_image_without_a_ring_is_drawn_bare() -> None:
