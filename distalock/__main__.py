@@ -58,6 +58,18 @@ def _demo(given: argparse.Namespace) -> int:
     return run_demo(DemoRequest(scenario_arguments(given), given.overlay), Console(soft_wrap=True))
 
 
+def _room_arguments(parser: argparse.ArgumentParser) -> None:
+    from simulation.__main__ import add_arguments
+
+    add_arguments(parser)
+
+
+def _room(given: argparse.Namespace) -> int:
+    from simulation.__main__ import run
+
+    return run(given)
+
+
 def _benchmark_name(text: str) -> str:
     if text not in BENCHMARKS:
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; there are {', '.join(BENCHMARKS)}")
@@ -76,13 +88,15 @@ def _bench(given: argparse.Namespace) -> int:
 COMMANDS = (
     Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
+    Command("virtual-or", "the virtual operating room alone", _room_arguments, _room),
     Command("bench", "the benchmarks: tables with ratios to the named peers", _bench_arguments, _bench),
 )
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; bad usage is one line on stderr and exit code 2."""
-    given = parser_of(COMMANDS).parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    given = parser_of(COMMANDS, words).parse_args(words)
     return int(given.run(given))
 
 

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NoReturn
@@ -41,8 +41,8 @@ class Command:
     run: Run
 
 
-def parser_of(commands: tuple[Command, ...]) -> OneLineParser:
-    """Parser of `distalock` with its subcommands."""
+def parser_of(commands: tuple[Command, ...], arguments: Sequence[str]) -> OneLineParser:
+    """Parser of `distalock` with its subcommands; only one named in `arguments` declares its own, to start quickly."""
     parser = OneLineParser(
         prog="distalock",
         description="Aims a drill guide at the distal holes of an intramedullary nail. "
@@ -51,7 +51,8 @@ def parser_of(commands: tuple[Command, ...]) -> OneLineParser:
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in commands:
         sub = subparsers.add_parser(command.name, help=command.summary, description=command.summary)
-        command.add_arguments(sub)
+        if command.name in arguments:
+            command.add_arguments(sub)
         sub.set_defaults(run=command.run)
     return parser
 
