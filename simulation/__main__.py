@@ -15,9 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--gcs-port", type=int, help="TCP port of the hexapod's controller (50000)")
     parser.add_argument("--control-port", type=int, help="TCP port of the control API (8900)")
     parser.add_argument("--dicom-target", metavar="[TITLE@]HOST:PORT", help="where images are sent")
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--seed", type=int, help="seed of the scenario (0)")
-    which.add_argument("--scenario", type=Path, metavar="FILE", help="scenario file, instead of a seed")
+    parser.add_argument("--seed", type=int, help="seed of the scenario (0)")
+    parser.add_argument("--scenario", type=Path, metavar="FILE", help="scenario file, instead of a seed")
 
 
 def run(given: argparse.Namespace) -> int:
