@@ -6,6 +6,7 @@ from pathlib import Path
 
 from distalock.arguments import (
     Command,
+    add_image_arguments,
     add_scenario_arguments,
     parser_of,
     port_number,
@@ -20,6 +21,31 @@ _PORTS = (
     ("gcs", 50000, "the virtual hexapod controller"),
     ("control", 8900, "the virtual room's control API"),
 )
+
+
+def _locate_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("image", type=Path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
+    add_image_arguments(parser)
+    parser.add_argument("--method", choices=["model", "fronto-parallel"], default="model", help="ours, or the paper's")
+    parser.add_argument("--overlay", type=Path, metavar="OUT.png", help="draw what was found")
+
+
+def _locate(given: argparse.Namespace) -> int:
+    from distalock.locate import run
+
+    return run(given)
+
+
+def _verify_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("image", type=Path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
+    parser.add_argument("second_image", type=Path, nargs="?", metavar="image2", help="from another direction")
+    add_image_arguments(parser)
+
+
+def _verify(given: argparse.Namespace) -> int:
+    from distalock.verify import run
+
+    return run(given)
 
 
 def _up_arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,6 +112,8 @@ def _bench(given: argparse.Namespace) -> int:
 
 
 COMMANDS = (
+    Command("locate", "the nail's hole axes from one X-ray image, or why not", _locate_arguments, _locate),
+    Command("verify", "K-wires against the nail's hole axes, from one image or a pair", _verify_arguments, _verify),
     Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
     Command("virtual-or", "the virtual operating room alone", _room_arguments, _room),

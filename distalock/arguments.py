@@ -95,3 +95,15 @@ def scenario_arguments(given: argparse.Namespace) -> tuple[str, ...]:
     if given.scenario is not None:
         return ("--scenario", str(given.scenario))
     return () if given.seed is None else ("--seed", str(given.seed))
+
+
+def add_image_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `locate` and `verify` share: the part files and the C-arm's nominal values."""
+    for name in ("ring", "guide", "nail"):
+        parser.add_argument(f"--{name}", type=Path, required=True, metavar="FILE", help=f"{name} file (JSON)")
+    parser.add_argument(
+        "--source-to-detector-mm", type=positive_mm, metavar="MM", help="nominal; default: DICOM header, then 1000"
+    )
+    parser.add_argument(
+        "--pixel-mm", type=positive_mm, metavar="MM", help="nominal, at the detector; default: DICOM header, then 0.235"
+    )

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from distalock.arguments import EXIT_BAD_INPUT
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
@@ -24,7 +25,7 @@ from shared.messages.base import encode
 from shared.messages.registration import Localisation
 from shared.parts.files import read_part_file, sha256_of
 
-EXIT_ACCEPTED, EXIT_BAD_INPUT, EXIT_REJECTED = 0, 2, 3
+EXIT_ACCEPTED, EXIT_REJECTED = 0, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +105,8 @@ def _content(image: Path) -> bytes:
         raise ImageUnreadable(f"{image}: cannot be read: {error.strerror or error}") from None
 
 
-def main(argv: list[str] | None = None) -> int:
+def run(given: argparse.Namespace) -> int:
     """Run `distalock locate`; returns the exit code: 0 accepted, 3 rejected, 2 bad input."""
-    given = _parser().parse_args(argv)
     try:
         parts = read_parts(given.ring, given.guide, given.nail)
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
@@ -129,32 +129,3 @@ def _write_overlay(file: Path, content: bytes) -> None:
         unfinished.replace(file)
     except OSError as error:
         raise InputError(f"{file}: the overlay cannot be written: {error.strerror or error}") from None
-
-
-def positive_mm(text: str) -> float:
-    """Parse a length of a command line: finite and positive."""
-    value = float(text)
-    if not 0.0 < value < 1e4:
-        raise argparse.ArgumentTypeError(f"{text} is not a length in mm between 0 and 10000")
-    return value
-
-
-def add_image_options(parser: argparse.ArgumentParser) -> None:
-    """The options that `locate` and `verify` share."""
-    for name in ("ring", "guide", "nail"):
-        parser.add_argument(f"--{name}", type=Path, required=True, metavar="FILE", help=f"{name} file (JSON)")
-    parser.add_argument("--source-to-detector-mm", type=positive_mm, metavar="MM", help="nominal, default 1000")
-    parser.add_argument("--pixel-mm", type=positive_mm, metavar="MM", help="nominal, at the detector, default 0.235")
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="distalock locate", description=__doc__)
-    parser.add_argument("image", type=Path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
-    add_image_options(parser)
-    parser.add_argument("--method", choices=[m.value for m in Method], default=Method.MODEL.value)
-    parser.add_argument("--overlay", type=Path, metavar="PNG", help="draw what was found")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

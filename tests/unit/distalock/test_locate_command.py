@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from distalock.locate import EXIT_BAD_INPUT, EXIT_REJECTED, NominalOptions, main
-from distalock.verify import main as verify
+from distalock.__main__ import main
+from distalock.arguments import EXIT_BAD_INPUT
+from distalock.locate import EXIT_REJECTED, NominalOptions
 from services.imaging.devices.received_image import Acquisition
 from tests.unit.services.registration.rendered_case import GUIDE_JSON, NAIL_JSON, RING_JSON
 
@@ -27,9 +28,9 @@ def _image() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
     return rng.normal(128.0, 5.0, (400, 400)).clip(0, 255).astype(np.uint8)
 
 
-def arguments(files: dict[str, Path], *more: str) -> list[str]:
+def locate(files: dict[str, Path], *more: str) -> list[str]:
     parts = [part for name in ("ring", "guide", "nail") for part in (f"--{name}", str(files[name]))]
-    return [str(files["image"]), *parts, *more]
+    return ["locate", str(files["image"]), *parts, *more]
 
 
 def one_sentence(capsys: pytest.CaptureFixture[str]) -> str:
@@ -40,7 +41,7 @@ def one_sentence(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def test_an_image_without_a_ring_is_rejected(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(arguments(files)) == EXIT_REJECTED
+    assert main(locate(files)) == EXIT_REJECTED
     printed = json.loads(capsys.readouterr().out)
     assert printed["schema"] == "distalock/localisation/1"
     assert printed["verdict"] == "rejected"
@@ -51,7 +52,7 @@ def test_an_image_without_a_ring_is_rejected(files: dict[str, Path], capsys: pyt
 
 def test_a_rejected_image_is_drawn_too(files: dict[str, Path], tmp_path: Path) -> None:
     drawn = tmp_path / "drawn.png"
-    assert main(arguments(files, "--overlay", str(drawn))) == EXIT_REJECTED
+    assert main(locate(files, "--overlay", str(drawn))) == EXIT_REJECTED
     image = cv2.imread(str(drawn))
     assert image is not None
     assert image.shape == (400, 400, 3)
@@ -60,18 +61,18 @@ def test_a_rejected_image_is_drawn_too(files: dict[str, Path], tmp_path: Path) -
 def test_an_overlay_that_cannot_be_written_is_bad_input(
     files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(arguments(files, "--overlay", str(tmp_path / "none" / "drawn.png"))) == EXIT_BAD_INPUT
+    assert main(locate(files, "--overlay", str(tmp_path / "none" / "drawn.png"))) == EXIT_BAD_INPUT
     assert "the overlay cannot be written" in one_sentence(capsys)
 
 
-@pytest.mark.parametrize("command", [main, verify])
-def test_missing_and_foreign_files(command: object, files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert callable(command)
+@pytest.mark.parametrize("command", ["locate", "verify"])
+def test_missing_and_foreign_files(command: str, files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    words = [command, *locate(files)[1:]]
     files["image"].write_bytes(b"no image at all")
-    assert command(arguments(files)) == EXIT_BAD_INPUT
+    assert main(words) == EXIT_BAD_INPUT
     assert "not an image" in one_sentence(capsys)
     files["image"].unlink()
-    assert command(arguments(files)) == EXIT_BAD_INPUT
+    assert main(words) == EXIT_BAD_INPUT
     assert "cannot be read: No such file" in one_sentence(capsys)
 
 
@@ -87,7 +88,7 @@ def test_part_files_that_break_their_schema(
     part: str, change: dict[str, object], expected: str, files: dict[str, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     files[part].write_text(json.dumps(json.loads(files[part].read_text()) | change))
-    assert main(arguments(files)) == EXIT_BAD_INPUT
+    assert main(locate(files)) == EXIT_BAD_INPUT
     assert expected in one_sentence(capsys)
 
 
@@ -95,14 +96,14 @@ def test_a_hole_beside_the_nail_is_refused(files: dict[str, Path], capsys: pytes
     nail = json.loads(NAIL_JSON)
     nail["holes"][0]["position_mm"] = [15.0, 8.0, 0.0]
     files["nail"].write_text(json.dumps(nail))
-    assert main(arguments(files)) == EXIT_BAD_INPUT
+    assert main(locate(files)) == EXIT_BAD_INPUT
     assert "the axis of hole 'distal' does not cross the nail of 12.0 mm diameter" in one_sentence(capsys)
 
 
 @pytest.mark.parametrize("value", ["-3", "0", "nan", "inf"])
 def test_impossible_lengths_are_refused(value: str, files: dict[str, Path]) -> None:
     with pytest.raises(SystemExit, match="2"):
-        main(arguments(files, f"--pixel-mm={value}"))
+        main(locate(files, f"--pixel-mm={value}"))
 
 
 def test_option_goes_before_header_before_default() -> None:

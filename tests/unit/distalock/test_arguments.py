@@ -1,0 +1,29 @@
+"""Bad usage of the command: one line on stderr, exit code 2."""
+
+import pytest
+
+from distalock.__main__ import main
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], "required: COMMAND"),
+        (["dance"], "invalid choice: 'dance'"),
+        (["up"], "one of the arguments --simulate --controller is required"),
+        (["up", "--simulate", "--controller", "/dev/null"], "not allowed with argument"),
+        (["up", "--simulate", "--rest-port", "70000"], "70000 is not a port number from 1 to 65535"),
+        (["demo", "--seed", "one"], "invalid int value: 'one'"),
+        (["demo", "--scenario", "none.json"], "file none.json does not exist"),
+        (["bench", "speed"], "there is no benchmark 'speed'"),
+        (["locate", "image.png"], "required: --ring, --guide, --nail"),
+    ],
+)
+def test_bad_usage_is_one_line(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert expected in printed.err
