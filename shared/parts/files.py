@@ -164,7 +164,7 @@ def parse_part(model: type[F], content: bytes, source: str) -> F:
         first = error.errors()[0]
         place = ".".join(str(p) for p in first["loc"]) or "file"
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise PartFileInvalid(f"{source}: {place}: {first['msg']}{more}") from None
+        raise PartFileInvalid(f"{source}: {place}: {first['msg'].removeprefix('Value error, ')}{more}") from None
 
 
 def ring_from_json(content: bytes, source: str = "ring file") -> RingPart:
