@@ -22,7 +22,9 @@ def message_types() -> dict[str, type[Message]]:
     """Every message by its schema name, such as ``distalock/frame/1``."""
     for module in pkgutil.iter_modules(shared.messages.__path__, "shared.messages."):
         importlib.import_module(module.name)
-    return {schema_name(kind): kind for kind in _concrete(Message)}
+    # A service may derive a view of its own from a message; that is no message of the bus.
+    ours = (kind for kind in _concrete(Message) if kind.__module__.startswith("shared.messages."))
+    return {schema_name(kind): kind for kind in ours}
 
 
 def schema_name(kind: type[Message]) -> str:
