@@ -103,6 +103,14 @@ class Knowledge:
         with self._changed:
             self._robot = state
 
+    def note_announced(self, sha256: str) -> None:
+        """Note that imaging has an image. If its pixels have not come, it begins a new epoch all the same."""
+        with self._changed:
+            if sha256 not in self._frames:
+                self._counter += 1
+                self._newest_sha256 = sha256
+                self._changed.notify_all()
+
     def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that arrives now: a new epoch begins, and the robot stands where it stands now."""
         with self._changed:
@@ -186,6 +194,17 @@ class Knowledge:
     def epoch(self) -> str:
         """The present registration epoch."""
         with self._changed:
+            return self._epoch()
+
+    @property
+    def boot_epoch(self) -> str:
+        """Names this run of registration."""
+        return self._boot_epoch
+
+    def wait_for_another_epoch(self, seen: str | None, timeout_s: float) -> str:
+        """The present epoch, as soon as it is another than `seen`, at the latest after `timeout_s`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._epoch() != seen, timeout_s)
             return self._epoch()
 
     def _epoch(self) -> str:

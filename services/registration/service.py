@@ -24,6 +24,7 @@ from shared.messages.registration import (
     Localisation,
     LocalisationRecord,
     PlanRequest,
+    RegistrationEpoch,
     VerificationReply,
     VerificationRequest,
 )
@@ -32,6 +33,7 @@ from shared.runtime.latest import BoundedQueue
 from shared.runtime.lifecycle import Runtime, software_version
 
 _WAIT_S = 0.2
+_VOUCH_EVERY_S = 0.2
 _CASE_TIMEOUT_S = 2.0
 _OVERTAKEN_S = 0.5
 
@@ -66,6 +68,9 @@ class RegistrationService:
         self._jobs: BoundedQueue[CalibrationMessage] = BoundedQueue(settings.queue_length)
         self._localisations = bus.retained_publisher(runtime.keys.localisation)
         self._plans = bus.retained_publisher(runtime.keys.plan)
+        # Not retained: a value that is delivered later would look as if somebody vouched for it now.
+        self._epochs = bus.publisher(runtime.keys.registration_epoch)
+        self._left = threading.Event()
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -76,6 +81,10 @@ class RegistrationService:
             worker.start()
             stack.callback(worker.join, 5.0)
             stack.callback(self._jobs.close)
+            vouching = threading.Thread(target=self._vouch, name="epoch", daemon=True)
+            vouching.start()
+            stack.callback(vouching.join, 5.0)
+            stack.callback(self._left.set)
             for declared in (
                 bus.subscribe_retained(keys.robot_state, self._on_robot),
                 bus.subscribe_retained(keys.case_context, self._on_case),
@@ -110,6 +119,7 @@ class RegistrationService:
 
     def _on_calibration(self, sample: Sample) -> None:
         message = decode(CalibrationMessage, sample.payload)
+        self._knowledge.note_announced(message.image.sha256)
         if message.case_id is not None and not self._jobs.put(message):
             sha256 = message.image.sha256
             self._runtime.log.error("image refused", sha256=sha256, waiting=self._settings.queue_length)
@@ -142,6 +152,20 @@ class RegistrationService:
         earlier = self._knowledge.accepted_beside(known[0])
         verification = verification_message(images, case.parts, None if earlier is None else earlier.result)
         return Answer(encode(VerificationReply(verification=verification)))
+
+    def _vouch(self) -> None:
+        """Say which epoch is the newest: at once when it changes, and steadily, so that silence means nobody knows."""
+        epoch, sequence = None, 0
+        try:
+            while not self._left.is_set():
+                epoch = self._knowledge.wait_for_another_epoch(epoch, _VOUCH_EVERY_S)
+                word = RegistrationEpoch(
+                    boot_epoch=self._knowledge.boot_epoch, sequence=sequence, registration_epoch=epoch
+                )
+                self._epochs.put(encode(word))
+                sequence += 1
+        except BusError as error:
+            self._runtime.fail(f"the registration epoch cannot be published, so nothing may move: {error}")
 
     def _work(self) -> None:
         """Localise in what is queued, in order of arrival."""

@@ -19,7 +19,7 @@ from shared.errors import InputError
 from shared.geometry.hexapod import HexapodPart
 from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
-from shared.messages.registration import LocalisationRecord
+from shared.messages.registration import RegistrationEpoch
 from shared.messages.robot import CommandReply, MoveCommand, PlainCommand, StopCommand
 
 PUBLISH_MOVING_S = 0.03
@@ -69,7 +69,8 @@ class RobotService:
 
     def __enter__(self) -> Self:
         bus, keys = self._bus, self._keys
-        bus.subscribe_retained(keys.localisation, self._on_localisation)
+        bus.subscribe(keys.registration_epoch, self._on_epoch)
+        bus.presence().watch_alive(keys.alive("registration"), self._on_registration_alive)
         bus.subscribe_retained(keys.plan, self._on_plan)
         bus.subscribe_retained(keys.case_context, self._on_case)
         self._drive.start()
@@ -89,13 +90,24 @@ class RobotService:
         self._publishing.join()
         self._publish(self._drive.status)
 
-    def _on_localisation(self, sample: Sample) -> None:
-        # Until it is read, nothing is known to be the newest: a localisation that cannot be read makes plans stale too.
+    def _on_epoch(self, sample: Sample) -> None:
+        heard_s = self._parts.clock_s()
+        try:
+            word = translate.epoch_word(decode(RegistrationEpoch, sample.payload), heard_s)
+        except InputError:
+            self._forget_epoch()
+            raise
         with self._lock:
-            self._registration = self._registration.with_epoch(None)
-        record = decode(LocalisationRecord, sample.payload)
+            self._registration = self._registration.with_word(word)
+
+    def _on_registration_alive(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the signature is the bus's
+        del key
+        if not alive:
+            self._forget_epoch()
+
+    def _forget_epoch(self) -> None:
         with self._lock:
-            self._registration = self._registration.with_epoch(record.registration_epoch)
+            self._registration = self._registration.unvouched()
 
     def _on_plan(self, sample: Sample) -> None:
         plan = translate.planned_move(sample.payload)

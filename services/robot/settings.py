@@ -33,11 +33,17 @@ class RobotSettings(ServiceSettings):
     largest_step_deg: Annotated[float, Field(gt=0.0, le=30.0)] = 12.0
     plan_lifetime_s: PositiveSeconds = 600.0
     heartbeat_deadline_s: Annotated[float, Field(gt=0.0, le=0.5)] = 0.2
+    registration_deadline_s: Annotated[float, Field(gt=0.0, le=5.0)] = Field(
+        1.0, description="Longest silence of registration before a move; it speaks five times a second."
+    )
 
     def guard_limits(self) -> GuardLimits:
         """Limits of a single move."""
         return GuardLimits(
-            Deviation(self.largest_step_mm, self.largest_step_deg), self.plan_lifetime_s, self.heartbeat_deadline_s
+            Deviation(self.largest_step_mm, self.largest_step_deg),
+            self.plan_lifetime_s,
+            self.heartbeat_deadline_s,
+            self.registration_deadline_s,
         )
 
     def reference_travel(self) -> Deviation:

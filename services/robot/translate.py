@@ -7,7 +7,7 @@ import numpy as np
 
 from services.robot.core.envelope import Envelope
 from services.robot.core.motion import MotionState, stop_is_latched
-from services.robot.core.plans import PlannedMove
+from services.robot.core.plans import EpochWord, PlannedMove
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
 from shared.errors import InputError
@@ -16,7 +16,7 @@ from shared.geometry.hexapod import HexapodPart, PlatformPose, leg_lengths_mm
 from shared.geometry.transform import Transform
 from shared.messages import robot as wire
 from shared.messages.base import MessageInvalid, decode, encode, vector3
-from shared.messages.registration import Plan
+from shared.messages.registration import Plan, RegistrationEpoch
 
 
 def envelope(message: wire.CommandEnvelope, effect: str) -> Envelope:
@@ -30,6 +30,11 @@ def envelope(message: wire.CommandEnvelope, effect: str) -> Envelope:
         time_to_live_s=message.time_to_live_s,
         effect=effect,
     )
+
+
+def epoch_word(message: RegistrationEpoch, heard_s: float) -> EpochWord:
+    """Registration's word for the newest epoch, with the time of its arrival."""
+    return EpochWord(message.boot_epoch, message.sequence, message.registration_epoch, heard_s)
 
 
 def plan_sha256(plan_json: bytes) -> str:

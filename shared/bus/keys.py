@@ -42,6 +42,11 @@ class Keys:
         return self._key("registration", "localisation")
 
     @property
+    def registration_epoch(self) -> str:
+        """`RegistrationEpoch`: at every change and at a steady rate; its age counts, so none is kept."""
+        return self._key("registration", "epoch")
+
+    @property
     def plan(self) -> str:
         """`Plan`; last value kept. The robot knows plans from here, not from the gateway."""
         return self._key("registration", "plan")

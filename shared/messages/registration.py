@@ -137,6 +137,19 @@ class LocalisationRecord(Message):
     overlay_png_base64: str | None = Field(None, description="What was found, drawn on the image, for people.")
 
 
+class RegistrationEpoch(Message):
+    """Names the newest state of knowledge, and vouches for it: published at every change, and five times a second.
+
+    A `LocalisationRecord` tells of a new image only once that image was understood, seconds later. Until then a plan
+    from the image before must not move anything, nor when nobody vouches any more.
+    """
+
+    schema_name: Literal["distalock/registration-epoch/1"] = Field("distalock/registration-epoch/1", alias="schema")
+    boot_epoch: Identifier = Field(description="Names this run of registration.")
+    sequence: int = Field(ge=0)
+    registration_epoch: Identifier
+
+
 class PlanRequest(Message):
     """Asks registration for the move that makes guide and nail axes coincide, from its newest accepted localisation.
 

@@ -33,11 +33,14 @@ class GuardLimits:
         Longest time from the arrival of a plan to its execution.
     heartbeat_deadline_s
         Longest silence of the gateway, before and during a move.
+    registration_deadline_s
+        Longest silence of registration before a move: nobody else knows whether a newer image has arrived.
     """
 
     step: Deviation
     plan_lifetime_s: float
     heartbeat_deadline_s: float
+    registration_deadline_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,6 +132,7 @@ def _approval(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterat
 
 
 def _freshness(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
+    yield from _vouched(now)
     if plan.registration_epoch != now.registration.epoch:
         newest = now.registration.epoch or "not known"
         yield Refusal(
@@ -149,11 +153,22 @@ def _freshness(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
             RefusalCode.PLAN_BEFORE_RECONNECTION,
             "the controller was connected again after this plan was made; take an image and plan again",
         )
-    if now.registration.case not in (None, (plan.case_id, plan.case_revision)):
+    if now.registration.case != (plan.case_id, plan.case_revision):
         yield Refusal(
             RefusalCode.PLAN_OF_ANOTHER_CASE,
             f"the plan is for revision {plan.case_revision} of case '{plan.case_id}', which is not the open one; "
             "take an image and plan again",
+        )
+
+
+def _vouched(now: Situation) -> Iterator[Refusal]:
+    silent_s = now.registration.silent_for_s(now.now_s)
+    if silent_s > now.limits.registration_deadline_s:
+        heard = "has gone" if silent_s == float("inf") else f"was last heard {silent_s:.2f} s ago"
+        yield Refusal(
+            RefusalCode.REGISTRATION_SILENT,
+            f"registration {heard} (limit {now.limits.registration_deadline_s:g} s), so nobody vouches that no newer "
+            "image has arrived; see that it runs and ask again",
         )
 
 

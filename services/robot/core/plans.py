@@ -43,26 +43,67 @@ class PlannedMove:
 
 
 @dataclass(frozen=True, slots=True)
+class EpochWord:
+    """Registration's word for which epoch is the newest.
+
+    Attributes
+    ----------
+    boot_epoch, sequence
+        Which run of registration said it, and as which of its words.
+    heard_s
+        When it arrived, on the own monotonic clock.
+    """
+
+    boot_epoch: str
+    sequence: int
+    epoch: str
+    heard_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class RegistrationView:
     """What registration and the open case have made known so far.
 
     Attributes
     ----------
-    epoch
-        Registration epoch of the newest localisation, accepted or not; None before the first, or if it is unreadable.
+    word
+        Registration's newest word; None before the first.
+    past_boots
+        Earlier runs of registration: whatever still comes of them counts no more.
     case
         Id and revision of the open case; None before the first word of it.
     plans
         Hash and time of arrival of the newest plans, oldest first.
     """
 
-    epoch: str | None = None
+    word: EpochWord | None = None
+    past_boots: frozenset[str] = frozenset()
     case: tuple[str | None, int] | None = None
     plans: tuple[tuple[str, float], ...] = ()
 
-    def with_epoch(self, epoch: str | None) -> "RegistrationView":
-        """A newer localisation: plans of other epochs are stale from now on."""
-        return replace(self, epoch=epoch)
+    @property
+    def epoch(self) -> str | None:
+        """The newest registration epoch; None before the first word, and when registration is known to have gone."""
+        return None if self.word is None or self.word.heard_s == float("-inf") else self.word.epoch
+
+    def silent_for_s(self, now_s: float) -> float:
+        """How long nobody has vouched for the epoch; infinite before the first word."""
+        return float("inf") if self.word is None else now_s - self.word.heard_s
+
+    def with_word(self, word: EpochWord) -> "RegistrationView":
+        """Registration spoke: plans of other epochs are stale from now on. A repeat says nothing about now."""
+        known = self.word
+        if word.boot_epoch in self.past_boots:
+            return self
+        if known is None:
+            return replace(self, word=word)
+        if word.boot_epoch != known.boot_epoch:
+            return replace(self, word=word, past_boots=self.past_boots | {known.boot_epoch})
+        return replace(self, word=word) if word.sequence > known.sequence else self
+
+    def unvouched(self) -> "RegistrationView":
+        """Registration has gone, or cannot be understood: its last word does not count until it speaks again."""
+        return self if self.word is None else replace(self, word=replace(self.word, heard_s=float("-inf")))
 
     def with_case(self, case_id: str | None, revision: int) -> "RegistrationView":
         """The case was opened, changed or closed."""

@@ -31,6 +31,7 @@ class RefusalCode(StrEnum):
     NOT_LOCKED = "not_locked"
     APPROVAL_MISMATCH = "approval_mismatch"
     PLAN_UNKNOWN = "plan_unknown"
+    REGISTRATION_SILENT = "registration_silent"
     PLAN_STALE = "plan_stale"
     PLAN_EXPIRED = "plan_expired"
     PLAN_BEFORE_RECONNECTION = "plan_before_reconnection"

@@ -24,6 +24,7 @@ from shared.messages.registration import (
     Plan,
     PlanReply,
     PlanRequest,
+    RegistrationEpoch,
     VerificationReply,
     VerificationRequest,
 )
@@ -240,6 +241,34 @@ def test_every_image_begins_an_epoch(outside: Outside) -> None:
         outside.calibrated(name, None)
         epochs.append(outside.next_record().registration_epoch)
     assert len(set(epochs)) == 2
+
+
+def test_the_epoch_changes_before_any_image_is_understood(outside: Outside) -> None:
+    words: queue.Queue[RegistrationEpoch] = queue.Queue()
+    outside.bus.subscribe(KEYS.registration_epoch, lambda s: words.put(decode(RegistrationEpoch, s.payload)))
+
+    def next_epoch(before: str) -> str:
+        """The next epoch that is another; not one calibration or localisation is on its way."""
+        while (epoch := words.get(timeout=PATIENCE_S).registration_epoch) == before:
+            pass
+        return epoch
+
+    first = words.get(timeout=PATIENCE_S)
+    second = words.get(timeout=PATIENCE_S)
+    assert (second.registration_epoch, second.sequence) == (first.registration_epoch, first.sequence + 1), "steadily"
+    outside.open_case()
+    opened = next_epoch(first.registration_epoch)
+    outside.frame("one")
+    seen = next_epoch(opened)
+    outside.open_case(revision=2)
+    assert next_epoch(seen) == outside.knowledge.epoch
+
+
+def test_an_image_whose_pixels_were_missed_begins_an_epoch_as_well(outside: Outside) -> None:
+    before = outside.knowledge.epoch
+    outside.calibrated("missed", None)
+    eventually(lambda: outside.knowledge.epoch != before)
+    assert outside.knowledge.newest_sha256 == sha256_of(b"missed")
 
 
 def test_an_image_of_an_older_set_up_is_not_localised(outside: Outside) -> None:

@@ -20,9 +20,8 @@ from shared.geometry.hexapod import ZERO_POSE, PlatformPose, base_from_top, leg_
 from shared.geometry.transform import Transform
 from shared.messages.base import decode, encode, matrix4, vector3
 from shared.messages.cases import CaseContext
-from shared.messages.imaging import ImageReference
 from shared.messages.presence import Heartbeat
-from shared.messages.registration import Localisation, LocalisationRecord, LocalisedImage, Plan, Timing
+from shared.messages.registration import Plan, RegistrationEpoch
 from shared.messages.robot import (
     Approval,
     CommandEnvelope,
@@ -58,12 +57,14 @@ class Room:
         self.heartbeats = 0
         self.bus.subscribe_retained(KEYS.robot_state, self._on_state)
         self.beat = self.bus.publisher(KEYS.heartbeat("ui_api"))
-        self.localisations = self.bus.retained_publisher(KEYS.localisation)
+        self.words = 0
+        self.epochs = self.bus.publisher(KEYS.registration_epoch)
         self.plans = self.bus.retained_publisher(KEYS.plan)
         self.cases = self.bus.retained_publisher(KEYS.case_context)
+        self.cases.put(encode(CaseContext(case_id="case1", revision=1)))
         drive = Drive(lambda: self.controller, READ_BACK_TOLERANCE, self.clock, 0.05, lambda _: None)
         # The heartbeat's deadline is a second here: what is tested is what follows, and the machine may be busy.
-        limits = GuardLimits(Deviation(20.0, 12.0), 600.0, 1.0)
+        limits = GuardLimits(Deviation(20.0, 12.0), 600.0, 1.0, 5.0)
         parts = RobotParts(HEXAPOD, limits, drive, "boot", self.clock, lambda _: None)
         self.service = RobotService(self.router.open(), KEYS, parts)
 
@@ -88,6 +89,11 @@ class Room:
             looked_at = len(self.states)
             time.sleep(0.002)
         pytest.fail(f"no such state within {WAIT_S} s; the last is {self.states[-1:]}")
+
+    def let_states_pass(self) -> None:
+        """Wait until the robot has published again: whatever was on its way has arrived, and time has passed for it."""
+        before = self.state.sequence
+        self.wait(lambda s: s.sequence > before + 2)
 
     def heartbeat(self, boot_epoch: str = "gateway1") -> None:
         self.heartbeats += 1
@@ -121,8 +127,13 @@ class Room:
         wait_for(lambda: self.reference().verdict == "accepted")
         self.wait(lambda s: s.state is MotionState.LOCKED and s.locked and s.referenced)
 
-    def localise(self, epoch: str) -> None:
-        self.localisations.put(encode(record(epoch)))
+    def vouch(self, epoch: str, boot_epoch: str = "reg") -> None:
+        self.words += 1
+        word = RegistrationEpoch(boot_epoch=boot_epoch, sequence=self.words, registration_epoch=epoch)
+        self.epochs.put(encode(word))
+
+    def begin_epoch(self, epoch: str, boot_epoch: str = "reg") -> None:
+        self.vouch(epoch, boot_epoch)
         self.wait(lambda s: s.registration_epoch == epoch)
 
     def publish_plan(self, epoch: str = "reg.1", shift_mm: float = 3.0) -> bytes:
@@ -138,7 +149,7 @@ class Room:
 
     def ready_with_plan(self) -> bytes:
         self.make_ready()
-        self.localise("reg.1")
+        self.begin_epoch("reg.1")
         content = self.publish_plan()
         self.heartbeat()
         return content
@@ -164,34 +175,6 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < deadline, "did not come true in time"
         time.sleep(0.002)
-
-
-def record(epoch: str) -> LocalisationRecord:
-    return LocalisationRecord(
-        localisation=Localisation(
-            verdict="rejected",
-            reasons=(),
-            method="model",
-            image=LocalisedImage(sha256=SHA, mirrored=None),
-            camera=None,
-            guide=None,
-            nail=None,
-            guide_from_nail=None,
-            holes=None,
-            c_arm_correction_deg=None,
-            timing_ms=Timing(total=1.0),
-        ),
-        image=ImageReference(sha256=SHA, sop_instance_uid="1.2.3", sequence=1, received_at_ns=0),
-        case_id="case1",
-        case_revision=1,
-        registration_epoch=epoch,
-        robot_boot_epoch="boot",
-        robot_pose=None,
-        ring_sha256=SHA,
-        guide_sha256=SHA,
-        nail_sha256=SHA,
-        software_version="0",
-    )
 
 
 def plan(epoch: str, shift_mm: float) -> Plan:
@@ -283,7 +266,7 @@ def test_the_same_message_twice_moves_once(room: Room) -> None:
 
 def test_a_move_without_a_plan_of_registration_is_refused(room: Room) -> None:
     room.make_ready()
-    room.localise("reg.1")
+    room.begin_epoch("reg.1")
     room.heartbeat()
     reply = room.ask("move", room.move(encode(plan("reg.1", 3.0))))
     assert (reply.verdict, reply.code) == ("refused", "plan_unknown")
@@ -295,17 +278,52 @@ def test_an_approval_of_another_plan_is_refused(room: Room) -> None:
     assert room.until_known(plan_json, approved="e" * 64).code == "approval_mismatch"
 
 
-def test_a_newer_localisation_makes_the_plan_stale(room: Room) -> None:
+def test_a_newer_epoch_makes_the_plan_stale_before_any_localisation(room: Room) -> None:
     plan_json = room.ready_with_plan()
-    room.localise("reg.2")
+    room.begin_epoch("reg.2")
     assert room.until_known(plan_json).code == "plan_stale"
     assert room.controller.motions == []
 
 
-def test_a_localisation_that_cannot_be_read_makes_the_plan_stale(room: Room) -> None:
+def test_a_word_on_the_epoch_that_cannot_be_read_moves_nothing(room: Room) -> None:
     plan_json = room.ready_with_plan()
-    room.localisations.put(b"{}")
+    room.epochs.put(b"{}")
     room.wait(lambda s: s.registration_epoch is None)
+    assert room.until_known(plan_json).code == "registration_silent"
+    assert room.controller.motions == []
+
+
+def test_without_registration_nothing_moves(room: Room) -> None:
+    token = room.bus.declare_alive(KEYS.alive("registration"))
+    plan_json = room.ready_with_plan()
+    token.close()
+    room.wait(lambda s: s.registration_epoch is None)
+    assert room.until_known(plan_json).code == "registration_silent"
+    assert room.controller.motions == []
+    room.begin_epoch("reg.1")
+    assert room.until_known(plan_json).verdict == "accepted"
+
+
+def test_registration_that_hangs_is_no_voucher(room: Room) -> None:
+    plan_json = room.ready_with_plan()
+    room.clock_offset_s += 5.1
+    room.let_states_pass()
+    reply = room.until_known(plan_json)
+    assert reply.code == "registration_silent"
+    assert "(limit 5 s)" in reply.message
+    assert room.controller.motions == []
+
+
+def test_a_word_that_comes_again_vouches_for_nothing(room: Room) -> None:
+    plan_json = room.ready_with_plan()
+    room.begin_epoch("reg.2")
+    room.words -= 2
+    room.vouch("reg.1")
+    room.begin_epoch("new.0", boot_epoch="new")
+    room.words += 10
+    room.vouch("reg.1")
+    room.let_states_pass()
+    assert room.state.registration_epoch == "new.0", "neither a repeat nor an earlier run counts"
     assert room.until_known(plan_json).code == "plan_stale"
 
 
@@ -332,8 +350,7 @@ def test_without_the_gateways_heartbeat_nothing_moves(room: Room) -> None:
     def unheard() -> bool:
         """Two seconds later, once the heartbeats that were still on their way have arrived."""
         room.clock_offset_s += 2.0
-        before = room.state.sequence
-        room.wait(lambda s: s.sequence > before + 2)
+        room.let_states_pass()
         return room.ask("move", room.move(plan_json, approved="e" * 64)).code == "heartbeat_missing"
 
     wait_for(unheard)
@@ -462,7 +479,7 @@ def test_a_silent_controller_is_a_fault_that_a_person_resets(room: Room) -> None
 
 def test_a_plan_from_before_a_reconnection_is_refused(room: Room) -> None:
     plan_json = room.ready_with_plan()
-    room.localise("reg.2")
+    room.begin_epoch("reg.2")
     assert room.until_known(plan_json).code == "plan_stale", "the robot has heard of it, and did not begin it"
     room.controller.failures = ["the hexapod controller is silent"]
     room.wait(lambda s: s.state is MotionState.FAULT)
@@ -470,7 +487,7 @@ def test_a_plan_from_before_a_reconnection_is_refused(room: Room) -> None:
     room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
     room.acknowledge()
     room.wait(lambda s: s.state is MotionState.LOCKED and s.locked)
-    room.localise("reg.1")
+    room.begin_epoch("reg.1")
     assert room.until_known(plan_json).code == "plan_before_reconnection"
     assert room.until_known(room.publish_plan(shift_mm=2.0)).verdict == "accepted"
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.robot.core.guard import GuardLimits, PermittedMove, Situation, check_move
-from services.robot.core.plans import PlannedMove, RegistrationView
+from services.robot.core.plans import EpochWord, PlannedMove, RegistrationView
 from services.robot.core.readings import ControllerReading, Deviation
 from services.robot.core.refusals import Refusal, RefusalCode
 from shared.geometry.frames import Guide
@@ -62,14 +62,20 @@ SITUATION = Situation(
     boot_epoch="boot",
     now_s=NOW_S,
     hexapod=HEXAPOD,
-    limits=GuardLimits(Deviation(20.0, 12.0), 600.0, 0.2),
-    registration=RegistrationView("reg.5", ("case1", 2), ((SHA, NOW_S - 60.0),)),
+    limits=GuardLimits(Deviation(20.0, 12.0), 600.0, 0.2, 1.0),
+    registration=RegistrationView(
+        EpochWord("reg", 7, "reg.5", NOW_S - 0.2), case=("case1", 2), plans=((SHA, NOW_S - 60.0),)
+    ),
     reading=READING,
     connected_s=NOW_S - 3600.0,
     heartbeat_s=NOW_S - 0.05,
     link_up=True,
     executed=frozenset(),
 )
+
+
+def with_word(epoch: str, heard_s: float) -> Situation:
+    return replace(SITUATION, registration=SITUATION.registration.with_word(EpochWord("reg", 8, epoch, heard_s)))
 
 
 def with_reading(**changes: object) -> Situation:
@@ -116,17 +122,32 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
             "has not published plan aaaaaaaaaaaa",
         ),
         (replace(SITUATION, executed=frozenset({SHA})), RefusalCode.PLAN_ALREADY_EXECUTED, "at most once"),
+        (with_word("reg.6", NOW_S - 0.1), RefusalCode.PLAN_STALE, "epoch 'reg.5', the newest is 'reg.6'"),
         (
-            replace(SITUATION, registration=SITUATION.registration.with_epoch("reg.6")),
-            RefusalCode.PLAN_STALE,
-            "epoch 'reg.5', the newest is 'reg.6'",
+            with_word("reg.5", NOW_S - 1.1),
+            RefusalCode.REGISTRATION_SILENT,
+            "last heard 1.10 s ago (limit 1 s)",
         ),
         (
-            replace(SITUATION, registration=SITUATION.registration.with_epoch(None)),
-            RefusalCode.PLAN_STALE,
-            "the newest is 'not known'",
+            replace(SITUATION, registration=SITUATION.registration.unvouched()),
+            RefusalCode.REGISTRATION_SILENT,
+            "has gone",
         ),
-        (replace(SITUATION, now_s=NOW_S + 600.0, heartbeat_s=NOW_S + 600.0), RefusalCode.PLAN_EXPIRED, "660 s old"),
+        (
+            replace(SITUATION, registration=replace(SITUATION.registration, word=None)),
+            RefusalCode.REGISTRATION_SILENT,
+            "has gone",
+        ),
+        (
+            replace(SITUATION, registration=replace(SITUATION.registration, case=None)),
+            RefusalCode.PLAN_OF_ANOTHER_CASE,
+            "not the open one",
+        ),
+        (
+            replace(with_word("reg.5", NOW_S + 600.0), now_s=NOW_S + 600.0, heartbeat_s=NOW_S + 600.0),
+            RefusalCode.PLAN_EXPIRED,
+            "660 s old",
+        ),
         (replace(SITUATION, connected_s=NOW_S - 1.0), RefusalCode.PLAN_BEFORE_RECONNECTION, "connected again"),
         (
             replace(SITUATION, registration=SITUATION.registration.with_case("case2", 2)),
