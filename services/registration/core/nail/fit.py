@@ -33,6 +33,7 @@ from services.registration.core.nail.stages import (
     reweighted,
     scene_at,
     whitened,
+    with_contrast,
 )
 from services.registration.core.nail.window import Scale
 from shared.errors import Accepted, Rejected
@@ -42,9 +43,9 @@ from shared.geometry.lines import read_only
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
-_FINE = Detail(Scale(1, 0.0), 3.5, 1.5, 0.01)
+_FINE = Detail(Scale(1, 0.0), 3.5, 1.5, 0.015)
 _FIRST_STEPS, _WHITENED_STEPS, _LAST_STEPS = 2, 4, 3
-_TOLERANCE = 0.5
+_TOLERANCE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,6 +135,7 @@ def fit_nail(
 def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise]:
     """Full resolution: learn the noise, filter it, fit again with weights by brightness."""
     solution = minimise(problem, winner.parameters, _FIRST_STEPS, _TOLERANCE)
+    problem = with_contrast(problem, solution)
     problem = whitened(problem, solution, noise_of(problem, solution))
     solution = minimise(problem, solution.parameters, _WHITENED_STEPS, _TOLERANCE)
     problem = reweighted(problem, solution, noise_of(problem, solution))

@@ -4,25 +4,24 @@ The grey value of a pixel is  background * visible + floor * (1 - visible). `vis
 ray: transmission exp(-(mu * path)^power), blurred, bent by the display's curve, sharpened by edge enhancement.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
-from services.registration.core.nail.compiled import compiled
 from services.registration.core.nail.noise import Whitening
-from services.registration.core.nail.paths import metal_path
-from services.registration.core.nail.pose import POSE_SIZE, Anchors, pose_from_parameters
+from services.registration.core.nail.paths import mean_transmission
+from services.registration.core.nail.pose import POSE_SIZE, Anchors, pose_from_parameters, rotation_and_translation
 from services.registration.core.nail.window import SAMPLES_PX, Window
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
-_SAMPLES = len(SAMPLES_PX)
-_MOST_DEVIATIONS = 4.0
+_MOST_DEVIATIONS = 6.0
+_STRAIGHT = 1e-6
 
 
 class Unknown(IntEnum):
@@ -52,14 +51,14 @@ LAST_GEOMETRIC = Unknown.NAIL_RADIUS_EXCESS_MM + 1
 ATTENUATION_PER_MM = {"steel": 1.0, "Ti6Al4V": 0.33}
 STEEL_IN_NAIL_MATERIAL = {"steel": 1.0, "Ti6Al4V": 3.2}
 PRIOR = {
-    Unknown.HOLE_RADIUS_EXCESS_MM: (0.0, 0.05),
-    Unknown.NAIL_RADIUS_EXCESS_MM: (0.0, 0.05),
+    Unknown.HOLE_RADIUS_EXCESS_MM: (0.0, 0.03),
+    Unknown.NAIL_RADIUS_EXCESS_MM: (0.0, 0.03),
     Unknown.LOG_ATTENUATION: (0.0, 0.5),
     Unknown.POWER: (0.8, 0.2),
     Unknown.LOG_BLUR_PX: (float(np.log(1.2)), 0.35),
     Unknown.SHARPENING: (0.2, 0.4),
     Unknown.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
-    Unknown.CURVE: (0.0, 0.3),
+    Unknown.CURVE: (0.3, 0.3),
     Unknown.DELRIN_PER_MM: (0.02, 0.02),
 }
 
@@ -67,6 +66,9 @@ PRIOR = {
 STEP = np.array(
     [0.1, 0.1, 0.1, 0.1, 0.004, 0.004, 0.02, 0.02, 0.02, 0.01, 0.02, 0.02, 0.05, 0.02, 0.001]
 )
+
+
+_REACH = np.array([_MOST_DEVIATIONS * PRIOR[u][1] if u in PRIOR else np.inf for u in Unknown])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +79,7 @@ class NailScene:
     camera: PinholeCamera
     anchors: Anchors
     nail: NailPart
+    contrast: NDArray[np.float64]
     whitening: Whitening | None = None
 
     def compared(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -114,41 +117,36 @@ def prior_precision() -> NDArray[np.float64]:
 
 
 def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nuisances clipped to four standard deviations of their prior: beyond lies nothing physical."""
-    reach = np.array([_MOST_DEVIATIONS * PRIOR[u][1] if u in PRIOR else np.inf for u in Unknown])
-    return np.clip(parameters, prior_mean() - reach, prior_mean() + reach)
+    """Nuisances clipped to six standard deviations of their prior: beyond lies nothing physical."""
+    return np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
 
 
 def transmission(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Share of the X-rays that pass the metal, mean over each pixel, on the whole rectangle, shape (rows, columns)."""
     window, nail = scene.window, scene.nail
-    pose = scene.pose(parameters)
-    path = np.empty(len(window.directions))
+    rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], scene.camera, scene.anchors)
     excess = parameters[Unknown.HOLE_RADIUS_EXCESS_MM]
-    metal_path(
-        window.directions,
-        np.ascontiguousarray(pose.rotation),
-        pose.translation_mm,
+    bores = np.array([(*h.axis.point_mm, *h.axis.direction, 0.5 * h.diameter_mm + excess) for h in nail.holes])
+    passed = np.empty(len(window.support))
+    mean_transmission(
+        window.slopes,
+        window.right,
+        window.down,
+        SAMPLES_PX,
+        window.crossed,
+        STEEL_IN_NAIL_MATERIAL[nail.material] * window.steel_mm,
+        rotation,
+        translation_mm,
         nail.radius_mm + parameters[Unknown.NAIL_RADIUS_EXCESS_MM],
         0.5 * nail.cannulation_diameter_mm,
-        np.array([h.axis.point_mm for h in nail.holes]),
-        np.array([h.axis.direction for h in nail.holes]),
-        np.array([0.5 * h.diameter_mm + excess for h in nail.holes]),
-        path,
-    )
-    attenuation = ATTENUATION_PER_MM[nail.material] * np.exp(parameters[Unknown.LOG_ATTENUATION])
-    out = np.ones(window.shape).ravel()
-    _mean_transmission(
-        path,
-        window.steel_mm,
-        STEEL_IN_NAIL_MATERIAL[nail.material],
-        attenuation,
+        bores,
+        ATTENUATION_PER_MM[nail.material] * np.exp(parameters[Unknown.LOG_ATTENUATION]),
         parameters[Unknown.POWER],
-        window.support,
-        _SAMPLES,
-        out,
+        passed,
     )
-    return out.reshape(window.shape)
+    out = np.ones(window.shape)
+    out.ravel()[window.support] = passed
+    return out
 
 
 def appearance(
@@ -159,12 +157,18 @@ def appearance(
     blur = np.hypot(np.exp(parameters[Unknown.LOG_BLUR_PX]) / window.reduction, window.smoothing)
     width = np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX]) / window.reduction
     blurred = blurred_image(passed, float(blur))
-    bent = blurred * (1.0 + parameters[Unknown.CURVE] * (1.0 - blurred))
+    bent = _displayed(blurred, 2.0 * parameters[Unknown.CURVE] * scene.contrast)
     sharpening = parameters[Unknown.SHARPENING]
     visible = (1.0 + sharpening) * bent - sharpening * blurred_image(bent, float(width))
     body = blurred_image(window.delrin_mm, float(blur))
     delrin = np.exp(-parameters[Unknown.DELRIN_PER_MM] * scene.compared(body))
     return Appearance(scene.compared(visible), delrin)
+
+
+def _displayed(share: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of the grey step that a share of the intensity step makes, on a logarithmic curve `step` long."""
+    safe = np.where(np.abs(step) < _STRAIGHT, _STRAIGHT, step)
+    return np.asarray(np.log1p(np.expm1(safe) * share) / safe)
 
 
 def render(scene: NailScene, parameters: NDArray[np.float64]) -> Appearance:
@@ -184,7 +188,7 @@ _NEEDS_NO_NEW_PATHS = (
 def render_with_derivatives(
     scene: NailScene, parameters: NDArray[np.float64], free: NDArray[np.bool_]
 ) -> tuple[Appearance, list[Appearance]]:
-    """Appearance and its derivatives by the free parameters (differences of one step), one `Appearance` each."""
+    """Appearance and its derivatives by the free parameters (central differences), one `Appearance` each."""
     passed = transmission(scene, parameters)
     base = appearance(scene, parameters, passed)
     steps = STEP.copy()
@@ -193,36 +197,21 @@ def render_with_derivatives(
     for unknown in Unknown:
         if not free[unknown]:
             continue
-        moved = parameters.copy()
-        moved[unknown] += steps[unknown]
-        if unknown in _NEEDS_NO_NEW_PATHS:
-            there = appearance(scene, moved, passed)
-        else:
-            there = render(scene, moved)
+        there, back = (_moved(scene, parameters, passed, unknown, side * steps[unknown]) for side in (0.5, -0.5))
         derivatives.append(
-            replace(
-                there,
-                visible=(there.visible - base.visible) / steps[unknown],
-                delrin=(there.delrin - base.delrin) / steps[unknown],
+            Appearance(
+                (there.visible - back.visible) / steps[unknown], (there.delrin - back.delrin) / steps[unknown]
             )
         )
     return base, derivatives
 
 
-@compiled
-def _mean_transmission(
-    path_mm: NDArray[np.float64],
-    steel_mm: NDArray[np.float64],
-    steel_in_nail_material: float,
-    attenuation: float,
-    power: float,
-    support: NDArray[np.int64],
-    samples: int,
-    out: NDArray[np.float64],
-) -> None:
-    for n in range(support.shape[0]):
-        total = 0.0
-        for s in range(n * samples, (n + 1) * samples):
-            depth = attenuation * (path_mm[s] + steel_in_nail_material * steel_mm[s])
-            total += np.exp(-(depth**power)) if depth > 0.0 else 1.0
-        out[support[n]] = total / samples
+def _moved(
+    scene: NailScene, parameters: NDArray[np.float64], passed: NDArray[np.float64], unknown: Unknown, by: float
+) -> Appearance:
+    """Appearance with one parameter moved; the transmission map is taken over where it does not depend on it."""
+    moved = parameters.copy()
+    moved[unknown] += by
+    if unknown in _NEEDS_NO_NEW_PATHS:
+        return appearance(scene, moved, passed)
+    return render(scene, moved)

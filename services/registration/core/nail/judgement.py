@@ -14,9 +14,10 @@ from shared.geometry.parts import Hole, NailPart
 
 _OPEN = 0.5
 _LEAST_OPENING = 0.35
-_LEAST_CONTRAST_TO_NOISE = 1.5
-_MOST_RADIUS_EXCESS_MM = 0.2
+_LEAST_CONTRAST_TO_NOISE = 3.0
+_MOST_RADIUS_EXCESS_MM = 0.12
 _MOST_STRUCTURE = 2.5
+_MOST_INFLATION = 10.0
 _LEAST_MIRROR_MARGIN = 8.0
 _STRUCTURE_BLUR_PX = 2.0
 _RIM = (0.03, 0.97)
@@ -165,6 +166,13 @@ def _mismatch(evidence: Evidence) -> list[Reason]:
         message = (
             f"the residual along the nail's edges is {evidence.residual.structure:.1f} times that elsewhere "
             f"(limit {_MOST_STRUCTURE:.1f}); check the nail file, remove what lies over the holes, and take one more image"
+        )
+        reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
+    if evidence.residual.noise_inflation > _MOST_INFLATION:
+        message = (
+            f"the residuals around the nail are correlated as over {evidence.residual.noise_inflation:.1f} pixels after "
+            f"the noise's own correlation has been removed (limit {_MOST_INFLATION:.0f}): something that the nail file "
+            "does not describe lies there; check the file, and take one more image without it"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     return reasons

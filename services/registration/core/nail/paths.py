@@ -14,6 +14,9 @@ from shared.geometry.transform import Transform
 
 _PARALLEL = 1e-14
 _EVERYWHERE = 1e9
+_FIRST_SAMPLES = 4
+_UNIFORM = 0.02
+_OPAQUE = 200.0
 
 
 @compiled
@@ -38,70 +41,101 @@ def _cylinder_interval(
 
 
 @compiled
-def metal_path(
-    directions: NDArray[np.float64],
+def _metal_length(
+    cx: float,
+    cy: float,
     rotation: NDArray[np.float64],
     translation_mm: NDArray[np.float64],
     radius_mm: float,
     cannulation_radius_mm: float,
-    hole_points_mm: NDArray[np.float64],
-    hole_directions: NDArray[np.float64],
-    hole_radii_mm: NDArray[np.float64],
-    out_mm: NDArray[np.float64],
+    bores: NDArray[np.float64],
+) -> float:
+    """Length of the ray through (cx, cy, 1) in the nail: outer cylinder less bores less cannulation, in mm.
+
+    The ray's origin is moved to the nail's depth, which keeps the quadratics' coefficients small.
+    """
+    depth = translation_mm[2]
+    ux, uy = cx * depth - translation_mm[0], cy * depth - translation_mm[1]
+    dx = rotation[0, 0] * cx + rotation[1, 0] * cy + rotation[2, 0]
+    dy = rotation[0, 1] * cx + rotation[1, 1] * cy + rotation[2, 1]
+    dz = rotation[0, 2] * cx + rotation[1, 2] * cy + rotation[2, 2]
+    ox = rotation[0, 0] * ux + rotation[1, 0] * uy
+    oy = rotation[0, 1] * ux + rotation[1, 1] * uy
+    oz = rotation[0, 2] * ux + rotation[1, 2] * uy
+    near, far = _cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, radius_mm)
+    if far <= near:
+        return 0.0
+    length = far - near
+    inner_near, inner_far = 1.0, 0.0
+    if cannulation_radius_mm > 0.0:
+        inner_near, inner_far = _cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, cannulation_radius_mm)
+        if inner_far > inner_near:
+            length -= inner_far - inner_near
+    for h in range(bores.shape[0]):
+        qx, qy, qz = ox - bores[h, 0], oy - bores[h, 1], oz - bores[h, 2]
+        a, b = _cylinder_interval(qx, qy, qz, dx, dy, dz, bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6])
+        if b <= a:
+            continue
+        length -= max(0.0, min(b, far) - max(a, near))
+        if inner_far > inner_near:
+            length += max(0.0, min(b, inner_far) - max(a, inner_near))
+    return max(length, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0)
+
+
+@compiled
+def mean_transmission(
+    slopes: NDArray[np.float64],
+    right: NDArray[np.float64],
+    down: NDArray[np.float64],
+    samples_px: NDArray[np.float64],
+    crossed: NDArray[np.bool_],
+    steel_mm: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+    translation_mm: NDArray[np.float64],
+    radius_mm: float,
+    cannulation_radius_mm: float,
+    bores: NDArray[np.float64],
+    attenuation: float,
+    power: float,
+    out: NDArray[np.float64],
 ) -> None:
-    """Length of each ray in the nail's metal: outer cylinder less bores less cannulation.
+    """Mean over each pixel of exp(-(attenuation * path)^power), with more samples where the first four differ.
 
     Parameters
     ----------
-    directions
-        Ray directions (x, y) at z = 1 in the camera frame, shape (N, 2).
+    slopes, right, down
+        Direction (x, y) at z = 1 of each pixel's middle and its change per column and row, shape (S, 2) each.
+    samples_px
+        Places within a pixel, shape (K, 2); the first four stand for the pixel by themselves.
+    crossed
+        Whether an edge may cross the pixel, shape (S,); of the others, the first two samples are taken.
+    steel_mm
+        Path in balls, as much of the nail's material as attenuates the same, shape (S, K).
     rotation, translation_mm
         `camera_from_nail`, shapes (3, 3) and (3,).
-    hole_points_mm, hole_directions, hole_radii_mm
-        Axes of the bores in the nail's frame, shapes (H, 3), (H, 3), (H,). Bores must not cross one another.
-    out_mm
-        Result, shape (N,).
+    bores
+        Per hole: point, unit direction, radius, in the nail's frame, shape (H, 7). Bores must not cross one another.
+    out
+        Result, shape (S,).
     """
-    # the ray's origin is moved to the depth of the nail: keeps the quadratic's coefficients small
-    depth = translation_mm[2]
-    for n in range(directions.shape[0]):
-        cx, cy = directions[n, 0], directions[n, 1]
-        ux, uy = cx * depth - translation_mm[0], cy * depth - translation_mm[1]
-        dx = rotation[0, 0] * cx + rotation[1, 0] * cy + rotation[2, 0]
-        dy = rotation[0, 1] * cx + rotation[1, 1] * cy + rotation[2, 1]
-        dz = rotation[0, 2] * cx + rotation[1, 2] * cy + rotation[2, 2]
-        ox = rotation[0, 0] * ux + rotation[1, 0] * uy
-        oy = rotation[0, 1] * ux + rotation[1, 1] * uy
-        oz = rotation[0, 2] * ux + rotation[1, 2] * uy
-        near, far = _cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, radius_mm)
-        if far <= near:
-            out_mm[n] = 0.0
-            continue
-        length = far - near
-        inner_near, inner_far = 1.0, 0.0
-        if cannulation_radius_mm > 0.0:
-            inner_near, inner_far = _cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, cannulation_radius_mm)
-            if inner_far > inner_near:
-                length -= inner_far - inner_near
-        for h in range(hole_points_mm.shape[0]):
-            a, b = _cylinder_interval(
-                ox - hole_points_mm[h, 0],
-                oy - hole_points_mm[h, 1],
-                oz - hole_points_mm[h, 2],
-                dx,
-                dy,
-                dz,
-                hole_directions[h, 0],
-                hole_directions[h, 1],
-                hole_directions[h, 2],
-                hole_radii_mm[h],
-            )
-            if b <= a:
-                continue
-            length -= max(0.0, min(b, far) - max(a, near))
-            if inner_far > inner_near:
-                length += max(0.0, min(b, inner_far) - max(a, inner_near))
-        out_mm[n] = max(length, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0)
+    for n in range(slopes.shape[0]):
+        total, least, most, count = 0.0, 2.0, -1.0, 0
+        for k in range(samples_px.shape[0]):
+            if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 2 and not crossed[n]):
+                break
+            cx = slopes[n, 0] + samples_px[k, 0] * right[n, 0] + samples_px[k, 1] * down[n, 0]
+            cy = slopes[n, 1] + samples_px[k, 0] * right[n, 1] + samples_px[k, 1] * down[n, 1]
+            path = _metal_length(cx, cy, rotation, translation_mm, radius_mm, cannulation_radius_mm, bores)
+            depth = attenuation * (path + steel_mm[n, k])
+            passed = 1.0
+            if depth > _OPAQUE:
+                passed = 0.0
+            elif depth > 0.0:
+                passed = np.exp(-(depth**power))
+            total += passed
+            least, most = min(least, passed), max(most, passed)
+            count += 1
+        out[n] = total / count
 
 
 @compiled
@@ -112,9 +146,15 @@ def add_ball_paths(
     out_mm: NDArray[np.float64],
 ) -> None:
     """Add the length of each ray, shape (N, 2), in balls at camera positions, shape (B, 3), to `out_mm`, shape (N,)."""
+    if directions.shape[0] == 0:
+        return
+    low_x, high_x = directions[:, 0].min(), directions[:, 0].max()
+    low_y, high_y = directions[:, 1].min(), directions[:, 1].max()
     for ball in range(centres_camera_mm.shape[0]):
         x, y, z = centres_camera_mm[ball, 0], centres_camera_mm[ball, 1], centres_camera_mm[ball, 2]
         reach = 1.05 * radii_mm[ball] / z
+        if x / z + reach < low_x or x / z - reach > high_x or y / z + reach < low_y or y / z - reach > high_y:
+            continue
         for n in range(directions.shape[0]):
             cx, cy = directions[n, 0], directions[n, 1]
             if abs(cx - x / z) > reach or abs(cy - y / z) > reach:

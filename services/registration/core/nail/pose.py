@@ -41,6 +41,13 @@ def pose_from_parameters(
     parameters: NDArray[np.float64], camera: PinholeCamera, anchors: Anchors
 ) -> Transform[Camera, Nail]:
     """Pose from (first anchor x, y, second anchor x, y in ideal px, pitch, roll in rad), shape (6,)."""
+    return Transform.from_rotation_translation(*rotation_and_translation(parameters, camera, anchors))
+
+
+def rotation_and_translation(
+    parameters: NDArray[np.float64], camera: PinholeCamera, anchors: Anchors
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The same pose as bare arrays, shapes (3, 3) and (3,): for the inner loop, where checking costs more than computing."""
     first, second = camera.rays(parameters[:4].reshape(2, 2))
     pitch, roll = float(parameters[4]), float(parameters[5])
     middle = unit(first + second)
@@ -55,8 +62,7 @@ def pose_from_parameters(
     y_level = np.cross(level, x)
     z = np.cos(roll) * level - np.sin(roll) * y_level
     rotation = np.column_stack([x, np.cross(z, x), z])
-    origin = near_end - anchors.first_x_mm * x
-    return Transform.from_rotation_translation(rotation, origin)
+    return np.ascontiguousarray(rotation), near_end - anchors.first_x_mm * x
 
 
 def parameters_from_pose(

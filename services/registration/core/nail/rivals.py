@@ -31,7 +31,7 @@ from shared.geometry.transform import Transform
 
 _HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 11.0
 _CENTRING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 8, 3
-_LOOSE, _TIGHT = 2.0, 0.5
+_LOOSE, _TIGHT = 2.0, 0.2
 _TILTS = [Unknown.PITCH_RAD, Unknown.ROLL_RAD]
 _NEARBY_RAD = np.radians([(3.0, 0.0), (-3.0, 0.0), (0.0, 3.0), (0.0, -3.0)])
 
@@ -90,8 +90,7 @@ def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | No
     optima = without_repetition(optima)
     best = optima[0].solution
     runner_up = optima[1].solution.cost if len(optima) > 1 else _cost_nearby(problem, optima[0])
-    inflation = noise_of(problem, best).correlation.inflation
-    return Winner(best.parameters, scene.pose(best.parameters), 0.5 * (runner_up - best.cost) / inflation)
+    return Winner(best.parameters, scene.pose(best.parameters), 0.5 * (runner_up - best.cost))
 
 
 def _cost_nearby(problem: Problem, optimum: Optimum) -> float:

@@ -17,7 +17,7 @@ from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.pose import anchors_of
 from services.registration.core.nail.solver import Problem, Solution, solve_linear
 from services.registration.core.nail.texture import spline_field
-from services.registration.core.nail.window import Scale, Window, cut_window, strip_of
+from services.registration.core.nail.window import Scale, Window, cut_window
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
@@ -26,6 +26,7 @@ from shared.geometry.transform import Transform
 EVERYTHING = np.ones(PARAMETERS, dtype=bool)
 _ASSUMED_NOISE = 0.025
 _CLIPPED_DEVIATIONS = 4.0
+_CONTRAST_RANGE = (0.2, 3.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,11 +63,19 @@ class Noise:
 
 def scene_at(given: Given, camera_from_nail: Transform[Camera, Nail], detail: Detail) -> NailScene | None:
     """Window around a pose; `None` when the nail's holes are not in the image."""
-    strip = strip_of(given.nail, detail.surroundings_mm)
-    window = cut_window(given.pixels, given.calibration, strip, camera_from_nail, given.occluders, detail.scale)
+    window = cut_window(
+        given.pixels,
+        given.calibration,
+        given.nail,
+        detail.surroundings_mm,
+        camera_from_nail,
+        given.occluders,
+        detail.scale,
+    )
     if window is None:
         return None
-    return NailScene(window, given.calibration.camera, anchors_of(given.nail), given.nail)
+    anchors = anchors_of(given.nail)
+    return NailScene(window, given.calibration.camera, anchors, given.nail, np.ones(window.shape))
 
 
 def problem_for(scene: NailScene, detail: Detail, free: NDArray[np.bool_]) -> Problem:
@@ -87,17 +96,34 @@ def noise_of(problem: Problem, solution: Solution) -> Noise:
 
 
 def reweighted(problem: Problem, solution: Solution, noise: Noise) -> Problem:
-    """The same problem with every pixel weighed by its variance, outliers less."""
-    return replace(problem, weight=robust_weight(solution.linear.residual, noise.variance))
+    """The same problem with every pixel weighed by its variance, outliers less.
+
+    Divided by the inflation, the cost counts independent samples: only then do priors have their due weight.
+    """
+    weight = robust_weight(solution.linear.residual, noise.variance) / noise.correlation.inflation
+    return replace(problem, weight=weight)
+
+
+def with_contrast(problem: Problem, solution: Solution) -> Problem:
+    """The same problem with the display's curve acting in proportion to the contrast found so far.
+
+    The bend of an edge's profile by a smooth curve grows with the step across that edge: it differs between an edge
+    against bone and one against a bore of the guide.
+    """
+    linear, window = solution.linear, problem.scene.window
+    step = linear.appearance.delrin * linear.background - linear.floor
+    contrast = np.ones(window.shape)
+    contrast.ravel()[window.compared] = np.clip(step / np.median(step), *_CONTRAST_RANGE)
+    return replace(problem, scene=replace(problem.scene, contrast=contrast))
 
 
 def whitened(problem: Problem, solution: Solution, noise: Noise) -> Problem:
     """The same problem on the image after the filter that makes its noise about independent, weights renewed."""
     scene = replace(problem.scene, whitening=whitening_for(noise.correlation, problem.scene.window.shape))
     filtered = replace(problem, scene=scene, grey=scene.grey)
-    linear = solve_linear(filtered, solution.parameters, render(scene, solution.parameters))
-    variance = variance_by_brightness(linear.residual, filtered.grey - linear.residual)
-    return replace(filtered, weight=robust_weight(linear.residual, variance))
+    look = render(scene, solution.parameters)
+    here = replace(solution, linear=solve_linear(filtered, solution.parameters, look))
+    return reweighted(filtered, here, noise_of(filtered, here))
 
 
 def _floor_basis(window: Window) -> NDArray[np.float64]:

@@ -13,13 +13,14 @@ from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
-# Rotated-grid samples within a pixel: every sample has its own row and column, so that an edge along
-# either axis is resolved to a quarter of a pixel by four samples.
-SAMPLES_PX = np.array([[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]])
-_SAMPLES = len(SAMPLES_PX)
+# A lattice of 16 places with a row and a column of its own for each; every fourth place first, since those four alone
+# stand for pixels that no edge crosses.
+_LATTICE = np.stack([np.arange(16), 7 * np.arange(16) % 16], axis=1)
+SAMPLES_PX = (np.concatenate([_LATTICE[start::4] for start in (1, 3, 0, 2)]) + 0.5) / 16.0 - 0.5
 _BLUR_REACH_PX = 8
 _INSIDE_APERTURE_PX = 9.0
 _LEAST_PIXELS = 200
+_MOVES_MM, _BORE_REACH_MM = 0.8, 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,10 +44,13 @@ class Window:
         Grey values of the whole rectangle divided by `grey_scale`, shape of the rectangle.
     along_mm, across_mm
         Position of the strip's pixels in the nail's plane at the start pose, shape (N,).
-    directions
-        Ray directions (x, y) at z = 1 of all samples of the support, shape (S * samples, 2).
+    slopes, right, down
+        Ray direction (x, y) at z = 1 in the middle of the support's pixels, and its change from column to column and
+        from row to row, shape (S, 2) each.
+    crossed
+        Whether an edge of nail, bore, cannulation or ball may cross a pixel of the support, shape (S,).
     steel_mm
-        Path of those rays in steel balls, shape (S * samples,).
+        Path in steel balls at each of the `SAMPLES_PX` of the support's pixels, shape (S, samples).
     delrin_mm
         Path in the guide's body, mean over the samples of each pixel, on the whole rectangle, shape of it.
     """
@@ -61,7 +65,10 @@ class Window:
     grey_scale: float
     along_mm: NDArray[np.float64]
     across_mm: NDArray[np.float64]
-    directions: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    right: NDArray[np.float64]
+    down: NDArray[np.float64]
+    crossed: NDArray[np.bool_]
     steel_mm: NDArray[np.float64]
     delrin_mm: NDArray[np.float64]
 
@@ -96,21 +103,22 @@ def strip_of(nail: NailPart, surroundings_mm: float) -> Strip:
 def cut_window(
     pixels: NDArray[np.float32],
     calibration: CArmCalibration,
-    strip: Strip,
+    nail: NailPart,
+    surroundings_mm: float,
     camera_from_nail: Transform[Camera, Nail],
     occluders: Occluders,
     scale: Scale,
 ) -> Window | None:
     """Take the strip out of the image; `None` when fewer than 200 of its pixels are inside image and aperture."""
-    reduction = scale.reduction
+    reduction, strip = scale.reduction, strip_of(nail, surroundings_mm)
     box = _bounding_box(calibration, strip, camera_from_nail, reduction)
     if box is None:
         return None
     left, top, columns, rows = box
     block = pixels[top : top + rows * reduction, left : left + columns * reduction]
     grey = block.astype(np.float64).reshape(rows, reduction, columns, reduction).mean(axis=(1, 3))
-    middle = 0.5 * (reduction - 1)
-    x, y = np.meshgrid(left + middle + reduction * np.arange(columns), top + middle + reduction * np.arange(rows))
+    centre = 0.5 * (reduction - 1)
+    x, y = np.meshgrid(left + centre + reduction * np.arange(columns), top + centre + reduction * np.arange(rows))
     centres_px = np.stack([x, y], axis=-1)
     slopes = _slopes(calibration, centres_px)
     along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
@@ -120,8 +128,9 @@ def cut_window(
         return None
     support = np.flatnonzero(_dilated(inside.reshape(rows, columns), _BLUR_REACH_PX))
     compared = np.flatnonzero(inside)
-    samples = _sample_directions(slopes, support)
-    delrin = _delrin_map(slopes, occluders)
+    middle, right, down = _rays_of(slopes, support)
+    samples = _sample_directions(middle, right, down, SAMPLES_PX)
+    steel = steel_path_mm(samples, occluders, calibration).reshape(len(support), len(SAMPLES_PX))
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
     grey_scale = float(np.percentile(grey.ravel()[compared], 95.0)) or 1.0
@@ -129,16 +138,19 @@ def cut_window(
         reduction,
         scale.smoothing,
         (rows, columns),
-        (left + middle, top + middle),
+        (left + centre, top + centre),
         support,
         compared,
         grey / grey_scale,
         grey_scale,
         along[compared],
         across[compared],
-        samples,
-        steel_path_mm(samples, occluders, calibration),
-        delrin,
+        middle,
+        right,
+        down,
+        _may_be_crossed(along[support], across[support], nail, reduction) | np.any(steel > 0.0, axis=1),
+        steel,
+        _delrin_map(slopes, occluders),
     )
 
 
@@ -187,6 +199,21 @@ def _in_aperture(calibration: CArmCalibration, centres_px: NDArray[np.float64]) 
     return np.asarray(distance < aperture.radius_px - _INSIDE_APERTURE_PX)
 
 
+def _may_be_crossed(
+    along: NDArray[np.float64], across: NDArray[np.float64], nail: NailPart, reduction: int
+) -> NDArray[np.bool_]:
+    """Near an outline, as far as a stage may move the nail; a tilted bore reaches beyond its disc."""
+    margin = _MOVES_MM * reduction
+    beside = np.abs(across)
+    near = np.abs(beside - nail.radius_mm) < margin
+    if nail.cannulation_diameter_mm > 0.0:
+        near |= np.abs(beside - 0.5 * nail.cannulation_diameter_mm) < margin
+    for hole in nail.holes:
+        x, y = hole.axis.point_mm[:2]
+        near |= np.hypot(along - x, across - y) < 0.5 * hole.diameter_mm + _BORE_REACH_MM + margin
+    return near
+
+
 def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     grown = mask.copy()
     for axis in (0, 1):
@@ -201,15 +228,26 @@ def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return grown
 
 
-def _sample_directions(slopes: NDArray[np.float64], support: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Directions at the sub-pixel samples, by the slopes' own gradient (distortion is smooth), shape (S * samples, 2)."""
+def _rays_of(
+    slopes: NDArray[np.float64], places: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Directions at flat places of the rectangle, and their change per column and per row (distortion is smooth)."""
     down, right = np.gradient(slopes, axis=(0, 1))
-    flat, down, right = (a.reshape(-1, 2)[support] for a in (slopes, down, right))
-    samples = flat[:, None] + SAMPLES_PX[:, :1] * right[:, None] + SAMPLES_PX[:, 1:] * down[:, None]
+    middle, right, down = (np.ascontiguousarray(a.reshape(-1, 2)[places]) for a in (slopes, right, down))
+    return middle, right, down
+
+
+def _sample_directions(
+    middle: NDArray[np.float64], right: NDArray[np.float64], down: NDArray[np.float64], places_px: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Directions at places within pixels, shape (S * places, 2)."""
+    samples = middle[:, None] + places_px[:, :1] * right[:, None] + places_px[:, 1:] * down[:, None]
     return np.ascontiguousarray(samples.reshape(-1, 2))
 
 
 def _delrin_map(slopes: NDArray[np.float64], occluders: Occluders) -> NDArray[np.float64]:
+    """Mean path in the guide's body over a few samples of every pixel of the rectangle, in mm."""
     everywhere = np.arange(slopes.shape[0] * slopes.shape[1])
-    path = delrin_path_mm(_sample_directions(slopes, everywhere), occluders)
-    return np.asarray(path.reshape(*slopes.shape[:2], _SAMPLES).mean(axis=-1))
+    places = SAMPLES_PX[:4]
+    path = delrin_path_mm(_sample_directions(*_rays_of(slopes, everywhere), places), occluders)
+    return np.asarray(path.reshape(*slopes.shape[:2], len(places)).mean(axis=-1))
