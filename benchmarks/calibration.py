@@ -113,11 +113,11 @@ def _at(source: Array, rays: Array, z_mm: float) -> Array:
     return np.asarray(source[:2] + rays[:, :2] * ((z_mm - source[2]) / rays[:, 2])[:, None])
 
 
-def main() -> int:
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default_folder()
+def main(folder: Path | None = None) -> int:
+    folder = folder or default_folder()
     if folder is None:
-        print("no folder of independent images: name one, or set DISTALOCK_FLUOROSCOPY", file=sys.stderr)
-        return 2
+        print("calibration: left out, there is no folder of independent images; set DISTALOCK_FLUOROSCOPY to one")
+        return 0
     rows = []
     print("image      balls  source error mm       normalised          nail mm  axis deg  CPU s")
     for entry in json.loads((folder / "manifest.json").read_text())["images"]:
@@ -150,4 +150,4 @@ def _summary(good: list[Row], images: int) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(Path(sys.argv[1]) if len(sys.argv) > 1 else None))

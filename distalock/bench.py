@@ -10,6 +10,8 @@ ROOT: Final = Path(__file__).resolve().parent.parent
 EXIT_BAD_INPUT: Final = 2
 # Name, and what it measures. Each module has a `main` that returns an exit code and writes its table under docs/.
 BENCHMARKS: Final = {
+    "accuracy": "random scenes with random parts, localised by the model and by the paper's method",
+    "calibration": "C-arm calibration on independent images, where there is a folder of them",
     "procedure": "twenty seeded procedures in the virtual operating room",
 }
 
