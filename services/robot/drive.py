@@ -15,13 +15,15 @@ from services.robot.core.readings import Deviation
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import UNDER_WAY, DriveStatus, ReferenceUnderWay, locked_reading, with_reading
 from services.robot.core.supervision import MoveUnderWay
-from services.robot.devices.controller import HexapodController, StopInForce
+from services.robot.devices.controller import ControllerSilent, HexapodController, StopInForce
 from shared.errors import DeviceError
 
 Guard = Callable[[DriveStatus], PermittedMove | Refusal]
 
 POLL_MOVING_S = 0.02
 POLL_AT_REST_S = 0.1
+# Locked at rest, nothing is in danger while a busy controller is slow: it may be asked again for this long.
+SILENCE_AT_REST_S = 1.0
 _AT_ONCE = (Effect.STOP_NOW, Effect.RELEASE_STOP)
 
 
@@ -62,6 +64,7 @@ class Drive:
         self._status = DriveStatus()
         self._pending: tuple[Effect, ...] = ()
         self._controller: HexapodController | None = None
+        self._answered_s = float("-inf")
         self._worker = threading.Thread(target=self.work, name="drive", daemon=True)
 
     def start(self) -> None:
@@ -252,8 +255,10 @@ class Drive:
         try:
             reading = controller.read()
         except DeviceError as error:
-            self._device_failed(error, generation)
+            if not (isinstance(error, ControllerSilent) and self._silence_is_tolerable(began_s)):
+                self._device_failed(error, generation)
             return
+        self._answered_s = began_s
         with self._lock:
             if generation != self._status.generation:
                 return
@@ -265,6 +270,18 @@ class Drive:
                 # Whatever the fault was, the guide must be held: try until it is.
                 self._stop_controller()
                 self._pending = (Effect.LOCK,)
+
+    def _silence_is_tolerable(self, began_s: float) -> bool:
+        """Whether a controller that did not answer may be asked again; until it answers, nothing is known of it."""
+        with self._lock:
+            tolerable = (
+                self._status.state not in UNDER_WAY
+                and self._status.outcome != "moving"
+                and began_s - max(self._answered_s, self._status.connected_s) <= SILENCE_AT_REST_S
+            )
+            if tolerable:
+                self._set(replace(self._status, reading=None))
+            return tolerable
 
     def _device_failed(self, error: DeviceError, generation: int) -> None:
         with self._lock:

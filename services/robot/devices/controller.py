@@ -13,6 +13,12 @@ class StopInForce(DeviceError):
     code = "stop_in_force"
 
 
+class ControllerSilent(DeviceError):
+    """The controller did not answer in time, or the line is gone."""
+
+    code = "controller_silent"
+
+
 class HexapodController(Protocol):
     """A connected controller. All but `stop_now` may be called from one thread at a time only.
 

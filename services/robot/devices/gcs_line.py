@@ -22,7 +22,7 @@ from typing import Protocol, TypeVar
 
 import serial
 
-from services.robot.devices.controller import StopInForce
+from services.robot.devices.controller import ControllerSilent, StopInForce
 from services.robot.devices.gcs_codec import ReplyGarbled, garbled
 from shared.errors import DeviceError
 
@@ -35,12 +35,6 @@ MOST_STALE_REPLIES = 64
 READ_ATTEMPTS = 3
 
 T = TypeVar("T")
-
-
-class ControllerSilent(DeviceError):
-    """The controller did not answer in time, or the line is gone."""
-
-    code = "controller_silent"
 
 
 class Port(Protocol):

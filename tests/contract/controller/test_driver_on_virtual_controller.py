@@ -10,8 +10,9 @@ from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import MotionState
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation, deviation
 from services.robot.core.status import DriveStatus
+from services.robot.devices.controller import ControllerSilent
 from services.robot.devices.gcs_controller import Encoders, GcsController
-from services.robot.devices.gcs_line import ControllerSilent, open_port
+from services.robot.devices.gcs_line import open_port
 from services.robot.drive import Drive
 from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose

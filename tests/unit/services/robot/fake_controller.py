@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from services.robot.core.readings import ControllerReading
-from services.robot.devices.controller import StopInForce
+from services.robot.devices.controller import ControllerSilent, StopInForce
 from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 
@@ -24,6 +24,7 @@ class FakeController:
         self.asked_to_move = 0
         self.motions: list[PlatformPose] = []
         self.failures: list[str] = []
+        self.silent = False
         self.brakes_hold = True
         self.before_move: Callable[[], None] = lambda: None
         self.after_read: Callable[[], None] = lambda: None
@@ -36,6 +37,8 @@ class FakeController:
     def read(self) -> ControllerReading:
         """The present state; asking clears the error."""
         self._fail_if_told()
+        if self.silent:
+            raise ControllerSilent("no answer within 0.25 s")
         reading, self.reading = self.reading, replace(self.reading, error_code=0)
         self.after_read()
         return reading

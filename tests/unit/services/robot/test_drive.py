@@ -341,3 +341,31 @@ def test_a_fault_of_the_program_stops_the_robot_and_is_told() -> None:
     assert bench.has(MotionState.FAULT)
     assert bench.controller.reading.locked
     assert bench.crashes == ["ZeroDivisionError: a bug"]
+
+
+def test_a_controller_that_is_slow_at_rest_is_asked_again(bench: Bench) -> None:
+    bench.make_ready()
+    bench.controller.silent = True
+    bench.now_s += 0.9
+    bench.work(1)
+    assert bench.has(MotionState.LOCKED)
+    assert bench.drive.status.reading is None, "what is not known must not be told"
+    bench.controller.silent = False
+    bench.work(1)
+    assert bench.drive.status.reading is not None
+
+
+def test_a_controller_that_stays_silent_at_rest_is_a_fault(bench: Bench) -> None:
+    bench.make_ready()
+    bench.controller.silent = True
+    bench.now_s += 1.1
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+
+
+def test_a_controller_that_is_silent_in_a_move_is_a_fault_at_once(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.silent = True
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+    assert bench.controller.stopped

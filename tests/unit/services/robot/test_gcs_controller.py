@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.robot.devices.controller import StopInForce
+from services.robot.devices.controller import ControllerSilent, StopInForce
 from services.robot.devices.gcs_codec import ReplyGarbled
 from services.robot.devices.gcs_controller import STOP_AND_LOCK, Encoders, GcsController
-from services.robot.devices.gcs_line import ControllerSilent, open_port
+from services.robot.devices.gcs_line import open_port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod
