@@ -78,7 +78,7 @@ class Drive:
 
     def leave(self) -> None:
         """Stop; the worker then locks, leaves the controller and ends."""
-        self._stop_controller()
+        self.halt()
         with self._lock:
             self._apply(Event.SHUT_DOWN, "the robot service is leaving")
             self._closing = True
@@ -97,7 +97,7 @@ class Drive:
 
     def stop(self, why: str) -> None:
         """Stop and lock. Waits for nothing; possible in every state."""
-        self._stop_controller()
+        self.halt()
         self._apply(Event.STOP, why)
 
     def supervision_lost(self, why: str) -> None:
@@ -146,7 +146,8 @@ class Drive:
             self._apply(Event.RESET, "connecting anew after a fault")
         return None
 
-    def _stop_controller(self) -> None:
+    def halt(self) -> None:
+        """Send the stop to the controller and nothing else: for who has yet to find out why."""
         controller = self._controller
         if controller is not None:
             controller.stop_now()
@@ -165,7 +166,7 @@ class Drive:
 
     def _perform_at_once(self, transition: Transition) -> None:
         if Effect.STOP_NOW in transition.effects:
-            self._stop_controller()
+            self.halt()
         if Effect.RELEASE_STOP in transition.effects and self._controller is not None:
             self._controller.release_stop()
 
@@ -193,7 +194,7 @@ class Drive:
                     self._wake.wait(self._pause_s())
                 self._wake.clear()
         except Exception as error:
-            self._stop_controller()
+            self.halt()
             self._apply(Event.FAULT_SEEN, f"the robot service failed: {error!r}; it was stopped, restart the service")
             self._on_crash(f"{type(error).__name__}: {error}")
             raise
@@ -268,7 +269,7 @@ class Drive:
                 self._apply(finding.event, finding.message)
             elif status.state is MotionState.FAULT and not reading.locked:
                 # Whatever the fault was, the guide must be held: try until it is.
-                self._stop_controller()
+                self.halt()
                 self._pending = (Effect.LOCK,)
 
     def _silence_is_tolerable(self, began_s: float) -> bool:

@@ -121,7 +121,7 @@ class RobotService:
 
     def _on_stop(self, query: Query) -> Answer:
         # Stopped before it is understood: a stop that cannot be read is a stop all the same.
-        self._drive.stop("a stop was asked for")
+        self._drive.halt()
         try:
             stop = decode(StopCommand, query.payload)
         except InputError:
