@@ -1,4 +1,4 @@
-"""Numba's compiler with a type that survives mypy: the inner loops over pixels are compiled, everything else is numpy."""
+"""Numba's compiler with a type that survives mypy: inner loops over pixels are compiled, everything else is numpy."""
 
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.covariance import parameter_covariance, pose_covariance
+from services.registration.core.nail.covariance import pose_covariance
 from services.registration.core.nail.image_model import Unknown
 from services.registration.core.nail.judgement import (
     Evidence,
@@ -20,7 +20,6 @@ from services.registration.core.nail.judgement import (
     residual_statistics,
 )
 from services.registration.core.nail.occluders import Occluders
-from services.registration.core.nail.pose import POSE_SIZE
 from services.registration.core.nail.rivals import Winner, find_winner
 from services.registration.core.nail.solver import Problem, Solution, minimise
 from services.registration.core.nail.stages import (
@@ -32,6 +31,7 @@ from services.registration.core.nail.stages import (
     problem_for,
     reweighted,
     scene_at,
+    solution_at,
     whitened,
     with_contrast,
 )
@@ -44,7 +44,7 @@ from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
 _FINE = Detail(Scale(1, 0.0), 3.5, 1.5, 0.015)
-_FIRST_STEPS, _WHITENED_STEPS, _LAST_STEPS = 2, 4, 3
+_FIRST_STEPS, _LAST_STEPS = 5, 4
 _TOLERANCE = 0.1
 
 
@@ -117,11 +117,10 @@ def fit_nail(
     reasons = reasons_against(evidence)
     if reasons:
         return Rejected(reasons)
-    covariance = parameter_covariance(problem, solution, noise.correlation)[:POSE_SIZE, :POSE_SIZE]
     return Accepted(
         NailFit(
             scene.pose(solution.parameters),
-            read_only(pose_covariance(scene, solution.parameters, covariance)),
+            read_only(pose_covariance(scene, solution)),
             evidence.mirror_margin,
             evidence.hole_radius_excess_mm,
             evidence.nail_radius_excess_mm,
@@ -133,14 +132,14 @@ def fit_nail(
 
 
 def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise]:
-    """Full resolution: learn the noise, filter it, fit again with weights by brightness."""
+    """Full resolution: learn contrast and noise where the coarser stage ended, filter the noise, fit, weigh, fit."""
+    here = solution_at(problem, winner.parameters)
+    problem = with_contrast(problem, here)
+    problem = whitened(problem, winner.parameters, noise_of(problem, here))
     solution = minimise(problem, winner.parameters, _FIRST_STEPS, _TOLERANCE)
-    problem = with_contrast(problem, solution)
-    problem = whitened(problem, solution, noise_of(problem, solution))
-    solution = minimise(problem, solution.parameters, _WHITENED_STEPS, _TOLERANCE)
-    problem = reweighted(problem, solution, noise_of(problem, solution))
+    problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
     solution = minimise(problem, solution.parameters, _LAST_STEPS, _TOLERANCE)
-    return problem, solution, noise_of(problem, solution)
+    return problem, solution, noise_of(problem, solution.linear)
 
 
 def _evidence(problem: Problem, solution: Solution, noise: Noise, winner: Winner) -> Evidence:

@@ -4,7 +4,7 @@ The grey value of a pixel is  background * visible + floor * (1 - visible). `vis
 ray: transmission exp(-(mu * path)^power), blurred, bent by the display's curve, sharpened by edge enhancement.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -22,6 +22,7 @@ from shared.geometry.transform import Transform
 
 _MOST_DEVIATIONS = 6.0
 _STRAIGHT = 1e-6
+_USUAL_BLUR_PX = 1.2
 
 
 class Unknown(IntEnum):
@@ -55,7 +56,7 @@ PRIOR = {
     Unknown.NAIL_RADIUS_EXCESS_MM: (0.0, 0.03),
     Unknown.LOG_ATTENUATION: (0.0, 0.5),
     Unknown.POWER: (0.8, 0.2),
-    Unknown.LOG_BLUR_PX: (float(np.log(1.2)), 0.35),
+    Unknown.LOG_BLUR_PX: (float(np.log(_USUAL_BLUR_PX)), 0.35),
     Unknown.SHARPENING: (0.2, 0.4),
     Unknown.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
     Unknown.CURVE: (0.3, 0.3),
@@ -63,9 +64,7 @@ PRIOR = {
 }
 
 # Steps of the numerical derivatives: about a tenth of a pixel at the rims, so that sub-pixel samples change by many.
-STEP = np.array(
-    [0.1, 0.1, 0.1, 0.1, 0.004, 0.004, 0.02, 0.02, 0.02, 0.01, 0.02, 0.02, 0.05, 0.02, 0.001]
-)
+STEP = np.array([0.1, 0.1, 0.1, 0.1, 0.004, 0.004, 0.02, 0.02, 0.02, 0.01, 0.02, 0.02, 0.05, 0.02, 0.001])
 
 
 _REACH = np.array([_MOST_DEVIATIONS * PRIOR[u][1] if u in PRIOR else np.inf for u in Unknown])
@@ -73,20 +72,29 @@ _REACH = np.array([_MOST_DEVIATIONS * PRIOR[u][1] if u in PRIOR else np.inf for 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailScene:
-    """All that is fixed during a fit: the window, the camera and the nail's nominal shape."""
+    """All that is fixed during a fit: the window, the camera and the nail's nominal shape.
+
+    Attributes
+    ----------
+    body_mm
+        Path in the guide's body at the compared pixels, blurred (and whitened) as the image is, shape (N,).
+    contrast
+        Step between background and floor, in units of the usual one, on the whole rectangle, shape of it.
+    whitening
+        Filter that image and model both go through.
+    """
 
     window: Window
     camera: PinholeCamera
     anchors: Anchors
     nail: NailPart
+    body_mm: NDArray[np.float64]
     contrast: NDArray[np.float64]
-    whitening: Whitening | None = None
+    whitening: Whitening | None
 
     def compared(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
         """The strip's pixels of an image of the window, shape (N,), whitened when the scene says so."""
-        if self.whitening is not None:
-            image = self.whitening.apply(image)
-        return image.ravel()[self.window.compared]
+        return _compared(self.window, self.whitening, image)
 
     @property
     def grey(self) -> NDArray[np.float64]:
@@ -96,6 +104,27 @@ class NailScene:
     def pose(self, parameters: NDArray[np.float64]) -> Transform[Camera, Nail]:
         """`camera_from_nail` that the parameters stand for."""
         return pose_from_parameters(parameters[:POSE_SIZE], self.camera, self.anchors)
+
+
+def nail_scene(window: Window, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> NailScene:
+    """Scene as it is before anything has been learned from a fit."""
+    return NailScene(window, camera, anchors, nail, _body_mm(window, None), np.ones(window.shape), None)
+
+
+def whitened_scene(scene: NailScene, whitening: Whitening) -> NailScene:
+    """The same scene, to be compared after a filter."""
+    return replace(scene, body_mm=_body_mm(scene.window, whitening), whitening=whitening)
+
+
+def _compared(window: Window, whitening: Whitening | None, image: NDArray[np.float64]) -> NDArray[np.float64]:
+    filtered = image if whitening is None else whitening.apply(image)
+    return filtered.ravel()[window.compared]
+
+
+def _body_mm(window: Window, whitening: Whitening | None) -> NDArray[np.float64]:
+    """The guide's edges are weak: the usual blur is as good for them as the fitted one, and saves the time."""
+    blur = float(np.hypot(_USUAL_BLUR_PX / window.reduction, window.smoothing))
+    return _compared(window, whitening, blurred_image(window.delrin_mm, blur))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,9 +178,7 @@ def transmission(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[n
     return out
 
 
-def appearance(
-    scene: NailScene, parameters: NDArray[np.float64], passed: NDArray[np.float64]
-) -> Appearance:
+def appearance(scene: NailScene, parameters: NDArray[np.float64], passed: NDArray[np.float64]) -> Appearance:
     """Blur, display curve and edge enhancement on a transmission map (from `transmission`)."""
     window = scene.window
     blur = np.hypot(np.exp(parameters[Unknown.LOG_BLUR_PX]) / window.reduction, window.smoothing)
@@ -160,8 +187,7 @@ def appearance(
     bent = _displayed(blurred, 2.0 * parameters[Unknown.CURVE] * scene.contrast)
     sharpening = parameters[Unknown.SHARPENING]
     visible = (1.0 + sharpening) * bent - sharpening * blurred_image(bent, float(width))
-    body = blurred_image(window.delrin_mm, float(blur))
-    delrin = np.exp(-parameters[Unknown.DELRIN_PER_MM] * scene.compared(body))
+    delrin = np.exp(-parameters[Unknown.DELRIN_PER_MM] * scene.body_mm)
     return Appearance(scene.compared(visible), delrin)
 
 
@@ -199,9 +225,7 @@ def render_with_derivatives(
             continue
         there, back = (_moved(scene, parameters, passed, unknown, side * steps[unknown]) for side in (0.5, -0.5))
         derivatives.append(
-            Appearance(
-                (there.visible - back.visible) / steps[unknown], (there.delrin - back.delrin) / steps[unknown]
-            )
+            Appearance((there.visible - back.visible) / steps[unknown], (there.delrin - back.delrin) / steps[unknown])
         )
     return base, derivatives
 

@@ -94,7 +94,7 @@ def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
     clear = transmission(scene, parameters).ravel()[window.compared] > _OPEN
     noise = float(np.sqrt(np.median(1.0 / problem.weight)))
     linear = solution.linear
-    contrast = (linear.background - linear.floor) / noise
+    contrast = (linear.appearance.delrin * linear.background - linear.floor) / noise
     return tuple(_hole_view(problem, parameters, hole, clear, contrast) for hole in scene.nail.holes)
 
 
@@ -165,14 +165,15 @@ def _mismatch(evidence: Evidence) -> list[Reason]:
     if evidence.residual.structure > _MOST_STRUCTURE:
         message = (
             f"the residual along the nail's edges is {evidence.residual.structure:.1f} times that elsewhere "
-            f"(limit {_MOST_STRUCTURE:.1f}); check the nail file, remove what lies over the holes, and take one more image"
+            f"(limit {_MOST_STRUCTURE:.1f}); check the nail file, remove what lies over the holes, "
+            "and take one more image"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     if evidence.residual.noise_inflation > _MOST_INFLATION:
         message = (
-            f"the residuals around the nail are correlated as over {evidence.residual.noise_inflation:.1f} pixels after "
-            f"the noise's own correlation has been removed (limit {_MOST_INFLATION:.0f}): something that the nail file "
-            "does not describe lies there; check the file, and take one more image without it"
+            f"after removal of the noise's own correlation the residuals around the nail still go together over "
+            f"{evidence.residual.noise_inflation:.1f} pixels (limit {_MOST_INFLATION:.0f}): something that the nail "
+            "file does not describe lies there; check the file, or take one more image without it"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     return reasons

@@ -25,7 +25,7 @@ _MEDIAN_TO_DEVIATION = 1.4826
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Correlation:
-    """Correlation of standardised residuals between pixels `lag` apart, shape (2 * 9 + 1, 2 * 9 + 1), 1 in the middle."""
+    """Correlation of standardised residuals between pixels up to 9 apart, shape (19, 19), 1 in the middle."""
 
     by_lag: NDArray[np.float64]
 
@@ -33,13 +33,6 @@ class Correlation:
     def inflation(self) -> float:
         """By how much the variance of a mean over many pixels exceeds that of independent ones (at least 1)."""
         return max(1.0, float((self.by_lag * _taper(_LAGS, _TAPER_PX)).sum()))
-
-    def power(self, shape: tuple[int, ...]) -> NDArray[np.float64]:
-        """Power spectrum of noise of unit variance on a periodic rectangle, in the order of `scipy.fft.fft2`."""
-        kernel = np.zeros(shape)
-        lags = np.arange(-_LAGS, _LAGS + 1)
-        kernel[np.ix_(lags, lags)] = self.by_lag * _taper(_LAGS, _TAPER_PX)
-        return np.maximum(fft.fft2(kernel).real, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,9 +50,7 @@ class Whitening:
         return np.ascontiguousarray(inner)
 
 
-def correlation_of(
-    standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]
-) -> Correlation:
+def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]) -> Correlation:
     """Correlation of residuals, shape (N,), at flat places, shape (N,), of a rectangle."""
     values, present = np.zeros(shape), np.zeros(shape)
     values.ravel()[places], present.ravel()[places] = standardised, 1.0
@@ -84,16 +75,12 @@ def whitening_for(correlation: Correlation, shape: tuple[int, int]) -> Whitening
     # slow residuals are texture as much as noise: the filter must not act on them
     power[slow] = level
     impulse = fft.irfft2((power / level + _NOISE_FLOOR) ** -0.5, (rows, columns))
-    distance = np.hypot(
-        np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :]
-    )
+    distance = np.hypot(np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :])
     impulse *= _cosine_taper(distance, _FILTER_REACH_PX)
     return Whitening(np.asarray(fft.rfft2(impulse / impulse.sum()).real), (rows, columns))
 
 
-def variance_by_brightness(
-    residual: NDArray[np.float64], modelled: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.float64]) -> NDArray[np.float64]:
     """Noise variance of each pixel, shape (N,): robust in classes of equal count, interpolated over brightness."""
     edges = np.quantile(modelled, np.linspace(0.0, 1.0, _BRIGHTNESS_CLASSES + 1))
     klass = np.clip(np.searchsorted(edges, modelled) - 1, 0, _BRIGHTNESS_CLASSES - 1)
@@ -119,7 +106,7 @@ def _isotropic(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
     distance = np.hypot(lags[:, None], lags[None, :])
     rings = np.arange(_LAGS + 1)
     means = np.array([by_lag[np.abs(distance - ring) <= 0.5].mean() for ring in rings])
-    return np.interp(distance, rings, means, right=0.0)
+    return np.asarray(np.interp(distance, rings, means, right=0.0))
 
 
 def _taper(lags: int, reach: float) -> NDArray[np.float64]:

@@ -79,7 +79,7 @@ def _metal_length(
         length -= max(0.0, min(b, far) - max(a, near))
         if inner_far > inner_near:
             length += max(0.0, min(b, inner_far) - max(a, inner_near))
-    return max(length, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0)
+    return float(max(length, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0))
 
 
 @compiled

@@ -47,7 +47,7 @@ def pose_from_parameters(
 def rotation_and_translation(
     parameters: NDArray[np.float64], camera: PinholeCamera, anchors: Anchors
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same pose as bare arrays, shapes (3, 3) and (3,): for the inner loop, where checking costs more than computing."""
+    """The same pose as bare arrays, shapes (3, 3) and (3,), for the inner loop: there, checks would take longest."""
     first, second = camera.rays(parameters[:4].reshape(2, 2))
     pitch, roll = float(parameters[4]), float(parameters[5])
     middle = unit(first + second)

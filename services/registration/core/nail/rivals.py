@@ -30,7 +30,7 @@ from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 
 _HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 11.0
-_CENTRING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 8, 3
+_CENTRING_STEPS, _WEIGHING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 3, 8, 3
 _LOOSE, _TIGHT = 2.0, 0.2
 _TILTS = [Unknown.PITCH_RAD, Unknown.ROLL_RAD]
 _NEARBY_RAD = np.radians([(3.0, 0.0), (-3.0, 0.0), (0.0, 3.0), (0.0, -3.0)])
@@ -80,8 +80,8 @@ def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | No
     if scene is None:
         return None
     problem = problem_for(scene, detail, EVERYTHING)
-    first = minimise(problem, _from_pose(problem, poses[0]), _MIDDLE_STEPS, _TIGHT)
-    problem = reweighted(problem, first, noise_of(problem, first))
+    first = minimise(problem, _from_pose(problem, poses[0]), _WEIGHING_STEPS, _LOOSE)
+    problem = reweighted(problem, first.linear, noise_of(problem, first.linear))
     optima = [optimum_of(scene, minimise(problem, first.parameters, _MIDDLE_STEPS, _TIGHT))]
     for rival in poses[1:2]:
         start = first.parameters.copy()

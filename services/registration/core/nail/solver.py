@@ -75,7 +75,6 @@ class Solution:
     parameters: NDArray[np.float64]
     linear: Linear
     normal_matrix: NDArray[np.float64]
-    sensitivities: NDArray[np.float64]
     steps: int
     converged: bool
 
@@ -155,8 +154,8 @@ def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tole
                 break
             damping *= _DAMPING_FACTOR
             if damping > _DAMPING_LIMIT:
-                return Solution(parameters, linear, normal, sensitivities, steps, converged=True)
-    return Solution(parameters, linear, normal, sensitivities, steps, converged)
+                return Solution(parameters, linear, normal, steps, converged=True)
+    return Solution(parameters, linear, normal, steps, converged)
 
 
 def _sensitivities(linear: Linear, derivatives: list[Appearance]) -> NDArray[np.float64]:
@@ -175,7 +174,7 @@ def _projected(
     """Normal matrix and gradient of the free parameters after the linear ones have been eliminated."""
     look = linear.appearance
     dense = (1.0 - look.visible)[:, None] * problem.floor
-    cross = cross_terms(problem, look.visible * look.delrin, dense, sensitivities)
+    cross = _cross_terms(problem, look.visible * look.delrin, dense, sensitivities)
     weighted = problem.weight[:, None] * sensitivities
     normal = sensitivities.T @ weighted - cross.T @ cho_solve(linear.factor, cross, check_finite=False)
     precision = prior_precision()[problem.free]
@@ -185,7 +184,7 @@ def _projected(
     return normal, gradient
 
 
-def cross_terms(
+def _cross_terms(
     problem: Problem, gain: NDArray[np.float64], dense: NDArray[np.float64], columns: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """A'W columns, shape (M + D, P)."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.image_model import PARAMETERS, NailScene, render
+from services.registration.core.nail.image_model import PARAMETERS, NailScene, nail_scene, render, whitened_scene
 from services.registration.core.nail.noise import (
     Correlation,
     correlation_of,
@@ -15,7 +15,7 @@ from services.registration.core.nail.noise import (
 )
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.pose import anchors_of
-from services.registration.core.nail.solver import Problem, Solution, solve_linear
+from services.registration.core.nail.solver import Linear, Problem, solve_linear
 from services.registration.core.nail.texture import spline_field
 from services.registration.core.nail.window import Scale, Window, cut_window
 from shared.geometry.calibration import CArmCalibration
@@ -75,7 +75,7 @@ def scene_at(given: Given, camera_from_nail: Transform[Camera, Nail], detail: De
     if window is None:
         return None
     anchors = anchors_of(given.nail)
-    return NailScene(window, given.calibration.camera, anchors, given.nail, np.ones(window.shape))
+    return nail_scene(window, given.calibration.camera, anchors, given.nail)
 
 
 def problem_for(scene: NailScene, detail: Detail, free: NDArray[np.bool_]) -> Problem:
@@ -86,47 +86,51 @@ def problem_for(scene: NailScene, detail: Detail, free: NDArray[np.bool_]) -> Pr
     return Problem(scene, field, scene.grey, _floor_basis(window), weight, detail.texture**-2, free)
 
 
-def noise_of(problem: Problem, solution: Solution) -> Noise:
+def solution_at(problem: Problem, parameters: NDArray[np.float64]) -> Linear:
+    """Best background and floor for parameters that stay as they are."""
+    return solve_linear(problem, parameters, render(problem.scene, parameters))
+
+
+def noise_of(problem: Problem, linear: Linear) -> Noise:
     """Variance and correlation of the residuals."""
-    residual = solution.linear.residual
+    residual = linear.residual
     variance = variance_by_brightness(residual, problem.grey - residual)
     standardised = np.clip(residual / np.sqrt(variance), -_CLIPPED_DEVIATIONS, _CLIPPED_DEVIATIONS)
     window = problem.scene.window
     return Noise(variance, correlation_of(standardised, window.compared, window.shape))
 
 
-def reweighted(problem: Problem, solution: Solution, noise: Noise) -> Problem:
+def reweighted(problem: Problem, linear: Linear, noise: Noise) -> Problem:
     """The same problem with every pixel weighed by its variance, outliers less.
 
     Divided by the inflation, the cost counts independent samples: only then do priors have their due weight.
     """
-    weight = robust_weight(solution.linear.residual, noise.variance) / noise.correlation.inflation
+    weight = robust_weight(linear.residual, noise.variance) / noise.correlation.inflation
     return replace(problem, weight=weight)
 
 
-def with_contrast(problem: Problem, solution: Solution) -> Problem:
+def with_contrast(problem: Problem, linear: Linear) -> Problem:
     """The same problem with the display's curve acting in proportion to the contrast found so far.
 
     The bend of an edge's profile by a smooth curve grows with the step across that edge: it differs between an edge
     against bone and one against a bore of the guide.
     """
-    linear, window = solution.linear, problem.scene.window
+    window = problem.scene.window
     step = linear.appearance.delrin * linear.background - linear.floor
     contrast = np.ones(window.shape)
     contrast.ravel()[window.compared] = np.clip(step / np.median(step), *_CONTRAST_RANGE)
     return replace(problem, scene=replace(problem.scene, contrast=contrast))
 
 
-def whitened(problem: Problem, solution: Solution, noise: Noise) -> Problem:
+def whitened(problem: Problem, parameters: NDArray[np.float64], noise: Noise) -> Problem:
     """The same problem on the image after the filter that makes its noise about independent, weights renewed."""
-    scene = replace(problem.scene, whitening=whitening_for(noise.correlation, problem.scene.window.shape))
+    scene = whitened_scene(problem.scene, whitening_for(noise.correlation, problem.scene.window.shape))
     filtered = replace(problem, scene=scene, grey=scene.grey)
-    look = render(scene, solution.parameters)
-    here = replace(solution, linear=solve_linear(filtered, solution.parameters, look))
-    return reweighted(filtered, here, noise_of(filtered, here))
+    linear = solution_at(filtered, parameters)
+    return reweighted(filtered, linear, noise_of(filtered, linear))
 
 
 def _floor_basis(window: Window) -> NDArray[np.float64]:
-    """Grey value behind closed metal: scatter and glare vary slowly, as a quadratic in the nail's plane, shape (N, 6)."""
+    """Grey value behind closed metal: scatter and glare vary slowly, like a quadratic in the strip, shape (N, 6)."""
     x, y = window.along_mm / 20.0, window.across_mm / 6.0
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)

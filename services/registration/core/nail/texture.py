@@ -52,15 +52,11 @@ def spline_field(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], 
     )
 
 
-def _axis_weights(
-    places: NDArray[np.float64], spacing: float
-) -> tuple[NDArray[np.int64], int, NDArray[np.float64]]:
+def _axis_weights(places: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.int64], int, NDArray[np.float64]]:
     position = (places - places.min()) / spacing
     cell = np.floor(position).astype(np.int64)
     t = position - cell
-    weights = np.stack(
-        [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=1
-    )
+    weights = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=1)
     return cell, int(cell.max()) + 4, weights / 6.0
 
 
@@ -95,6 +91,25 @@ def _evaluate(
 
 
 @compiled
+def _add_pixel(
+    index: NDArray[np.int64],
+    value: NDArray[np.float64],
+    weight: float,
+    targets: NDArray[np.float64],
+    matrix: NDArray[np.float64],
+    right_sides: NDArray[np.float64],
+) -> None:
+    """One pixel's share: its non-zero columns `value` at increasing places `index`."""
+    for a in range(index.shape[0]):
+        scaled = weight * value[a]
+        row = index[a]
+        for b in range(a + 1):
+            matrix[row, index[b]] += scaled * value[b]
+        for t in range(targets.shape[0]):
+            right_sides[row, t] += scaled * targets[t]
+
+
+@compiled
 def accumulate_normal_equations(
     corner: NDArray[np.int64],
     along_weights: NDArray[np.float64],
@@ -107,7 +122,7 @@ def accumulate_normal_equations(
     matrix: NDArray[np.float64],
     right_sides: NDArray[np.float64],
 ) -> None:
-    """Add A'WA to `matrix` and A'W targets to `right_sides` for the columns [field_gain * spline basis, dense].
+    """Add A'WA to `matrix` and A'W targets to `right_sides` for the columns A = [field_gain * spline basis, dense].
 
     Parameters
     ----------
@@ -120,33 +135,16 @@ def accumulate_normal_equations(
     matrix, right_sides
         Shapes (M + D, M + D), of which the lower triangle is filled, and (M + D, T).
     """
-    dense_count = dense.shape[1]
-    target_count = targets.shape[1]
-    total = matrix.shape[0] - dense_count
-    index = np.empty(16, dtype=np.int64)
-    value = np.empty(16)
+    size = matrix.shape[0] - dense.shape[1]
+    columns = 16 + dense.shape[1]
+    index = np.empty(columns, dtype=np.int64)
+    value = np.empty(columns)
+    for d in range(dense.shape[1]):
+        index[16 + d] = size + d
     for n in range(corner.shape[0]):
-        w = weight[n]
-        if w == 0.0:
-            continue
-        k = 0
         for i in range(4):
             for j in range(4):
-                index[k] = corner[n] + i * count_across + j
-                value[k] = along_weights[n, i] * across_weights[n, j] * field_gain[n]
-                k += 1
-        for a in range(16):
-            scaled = w * value[a]
-            row = index[a]
-            for b in range(a + 1):
-                matrix[row, index[b]] += scaled * value[b]
-            for d in range(dense_count):
-                matrix[total + d, row] += scaled * dense[n, d]
-            for t in range(target_count):
-                right_sides[row, t] += scaled * targets[n, t]
-        for d in range(dense_count):
-            scaled = w * dense[n, d]
-            for e in range(d + 1):
-                matrix[total + d, total + e] += scaled * dense[n, e]
-            for t in range(target_count):
-                right_sides[total + d, t] += scaled * targets[n, t]
+                index[4 * i + j] = corner[n] + i * count_across + j
+                value[4 * i + j] = along_weights[n, i] * across_weights[n, j] * field_gain[n]
+        value[16:] = dense[n]
+        _add_pixel(index, value, weight[n], targets[n], matrix, right_sides)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.blur import blurred_image
 from services.registration.core.nail.occluders import Occluders, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
-from services.registration.core.nail.blur import blurred_image
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
@@ -75,7 +75,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How coarsely to look: side of a reduced pixel in image pixels, and smoothing after the reduction, in its pixels."""
+    """How coarsely to look: side of a reduced pixel in image pixels, and smoothing after reduction, in reduced ones."""
 
     reduction: int
     smoothing: float
@@ -158,11 +158,7 @@ def _bounding_box(
     calibration: CArmCalibration, strip: Strip, camera_from_nail: Transform[Camera, Nail], reduction: int
 ) -> tuple[int, int, int, int] | None:
     corners = np.array(
-        [
-            (x, y, 0.0)
-            for x in (strip.first_x_mm, strip.last_x_mm)
-            for y in (-strip.half_width_mm, strip.half_width_mm)
-        ]
+        [(x, y, 0.0) for x in (strip.first_x_mm, strip.last_x_mm) for y in (-strip.half_width_mm, strip.half_width_mm)]
     )
     px = calibration.image_from_camera(camera_from_nail.points(corners))
     margin = (_BLUR_REACH_PX + 1) * reduction
