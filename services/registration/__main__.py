@@ -1,6 +1,7 @@
 """Start registration: `python -m services.registration`."""
 
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -14,7 +15,7 @@ from shared.runtime.lifecycle import Runtime, service_main
 @contextmanager
 def compose(settings: RegistrationSettings, bus: Bus, runtime: Runtime) -> Iterator[None]:
     """Build the service and run it for as long as the context lasts."""
-    knowledge = Knowledge(runtime.boot_epoch, settings.kept_images)
+    knowledge = Knowledge(runtime.boot_epoch, settings.kept_images, settings.image_delay_s, time.monotonic)
     with RegistrationService(bus, runtime, settings, knowledge).running():
         yield
 

@@ -2,6 +2,7 @@
 
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,9 @@ from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState
 from shared.parts.hexapod_file import hexapod_from_json
 
 AT_REST = (MotionState.LOCKED, MotionState.STOPPED)
+# A locked robot's encoders repeat to a micrometre; more than this means that it was moved.
+POSE_TOLERANCE_MM = 0.01
+POSE_TOLERANCE_DEG = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +51,7 @@ class ReceivedFrame:
     epoch
         Registration epoch that began with it.
     robot
-        State of the robot when it arrived; None when it was not known, or not at rest.
+        State of the robot when it was exposed; None when it was not known, or not at rest long enough to tell.
     """
 
     header: FrameHeader
@@ -76,11 +80,19 @@ class Knowledge:
         Of this run of registration: the first half of every registration epoch.
     kept
         How many images are kept.
+    image_delay_s
+        How long an image may take from its exposure to its arrival here: it is bound to the robot's pose only when the
+        robot has stood there for so long.
+    clock_s
+        Monotonic clock.
     """
 
-    def __init__(self, boot_epoch: str, kept: int) -> None:
+    def __init__(self, boot_epoch: str, kept: int, image_delay_s: float, clock_s: Callable[[], float]) -> None:
         self._boot_epoch = boot_epoch
         self._kept = kept
+        self._image_delay_s = image_delay_s
+        self._clock_s = clock_s
+        self._resting_since_s = float("inf")
         self._changed = threading.Condition()
         self._case: OpenCase | None = None
         self._robot: RobotState | None = None
@@ -101,6 +113,11 @@ class Knowledge:
     def note_robot(self, state: RobotState) -> None:
         """Note the newest state of the robot."""
         with self._changed:
+            pose, before = pose_at_rest(state), pose_at_rest(self._robot)
+            if pose is None:
+                self._resting_since_s = float("inf")
+            elif before is None or not same_place(before, pose):
+                self._resting_since_s = self._clock_s()
             self._robot = state
 
     def note_announced(self, sha256: str) -> None:
@@ -112,10 +129,10 @@ class Knowledge:
                 self._changed.notify_all()
 
     def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
-        """Note an image that arrives now: a new epoch begins, and the robot stands where it stands now."""
+        """Note an image that arrives now: a new epoch begins. The robot stood where it stands, if for long enough."""
         with self._changed:
-            robot = self._robot if self._robot is not None and self._robot.state in AT_REST else None
-            return self._keep(header, pixels, robot)
+            rested = self._clock_s() - self._resting_since_s >= self._image_delay_s
+            return self._keep(header, pixels, self._robot if rested else None)
 
     def note_fetched_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that was asked for afterwards: where the robot stood when it was made is not known."""
@@ -214,6 +231,19 @@ class Knowledge:
 def pose_at_rest(robot: RobotState | None) -> PlatformPoseMessage | None:
     """Where the robot stands; None when that is not known or it is not at rest."""
     return robot.pose if robot is not None and robot.state in AT_REST else None
+
+
+def moved_by(a: PlatformPoseMessage, b: PlatformPoseMessage) -> tuple[float, float]:
+    """Greatest difference of two poses along an axis, in mm, and about one, in degrees."""
+    apart_mm = max(abs(a.x_mm - b.x_mm), abs(a.y_mm - b.y_mm), abs(a.z_mm - b.z_mm))
+    apart_deg = max(abs(a.u_deg - b.u_deg), abs(a.v_deg - b.v_deg), abs(a.w_deg - b.w_deg))
+    return apart_mm, apart_deg
+
+
+def same_place(a: PlatformPoseMessage, b: PlatformPoseMessage) -> bool:
+    """Whether two poses are the same as far as encoders can tell."""
+    apart_mm, apart_deg = moved_by(a, b)
+    return apart_mm <= POSE_TOLERANCE_MM and apart_deg <= POSE_TOLERANCE_DEG
 
 
 def _name(case: OpenCase | None) -> tuple[str | None, int] | None:

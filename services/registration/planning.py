@@ -3,16 +3,21 @@
 import numpy as np
 
 from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
-from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase, pose_at_rest
+from services.registration.knowledge import (
+    POSE_TOLERANCE_DEG,
+    POSE_TOLERANCE_MM,
+    Knowledge,
+    LocalisedFrame,
+    OpenCase,
+    moved_by,
+    pose_at_rest,
+    same_place,
+)
 from services.registration.report import standard_uncertainty
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.base import matrix4, vector3
 from shared.messages.registration import Plan, PlanReply, PlanRequest, PredictedHoleError
 from shared.messages.robot import PlatformPoseMessage, RobotState
-
-# A locked robot's encoders repeat to a micrometre; more than this means that it was moved.
-POSE_TOLERANCE_MM = 0.01
-POSE_TOLERANCE_DEG = 0.01
 
 
 def answer_plan_request(request: PlanRequest, knowledge: Knowledge) -> PlanReply:
@@ -61,9 +66,13 @@ def _not_usable(localised: LocalisedFrame, robot: RobotState | None, case: OpenC
     if robot is None or pose is None:
         return _refused("robot_unknown", "the robot's pose is not known or it is moving; wait until it is locked")
     if record.robot_pose is None or record.robot_boot_epoch != robot.boot_epoch:
-        return _refused("stale", "where the robot stood when the image was made is not known; take one more image")
-    moved_mm, moved_deg = _difference(record.robot_pose, pose)
-    if moved_mm > POSE_TOLERANCE_MM or moved_deg > POSE_TOLERANCE_DEG:
+        return _refused(
+            "stale",
+            "where the robot stood when the image was made is not certain, for it was moving or had just moved; "
+            "take one more image",
+        )
+    moved_mm, moved_deg = moved_by(record.robot_pose, pose)
+    if not same_place(record.robot_pose, pose):
         return _refused(
             "stale",
             f"the robot was moved by {moved_mm:.3f} mm and {moved_deg:.3f}° since the image was made (limits "
@@ -76,11 +85,6 @@ def _not_usable(localised: LocalisedFrame, robot: RobotState | None, case: OpenC
             f"{robot.hexapod_sha256[:12]}; give both the same file",
         )
     return None
-
-
-def _difference(a: PlatformPoseMessage, b: PlatformPoseMessage) -> tuple[float, float]:
-    apart = np.abs(_pose(a).as_array() - _pose(b).as_array())
-    return float(apart[:3].max()), float(apart[3:].max())
 
 
 def _pose(message: PlatformPoseMessage) -> PlatformPose:

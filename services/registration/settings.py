@@ -18,6 +18,11 @@ class RegistrationSettings(ServiceSettings):
     kept_images: Annotated[int, Field(ge=2, le=64)] = Field(
         8, description="Newest localised images that are kept for plans and verifications."
     )
+    image_delay_s: Annotated[float, Field(ge=0.0, le=30.0)] = Field(
+        0.5,
+        description="Longest time from an exposure to its arrival, as measured on this C-arm: an image that arrives "
+        "sooner than this after the robot moved may show it elsewhere, and no plan is made from it.",
+    )
     frame_timeout_s: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
         5.0, description="How long imaging may take to hand over the pixels of an image that was missed."
     )

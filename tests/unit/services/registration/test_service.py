@@ -49,6 +49,13 @@ BLANK = np.ones((SIZE_PX, SIZE_PX), dtype=np.float32)
 
 
 @dataclass
+class Clock:
+    """Registration's clock."""
+
+    now_s: float = 100.0
+
+
+@dataclass
 class Outside:
     """The other services, as far as registration sees them."""
 
@@ -56,6 +63,7 @@ class Outside:
     knowledge: Knowledge
     records: "queue.Queue[LocalisationRecord]"
     plans: "queue.Queue[Plan]"
+    clock: Clock
 
     def open_case(self, revision: int = 1, nail_json: str = NAIL_JSON, case_id: str | None = CASE) -> None:
         context = CaseContext(
@@ -67,6 +75,11 @@ class Outside:
             hexapod_json=HEXAPOD_JSON,
         )
         self.bus.retained_publisher(KEYS.case_context).put(encode(context))
+
+    def robot_rests(self) -> None:
+        """It is locked, and has been for longer than any image takes to arrive."""
+        self.robot_is()
+        self.clock.now_s += 1.0
 
     def robot_is(self, state: MotionState = MotionState.LOCKED, pose: PlatformPoseMessage = HOME) -> None:
         message = RobotState(
@@ -144,9 +157,10 @@ def reference(name: str) -> ImageReference:
 def outside() -> Iterator[Outside]:
     router = MemoryRouter()
     settings = RegistrationSettings(frame_timeout_s=5.0)
-    knowledge = Knowledge("registration-1", settings.kept_images)
+    clock = Clock()
+    knowledge = Knowledge("registration-1", settings.kept_images, settings.image_delay_s, lambda: clock.now_s)
     with router.open() as bus:
-        known = Outside(bus, knowledge, queue.Queue(), queue.Queue())
+        known = Outside(bus, knowledge, queue.Queue(), queue.Queue(), clock)
         bus.subscribe(KEYS.localisation, lambda s: known.records.put(decode(LocalisationRecord, s.payload)))
         bus.subscribe(KEYS.plan, lambda s: known.plans.put(decode(Plan, s.payload)))
         with (
@@ -169,7 +183,7 @@ def eventually(condition: Callable[[], bool]) -> None:
 
 def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     pixels, view = rendered(Shown(), seed=1)
-    outside.robot_is()
+    outside.robot_rests()
     outside.open_case()
     outside.frame("one", pixels)
     outside.calibrated("one", CalibrationValues.of(view))
@@ -217,7 +231,7 @@ def test_a_rejected_calibration_is_recorded_with_its_reasons(outside: Outside) -
 
 
 def test_missed_pixels_are_fetched_and_bind_no_robot_pose(outside: Outside) -> None:
-    outside.robot_is()
+    outside.robot_rests()
     outside.open_case()
     asked: list[str] = []
 
@@ -241,6 +255,33 @@ def test_every_image_begins_an_epoch(outside: Outside) -> None:
         outside.calibrated(name, None)
         epochs.append(outside.next_record().registration_epoch)
     assert len(set(epochs)) == 2
+
+
+@pytest.mark.parametrize(
+    ("moved_to", "rested_s", "bound"),
+    [(HOME, 0.6, True), (HOME, 0.4, False), (HOME.model_copy(update={"w_deg": 0.02}), 0.4, False)],
+)
+def test_an_image_that_arrives_just_after_a_move_binds_no_pose(
+    outside: Outside, moved_to: PlatformPoseMessage, rested_s: float, *, bound: bool
+) -> None:
+    outside.robot_rests()
+    outside.robot_is(MotionState.LOCKED if moved_to != HOME else MotionState.MOVING, moved_to)
+    outside.robot_is(MotionState.LOCKED, moved_to)
+    outside.clock.now_s += rested_s
+    outside.open_case()
+    outside.frame("one")
+    outside.calibrated("one", None)
+    assert (outside.next_record().robot_pose is not None) is bound
+
+
+def test_an_image_that_arrives_during_a_move_binds_no_pose(outside: Outside) -> None:
+    outside.robot_rests()
+    outside.robot_is(MotionState.MOVING)
+    outside.clock.now_s += 60.0
+    outside.open_case()
+    outside.frame("one")
+    outside.calibrated("one", None)
+    assert outside.next_record().robot_pose is None
 
 
 def test_the_epoch_changes_before_any_image_is_understood(outside: Outside) -> None:
