@@ -19,6 +19,7 @@ from services.ui_api.routes import (
     robot,
     verifications,
 )
+from services.ui_api.routes.body_limit import BodyLimitMiddleware
 from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
@@ -53,6 +54,7 @@ def routed_app() -> FastAPI:
         responses={"default": {"description": "A problem.", "content": {PROBLEM_JSON: {"schema": _PROBLEM_REF}}}},
     )
     app.state.metrics = Metrics()
+    app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
     api = APIRouter(prefix=PREFIX)
     for resource in (cases, images, localisations, plans, motions, verifications, robot, events, parts):

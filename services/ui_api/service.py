@@ -18,7 +18,7 @@ from services.ui_api.desks.planning import PlanningDesk
 from services.ui_api.desks.robot_view import RobotView
 from services.ui_api.desks.stop import StopDesk, record_stop
 from services.ui_api.desks.verification import VerificationDesk
-from services.ui_api.record.database import open_database
+from services.ui_api.record.database import open_database, sole_gateway
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.settings import UiApiSettings
 from shared.bus.port import Bus
@@ -53,23 +53,24 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
     Raises
     ------
     ConfigurationError
-        When the case record cannot be opened.
+        When the case record cannot be opened, or another gateway has it open.
     """
-    record = CaseRecord(open_database(settings.record_url()), clock.unix_ns)
-    gateway, context = _assemble(bus, runtime, settings, clock, record)
-    record.append(EventDraft(GatewayStarted(runtime.boot_epoch, software_version()), None, "gateway"))
-    gateway.commands.adopt_orphans()
-    context.announce()
-    gateway.leases.start()
-    gateway.inbox.start()
-    try:
-        yield gateway
-    finally:
-        gateway.feed.close()
-        gateway.leases.close()
-        gateway.commands.close()
-        gateway.inbox.close()
-        record.close()
+    with sole_gateway(settings.record_url()):
+        record = CaseRecord(open_database(settings.record_url()), clock.unix_ns)
+        gateway, context = _assemble(bus, runtime, settings, clock, record)
+        record.append(EventDraft(GatewayStarted(runtime.boot_epoch, software_version()), None, "gateway"))
+        gateway.commands.adopt_orphans()
+        context.announce()
+        gateway.leases.start()
+        gateway.inbox.start()
+        try:
+            yield gateway
+        finally:
+            gateway.feed.close()
+            gateway.leases.close()
+            gateway.commands.close()
+            gateway.inbox.close()
+            record.close()
 
 
 def _assemble(

@@ -75,7 +75,7 @@ def resolve_part(kind: PartKind, given: str | JsonObject) -> PartFile:
     if isinstance(given, str):
         name, content = given, _from_catalogue(kind, given)
     else:
-        name, content = INLINE, json.dumps(given, ensure_ascii=False, separators=(",", ":")).encode()
+        name, content = INLINE, _inline(kind, given)
     _require_schema(kind, name, content)
     hole_ids = _CHECKS[kind](content, f"{kind} '{name}'")
     return PartFile(PartUse(name, sha256_of(content), hole_ids), content)
@@ -101,6 +101,14 @@ def catalogue_content(name: str) -> bytes | None:
 def _catalogue_files() -> dict[str, Traversable]:
     folder = files("shared.parts").joinpath("catalogue")
     return {f.name.removesuffix(".json"): f for f in folder.iterdir() if f.name.endswith(".json")}
+
+
+def _inline(kind: PartKind, given: JsonObject) -> bytes:
+    try:
+        return json.dumps(given, ensure_ascii=False, separators=(",", ":")).encode()
+    except UnicodeEncodeError as error:
+        half = error.object[error.start]
+        raise PartFileInvalid(f"{kind} '{INLINE}': {half!a} is half a character (a lone surrogate), not text") from None
 
 
 def _from_catalogue(kind: PartKind, name: str) -> bytes:

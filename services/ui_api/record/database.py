@@ -1,6 +1,9 @@
 """Open the case record's database and bring its schema up to date."""
 
+import fcntl
 import sqlite3
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from alembic import command
@@ -46,6 +49,38 @@ def open_database(url: str) -> Engine:
         cause = error.orig if isinstance(error, DBAPIError) else error
         raise ConfigurationError(f"case record {url}: cannot be opened: {cause}") from None
     return engine
+
+
+@contextmanager
+def sole_gateway(url: str) -> Iterator[None]:
+    """Hold a SQLite record against other gateways, for as long as the context lasts; a kill releases it.
+
+    Two gateways on one record would each number their events by what they have in memory.
+
+    Raises
+    ------
+    ConfigurationError
+        When another gateway holds it, or the folder cannot be written.
+    """
+    file = _engine(url).url
+    if file.get_backend_name() != "sqlite" or not file.database:
+        yield
+        return
+    lock_file = Path(f"{file.database}.lock")
+    with ExitStack() as stack:
+        try:
+            lock_file.parent.mkdir(parents=True, exist_ok=True)
+            lock = stack.enter_context(lock_file.open("ab"))
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigurationError(
+                f"case record {url} is held by another gateway that runs now; end it, or set another state_dir"
+            ) from None
+        except OSError as error:
+            raise ConfigurationError(
+                f"case record {url}: its folder cannot be written: {error.strerror or error}; set another state_dir"
+            ) from None
+        yield
 
 
 def existing_database(url: str) -> Engine:

@@ -9,9 +9,12 @@ from services.ui_api.desks.cases import SetupRequest
 from shared.messages.base import Identifier, Sha256
 from shared.messages.cases import Bone, HeadExtension, Mount, Side
 
-PersonName = Annotated[str, Field(min_length=1, max_length=128)]
+# At least one visible character: an approval by "  " is nobody's. No control characters: not every database keeps them.
+PersonName = Annotated[
+    str, Field(min_length=1, max_length=128, pattern=r"^[^\x00-\x1f\x7f]*[^\s\x00-\x1f\x7f][^\x00-\x1f\x7f]*$")
+]
 HoleIds = Annotated[list[Annotated[str, Field(min_length=1, max_length=64)]], Field(max_length=16)]
-Why = Annotated[str, Field(max_length=500)]
+Why = Annotated[str, Field(max_length=500, pattern=r"^[^\x00]*$")]
 SourceToDetector = Annotated[float, Field(ge=500.0, le=2000.0, allow_inf_nan=False)]
 PixelSize = Annotated[float, Field(ge=0.05, le=2.0, allow_inf_nan=False)]
 PartObject = dict[str, object]

@@ -17,7 +17,7 @@ PING_S = 10.0
 LastEventId = Annotated[
     str | None, Header(alias="Last-Event-ID", pattern=r"^\d{1,18}$", description="Id of the last event received.")
 ]
-After = Annotated[int | None, Query(ge=0, description="Sequence number after which to begin.")]
+After = Annotated[int | None, Query(ge=0, lt=10**18, description="Sequence number after which to begin.")]
 
 
 @router.get("/events", response_class=EventSourceResponse)

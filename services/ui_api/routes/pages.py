@@ -1,7 +1,6 @@
 """Cursor pages: a cursor is opaque to clients and stays valid, because lists only ever grow at their end."""
 
 import base64
-import binascii
 from collections.abc import Callable, Sequence
 from typing import Annotated, Generic, TypeVar
 
@@ -45,10 +44,11 @@ def _cursor(position: int) -> str:
 
 def _position(cursor: str) -> int:
     try:
-        text = base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode()
-        return int(text.removeprefix(_MARK)) if text.startswith(_MARK) and text[len(_MARK) :].isdigit() else _refuse()
-    except (binascii.Error, UnicodeDecodeError):
+        text = base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode("ascii")
+    except ValueError:  # what is not base64, and what is not ASCII: both are kinds of it
         return _refuse()
+    number = text.removeprefix(_MARK)
+    return int(number) if text.startswith(_MARK) and number.isdigit() else _refuse()
 
 
 def _refuse() -> int:

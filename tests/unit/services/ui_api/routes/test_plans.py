@@ -139,3 +139,11 @@ def test_verifications_are_kept_and_listed(room: Room) -> None:
     assert room.get(f"{path}/2").json()["code"] == "verification_not_found"
     unknown = room.post(path, {"images": [samples.sha("other")]})
     assert (unknown.status_code, unknown.json()["code"]) == (404, "image_not_found")
+
+
+@pytest.mark.parametrize("nobody", ["", "  ", "\t", "Dr\u0000A"])
+def test_nobody_approves_nothing(room: Room, nobody: str) -> None:
+    case_id, etag = _planned(room)
+    answer = room.post(f"/cases/{case_id}/plans/1/approval", {"approved_by": nobody}, if_match=etag)
+    assert (answer.status_code, answer.json()["code"]) == (422, "request_invalid")
+    assert room.get(f"/cases/{case_id}/plans/1").json()["approval"] is None

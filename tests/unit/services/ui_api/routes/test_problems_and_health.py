@@ -1,9 +1,11 @@
 """Every error is a problem document with a stable code; health tells what is missing."""
 
+import json
 from pathlib import Path
 
 import pytest
 
+from services.ui_api.routes.body_limit import LARGEST_BODY_BYTES
 from services.ui_api.routes.motion_views import says_simulated
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.room import Room, open_room
@@ -18,6 +20,9 @@ from tests.unit.services.ui_api.room import Room, open_room
         ("POST", "/api/v1/cases", 400, "idempotency_key_missing"),
         ("GET", "/api/v1/cases?limit=0", 422, "request_invalid"),
         ("GET", "/api/v1/cases/none/plans/first", 422, "request_invalid"),
+        ("GET", "/api/v1/cases?cursor=YWZ0ZXI6wrI", 400, "cursor_invalid"),
+        ("GET", "/api/v1/cases?cursor=%C3%A9", 400, "cursor_invalid"),
+        ("GET", "/api/v1/events?after=9223372036854775808", 422, "request_invalid"),
     ],
 )
 def test_every_error_is_a_problem_document(quiet_room: Room, method: str, path: str, status: int, code: str) -> None:
@@ -41,6 +46,24 @@ def test_a_body_that_is_no_object_is_refused(quiet_room: Room, body: str) -> Non
     headers = {"Idempotency-Key": "k", "Content-Type": "application/json"}
     answer = quiet_room.client.post("/api/v1/cases", content=body, headers=headers)
     assert (answer.status_code, answer.json()["code"]) == (422, "request_invalid"), answer.text
+
+
+def test_half_a_character_in_a_part_is_refused(quiet_room: Room) -> None:
+    content = json.dumps(samples.case_body(ring={"schema": "\ud800"}))
+    headers = {"Idempotency-Key": "k", "Content-Type": "application/json"}
+    answer = quiet_room.client.post("/api/v1/cases", content=content, headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (422, "part_file_invalid")
+    assert r"ring 'inline': '\ud800' is half a character" in answer.json()["detail"]
+
+
+def test_a_body_that_is_too_large_is_refused_and_a_stop_is_not(room: Room) -> None:
+    large = b'{"why": "' + b"x" * LARGEST_BODY_BYTES + b'"}'
+    headers = {"Idempotency-Key": "k", "Content-Type": "application/json"}
+    for content in (large, iter([large])):
+        answer = room.client.post("/api/v1/cases", content=content, headers=headers)
+        assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large"), answer.text
+        assert f"the limit is {LARGEST_BODY_BYTES} bytes" in answer.json()["detail"]
+    assert room.client.post("/api/v1/robot/stop", content=large).json()["confirmed"] is True
 
 
 def test_all_that_is_wrong_with_a_body_is_listed(quiet_room: Room) -> None:

@@ -3,11 +3,14 @@
 import queue
 from pathlib import Path
 
+import pytest
+
 from services.ui_api.core.chain import ChainIntact
 from services.ui_api.record.database import existing_database, sqlite_url
 from services.ui_api.record.verify import verify_record
 from shared.bus.keys import Keys
 from shared.bus.port import Sample
+from shared.errors import ConfigurationError
 from shared.messages.base import decode
 from shared.messages.cases import CaseContext
 from tests.unit.services.ui_api import samples
@@ -49,3 +52,21 @@ def test_a_motion_under_way_when_the_gateway_ended_is_followed_and_not_sent_agai
         repeated = room.post(f"/cases/{case_id}/motions", {"plan": plan}, key="moved")
         assert repeated.json()["id"] == operation_id
         assert room.robot.moves == []
+
+
+def test_a_second_gateway_on_the_same_record_does_not_start(tmp_path: Path) -> None:
+    with open_room(tmp_path) as room:
+        with pytest.raises(ConfigurationError, match="is held by another gateway that runs now"), open_room(tmp_path):
+            pytest.fail("two gateways have the same record open")
+        assert room.post("/cases", samples.case_body()).status_code == 201
+    with open_room(tmp_path) as room:
+        assert room.get("/cases").json()["items"] != []
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with (
+        pytest.raises(ConfigurationError, match=r"its folder cannot be written: .*; set another state_dir"),
+        open_room(tmp_path / "file" / "state"),
+    ):
+        pytest.fail("a record in no folder")
