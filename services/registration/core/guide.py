@@ -36,8 +36,9 @@ _REJECTION_ROUNDS = 4
 _MEDIAN_OF_RAYLEIGH = 1.1774
 # A ring's ball nearer than this share of a guide ball's radius cannot be told from it.
 _CONCENTRIC = 0.7
-_FIRST_LOOK = MeasurementSettings(drift_px=1.0)
-_SECOND_LOOK = MeasurementSettings(drift_px=0.4)
+_FIRST_DRIFT_PX, _SECOND_DRIFT_PX = 1.0, 0.4
+# 1000 mm from focal spot to detector in pixels of 0.235 mm.
+_USUAL_FOCAL_LENGTH_PX = 4255.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,17 +129,21 @@ def _candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[
 
 
 def _margin(identities: list[GuideIdentity]) -> int:
+    if not identities:
+        return 0
     return len(identities[0]) - (len(identities[1]) if len(identities) > 1 else 0)
 
 
 def _judge_identity(identities: list[GuideIdentity], discs: int, balls: int) -> Reason | None:
-    best = len(identities[0]) if identities else 0
-    if best < min(LEAST_IDENTIFIED, needed_balls(balls)):
+    """Refuse an identity with too few balls, or with no more than chance explains; a wrong file explains a few."""
+    best, needed = len(identities[0]) if identities else 0, needed_balls(balls)
+    by_chance = best < needed and _margin(identities) < LEAST_MARGIN
+    if best < min(LEAST_IDENTIFIED, needed) or by_chance:
         return Reason(
             ReasonCode.GUIDE_NOT_FOUND,
             f"of {discs} discs that are not the ring's at most {best} fit the guide's pattern of {balls} balls "
-            f"(limit {LEAST_IDENTIFIED}); check that the drill guide is in the image and that the guide file is that "
-            "of this guide, then take one more image",
+            f"(limit {LEAST_IDENTIFIED}, or {needed} while other positions explain nearly as many); check that the "
+            "drill guide is in the image and that the guide file is that of this guide, then take one more image",
         )
     if _margin(identities) < LEAST_MARGIN:
         return Reason(
@@ -201,10 +206,19 @@ def _ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
 
 def _fitted(look: _Look, pose: RigidPose) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
     """Measure all balls where the pose puts them and fit the pose to them, twice."""
-    pose, seen, used = _measured_and_fitted(look, pose, _FIRST_LOOK)
+    pose, seen, used = _measured_and_fitted(look, pose, _settings(look.calibration, _FIRST_DRIFT_PX))
     if np.count_nonzero(used) < 4:
         return pose, seen, used
-    return _measured_and_fitted(look, pose, _SECOND_LOOK)
+    return _measured_and_fitted(look, pose, _settings(look.calibration, _SECOND_DRIFT_PX))
+
+
+def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSettings:
+    """How to measure: blur is a matter of millimetres, so that finer pixels need wider surroundings."""
+    usual = MeasurementSettings()
+    finer = max(1.0, calibration.camera.focal_length_px / _USUAL_FOCAL_LENGTH_PX)
+    return MeasurementSettings(
+        reach_px=usual.reach_px * finer, blur_px=usual.blur_px * finer, drift_px=drift_px * finer
+    )
 
 
 def _measured_and_fitted(

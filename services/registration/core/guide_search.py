@@ -31,6 +31,7 @@ _LEAST_SCORE = 6
 _GOOD_SHARE = 0.4
 _CLEAR_SHARE = 0.6
 _RIVAL_PAIRS = 8
+_SETTLING_STEPS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,7 +227,7 @@ def _settled(camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs,
         if len(ball) < 4:
             return GuideIdentity(pose, ball, disc)
         spread = np.full(len(ball), 0.3 * tolerance_px)
-        pose = refine_pose(camera, pose, Correspondences(balls_mm[ball], discs.ideal_px[disc], spread))
+        pose = refine_pose(camera, pose, Correspondences(balls_mm[ball], discs.ideal_px[disc], spread), _SETTLING_STEPS)
     return GuideIdentity(pose, *_assigned(camera, balls_mm, discs, pose, TIGHT_PX))
 
 

@@ -37,7 +37,8 @@ def vote(
     occupied
         1 where a disc is near, shape (rows, columns).
     probes
-        A hypothesis with fewer than three hits among so many balls is given up.
+        About so many balls are looked at between the points at which a hypothesis without enough hits is given up:
+        two after the second look, four after the third. Balls are missing at random, so the first look decides nothing.
 
     Returns
     -------
@@ -80,7 +81,7 @@ def vote(
                     if 0 <= row < occupied.shape[0] and 0 <= column < occupied.shape[1]:
                         hits += occupied[row, column]
                 seen += 1
-                if offset == 0 and hits < 3:
+                if hits < 2 * offset and offset < 3:
                     break
             score[d, p] = hits if seen == stride else 0
     return score
