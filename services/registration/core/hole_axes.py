@@ -12,7 +12,7 @@ from services.registration.core.pose import Correspondences, RigidPose, refine_p
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.lines import Line
+from shared.geometry.lines import Line, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
@@ -20,7 +20,6 @@ from shared.geometry.transform import Transform
 # deviation of the tilt about the nail's x and y axes, and of its place across the beam, from independent images.
 MODEL_SD_DEG = 0.11
 MODEL_SD_MM = 0.03
-MODEL_COVARIANCE = np.diag([np.radians(MODEL_SD_DEG) ** 2] * 2 + [0.0] + [MODEL_SD_MM**2] * 2 + [0.0])
 _RIM_POINTS = 8
 
 
@@ -94,6 +93,22 @@ class HoleEstimate:
     def chance_to_pass(self) -> float | None:
         """Probability that a 4.0 mm drill along the estimated axis passes the true hole."""
         return None if self.offset is None else self.offset.chance_to_pass(self.diameter_mm)
+
+
+def model_covariance(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
+    """What the model itself leaves uncertain, shape (6, 6), as `NailEstimate.covariance`.
+
+    The depth follows from the distance of the outermost holes, or the nail's width where there is but one hole: each
+    end is off by as much as the whole nail, and depth is to its error as the distance is to that of its ends. An error
+    of depth moves the nail along the ray, and so across its holes when they are tilted against it.
+    """
+    along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
+    known_mm = max(max(along) - min(along), nail.diameter_mm)
+    depth_sd_mm = np.sqrt(2.0) * MODEL_SD_MM * float(camera_from_nail.translation_mm[2]) / known_mm
+    ray = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
+    covariance = np.diag([np.radians(MODEL_SD_DEG) ** 2] * 2 + [0.0] + [MODEL_SD_MM**2] * 2 + [0.0])
+    covariance[3:, 3:] += depth_sd_mm**2 * np.outer(ray, ray)
+    return covariance
 
 
 def hole_estimates(

@@ -1,6 +1,7 @@
 """The verdict: may this localisation move a robot? And if not, why, in words that help."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -8,7 +9,9 @@ from services.registration.core.alignment import CArmTurn
 from services.registration.core.hole_axes import HoleEstimate, NailEstimate
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
-from shared.geometry.parts import NailPart
+from shared.geometry.frames import Guide, Nail
+from shared.geometry.parts import GuidePart, NailPart
+from shared.geometry.transform import Transform
 
 LARGEST_ENTRY_BOUND_MM = 1.0
 LARGEST_AXIS_BOUND_DEG = 1.5
@@ -17,11 +20,15 @@ LARGEST_TILT_DEG = 14.0
 LARGEST_DISTORTION_SD_PX = 0.5
 LARGEST_RADIUS_EXCESS_MM = 0.12
 LARGEST_STRUCTURE = 2.0
+# One opening alone was measured to be explained by a pose 9 degrees or 2 mm off with margins up to 13.
+LEAST_MARGIN_OF_ONE_HOLE = 40.0
 
 
 def judge(
     calibration: CArmCalibration,
+    guide: GuidePart,
     nail: NailPart,
+    guide_from_nail: Transform[Guide, Nail],
     estimate: NailEstimate,
     holes: tuple[HoleEstimate, ...],
     correction: CArmTurn,
@@ -29,6 +36,8 @@ def judge(
     """Reasons against a localisation in which ring, guide and nail were all found; none means accepted."""
     return (
         *_extrapolated(calibration, nail, estimate),
+        *_exchanged(guide, nail, guide_from_nail),
+        *_alone(nail, estimate),
         *_unexplained(estimate),
         *(reason for hole in holes for reason in _tilted(hole, correction)),
         *(reason for hole in holes for reason in _uncertain(hole)),
@@ -46,6 +55,33 @@ def _extrapolated(calibration: CArmCalibration, nail: NailPart, estimate: NailEs
                 f"image's distortion uncertain by {deviation:.2f} px (limit {LARGEST_DISTORTION_SD_PX}); move the "
                 "C-arm until the holes are nearer to the image's centre and take one more image",
             )
+
+
+def _exchanged(guide: GuidePart, nail: NailPart, guide_from_nail: Transform[Guide, Nail]) -> Iterator[Reason]:
+    """Holes of the same id belong together: those of the nail must follow one another as those of the guide do."""
+    in_guide = {hole.id: hole.axis.point_mm for hole in guide.holes}
+    in_nail = {hole.id: guide_from_nail @ hole.axis.point_mm for hole in nail.holes if hole.id in in_guide}
+    for first, second in pairwise(in_nail):
+        by_guide, by_nail = in_guide[second] - in_guide[first], in_nail[second] - in_nail[first]
+        if float(by_guide @ by_nail) < 0.0:
+            yield Reason(
+                ReasonCode.NAIL_MODEL_MISMATCH,
+                f"from hole '{first}' to hole '{second}' the nail's file goes {by_nail[0]:+.1f} mm along the guide's x "
+                f"axis and the guide's file {by_guide[0]:+.1f} mm (limit: the same direction); check the holes' ids in "
+                "both files and that the guide's +x points to the nail's tip",
+            )
+
+
+def _alone(nail: NailPart, estimate: NailEstimate) -> Iterator[Reason]:
+    """With one hole there is no spacing to tell the depth, and one opening to tell the tilt."""
+    margin = estimate.mirror_margin
+    if len(nail.holes) > 1 or margin is None or margin >= LEAST_MARGIN_OF_ONE_HOLE:
+        return
+    yield Reason(
+        ReasonCode.MIRROR_AMBIGUOUS,
+        f"the nail has one hole, and another tilt explains the image nearly as well: logarithm of the likelihood ratio "
+        f"{margin:.1f} (limit {LEAST_MARGIN_OF_ONE_HOLE:.0f}); turn the C-arm by 5° and take one more image",
+    )
 
 
 def _unexplained(estimate: NailEstimate) -> Iterator[Reason]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
 from services.registration.core.fronto_parallel import fronto_parallel_from_start
 from services.registration.core.guide import GuideFit, locate_guide
-from services.registration.core.hole_axes import MODEL_COVARIANCE, HoleEstimate, Misfit, NailEstimate, hole_estimates
+from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate, hole_estimates, model_covariance
 from services.registration.core.judge import judge
 from services.registration.core.nail.coarse import NailStart, find_nail
 from services.registration.core.nail.fit import fit_nail
@@ -122,7 +122,7 @@ def conclude(
         return LocalisationResult(method, reasons, found_guide, found_nail, None, None, correction)
     holes = hole_estimates(calibration, parts.guide, parts.nail, found_guide, found_nail)
     guide_from_nail = found_guide.camera_from_guide.inverse() @ found_nail.camera_from_nail
-    reasons = judge(calibration, parts.nail, found_nail, holes, correction)
+    reasons = judge(calibration, parts.guide, parts.nail, guide_from_nail, found_nail, holes, correction)
     return LocalisationResult(method, reasons, found_guide, found_nail, guide_from_nail, holes, correction)
 
 
@@ -159,7 +159,7 @@ def _by_model(
         return fit
     found = fit.value
     misfit = Misfit(found.hole_radius_excess_mm, found.nail_radius_excess_mm, found.residual.structure)
-    covariance = found.covariance + MODEL_COVARIANCE
+    covariance = found.covariance + model_covariance(parts.nail, found.camera_from_nail)
     return Accepted(NailEstimate(found.camera_from_nail, covariance, found.mirror_margin, misfit))
 
 

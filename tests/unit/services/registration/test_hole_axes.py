@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.guide import GuideFit
-from services.registration.core.hole_axes import NailEstimate, hole_estimates
+from services.registration.core.hole_axes import NailEstimate, hole_estimates, model_covariance
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from shared.geometry.camera import PinholeCamera
@@ -108,3 +108,26 @@ def test_pose_refinement_reaches_the_truth_past_outliers() -> None:
     found = refine_pose(camera, start, Correspondences(body, px, np.full(20, 0.1)))
     assert found.rotation == pytest.approx(true.rotation, abs=1e-5)
     assert found.translation_mm == pytest.approx(true.translation_mm, abs=5e-3)
+
+
+def test_the_models_error_of_depth_grows_as_the_holes_get_closer() -> None:
+    """A shift along the ray: 1.0 mm for 30 mm between the holes at 740 mm, when each may be off by 0.03 mm."""
+    ray = NAIL_POSE.rotation.T @ NAIL_POSE.translation_mm / np.linalg.norm(NAIL_POSE.translation_mm)
+    deviations = []
+    for hole_x_mm in ((15.0, -15.0), (10.0, -10.0), (0.0,)):
+        covariance = model_covariance(nail_part(hole_x_mm=hole_x_mm), NAIL_POSE)
+        deviations.append(float(np.sqrt(ray @ covariance[3:, 3:] @ ray)))
+    assert deviations == pytest.approx([1.05, 1.57, 2.62], rel=0.01)
+
+
+def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
+    nail = nail_part()
+    fit = guide_fit(GUIDE_POSE, np.zeros((6, 6)))
+    entry_sd_mm = []
+    for tilt_deg in (0.0, 10.0):
+        pose = posed_nail(0.0, (tilt_deg, 0.0), (0.0, 0.0, 740.0))
+        estimate = NailEstimate(pose, model_covariance(nail, pose), 50.0, None)
+        offset = hole_estimates(KNOWN_SOURCE, guide_part(), nail, fit, estimate)[0].offset
+        assert offset is not None
+        entry_sd_mm.append(offset.entry_sd_mm)
+    assert entry_sd_mm[1] ** 2 - entry_sd_mm[0] ** 2 == pytest.approx((1.05 * np.sin(np.radians(10.0))) ** 2, rel=0.05)

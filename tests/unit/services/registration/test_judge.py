@@ -13,13 +13,16 @@ from services.registration.core.passing import AxisOffset
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import DisplacementField
+from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line
-from tests.unit.services.registration.xray_scene import calibration, nail_part, posed_nail
+from shared.geometry.transform import Transform
+from tests.unit.services.registration.xray_scene import calibration, guide_part, nail_part, posed_nail
 
 NAIL_MM = 12.0
 VIEW = calibration(1024)
 TURN = CArmTurn(3.0, -2.0)
 GOOD_FIT = Misfit(0.02, -0.03, 1.2)
+BEHIND_THE_GUIDE: Transform[Guide, Nail] = Transform.from_rotvec(np.zeros(3), [4.0, -3.0, 107.0])
 
 
 def hole(entry_sd_mm: float = 0.05, tilt_deg: float = 3.0, diameter_mm: float = 6.0) -> HoleEstimate:
@@ -34,7 +37,7 @@ def reasons(
     estimate_misfit: Misfit | None = GOOD_FIT, one: HoleEstimate | None = None, view: CArmCalibration = VIEW
 ) -> tuple[Reason, ...]:
     estimate = NailEstimate(posed_nail(10.0), np.eye(6), 50.0, estimate_misfit)
-    return judge(view, nail_part(), estimate, (one or hole(),), TURN)
+    return judge(view, guide_part(), nail_part(), BEHIND_THE_GUIDE, estimate, (one or hole(),), TURN)
 
 
 def test_within_all_limits_is_accepted() -> None:
@@ -82,3 +85,21 @@ def test_holes_beyond_the_rings_balls_are_refused() -> None:
     found = reasons(view=calibration(1024, unsure))
     assert {reason.code for reason in found} == {ReasonCode.CALIBRATION_EXTRAPOLATED}
     assert "uncertain by 0.80 px (limit 0.5)" in found[0].message
+
+
+def test_ids_that_guide_and_nail_give_to_opposite_holes_are_refused() -> None:
+    estimate = NailEstimate(posed_nail(10.0), np.eye(6), 50.0, GOOD_FIT)
+    exchanged = nail_part(hole_x_mm=(-12.0, 12.0))
+    (reason,) = judge(VIEW, guide_part(), exchanged, BEHIND_THE_GUIDE, estimate, (hole(),), TURN)
+    assert reason.code is ReasonCode.NAIL_MODEL_MISMATCH
+    assert "the nail's file goes +24.0 mm along the guide's x axis and the guide's file -30.0 mm" in reason.message
+
+
+@pytest.mark.parametrize(("margin", "codes"), [(39.0, [ReasonCode.MIRROR_AMBIGUOUS]), (41.0, [])])
+def test_one_hole_alone_must_be_clearer_than_two(margin: float, codes: list[ReasonCode]) -> None:
+    one_hole = nail_part(hole_x_mm=(15.0,))
+    estimate = NailEstimate(posed_nail(10.0), np.eye(6), margin, GOOD_FIT)
+    found = judge(VIEW, guide_part(), one_hole, BEHIND_THE_GUIDE, estimate, (hole(),), TURN)
+    assert [reason.code for reason in found] == codes
+    two = judge(VIEW, guide_part(), nail_part(), BEHIND_THE_GUIDE, estimate, (hole(),), TURN)
+    assert two == ()
