@@ -13,6 +13,7 @@ from shared.geometry.parts import NailPart
 _SCALES = np.linspace(0.86, 1.12, 27)
 _LOWEST_CONTRAST = 0.02
 _NOT_A_HOLE = -1.0
+_BEYOND_OPEN = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +182,8 @@ def _best_column(openness: NDArray[np.float64], offsets_px: NDArray[np.float64])
     at_holes = np.stack(
         [np.interp(columns + o, columns, openness, left=_NOT_A_HOLE, right=_NOT_A_HOLE) for o in offsets_px]
     )
-    capped = np.minimum(at_holes, 1.0)
+    # A very bright hole must not make up for a dim one; but flat out it would leave ties among places and scales.
+    capped = np.minimum(at_holes, 1.0 + _BEYOND_OPEN * (at_holes - 1.0))
     total = capped.mean(axis=0) + capped.min(axis=0)
     best = int(np.argmax(total))
     return float(total[best]), float(best)

@@ -5,6 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.nail.coarse import NailStart, find_nail
+from services.registration.core.nail.coarse_band import Band
+from services.registration.core.nail.coarse_openings import Strip, find_pattern
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
@@ -174,3 +176,21 @@ def test_grey_values_may_have_any_scale_and_type() -> None:
     pixels = render(Scene(SIZE_PX, nail, true), view, seed=12)
     eight_bits = np.clip(pixels * 180.0 + 20.0, 0, 255).astype(np.uint8)
     assert_found(nail, found(find_nail(eight_bits, view, nail)), true, tilt_deg=0.0)
+
+
+def test_openings_brighter_than_what_lies_beside_the_nail_leave_no_tie_among_places() -> None:
+    """Openings as bright as that satisfy every scale; the pattern must still lie in their middle."""
+    nail, px_per_mm = nail_part(hole_x_mm=(10.5, -10.5), diameter_mm=12.5), 3.0
+    rows, columns = np.mgrid[-41:42, 0:300]
+    grey = np.where(np.abs(rows) < 0.5 * 12.5 * px_per_mm, 0.3, 0.5)
+    for hole in nail.holes:
+        along = columns - 150.0 - px_per_mm * hole.axis.point_mm[0]
+        grey = np.where(np.hypot(along, rows) < 3.0 * px_per_mm, 0.9, grey)
+    band = Band(np.array([150.0, 0.0]), np.array([1.0, 0.0]), 12.5 * px_per_mm, 250.0)
+    level = np.ones(300)
+    strip = Strip(band, grey.astype(np.float32), np.ones(300, dtype=bool), -150.0, 0.3 * level, 0.5 * level)
+    forwards, backwards = find_pattern(strip, nail)
+    for pattern in (forwards, backwards):
+        middles = np.sort(pattern.centre_search_px[:, 0])
+        assert middles == pytest.approx([150.0 - 31.5, 150.0 + 31.5], abs=2.5)
+        assert pattern.centre_search_px[:, 1] == pytest.approx(0.0, abs=2.0)
