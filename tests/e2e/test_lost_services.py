@@ -1,0 +1,152 @@
+"""What is lost, frozen or late stops the robot or keeps it where it is: one installation, real processes, REST only."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import httpx
+import pytest
+
+from distalock.case_client import CaseClient, Operation, Plan
+from distalock.rest_client import JsonObject
+from tests.e2e.conftest import SEED, OperatingRoom, operating_room
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
+# Longer than any command lives (1 s) and any link's lease (1 s).
+FROZEN_S = 2.5
+
+
+class Theatre:
+    """A running installation with an open case."""
+
+    def __init__(self, room: OperatingRoom) -> None:
+        self.room = room
+        self.case: CaseClient = room.open_case()
+
+    def robot(self) -> JsonObject:
+        state = self.room.rest.get("/api/v1/robot")["state"]
+        assert isinstance(state, dict)
+        return state
+
+    def true_pose(self) -> object:
+        return self.room.control.get("/truth")["base_from_top"]
+
+    def approved_plan(self) -> Plan:
+        if self.robot()["stop"] == "latched":
+            self.case.make_robot_ready()
+        wait_until(lambda: self.robot()["locked"] is True, "locked")
+        seen = self.case.localisation_of(self.room.room.take_shot())
+        assert seen.accepted, seen.summary
+        plan = self.case.plan(seen.number, self.room.room.scenario().hole_ids)
+        self.case.approve(plan, "e2e surgeon")
+        return plan
+
+    def begin(self, plan: Plan) -> JsonObject:
+        return self.room.rest.post(f"/api/v1/cases/{self.case.id}/motions", {"plan": plan.number})
+
+    def begin_to_move(self) -> JsonObject:
+        begun = self.begin(self.approved_plan())
+        wait_until(lambda: self.robot()["state"] == "moving", "moving")
+        return begun
+
+    def outcome(self, begun: JsonObject) -> Operation:
+        return self.case.follow(begun)
+
+    @contextmanager
+    def frozen(self, service: str) -> Iterator[None]:
+        """A service that hangs: it keeps its connections and says nothing."""
+        pid = self.room.fleet.pids[service]
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            os.kill(pid, signal.SIGCONT)
+
+
+@pytest.fixture(scope="module")
+def theatre(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Theatre]:
+    print(f"scenario seed {SEED}")
+    with operating_room(tmp_path_factory.mktemp("room"), SEED) as room:
+        yield Theatre(room)
+
+
+def wait_until(condition: Callable[[], bool], what: str, patience_s: float = 20.0) -> None:
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline, f"{what} has not come true within {patience_s} s"
+        time.sleep(0.01)
+
+
+def require_standstill(theatre: Theatre) -> None:
+    here = theatre.true_pose()
+    time.sleep(0.3)
+    assert theatre.true_pose() == here, "what is stopped must still be there later"
+
+
+def test_a_frozen_gateway_stops_the_move(theatre: Theatre) -> None:
+    begun = theatre.begin_to_move()
+    with theatre.frozen("ui_api"):
+        time.sleep(0.5)  # the deadline of the heartbeat is 0.2 s; the robot has come to rest soon after
+        require_standstill(theatre)
+    ended = theatre.outcome(begun)
+    assert ended.status == "stopped"
+    assert "gateway was silent" in ended.detail
+    assert theatre.robot()["stop"] == "latched"
+
+
+def test_a_command_that_waited_in_a_frozen_robot_service_moves_nothing(theatre: Theatre) -> None:
+    plan = theatre.approved_plan()
+    here = theatre.true_pose()
+    with theatre.frozen("robot"):
+        begun = theatre.begin(plan)
+        time.sleep(FROZEN_S)
+    ended = theatre.outcome(begun)
+    assert ended.status == "failed"
+    assert "nothing moved" in ended.detail
+    assert theatre.robot()["state"] == "locked"
+    assert theatre.true_pose() == here
+
+
+def test_nothing_moves_while_registration_cannot_vouch_for_the_plan(theatre: Theatre) -> None:
+    plan = theatre.approved_plan()
+    here = theatre.true_pose()
+    with theatre.frozen("registration"):
+        time.sleep(FROZEN_S)
+        ended = theatre.outcome(theatre.begin(plan))
+    assert ended.status == "failed"
+    assert "registration has gone" in ended.detail
+    assert theatre.true_pose() == here
+    # A motion that never began leaves its plan as it was, and this one is still the newest.
+    wait_until(lambda: theatre.outcome(theatre.begin(plan)).status == "succeeded", "registration vouches again")
+
+
+def test_a_killed_router_stops_the_move_and_everything_comes_back(theatre: Theatre) -> None:
+    begun = theatre.begin_to_move()
+    os.kill(theatre.room.fleet.pids["router"], signal.SIGKILL)
+    time.sleep(0.5)
+    require_standstill(theatre)
+    theatre.room.fleet.restart("router")
+    ready = f"{theatre.room.installation.ports.rest_url}/readyz"
+    wait_until(lambda: httpx.get(ready).status_code == httpx.codes.OK, "everything is back")
+    assert theatre.outcome(begun).status == "stopped"
+    assert theatre.robot()["stop"] == "latched"
+
+
+def test_a_pressed_stop_button_stops_the_move_and_holds(theatre: Theatre) -> None:
+    begun = theatre.begin_to_move()
+    theatre.room.control.post("/faults", {"kind": "controller", "name": "emergency_stop"})
+    try:
+        ended = theatre.outcome(begun)
+        assert ended.status == "stopped"
+        assert "stop button is pressed" in ended.detail
+        plan = theatre.approved_plan()
+        here = theatre.true_pose()
+        refused = theatre.outcome(theatre.begin(plan))
+        assert refused.status == "stopped"
+        assert "stop button is pressed" in refused.detail
+        assert theatre.true_pose() == here, "the button is still pressed: nothing moves, acknowledged or not"
+    finally:
+        theatre.room.control.delete("/faults")
