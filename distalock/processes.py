@@ -3,7 +3,9 @@
 Services are real processes even on one machine: what `distalock up` runs is what containers run.
 """
 
+import fcntl
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -14,12 +16,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import IO, Self
 
 from shared.errors import ConfigurationError
 
 _STOP_PATIENCE_S = 8.0
 _POLL_S = 0.05
+_LEAST_FREE_BYTES = 64 * 2**20
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +63,10 @@ class Fleet:
         self._start_patience_s = start_patience_s
         self._stop = stop or threading.Event()
         self._running: list[tuple[ProcessSpec, subprocess.Popen[bytes]]] = []
+        self._folder_lock: IO[bytes] | None = None
 
     def __enter__(self) -> Self:
-        self._log_dir.mkdir(parents=True, exist_ok=True)
+        self._folder_lock = _taken_folder(self._log_dir)
         try:
             for spec in self._specs:
                 self._start(spec)
@@ -116,6 +120,8 @@ class Fleet:
                 process.send_signal(signal.SIGTERM)
                 _wait_or_kill(process)
         self._running.clear()
+        if self._folder_lock is not None:
+            self._folder_lock.close()
 
     def _log_file(self, name: str) -> Path:
         return self._log_dir / f"{name}.log"
@@ -151,6 +157,39 @@ def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
+
+
+def _taken_folder(log_dir: Path) -> IO[bytes]:
+    """Make the folder and hold it, until the file is closed, against a second fleet that would write the same files.
+
+    Raises
+    ------
+    ConfigurationError
+        When it cannot be written, is nearly full, or another fleet holds it.
+    """
+    try:
+        log_dir.mkdir(parents=True, exist_ok=True)
+        lock = (log_dir / "lock").open("ab")
+        free_bytes = shutil.disk_usage(log_dir).free
+    except OSError as error:
+        raise ConfigurationError(
+            f"the state folder {log_dir.parent} cannot be written ({error.strerror}); choose another with --state"
+        ) from None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.close()
+        raise ConfigurationError(
+            f"the state folder {log_dir.parent} is in use by another installation that runs now; end it, or choose "
+            "another with --state"
+        ) from None
+    if free_bytes < _LEAST_FREE_BYTES:
+        lock.close()
+        raise ConfigurationError(
+            f"the state folder {log_dir.parent} has {free_bytes / 2**20:.1f} MiB free, at least "
+            f"{_LEAST_FREE_BYTES / 2**20:.0f} MiB are needed; free some, or choose another with --state"
+        )
+    return lock
 
 
 def tcp_port_answers(port: int, host: str = "127.0.0.1") -> bool:

@@ -98,3 +98,19 @@ def test_free_ports_differ() -> None:
     ports = free_ports(5)
     assert len(set(ports)) == 5
     assert sys.platform != "linux" or not any(tcp_port_answers(p) for p in ports)
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(ConfigurationError, match=r"cannot be written \(Not a directory\); choose another with --state"):
+        Fleet([], tmp_path / "file" / "logs").__enter__()
+
+
+def test_a_folder_in_use_is_refused_and_free_again_afterwards(tmp_path: Path) -> None:
+    with (
+        Fleet([], tmp_path / "logs"),
+        pytest.raises(ConfigurationError, match="is in use by another installation that runs now"),
+    ):
+        Fleet([], tmp_path / "logs").__enter__()
+    with Fleet([], tmp_path / "logs"):
+        pass
