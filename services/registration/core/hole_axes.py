@@ -98,13 +98,13 @@ class HoleEstimate:
 def model_covariance(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
     """What the model itself leaves uncertain, shape (6, 6), as `NailEstimate.covariance`.
 
-    The depth follows from the distance of the outermost holes, or the nail's width where there is but one hole: each
-    end is off by as much as the whole nail, and depth is to its error as the distance is to that of its ends. An error
-    of depth moves the nail along the ray, and so across its holes when they are tilted against it.
+    The depth follows from the distance of the outermost holes, or the nail's width where there is but one hole: that
+    distance is off by as much as the nail's place, and depth is to its error as the distance is to its own. An error of
+    depth moves the nail along the ray, and so across its holes when they are tilted against it.
     """
     along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
     known_mm = max(max(along) - min(along), nail.diameter_mm)
-    depth_sd_mm = np.sqrt(2.0) * MODEL_SD_MM * float(camera_from_nail.translation_mm[2]) / known_mm
+    depth_sd_mm = MODEL_SD_MM * float(camera_from_nail.translation_mm[2]) / known_mm
     ray = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
     covariance = np.diag([np.radians(MODEL_SD_DEG) ** 2] * 2 + [0.0] + [MODEL_SD_MM**2] * 2 + [0.0])
     covariance[3:, 3:] += depth_sd_mm**2 * np.outer(ray, ray)
