@@ -42,6 +42,7 @@ class Statistics:
     axis_deg: Quantiles
     normalised_entry: float
     normalised_axis: float
+    fronto_parallel_found: int
     fronto_parallel_entry_mm: Quantiles
     fronto_parallel_axis_deg: Quantiles
 
@@ -80,6 +81,7 @@ def summary_of(results: Sequence[SceneResult]) -> Statistics:
         axis_deg=_quantiles([e.axis_deg for e in model]),
         normalised_entry=root_mean_square([e.normalised_entry for e in model]),
         normalised_axis=root_mean_square([e.normalised_axis for e in model]),
+        fronto_parallel_found=len(paper),
         fronto_parallel_entry_mm=_quantiles([e.entry_mm for e in paper]),
         fronto_parallel_axis_deg=_quantiles([e.axis_deg for e in paper]),
     )
@@ -119,7 +121,8 @@ def _report(results: Sequence[SceneResult], found: Statistics) -> str:
         f"{LARGEST_ENTRY_ERROR_MM:g} mm or {LARGEST_AXIS_ERROR_DEG:g}°). Refusals by code: {refused}.\n\n"
         "| of the accepted: median / 95 % / worst | entry mm | axis ° |\n|---|---|---|\n"
         f"| model | {_triple(found.entry_mm)} | {_triple(found.axis_deg)} |\n"
-        f"| the paper's fronto-parallel method | {_triple(found.fronto_parallel_entry_mm)} "
+        f"| the paper's fronto-parallel method, {found.fronto_parallel_found} views round enough for it "
+        f"| {_triple(found.fronto_parallel_entry_mm)} "
         f"| {_triple(found.fronto_parallel_axis_deg)} |\n\n"
         f"Error over predicted standard uncertainty, rms: entry {found.normalised_entry:.2f}, "
         f"axis {found.normalised_axis:.2f}.\n"
