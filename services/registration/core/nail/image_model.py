@@ -21,6 +21,7 @@ from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
 _MOST_DEVIATIONS = 6.0
+_MOST_RADIUS_EXCESS_MM = 0.6
 _STRAIGHT = 1e-6
 _USUAL_BLUR_PX = 1.2
 
@@ -67,7 +68,17 @@ PRIOR = {
 STEP = np.array([0.1, 0.1, 0.1, 0.1, 0.004, 0.004, 0.02, 0.02, 0.02, 0.01, 0.02, 0.02, 0.05, 0.02, 0.001])
 
 
-_REACH = np.array([_MOST_DEVIATIONS * PRIOR[u][1] if u in PRIOR else np.inf for u in Unknown])
+_RADII = (Unknown.HOLE_RADIUS_EXCESS_MM, Unknown.NAIL_RADIUS_EXCESS_MM)
+
+
+def _reach_of(unknown: Unknown) -> float:
+    """How far from its prior's mean a parameter may go; radii far enough to tell another nail."""
+    if unknown not in PRIOR:
+        return float("inf")
+    return _MOST_RADIUS_EXCESS_MM if unknown in _RADII else _MOST_DEVIATIONS * PRIOR[unknown][1]
+
+
+_REACH = np.array([_reach_of(unknown) for unknown in Unknown])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,7 +157,7 @@ def prior_precision() -> NDArray[np.float64]:
 
 
 def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nuisances clipped to six standard deviations of their prior: beyond lies nothing physical."""
+    """Nuisances clipped to where they still mean something, mostly six standard deviations of their prior."""
     return np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
 
 

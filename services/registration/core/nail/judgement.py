@@ -154,11 +154,11 @@ def _unseen_holes(evidence: Evidence) -> list[Reason]:
 
 def _mismatch(evidence: Evidence) -> list[Reason]:
     reasons = []
-    measured = (("holes", evidence.hole_radius_excess_mm), ("nail", evidence.nail_radius_excess_mm))
+    measured = (("holes measure", evidence.hole_radius_excess_mm), ("nail measures", evidence.nail_radius_excess_mm))
     for what, excess in measured:
         if abs(excess) > _MOST_RADIUS_EXCESS_MM:
             message = (
-                f"the {what} measure {2 * excess:+.2f} mm in diameter against the nail file "
+                f"the {what} {2 * excess:+.2f} mm in diameter against the nail file "
                 f"(limit {2 * _MOST_RADIUS_EXCESS_MM:.2f} mm); check that the file is that of the implanted nail"
             )
             reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))

@@ -1,0 +1,153 @@
+"""The nail's fit on images of a small fluoroscope: accuracy, capture, honest covariance, refusals."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.registration.core.nail.fit import NailFit, fit_nail
+from services.registration.core.nail.occluders import Occluders
+from shared.errors import Accepted, ReasonCode, Rejected
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.lines import angle_between_rad
+from shared.geometry.parts import NailPart
+from shared.geometry.transform import Transform
+from tests.accuracy.registration.nail.fluoroscope import Shot, nail_part, posed, shoot
+
+pytestmark = pytest.mark.slow
+
+STEEL = nail_part("steel", 12.0, 6.0)
+TITANIUM = nail_part("Ti6Al4V", 11.0, 5.3, 4.5)
+SHOTS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A fit beside its truth; `normalised` is the error of the pose over its standard deviation, shape (6,)."""
+
+    axis_deg: float
+    across_mm: float
+    normalised: NDArray[np.float64]
+    fit: NailFit
+
+
+def start_beside(truth: Transform[Camera, Nail], rng: np.random.Generator) -> Transform[Camera, Nail]:
+    """A start that is some degrees and a millimetre off."""
+    offset = rng.normal(size=3) * [1.0, 1.0, 3.0]
+    return truth @ Transform[Nail, Nail].from_rotvec(np.radians(3.0 * rng.normal(size=3)), offset)
+
+
+def accepted(shot: Shot, start: Transform[Camera, Nail]) -> Outcome:
+    result = fit_nail(shot.pixels, shot.calibration, shot.nail, start, shot.occluders)
+    assert isinstance(result, Accepted), result
+    fit = result.value
+    motion = fit.camera_from_nail.inverse() @ shot.camera_from_nail
+    error = np.concatenate([motion.rotation_vector_rad, motion.translation_mm])
+    axes = [pose.rotation[:, 2] for pose in (fit.camera_from_nail, shot.camera_from_nail)]
+    apart = fit.camera_from_nail.translation_mm - shot.camera_from_nail.translation_mm
+    across = float(np.linalg.norm(apart - axes[1] * (apart @ axes[1])))
+    return Outcome(
+        float(np.degrees(angle_between_rad(axes[0], axes[1]))), across, error / np.sqrt(np.diag(fit.covariance)), fit
+    )
+
+
+@cache
+def outcomes() -> tuple[Outcome, ...]:
+    """Fits of several nails, tilts, textures and guides, from starts that are off."""
+    results = []
+    for seed in range(SHOTS):
+        rng = np.random.default_rng([20, seed])
+        nail = STEEL if seed % 2 else TITANIUM
+        pitch_deg, roll_deg = rng.uniform(-7.0, 7.0, 2)
+        truth = posed(pitch_deg, roll_deg, rng.uniform(0.0, 360.0))
+        beside = (float(rng.uniform(-3.0, 3.0)), float(rng.uniform(-3.0, 3.0)))
+        shot = shoot(nail, truth, beside, seed)
+        results.append(accepted(shot, start_beside(truth, rng)))
+        print(f"seed {seed}: {results[-1].axis_deg:.3f} deg, {results[-1].across_mm:.3f} mm")
+    return tuple(results)
+
+
+def test_axes_and_places_are_accurate() -> None:
+    degrees = np.array([o.axis_deg for o in outcomes()])
+    assert np.median(degrees) < 0.15
+    assert degrees.max() < 0.4
+    assert max(o.across_mm for o in outcomes()) < 0.15
+
+
+def test_predicted_errors_are_those_that_occur() -> None:
+    normalised = np.array([o.normalised for o in outcomes()])
+    assert 0.6 < float(np.sqrt(np.mean(normalised**2))) < 1.8
+
+
+def test_the_reflected_tilt_is_worse_by_a_margin() -> None:
+    assert min(o.fit.mirror_margin for o in outcomes()) > 8.0
+
+
+def test_radii_come_out_as_they_are() -> None:
+    for outcome in outcomes():
+        assert abs(outcome.fit.hole_radius_excess_mm) < 0.04
+        assert abs(outcome.fit.nail_radius_excess_mm) < 0.04
+
+
+@cache
+def tilted_shot() -> Shot:
+    return shoot(STEEL, posed(-2.0, 4.5, 70.0), (1.5, -2.0), 77)
+
+
+@pytest.mark.parametrize("tilt", [(2.0, -4.5), (-2.0, -4.5), (2.0, 4.5), (0.0, 0.0), (8.0, -8.0)])
+def test_starts_at_reflected_tilts_end_at_the_truth(tilt: tuple[float, float]) -> None:
+    shot = tilted_shot()
+    beside = shot.camera_from_nail.translation_mm + np.array([0.6, -0.5, 4.0])
+    start = Transform[Camera, Nail].from_rotation_translation(posed(*tilt, 70.0).rotation, beside)
+    assert accepted(shot, start).axis_deg < 0.4
+
+
+def test_both_holes_are_seen_and_said_to_be() -> None:
+    outcome = accepted(tilted_shot(), tilted_shot().camera_from_nail)
+    assert {view.id for view in outcome.fit.holes} == {"distal", "proximal"}
+    assert all(view.opening > 0.5 for view in outcome.fit.holes)
+    assert all(view.contrast_to_noise > 3.0 for view in outcome.fit.holes)
+
+
+def refused(shot: Shot, nail: NailPart, start: Transform[Camera, Nail], occluders: Occluders) -> set[ReasonCode]:
+    result = fit_nail(shot.pixels, shot.calibration, nail, start, occluders)
+    assert isinstance(result, Rejected), result
+    print([reason.message for reason in result.reasons])
+    return {reason.code for reason in result.reasons}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [nail_part("steel", 13.0, 6.0), nail_part("steel", 12.0, 5.5), nail_part("steel", 12.0, 6.6)],
+    ids=["wider nail", "smaller holes", "larger holes"],
+)
+def test_another_nail_than_the_files_is_refused(wrong: NailPart) -> None:
+    shot = tilted_shot()
+    codes = refused(shot, wrong, shot.camera_from_nail, shot.occluders)
+    assert ReasonCode.NAIL_MODEL_MISMATCH in codes
+
+
+def test_a_nail_without_holes_there_is_refused() -> None:
+    shot = tilted_shot()
+    along = Transform[Nail, Nail].from_rotvec(np.zeros(3), [45.0, 0.0, 0.0])
+    codes = refused(shot, shot.nail, shot.camera_from_nail @ along, shot.occluders)
+    assert ReasonCode.HOLE_NOT_VISIBLE in codes
+
+
+def test_a_nail_outside_the_image_is_refused() -> None:
+    shot = tilted_shot()
+    away = Transform[Camera, Nail].from_rotation_translation(shot.camera_from_nail.rotation, [200.0, 0.0, 740.0])
+    assert refused(shot, shot.nail, away, shot.occluders) == {ReasonCode.HOLE_NOT_VISIBLE}
+
+
+def test_a_hole_that_is_covered_is_refused() -> None:
+    shot = tilted_shot()
+    pixels = shot.pixels.copy()
+    hole = shot.calibration.image_from_camera(shot.camera_from_nail @ np.array([-15.0, 0.0, 0.0]))
+    rows, columns = np.ogrid[: pixels.shape[0], : pixels.shape[1]]
+    metal = float(np.percentile(pixels, 2.0))
+    pixels[(columns - hole[0]) ** 2 + (rows - hole[1]) ** 2 < 26.0**2] = metal
+    codes = refused(replace(shot, pixels=pixels), shot.nail, shot.camera_from_nail, shot.occluders)
+    assert ReasonCode.HOLE_NOT_VISIBLE in codes

@@ -1,0 +1,55 @@
+"""Noise from residuals: variance, correlation, and the filter against it."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from services.registration.core.nail.noise import (
+    correlation_of,
+    robust_weight,
+    variance_by_brightness,
+    whitening_for,
+)
+
+SHAPE = (160, 180)
+EVERYWHERE = np.arange(SHAPE[0] * SHAPE[1])
+
+
+def blurred_noise(sigma: float, seed: int) -> NDArray[np.float64]:
+    noise = gaussian_filter(np.random.default_rng(seed).normal(size=SHAPE), sigma)
+    return np.asarray(noise / noise.std())
+
+
+def test_independent_noise_has_no_inflation() -> None:
+    white = np.random.default_rng(1).normal(size=SHAPE)
+    assert correlation_of(white.ravel(), EVERYWHERE, SHAPE).inflation == pytest.approx(1.0, abs=0.25)
+
+
+def test_blurred_noise_inflates_by_the_area_of_its_correlation() -> None:
+    noise = blurred_noise(1.2, 2)
+    # the autocorrelation of noise blurred by s is a Gaussian of s * sqrt(2): its area is 4 pi s^2
+    inflation = correlation_of(noise.ravel(), EVERYWHERE, SHAPE).inflation
+    assert inflation == pytest.approx(4.0 * np.pi * 1.2**2, rel=0.25)
+
+
+def test_whitening_takes_most_of_the_correlation_and_leaves_slow_variations() -> None:
+    noise = blurred_noise(1.0, 3)
+    before = correlation_of(noise.ravel(), EVERYWHERE, SHAPE)
+    whitening = whitening_for(before, SHAPE)
+    after = correlation_of(whitening.apply(noise).ravel(), EVERYWHERE, SHAPE)
+    assert after.inflation < 0.5 * before.inflation
+    slope = np.tile(np.linspace(1.0, 3.0, SHAPE[1]), (SHAPE[0], 1))
+    assert np.abs(whitening.apply(slope) - slope)[20:-20, 20:-20].max() < 1e-3
+
+
+def test_variance_follows_brightness() -> None:
+    rng = np.random.default_rng(4)
+    modelled = rng.uniform(0.2, 1.0, 20000)
+    variance = variance_by_brightness(rng.normal(0.0, 0.1 * modelled), modelled)
+    assert np.abs(np.sqrt(variance) / (0.1 * modelled) - 1.0).max() < 0.25
+
+
+def test_outliers_weigh_less_than_their_variance_says() -> None:
+    weight = robust_weight(np.array([0.5, 3.0, 30.0]), np.full(3, 4.0))
+    assert weight == pytest.approx([0.25, 0.25, 0.25 * 3.0 / 15.0])

@@ -1,0 +1,53 @@
+"""The background field: what it can follow, what its prior resists, and its normal equations."""
+
+import numpy as np
+
+from services.registration.core.nail.texture import SplineField, accumulate_normal_equations, spline_field
+
+
+def field_at(count: int, seed: int) -> SplineField:
+    rng = np.random.default_rng(seed)
+    return spline_field(rng.uniform(-20.0, 20.0, count), rng.uniform(-8.0, 8.0, count), 3.0)
+
+
+def basis_matrix(field: SplineField) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    return np.column_stack([field.at_places(column) for column in np.eye(field.size)])
+
+
+def test_equal_coefficients_are_a_constant() -> None:
+    field = field_at(200, 1)
+    assert np.abs(field.at_places(np.full(field.size, 2.5)) - 2.5).max() < 1e-12
+
+
+def test_planes_have_no_roughness_and_bumps_have() -> None:
+    field = field_at(50, 2)
+    along, across = np.meshgrid(np.arange(field.grid[0]), np.arange(field.grid[1]), indexing="ij")
+    plane = (1.0 + 0.3 * along - 0.7 * across).ravel()
+    bump = np.zeros(field.size)
+    bump[field.size // 2] = 1.0
+    assert abs(plane @ field.roughness @ plane) < 1e-9
+    assert bump @ field.roughness @ bump > 5.0
+
+
+def test_normal_equations_are_those_of_the_dense_matrix() -> None:
+    rng = np.random.default_rng(3)
+    field = field_at(300, 3)
+    gain, weight, targets = rng.uniform(0.0, 1.0, 300), rng.uniform(0.5, 2.0, 300), rng.normal(size=(300, 2))
+    dense = rng.normal(size=(300, 3))
+    matrix, right = np.zeros((field.size + 3, field.size + 3)), np.zeros((field.size + 3, 2))
+    accumulate_normal_equations(
+        field.corner,
+        field.along_weights,
+        field.across_weights,
+        field.grid[1],
+        gain,
+        dense,
+        weight,
+        targets,
+        matrix,
+        right,
+    )
+    columns = np.column_stack([gain[:, None] * basis_matrix(field), dense])
+    expected = columns.T @ (weight[:, None] * columns)
+    assert np.abs(np.tril(matrix) - np.tril(expected)).max() < 1e-9
+    assert np.abs(right - columns.T @ (weight[:, None] * targets)).max() < 1e-9
