@@ -75,12 +75,11 @@ def move_between(
     start, end
         X Y Z (mm) and U V W (degrees), shape (6,).
     velocity_mm_per_s
-        System velocity; it slows rotation down in the same proportion.
+        System velocity: bounds the translation. The rotation keeps to its own limit; both start and end together.
     """
     way = end - start
-    rotation_deg_per_s = limits.rotation_deg_per_s * velocity_mm_per_s / limits.translation_mm_per_s
     seconds = max(
-        float(np.linalg.norm(way[:3])) / velocity_mm_per_s, float(np.linalg.norm(way[3:])) / rotation_deg_per_s
+        float(np.linalg.norm(way[:3])) / velocity_mm_per_s, float(np.linalg.norm(way[3:])) / limits.rotation_deg_per_s
     )
     if seconds < 1e-9:
         return None
