@@ -62,6 +62,8 @@ def optimum_of(scene: NailScene, solution: Solution) -> Optimum:
 
 def _starting_tilts(start: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     own = start[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]]
+    if np.linalg.norm(own) < _DISTINCT_RAD:
+        return [own, *_FURTHER_TILTS_RAD]
     return [own, -own, *_FURTHER_TILTS_RAD]
 
 

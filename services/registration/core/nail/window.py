@@ -20,7 +20,7 @@ SAMPLES_PX = (np.concatenate([_LATTICE[start::4] for start in (1, 3, 0, 2)]) + 0
 _BLUR_REACH_PX = 8
 _INSIDE_APERTURE_PX = 9.0
 _LEAST_PIXELS = 200
-_MOVES_MM, _BORE_REACH_MM = 0.8, 1.0
+_MOVES_MM, _BORE_REACH_MM = 0.5, 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
