@@ -34,10 +34,9 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m shared.messages.schema_files --check
-	$(BIN)/python -m pytest -q -m "not slow" tests/unit tests/property tests/contract
+	$(BIN)/python -m pytest -q tests/unit tests/property tests/contract
 
 test: check
-	$(BIN)/python -m pytest -q -m slow tests/unit tests/property tests/contract
 	$(BIN)/python -m pytest -q tests/accuracy tests/e2e
 
 bench: setup
