@@ -96,6 +96,16 @@ def _room(given: argparse.Namespace) -> int:
     return run(given)
 
 
+def _robot_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.robot import add_arguments
+
+    add_arguments(parser)
+
+
+def _robot(given: argparse.Namespace) -> int:
+    return int(given.run_robot(given))
+
+
 def _benchmark_name(text: str) -> str:
     if text not in BENCHMARKS:
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; there are {', '.join(BENCHMARKS)}")
@@ -117,6 +127,7 @@ COMMANDS = (
     Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
     Command("virtual-or", "the virtual operating room alone", _room_arguments, _room),
+    Command("robot", "the robot's workspace, and the calibration of its guide", _robot_arguments, _robot),
     Command("bench", "the benchmarks: tables with ratios to the named peers", _bench_arguments, _bench),
 )
 

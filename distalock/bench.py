@@ -12,6 +12,7 @@ EXIT_BAD_INPUT: Final = 2
 BENCHMARKS: Final = {
     "accuracy": "random scenes with random parts, localised by the model and by the paper's method",
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
+    "hexapod_kinematics": "the robot's inverse and forward kinematics, beside plain NumPy",
     "procedure": "twenty seeded procedures in the virtual operating room",
 }
 

@@ -7,7 +7,9 @@ the same directions, `zero_height_mm` above the base.
 A pose is what the controller calls X Y Z U V W: the platform is turned by Rx(U)·Ry(V)·Rz(W) about the pivot (given in
 the top's frame, the controller's R S T), and the pivot is displaced by X Y Z from where it is in the zero pose.
 
-Limits and paths are in `hexapod_limits`, forward kinematics in `hexapod_forward`.
+Limits and straight moves are in `hexapod_limits`, screw moves in `hexapod_screw`, forward kinematics in
+`hexapod_forward`, derivatives in `hexapod_jacobian`, distances between legs in `hexapod_legs`, and millions of poses at
+once in `hexapod_inverse` and `hexapod_workspace`.
 """
 
 from dataclasses import dataclass
@@ -107,6 +109,8 @@ class HexapodPart:
         Pose of the guide at head extension 0 (which cannot be set: it only anchors the scale).
     sha256
         Of the file it was read from.
+    leg_diameter_mm
+        Thickness of a leg; 0 when the file does not say: then legs may come as near to one another as lines can.
     """
 
     name: str
@@ -124,6 +128,7 @@ class HexapodPart:
     head_extension_mm: Interval
     top_from_guide_retracted: Transform[RobotTop, Guide]
     sha256: str
+    leg_diameter_mm: float = 0.0
 
     def __post_init__(self) -> None:
         if self.base_joints_mm.shape != (LEGS, 3) or self.top_joints_mm.shape != (LEGS, 3):
@@ -166,7 +171,7 @@ def rotation_of(uvw_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def _rotation_translation(
+def rotation_translation(
     hexapod: HexapodPart, poses: NDArray[np.float64], pivot_mm: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rotations, shape (..., 3, 3), and translations in mm, shape (..., 3), of the top in the base."""
@@ -179,7 +184,7 @@ def base_from_top(
     hexapod: HexapodPart, pose: PlatformPose, pivot_mm: NDArray[np.float64]
 ) -> Transform[RobotBase, RobotTop]:
     """Where the platform stands in a pose, with the rotation about a pivot in the top's frame, shape (3,), in mm."""
-    return Transform.from_rotation_translation(*_rotation_translation(hexapod, pose.as_array(), pivot_mm))
+    return Transform.from_rotation_translation(*rotation_translation(hexapod, pose.as_array(), pivot_mm))
 
 
 def platform_pose(
@@ -192,13 +197,24 @@ def platform_pose(
     pivot_mm
         Centre of rotation in the top's frame, shape (3,).
     """
-    r = base_from_top.rotation
-    u = np.arctan2(-r[1, 2], r[2, 2])
-    v = np.arctan2(r[0, 2], np.hypot(r[0, 0], r[0, 1]))
-    w = np.arctan2(-r[0, 1], r[0, 0])
+    rotation, translation_mm = base_from_top.rotation, base_from_top.translation_mm
+    return PlatformPose.from_array(pose_values(hexapod, rotation, translation_mm, pivot_mm))
+
+
+def pose_values(
+    hexapod: HexapodPart,
+    rotation: NDArray[np.float64],
+    translation_mm: NDArray[np.float64],
+    pivot_mm: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """X Y Z (mm) and U V W (degrees), shape (..., 6), of rotations (..., 3, 3) and translations (..., 3) of the top."""
+    r = rotation
+    u = np.arctan2(-r[..., 1, 2], r[..., 2, 2])
+    v = np.arctan2(r[..., 0, 2], np.hypot(r[..., 0, 0], r[..., 0, 1]))
+    w = np.arctan2(-r[..., 0, 1], r[..., 0, 0])
     pivot_at_zero = pivot_mm + np.array([0.0, 0.0, hexapod.zero_height_mm])
-    xyz_mm = base_from_top @ pivot_mm - pivot_at_zero
-    return PlatformPose.from_array(np.concatenate([xyz_mm, np.degrees([u, v, w])]))
+    xyz_mm = r @ pivot_mm + translation_mm - pivot_at_zero
+    return np.concatenate([xyz_mm, np.degrees(np.stack([u, v, w], axis=-1))], axis=-1)
 
 
 def leg_vectors_mm(
@@ -213,7 +229,7 @@ def leg_vectors_mm(
     pivot_mm
         Centre of rotation in the top's frame, shape (3,).
     """
-    rotation, translation = _rotation_translation(hexapod, poses, pivot_mm)
+    rotation, translation = rotation_translation(hexapod, poses, pivot_mm)
     top_joints = hexapod.top_joints_mm @ np.swapaxes(rotation, -1, -2) + translation[..., None, :]
     return np.asarray(top_joints - hexapod.base_joints_mm)
 

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from shared.geometry.frames import RobotBase, RobotTop
-from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose, base_from_top, platform_pose
+from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose, base_from_top, pose_values
 from shared.geometry.transform import Transform
 
 MAXIMUM_ITERATIONS = 30
@@ -17,7 +17,7 @@ def poses_from_leg_lengths(
     lengths_mm: NDArray[np.float64],
     pivot_mm: NDArray[np.float64],
     near: PlatformPose = ZERO_POSE,
-) -> list[PlatformPose]:
+) -> NDArray[np.float64]:
     """Poses of the platform for measured leg lengths.
 
     Six lengths allow up to forty poses. Newton's method finds the one that is reached from `near` without passing a
@@ -31,6 +31,11 @@ def poses_from_leg_lengths(
         Centre of rotation in the top's frame, shape (3,).
     near
         Where to start.
+
+    Returns
+    -------
+    NDArray
+        X Y Z (mm) and U V W (degrees), shape (N, 6).
 
     Raises
     ------
@@ -54,10 +59,7 @@ def poses_from_leg_lengths(
         rotations = Rotation.from_rotvec(-step[:, 3:]).as_matrix() @ rotations
     else:
         _refuse_unless_converged(residuals, lengths_mm)
-    return [
-        platform_pose(hexapod, Transform.from_rotation_translation(r, t), pivot_mm)
-        for r, t in zip(rotations, translations, strict=True)
-    ]
+    return pose_values(hexapod, rotations, translations, pivot_mm)
 
 
 def _residuals_and_jacobians(

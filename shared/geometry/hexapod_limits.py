@@ -8,9 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose, leg_lengths_mm, leg_vectors_mm, rotation_of
+from shared.geometry.hexapod_jacobian import singularity_margins
+from shared.geometry.hexapod_legs import PAIRS, leg_clearances_mm, leg_distances_mm
 
 PATH_STEP_MM = 0.05
 PATH_STEP_DEG = 0.05
+# Below this, a leg's error and its give are magnified more than tenfold.
+LEAST_SINGULARITY_MARGIN = 0.1
 
 
 class HexapodLimit(StrEnum):
@@ -19,6 +23,8 @@ class HexapodLimit(StrEnum):
     LEG_LENGTH = "leg_length"
     BASE_JOINT = "base_joint_angle"
     TOP_JOINT = "top_joint_angle"
+    LEG_INTERFERENCE = "leg_interference"
+    SINGULARITY = "singularity"
     NOT_FINITE = "not_finite"
 
 
@@ -69,7 +75,7 @@ def _angles_deg(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.fl
 def limit_margins(
     hexapod: HexapodPart, poses: NDArray[np.float64], pivot_mm: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How far poses are from the nearest limit; negative outside.
+    """How far poses are from the nearest limit of legs and joints; negative outside.
 
     Parameters
     ----------
@@ -93,8 +99,15 @@ def limit_margins(
 
 def within_limits(hexapod: HexapodPart, poses: NDArray[np.float64], pivot_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether each pose (X Y Z in mm, U V W in degrees, shape (..., 6)) is within all limits, shape (...)."""
-    leg_margin, joint_margin = limit_margins(hexapod, poses, pivot_mm)
-    return np.asarray((leg_margin >= 0.0) & (joint_margin >= 0.0))
+    flat = poses.reshape(-1, poses.shape[-1])
+    leg_margin, joint_margin = limit_margins(hexapod, flat, pivot_mm)
+    inside = (leg_margin >= 0.0) & (joint_margin >= 0.0)
+    # The dearer questions are asked of those alone that are left.
+    left = flat[inside]
+    inside[inside] = leg_clearances_mm(hexapod, left, pivot_mm) >= 0.0
+    left = flat[inside]
+    inside[inside] = singularity_margins(hexapod, left, pivot_mm) >= LEAST_SINGULARITY_MARGIN
+    return inside.reshape(poses.shape[:-1])
 
 
 def limit_violations(
@@ -110,6 +123,8 @@ def limit_violations(
         *_leg_violations(hexapod, lengths),
         *_joint_violations(hexapod, at_base, hexapod.base_joint_cone_deg, HexapodLimit.BASE_JOINT),
         *_joint_violations(hexapod, at_top, hexapod.top_joint_cone_deg, HexapodLimit.TOP_JOINT),
+        *_interferences(hexapod, leg_distances_mm(hexapod, values, pivot_mm)),
+        *_singularity(float(singularity_margins(hexapod, values, pivot_mm))),
     )
 
 
@@ -141,6 +156,31 @@ def _joint_violations(
     )
 
 
+def _interferences(hexapod: HexapodPart, distances_mm: NDArray[np.float64]) -> tuple[LimitViolation, ...]:
+    return tuple(
+        LimitViolation(
+            HexapodLimit.LEG_INTERFERENCE,
+            f"the axes of legs {hexapod.leg_ids[i]} and {hexapod.leg_ids[j]} would be {distance:.2f} mm apart, they "
+            f"are {hexapod.leg_diameter_mm:g} mm thick; remount the robot so that the guide starts nearer to the holes",
+        )
+        for (i, j), distance in zip(PAIRS, distances_mm, strict=True)
+        if not distance >= hexapod.leg_diameter_mm
+    )
+
+
+def _singularity(margin: float) -> tuple[LimitViolation, ...]:
+    if margin >= LEAST_SINGULARITY_MARGIN:
+        return ()
+    return (
+        LimitViolation(
+            HexapodLimit.SINGULARITY,
+            f"the platform would nearly give way: in one direction its legs change by {margin:.3f} mm for each mm it "
+            f"moves, the limit is {LEAST_SINGULARITY_MARGIN:g}; remount the robot so that the guide starts nearer to "
+            "the holes",
+        ),
+    )
+
+
 def straight_path(start: PlatformPose, end: PlatformPose) -> NDArray[np.float64]:
     """Poses along a move in which all six axes run linearly and together, as the controller moves.
 
@@ -165,7 +205,13 @@ def path_violations(
         violations = limit_violations(hexapod, pose, pivot_mm)
         if violations:
             return violations
-    path = straight_path(start, end)
+    return violations_along(hexapod, straight_path(start, end), pivot_mm)
+
+
+def violations_along(
+    hexapod: HexapodPart, path: NDArray[np.float64], pivot_mm: NDArray[np.float64]
+) -> tuple[LimitViolation, ...]:
+    """Which limits a path (X Y Z in mm, U V W in degrees, shape (N, 6)) breaks where it first does; empty when none."""
     outside = np.flatnonzero(~within_limits(hexapod, path, pivot_mm))
     if not len(outside):
         return ()
@@ -174,19 +220,3 @@ def path_violations(
         LimitViolation(v.limit, f"after {share:.0f} % of the way, {v.message}")
         for v in limit_violations(hexapod, PlatformPose.from_array(path[outside[0]]), pivot_mm)
     )
-
-
-def travel_range(hexapod: HexapodPart, pivot_mm: NDArray[np.float64]) -> tuple[PlatformPose, PlatformPose]:
-    """Lowest and highest value that each axis reaches from the zero pose while the other five stay zero.
-
-    What the controller answers to `TMN?` and `TMX?`. To 0.01 mm and 0.01 degrees, rounded inwards.
-    """
-    ends = np.zeros((2, 6))
-    magnitudes = np.arange(4000) / 100.0
-    for axis in range(6):
-        for side, sign in enumerate((-1.0, 1.0)):
-            poses = np.zeros((len(magnitudes), 6))
-            poses[:, axis] = sign * magnitudes
-            outside = np.flatnonzero(~within_limits(hexapod, poses, pivot_mm))
-            ends[side, axis] = sign * magnitudes[outside[0] - 1 if len(outside) else -1]
-    return PlatformPose.from_array(ends[0]), PlatformPose.from_array(ends[1])

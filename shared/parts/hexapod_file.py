@@ -97,6 +97,7 @@ class HexapodFile(PartModel):
     pivot_mm: Vector
     stiffness: StiffnessFile
     head: HeadFile
+    leg_diameter_mm: Positive | None = None
 
     @model_validator(mode="after")
     def _leg_names(self) -> "HexapodFile":
@@ -148,6 +149,7 @@ def _hexapod(file: HexapodFile, content: bytes, source: str) -> HexapodPart:
         head_extension_mm=file.head.extension_mm.interval(),
         top_from_guide_retracted=top_from_guide_retracted,
         sha256=sha256_of(content),
+        leg_diameter_mm=file.leg_diameter_mm or 0.0,
     )
 
 

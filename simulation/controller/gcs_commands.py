@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from shared.geometry.hexapod import AXES, HexapodPart
-from shared.geometry.hexapod_limits import travel_range
+from shared.geometry.hexapod_workspace import travel_range
 from simulation.controller import hexapod_model as model
 from simulation.controller.gcs_protocol import (
     GcsError,

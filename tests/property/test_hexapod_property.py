@@ -31,7 +31,7 @@ def test_pose_to_transform_and_back(pose: PlatformPose, pivot_mm: np.ndarray[tup
 def test_leg_lengths_to_pose_and_back(pose: PlatformPose) -> None:
     lengths = leg_lengths_mm(HEXAPOD, pose.as_array()[None], HEXAPOD.pivot_mm)
     (found,) = poses_from_leg_lengths(HEXAPOD, lengths, HEXAPOD.pivot_mm)
-    np.testing.assert_allclose(found.as_array(), pose.as_array(), atol=1e-9)
+    np.testing.assert_allclose(found, pose.as_array(), atol=1e-9)
 
 
 @UNHURRIED

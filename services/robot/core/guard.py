@@ -14,6 +14,7 @@ from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading,
 from services.robot.core.refusals import Refusal, RefusalCode
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_limits import path_violations
+from shared.geometry.hexapod_screw import screw_violations
 
 LEG_LENGTH_TOLERANCE_MM = 0.001
 TARGET_TOLERANCE = Deviation(0.01, 0.01)
@@ -254,7 +255,9 @@ def _reach(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
             RefusalCode.STEP_TOO_LARGE,
             f"the move is {step}, the limits of one move are {now.limits.step}; bring the guide nearer by hand",
         )
-    violations = path_violations(now.hexapod, plan.start_pose, plan.target_pose, plan.pivot_mm)
+    # Straight, as our controllers move, and along the screw, as one would that interpolates in space.
+    way = (now.hexapod, plan.start_pose, plan.target_pose, plan.pivot_mm)
+    violations = path_violations(*way) or screw_violations(*way)
     if violations:
         yield Refusal(RefusalCode.OUT_OF_REACH, violations[0].message)
 

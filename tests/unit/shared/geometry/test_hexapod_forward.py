@@ -20,7 +20,7 @@ def test_inverse_then_forward_returns_every_pose_of_the_workspace(hexapod: Hexap
     inside = poses[within_limits(hexapod, poses, hexapod.pivot_mm)]
     assert len(inside) > 500
     lengths = leg_lengths_mm(hexapod, inside, hexapod.pivot_mm)
-    found = np.array([p.as_array() for p in poses_from_leg_lengths(hexapod, lengths, hexapod.pivot_mm)])
+    found = poses_from_leg_lengths(hexapod, lengths, hexapod.pivot_mm)
     assert np.abs(found - inside)[:, :3].max() < 1e-9
     assert np.radians(np.abs(found - inside)[:, 3:]).max() < 1e-9
 

@@ -11,9 +11,9 @@ from shared.geometry.hexapod_limits import (
     limit_violations,
     path_violations,
     straight_path,
-    travel_range,
     within_limits,
 )
+from shared.geometry.hexapod_workspace import travel_range
 from shared.parts.hexapod_file import default_hexapod
 
 
