@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.xray.disc_kernel import BACKGROUND_TERMS, fit_group
+from shared.xray.disc_kernel import fit_group
+from shared.xray.disc_model import BACKGROUND_TERMS
+from shared.xray.disc_samples import gather, normalise
 
 Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
@@ -23,6 +25,7 @@ _OVERLAP_SD = 0.3
 _WEAK = 1e-4
 _CURVATURE_PRECISION = 1.0
 _LEAST_PIXELS = 30
+NOTHING_TO_AVOID: Array = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +73,14 @@ class DiscFit:
     noise: float
 
 
-def fit_discs(pixels: FloatImage, usable: Mask, priors: DiscPriors, reach_px: float, passes: int = 2) -> DiscFit | None:
+def fit_discs(
+    pixels: FloatImage,
+    usable: Mask,
+    priors: DiscPriors,
+    reach_px: float,
+    passes: int = 2,
+    avoid: Array = NOTHING_TO_AVOID,
+) -> DiscFit | None:
     """Fit a group of blurred discs on a curved background.
 
     Parameters
@@ -83,22 +93,20 @@ def fit_discs(pixels: FloatImage, usable: Mask, priors: DiscPriors, reach_px: fl
         How far beyond the discs' edges pixels are used.
     passes
         Rounds of re-weighting against pixels that belong to something else.
+    avoid
+        Circles (x, y, radius) whose pixels do not count, shape (M, 3): discs of other groups.
 
     Returns
     -------
     DiscFit or None
         None when too few usable pixels are near.
     """
-    samples = _samples(pixels, usable, priors.centre_px, priors.radius_px + reach_px)
-    if len(samples) < _LEAST_PIXELS + 4 * len(priors.radius_px):
-        return None
-    mean_grey, spread = float(samples[:, 2].mean()), float(samples[:, 2].std())
-    spread = spread if spread > 0.0 else 1.0
-    samples[:, 2] = (samples[:, 2] - mean_grey) / spread
-    low, high = samples[:, :2].min(axis=0), samples[:, :2].max(axis=0)
-    frame = np.array([*(0.5 * (low + high)), 0.5 * float(np.hypot(*(high - low)))])
-    mean, precision = _priors_vector(priors, float(np.quantile(samples[:, 2], 0.7)))
+    samples = gather(pixels, usable, priors.centre_px, priors.radius_px + reach_px, avoid)
     discs = len(priors.radius_px)
+    if len(samples) < _LEAST_PIXELS + 4 * discs:
+        return None
+    frame, bright, spread = normalise(samples)
+    mean, precision = _priors_vector(priors, bright)
     parameters, normal, noise = fit_group(samples, frame, mean, precision, discs, passes, _HUBER)
     normal = np.tril(normal) + np.tril(normal, -1).T
     return _unpacked(parameters, np.asarray(np.linalg.inv(normal)), discs, spread, noise)
@@ -112,21 +120,6 @@ def compile_fits() -> None:
     fit_discs(
         pixels, np.ones(pixels.shape, bool), DiscPriors(np.array([[12.0, 12.0]]), 1.0, 5.0 * one, one, 1.5, 0.8), 4.0
     )
-
-
-def _samples(pixels: FloatImage, usable: Mask, centre_px: Array, reach_px: Array) -> Array:
-    """Usable pixels within reach of any disc: columns x, y, grey, shape (P, 3)."""
-    rows, columns = pixels.shape
-    low = np.maximum(np.floor((centre_px - reach_px[:, None]).min(axis=0)).astype(int), 0)
-    high = np.ceil((centre_px + reach_px[:, None]).max(axis=0)).astype(int) + 1
-    window = (slice(low[1], min(high[1], rows)), slice(low[0], min(high[0], columns)))
-    y, x = np.ogrid[window]
-    near = np.zeros(np.broadcast_shapes(x.shape, y.shape), dtype=bool)
-    for (cx, cy), reach in zip(centre_px, reach_px, strict=True):
-        near |= (x - cx) ** 2 + (y - cy) ** 2 <= reach**2
-    near &= usable[window]
-    row, column = np.nonzero(near)
-    return np.stack([column + low[0], row + low[1], pixels[window][near]], axis=1).astype(np.float64)
 
 
 def _priors_vector(priors: DiscPriors, bright: float) -> tuple[Array, Array]:

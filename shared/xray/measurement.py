@@ -174,28 +174,17 @@ def _fit_group(
     priors = DiscPriors(
         centre, settings.drift_px, radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px
     )
-    free = _without_others(usable, discs, members, settings.reach_px)
-    return fit_discs(pixels, free, priors, settings.reach_px)
+    avoid = _other_discs(discs, members, settings.reach_px)
+    return fit_discs(pixels, usable, priors, settings.reach_px, avoid=avoid)
 
 
-def _without_others(usable: Mask, discs: Discs, members: NDArray[np.int64], reach_px: float) -> Mask:
-    """Usable pixels that are not under discs of other groups."""
+def _other_discs(discs: Discs, members: NDArray[np.int64], reach_px: float) -> Array:
+    """Circles around near discs of other groups: x, y, radius, shape (M, 3)."""
     own_centre, own_radius = discs.centre_px[members], discs.radius_px[members]
     distance = np.hypot(*(discs.centre_px[:, None] - own_centre[None]).transpose(2, 0, 1))
     near = (distance < discs.radius_px[:, None] + own_radius[None] + reach_px + _KEEP_OUT_PX).any(axis=1)
     near[members] = False
-    if not near.any():
-        return usable
-    free = usable.copy()
-    for (x, y), radius in zip(discs.centre_px[near], discs.radius_px[near] + _KEEP_OUT_PX, strict=True):
-        window = (
-            slice(max(int(y - radius), 0), max(int(y + radius) + 2, 0)),
-            slice(max(int(x - radius), 0), max(int(x + radius) + 2, 0)),
-        )
-        rows, columns = np.ogrid[window]
-        part = free[window]
-        part &= ((columns - x) ** 2 + (rows - y) ** 2 > radius**2)[: part.shape[0], : part.shape[1]]
-    return free
+    return np.column_stack([discs.centre_px[near], discs.radius_px[near] + _KEEP_OUT_PX])
 
 
 def _measurements(

@@ -1,0 +1,103 @@
+"""Grey values of blurred discs and their derivatives, compiled.
+
+The parameters of a group of K discs are, in this order: background (6: constant, slopes, curvatures), then contrast,
+x, y and radius of each disc, then the depth of overlaps and the blur. `discs.py` says what they mean.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BACKGROUND_TERMS = 6
+_ROOT_2 = math.sqrt(2.0)
+_ROOT_2PI = math.sqrt(2.0 * math.pi)
+# Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26: the complementary error function to 1.5e-7.
+_P = 0.3275911
+_A1, _A2, _A3, _A4, _A5 = 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+def edge(z: float, bell: float) -> float:
+    """Part of the light that a blurred edge takes, `z` blurs outside it; `bell` is exp(-z^2/2)."""
+    t = 1.0 / (1.0 + _P * abs(z) / _ROOT_2)
+    tail = 0.5 * bell * t * (_A1 + t * (_A2 + t * (_A3 + t * (_A4 + t * _A5))))
+    return tail if z > 0.0 else 1.0 - tail
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+def model_rows(samples: Array, frame: Array, p: Array, discs: int, rows: Array, grey: Array) -> None:
+    """Grey value of the model at each pixel, shape (N,), and its derivatives by the parameters, shape (parameters, N).
+
+    Rows of derivatives lie together in memory, so that what follows runs through them at full speed.
+    """
+    b = BACKGROUND_TERMS
+    for n in range(len(samples)):
+        u, v = (samples[n, 0] - frame[0]) / frame[2], (samples[n, 1] - frame[1]) / frame[2]
+        rows[0, n], rows[1, n], rows[2, n] = 1.0, u, v
+        rows[3, n], rows[4, n], rows[5, n] = u * u, u * v, v * v
+        grey[n] = p[0] + p[1] * u + p[2] * v + p[3] * u * u + p[4] * u * v + p[5] * v * v
+    for k in range(discs):
+        _shades(samples, p[b + discs + k], p[b + 2 * discs + k], p[b + 3 * discs + k], p[-1], rows[b + k])
+    rows[-2, :], rows[-1, :] = 0.0, 0.0
+    for k in range(discs):
+        _slopes(samples, p, discs, k, rows)
+    for k in range(discs):
+        for n in range(len(samples)):
+            grey[n] -= p[b + k] * rows[b + k, n]
+    _overlaps(p, discs, rows, grey)
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+def _shades(samples: Array, x: float, y: float, radius: float, blur: float, shade: Array) -> None:
+    """How much of each pixel a disc of contrast 1 covers."""
+    for n in range(len(samples)):
+        dx, dy = samples[n, 0] - x, samples[n, 1] - y
+        z = (math.sqrt(dx * dx + dy * dy) - radius) / blur
+        shade[n] = edge(z, math.exp(-0.5 * z * z))
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+def _slopes(samples: Array, p: Array, discs: int, k: int, rows: Array) -> None:
+    """Derivatives by place and radius of disc `k`, and its share of that by the blur; shades are in their rows."""
+    b = BACKGROUND_TERMS
+    x, y, radius, overlap, blur = p[b + discs + k], p[b + 2 * discs + k], p[b + 3 * discs + k], p[-2], p[-1]
+    for n in range(len(samples)):
+        dx, dy = samples[n, 0] - x, samples[n, 1] - y
+        distance = math.sqrt(dx * dx + dy * dy) + 1e-9
+        z = (distance - radius) / blur
+        contrast = p[b + k]
+        for j in range(discs):
+            if j != k:
+                contrast -= overlap * max(min(p[b + k], p[b + j]), 0.0) * rows[b + j, n]
+        along = -contrast * math.exp(-0.5 * z * z) / (_ROOT_2PI * blur)
+        rows[b + discs + k, n] = along * dx / distance
+        rows[b + 2 * discs + k, n] = along * dy / distance
+        rows[b + 3 * discs + k, n] = along
+        rows[-1, n] += along * z
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+def _overlaps(p: Array, discs: int, rows: Array, grey: Array) -> None:
+    """What overlaps take back of the summed shadows; turns the shades in `rows` into derivatives by contrast."""
+    b = BACKGROUND_TERMS
+    overlap = p[-2]
+    shade = np.empty(discs)
+    for n in range(len(grey)):
+        for k in range(discs):
+            shade[k] = rows[b + k, n]
+            rows[b + k, n] = -shade[k]
+        common = 0.0
+        for k in range(discs):
+            for j in range(k + 1, discs):
+                both = shade[k] * shade[j]
+                # Of two shadows the darker one stays: with overlap 1 the fainter one adds nothing.
+                fainter = k if p[b + k] < p[b + j] else j
+                if p[b + fainter] > 0.0:
+                    common += p[b + fainter] * both
+                    rows[b + fainter, n] += overlap * both
+        rows[-2, n] = common
+        grey[n] += overlap * common
