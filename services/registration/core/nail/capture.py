@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.image_model import PARAMETERS, NailScene, Unknown, prior_mean
 from services.registration.core.nail.pose import POSE_SIZE
+from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.solver import Problem, Solution, minimise
+from services.registration.core.nail.unknowns import PARAMETERS, Unknown, prior_mean
 from shared.geometry.lines import angle_between_rad
 
 _FURTHER_TILTS_RAD = np.radians([(6.0, 6.0), (6.0, -6.0), (-6.0, 6.0), (-6.0, -6.0)])

@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.image_model import NailScene
-from services.registration.core.nail.pose import POSE_SIZE
+from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters
+from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.solver import Solution
 
-_STEP = np.array([0.01, 0.01, 0.01, 0.01, 1e-4, 1e-4])
 # What nobody models (the display's true curve, the blur's true shape, chamfers) adds about as much again as two
 # thirds of the noise: standard deviations are widened by this factor.
 _UNMODELLED = 1.2
@@ -21,13 +20,5 @@ def pose_covariance(scene: NailScene, solution: Solution) -> NDArray[np.float64]
     eliminated or among its rows.
     """
     covariance = np.linalg.inv(solution.normal_matrix)[:POSE_SIZE, :POSE_SIZE] * _UNMODELLED**2
-    parameters = solution.parameters
-    base = scene.pose(parameters).inverse()
-    columns = []
-    for k in range(POSE_SIZE):
-        moved = parameters.copy()
-        moved[k] += _STEP[k]
-        motion = base @ scene.pose(moved)
-        columns.append(np.concatenate([motion.rotation_vector_rad, motion.translation_mm]) / _STEP[k])
-    jacobian = np.column_stack(columns)
+    jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
     return np.asarray(jacobian @ covariance @ jacobian.T)

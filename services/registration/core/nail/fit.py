@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.covariance import pose_covariance
-from services.registration.core.nail.image_model import Unknown
 from services.registration.core.nail.judgement import (
     Evidence,
     HoleView,
@@ -21,7 +20,7 @@ from services.registration.core.nail.judgement import (
 )
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.rivals import Winner, find_winner
-from services.registration.core.nail.solver import Problem, Solution, minimise
+from services.registration.core.nail.solver import Problem, Solution, minimise, solution_at
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
@@ -31,10 +30,10 @@ from services.registration.core.nail.stages import (
     problem_for,
     reweighted,
     scene_at,
-    solution_at,
     whitened,
     with_contrast,
 )
+from services.registration.core.nail.unknowns import Unknown
 from services.registration.core.nail.window import Scale
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -135,7 +134,7 @@ def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise
     """Full resolution: learn contrast and noise where the coarser stage ended, filter the noise, fit, weigh, fit."""
     here = solution_at(problem, winner.parameters)
     problem = with_contrast(problem, here)
-    problem = whitened(problem, winner.parameters, noise_of(problem, here))
+    problem = whitened(problem, here, noise_of(problem, here))
     solution = minimise(problem, winner.parameters, _FIRST_STEPS, _TOLERANCE)
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
     solution = minimise(problem, solution.parameters, _LAST_STEPS, _TOLERANCE)

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
-from services.registration.core.nail.image_model import transmission
 from services.registration.core.nail.noise import Correlation
 from services.registration.core.nail.solver import Problem, Solution
 from shared.errors import Reason, ReasonCode, Rejected
@@ -91,7 +90,7 @@ def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
     scene = problem.scene
     window = scene.window
     parameters = solution.parameters
-    clear = transmission(scene, parameters).ravel()[window.compared] > _OPEN
+    clear = solution.linear.traced.passed.ravel()[window.compared] > _OPEN
     noise = float(np.sqrt(np.median(1.0 / problem.weight)))
     linear = solution.linear
     contrast = (linear.appearance.delrin * linear.background - linear.floor) / noise

@@ -14,13 +14,10 @@ from shared.geometry.transform import Transform
 
 _PARALLEL = 1e-14
 _EVERYWHERE = 1e9
-_FIRST_SAMPLES = 4
-_UNIFORM = 0.02
-_OPAQUE = 200.0
 
 
 @compiled
-def _cylinder_interval(
+def cylinder_interval(
     ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, wx: float, wy: float, wz: float, radius: float
 ) -> tuple[float, float]:
     """Where the ray o + s d is inside an endless cylinder through the origin along w (unit); empty as (1, 0)."""
@@ -38,104 +35,6 @@ def _cylinder_interval(
         return (1.0, 0.0)
     root = np.sqrt(discriminant)
     return ((-b - root) / a, (-b + root) / a)
-
-
-@compiled
-def _metal_length(
-    cx: float,
-    cy: float,
-    rotation: NDArray[np.float64],
-    translation_mm: NDArray[np.float64],
-    radius_mm: float,
-    cannulation_radius_mm: float,
-    bores: NDArray[np.float64],
-) -> float:
-    """Length of the ray through (cx, cy, 1) in the nail: outer cylinder less bores less cannulation, in mm.
-
-    The ray's origin is moved to the nail's depth, which keeps the quadratics' coefficients small.
-    """
-    depth = translation_mm[2]
-    ux, uy = cx * depth - translation_mm[0], cy * depth - translation_mm[1]
-    dx = rotation[0, 0] * cx + rotation[1, 0] * cy + rotation[2, 0]
-    dy = rotation[0, 1] * cx + rotation[1, 1] * cy + rotation[2, 1]
-    dz = rotation[0, 2] * cx + rotation[1, 2] * cy + rotation[2, 2]
-    ox = rotation[0, 0] * ux + rotation[1, 0] * uy
-    oy = rotation[0, 1] * ux + rotation[1, 1] * uy
-    oz = rotation[0, 2] * ux + rotation[1, 2] * uy
-    near, far = _cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, radius_mm)
-    if far <= near:
-        return 0.0
-    length = far - near
-    inner_near, inner_far = 1.0, 0.0
-    if cannulation_radius_mm > 0.0:
-        inner_near, inner_far = _cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, cannulation_radius_mm)
-        if inner_far > inner_near:
-            length -= inner_far - inner_near
-    for h in range(bores.shape[0]):
-        qx, qy, qz = ox - bores[h, 0], oy - bores[h, 1], oz - bores[h, 2]
-        a, b = _cylinder_interval(qx, qy, qz, dx, dy, dz, bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6])
-        if b <= a:
-            continue
-        length -= max(0.0, min(b, far) - max(a, near))
-        if inner_far > inner_near:
-            length += max(0.0, min(b, inner_far) - max(a, inner_near))
-    return float(max(length, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0))
-
-
-@compiled
-def mean_transmission(
-    slopes: NDArray[np.float64],
-    right: NDArray[np.float64],
-    down: NDArray[np.float64],
-    samples_px: NDArray[np.float64],
-    crossed: NDArray[np.bool_],
-    steel_mm: NDArray[np.float64],
-    rotation: NDArray[np.float64],
-    translation_mm: NDArray[np.float64],
-    radius_mm: float,
-    cannulation_radius_mm: float,
-    bores: NDArray[np.float64],
-    attenuation: float,
-    power: float,
-    out: NDArray[np.float64],
-) -> None:
-    """Mean over each pixel of exp(-(attenuation * path)^power), with more samples where the first four differ.
-
-    Parameters
-    ----------
-    slopes, right, down
-        Direction (x, y) at z = 1 of each pixel's middle and its change per column and row, shape (S, 2) each.
-    samples_px
-        Places within a pixel, shape (K, 2); the first four stand for the pixel by themselves.
-    crossed
-        Whether an edge may cross the pixel, shape (S,); of the others, the first two samples are taken.
-    steel_mm
-        Path in balls, as much of the nail's material as attenuates the same, shape (S, K).
-    rotation, translation_mm
-        `camera_from_nail`, shapes (3, 3) and (3,).
-    bores
-        Per hole: point, unit direction, radius, in the nail's frame, shape (H, 7). Bores must not cross one another.
-    out
-        Result, shape (S,).
-    """
-    for n in range(slopes.shape[0]):
-        total, least, most, count = 0.0, 2.0, -1.0, 0
-        for k in range(samples_px.shape[0]):
-            if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 2 and not crossed[n]):
-                break
-            cx = slopes[n, 0] + samples_px[k, 0] * right[n, 0] + samples_px[k, 1] * down[n, 0]
-            cy = slopes[n, 1] + samples_px[k, 0] * right[n, 1] + samples_px[k, 1] * down[n, 1]
-            path = _metal_length(cx, cy, rotation, translation_mm, radius_mm, cannulation_radius_mm, bores)
-            depth = attenuation * (path + steel_mm[n, k])
-            passed = 1.0
-            if depth > _OPAQUE:
-                passed = 0.0
-            elif depth > 0.0:
-                passed = np.exp(-(depth**power))
-            total += passed
-            least, most = min(least, passed), max(most, passed)
-            count += 1
-        out[n] = total / count
 
 
 @compiled
@@ -195,7 +94,7 @@ def _block_paths(
                 continue
             total += far - near
             for h in range(bore_points_mm.shape[0]):
-                a, b = _cylinder_interval(
+                a, b = cylinder_interval(
                     origin[0] - bore_points_mm[h, 0],
                     origin[1] - bore_points_mm[h, 1],
                     origin[2] - bore_points_mm[h, 2],

@@ -19,6 +19,7 @@ from shared.geometry.transform import Transform
 POSE_SIZE = 6
 _MINIMAL_ANCHOR_DISTANCE_MM = 5.0
 _DEFAULT_ANCHOR_MM = 15.0
+_STEP = np.array([0.01, 0.01, 0.01, 0.01, 1e-4, 1e-4])
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,22 +48,50 @@ def pose_from_parameters(
 def rotation_and_translation(
     parameters: NDArray[np.float64], camera: PinholeCamera, anchors: Anchors
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same pose as bare arrays, shapes (3, 3) and (3,), for the inner loop: there, checks would take longest."""
-    first, second = camera.rays(parameters[:4].reshape(2, 2))
-    pitch, roll = float(parameters[4]), float(parameters[5])
-    middle = unit(first + second)
-    half_angle = np.arctan2(np.linalg.norm(second - first), np.linalg.norm(second + first))
+    """The same poses as bare arrays, shapes (..., 6) to (..., 3, 3) and (..., 3), for the inner loop: no checks."""
+    rays = camera.rays(parameters[..., :4].reshape(*parameters.shape[:-1], 2, 2))
+    first, second = rays[..., 0, :], rays[..., 1, :]
+    pitch, roll = parameters[..., 4:5], parameters[..., 5:6]
+    half_angle = np.arctan2(_norm(second - first), _norm(second + first))
     distance = anchors.second_x_mm - anchors.first_x_mm
     total = distance * np.cos(pitch) / np.sin(half_angle)
     difference = distance * np.sin(pitch) / np.cos(half_angle)
     near_end = 0.5 * (total - difference) * first
-    far_end = 0.5 * (total + difference) * second
-    x = unit(far_end - near_end)
-    level = unit(middle - x * float(middle @ x))
-    y_level = np.cross(level, x)
-    z = np.cos(roll) * level - np.sin(roll) * y_level
-    rotation = np.column_stack([x, np.cross(z, x), z])
-    return np.ascontiguousarray(rotation), near_end - anchors.first_x_mm * x
+    x = 0.5 * (total + difference) * second - near_end
+    x = x / _norm(x)
+    middle = first + second
+    level = middle - x * np.sum(middle * x, axis=-1, keepdims=True)
+    level = level / _norm(level)
+    z = np.cos(roll) * level - np.sin(roll) * _cross(level, x)
+    return np.stack([x, _cross(z, x), z], axis=-1), near_end - anchors.first_x_mm * x
+
+
+def motion_by_parameters(
+    parameters: NDArray[np.float64], camera: PinholeCamera, anchors: Anchors
+) -> NDArray[np.float64]:
+    """Small motion of the nail in its own frame by pose parameter, shape (6, 6): rotation (rad), translation (mm).
+
+    The pose for parameters p + dp is `camera_from_nail(p) @ motion`.
+    """
+    steps = np.diag(_STEP)
+    poses = np.stack([parameters, *(parameters + steps), *(parameters - steps)])
+    rotation, translation_mm = rotation_and_translation(poses, camera, anchors)
+    turns = rotation[0].T @ (rotation[1 : POSE_SIZE + 1] - rotation[POSE_SIZE + 1 :])
+    shifts = (translation_mm[1 : POSE_SIZE + 1] - translation_mm[POSE_SIZE + 1 :]) @ rotation[0]
+    skew = 0.5 * (turns - turns.swapaxes(-1, -2))
+    vectors = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=-1)
+    return np.asarray((np.concatenate([vectors, shifts], axis=-1) / (2.0 * _STEP[:, None])).T)
+
+
+def _norm(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True)))
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Numpy's own takes several times as long for single vectors."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def parameters_from_pose(

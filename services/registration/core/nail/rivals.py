@@ -13,7 +13,6 @@ from services.registration.core.nail.capture import (
     optimum_of,
     without_repetition,
 )
-from services.registration.core.nail.image_model import Unknown, prior_mean
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
 from services.registration.core.nail.solver import Problem, minimise
 from services.registration.core.nail.stages import (
@@ -25,6 +24,7 @@ from services.registration.core.nail.stages import (
     reweighted,
     scene_at,
 )
+from services.registration.core.nail.unknowns import Unknown, prior_mean
 from services.registration.core.nail.window import Scale
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform

@@ -6,22 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from services.registration.core.nail.image_model import (
-    Appearance,
-    NailScene,
-    prior_mean,
-    prior_precision,
-    render,
-    render_with_derivatives,
-    within_reason,
-)
+from services.registration.core.nail.appearance import Appearance, Paths, derivatives, paths, render
+from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.texture import SplineField, accumulate_normal_equations
+from services.registration.core.nail.unknowns import prior_mean, prior_precision, within_reason
 
 _LEAST_RIDGE = 1e-9
 _LEAST_CURVATURE = 1e-3
 _DAMPING_START = 1e-3
 _DAMPING_FACTOR = 10.0
 _DAMPING_LIMIT = 1e6
+# A step that promises less than this part of the tolerance is not worth tracing the rays for.
+_HOPELESS = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +51,8 @@ class Problem:
 class Linear:
     """Solution for the parameters that enter linearly, at given other ones."""
 
+    traced: Paths
     appearance: Appearance
-    coefficients: NDArray[np.float64]
     background: NDArray[np.float64]
     floor: NDArray[np.float64]
     residual: NDArray[np.float64]
@@ -72,11 +68,15 @@ class Solution:
     independent pixels).
     """
 
-    parameters: NDArray[np.float64]
     linear: Linear
     normal_matrix: NDArray[np.float64]
     steps: int
     converged: bool
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Where the fit ended, shape (PARAMETERS,)."""
+        return self.linear.traced.parameters
 
     @property
     def cost(self) -> float:
@@ -84,23 +84,29 @@ class Solution:
         return self.linear.cost
 
 
-def solve_linear(problem: Problem, parameters: NDArray[np.float64], look: Appearance) -> Linear:
-    """Best background and floor for a given appearance."""
+def solution_at(problem: Problem, parameters: NDArray[np.float64]) -> Linear:
+    """Best background and floor at given other parameters."""
+    return solution_for(problem, paths(problem.scene, parameters))
+
+
+def solution_for(problem: Problem, traced: Paths) -> Linear:
+    """Best background and floor where the rays have been traced already."""
+    look = render(problem.scene, traced)
     gain = look.visible * look.delrin
     dense = (1.0 - look.visible)[:, None] * problem.floor
     matrix, right = _normal_equations(problem, gain, dense, problem.grey[:, None])
     factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
     coefficients = cho_solve(factor, right, check_finite=False)[:, 0]
     size = problem.field.size
-    background = problem.field.at_places(coefficients[:size])
+    c = coefficients[:size]
+    background = problem.field.at_places(c)
     floor = problem.floor @ coefficients[size:]
     residual = problem.grey - gain * background - (1.0 - look.visible) * floor
-    c = coefficients[:size]
     penalty = problem.texture_precision * float(c @ (problem.field.roughness @ c))
-    excess = parameters - prior_mean()
+    excess = traced.parameters - prior_mean()
     prior = float((prior_precision() * problem.free) @ excess**2)
     cost = float(problem.weight @ residual**2) + penalty + prior
-    return Linear(look, coefficients, background, floor, residual, cost, factor)
+    return Linear(traced, look, background, floor, residual, cost, factor)
 
 
 def _normal_equations(
@@ -129,57 +135,64 @@ def _normal_equations(
 
 def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tolerance: float) -> Solution:
     """Levenberg-Marquardt on the free parameters until a step lowers the cost by less than `tolerance`."""
-    parameters = start.copy()
-    damping = _DAMPING_START
-    free = np.flatnonzero(problem.free)
-    steps, converged = 0, False
-    while True:
-        look, derivatives = render_with_derivatives(problem.scene, parameters, problem.free)
-        linear = solve_linear(problem, parameters, look)
-        sensitivities = _sensitivities(linear, derivatives)
-        normal, gradient = _projected(problem, parameters, linear, sensitivities)
-        if steps >= most_steps or converged:
-            break
+    here, damping, converged, steps = solution_at(problem, start), _DAMPING_START, False, 0
+    normal, gradient = _projected(problem, here)
+    while steps < most_steps and not converged:
         steps += 1
-        while True:
-            step = np.linalg.solve(normal + damping * np.diag(np.maximum(np.diag(normal), _LEAST_CURVATURE)), gradient)
-            trial = parameters.copy()
-            trial[free] += step
-            trial = within_reason(trial)
-            lower = solve_linear(problem, trial, render(problem.scene, trial)).cost
-            if lower < linear.cost:
-                damping = max(damping / _DAMPING_FACTOR, 1e-9)
-                converged = linear.cost - lower < tolerance
-                parameters = trial
-                break
-            damping *= _DAMPING_FACTOR
-            if damping > _DAMPING_LIMIT:
-                return Solution(parameters, linear, normal, steps, converged=True)
-    return Solution(parameters, linear, normal, steps, converged)
+        below, damping = _step_down(problem, here, normal, gradient, damping, tolerance)
+        if below is None:
+            converged = True
+            break
+        converged = here.cost - below.cost < tolerance
+        here = below
+        normal, gradient = _projected(problem, here)
+    return Solution(here, normal, steps, converged)
 
 
-def _sensitivities(linear: Linear, derivatives: list[Appearance]) -> NDArray[np.float64]:
+def _step_down(
+    problem: Problem,
+    here: Linear,
+    normal: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    damping: float,
+    tolerance: float,
+) -> tuple[Linear | None, float]:
+    """Solution after a step that lowers the cost (None when none does by enough), and the damping for the next."""
+    scale = np.diag(np.maximum(np.diag(normal), _LEAST_CURVATURE))
+    while damping <= _DAMPING_LIMIT:
+        step = np.linalg.solve(normal + damping * scale, gradient)
+        if float(2.0 * gradient @ step - step @ normal @ step) < _HOPELESS * tolerance:
+            break
+        trial = here.traced.parameters.copy()
+        trial[problem.free] += step
+        below = solution_at(problem, within_reason(trial))
+        if below.cost < here.cost:
+            return below, max(damping / _DAMPING_FACTOR, 1e-9)
+        damping *= _DAMPING_FACTOR
+    return None, damping
+
+
+def _sensitivities(linear: Linear, changes: list[Appearance]) -> NDArray[np.float64]:
     """Derivative of the modelled grey values by the free parameters, background and floor held, shape (N, P)."""
     look = linear.appearance
     columns = [
         d.visible * (look.delrin * linear.background - linear.floor) + d.delrin * look.visible * linear.background
-        for d in derivatives
+        for d in changes
     ]
     return np.column_stack(columns)
 
 
-def _projected(
-    problem: Problem, parameters: NDArray[np.float64], linear: Linear, sensitivities: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _projected(problem: Problem, here: Linear) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal matrix and gradient of the free parameters after the linear ones have been eliminated."""
-    look = linear.appearance
+    look = here.appearance
+    sensitivities = _sensitivities(here, derivatives(problem.scene, here.traced, look, problem.free))
     dense = (1.0 - look.visible)[:, None] * problem.floor
     cross = _cross_terms(problem, look.visible * look.delrin, dense, sensitivities)
     weighted = problem.weight[:, None] * sensitivities
-    normal = sensitivities.T @ weighted - cross.T @ cho_solve(linear.factor, cross, check_finite=False)
+    normal = sensitivities.T @ weighted - cross.T @ cho_solve(here.factor, cross, check_finite=False)
     precision = prior_precision()[problem.free]
-    excess = (parameters - prior_mean())[problem.free]
-    gradient = weighted.T @ linear.residual - precision * excess
+    excess = (here.traced.parameters - prior_mean())[problem.free]
+    gradient = weighted.T @ here.residual - precision * excess
     normal[np.diag_indices(len(precision))] += precision
     return normal, gradient
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.image_model import PARAMETERS, NailScene, nail_scene, render, whitened_scene
 from services.registration.core.nail.noise import (
     Correlation,
     correlation_of,
@@ -15,8 +14,10 @@ from services.registration.core.nail.noise import (
 )
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.pose import anchors_of
-from services.registration.core.nail.solver import Linear, Problem, solve_linear
+from services.registration.core.nail.scene import NailScene, nail_scene, whitened_scene
+from services.registration.core.nail.solver import Linear, Problem, solution_for
 from services.registration.core.nail.texture import spline_field
+from services.registration.core.nail.unknowns import PARAMETERS
 from services.registration.core.nail.window import Scale, Window, cut_window
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
@@ -86,11 +87,6 @@ def problem_for(scene: NailScene, detail: Detail, free: NDArray[np.bool_]) -> Pr
     return Problem(scene, field, scene.grey, _floor_basis(window), weight, detail.texture**-2, free)
 
 
-def solution_at(problem: Problem, parameters: NDArray[np.float64]) -> Linear:
-    """Best background and floor for parameters that stay as they are."""
-    return solve_linear(problem, parameters, render(problem.scene, parameters))
-
-
 def noise_of(problem: Problem, linear: Linear) -> Noise:
     """Variance and correlation of the residuals."""
     residual = linear.residual
@@ -122,12 +118,12 @@ def with_contrast(problem: Problem, linear: Linear) -> Problem:
     return replace(problem, scene=replace(problem.scene, contrast=contrast))
 
 
-def whitened(problem: Problem, parameters: NDArray[np.float64], noise: Noise) -> Problem:
+def whitened(problem: Problem, linear: Linear, noise: Noise) -> Problem:
     """The same problem on the image after the filter that makes its noise about independent, weights renewed."""
     scene = whitened_scene(problem.scene, whitening_for(noise.correlation, problem.scene.window.shape))
     filtered = replace(problem, scene=scene, grey=scene.grey)
-    linear = solution_at(filtered, parameters)
-    return reweighted(filtered, linear, noise_of(filtered, linear))
+    after = solution_for(filtered, linear.traced)
+    return reweighted(filtered, after, noise_of(filtered, after))
 
 
 def _floor_basis(window: Window) -> NDArray[np.float64]:

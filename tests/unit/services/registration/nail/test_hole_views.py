@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 
 from services.registration.core.nail.capture import POSE_ONLY
-from services.registration.core.nail.image_model import prior_mean
 from services.registration.core.nail.judgement import hole_views
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
 from services.registration.core.nail.solver import minimise
 from services.registration.core.nail.stages import Detail, Given, problem_for, scene_at
+from services.registration.core.nail.unknowns import prior_mean
 from services.registration.core.nail.window import Scale
 from tests.unit.services.registration.rendered_case import (
     CAMERA_FROM_GUIDE,

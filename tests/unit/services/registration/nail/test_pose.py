@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from services.registration.core.nail.pose import (
     Anchors,
     anchors_of,
+    motion_by_parameters,
     parameters_from_pose,
     pose_from_parameters,
     rotation_and_translation,
@@ -54,6 +55,18 @@ def test_changing_the_sign_of_both_tilts_reflects_the_axis_about_the_mean_ray() 
     reflected = 2.0 * ray * (ray @ first) - first
     # the nail's own turn about the ray changes by the product of both tilts
     assert np.linalg.norm(second - reflected) < 2.0 * 0.05 * 0.08
+
+
+def test_a_small_change_of_the_parameters_is_the_motion_that_it_is_said_to_be() -> None:
+    parameters = np.array([480.0, 500.0, 600.0, 640.0, 0.05, -0.08])
+    change = np.array([0.3, -0.2, 0.1, 0.4, 0.002, -0.001])
+    motion = motion_by_parameters(parameters, CAMERA, ANCHORS) @ change
+    expected = pose_from_parameters(parameters + change, CAMERA, ANCHORS)
+    found = pose_from_parameters(parameters, CAMERA, ANCHORS) @ Transform[Nail, Nail].from_rotvec(
+        motion[:3], motion[3:]
+    )
+    assert np.abs(found.rotation - expected.rotation).max() < 1e-4
+    assert np.abs(found.translation_mm - expected.translation_mm).max() < 0.02
 
 
 def test_anchors_are_the_outermost_holes() -> None:

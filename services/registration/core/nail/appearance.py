@@ -1,0 +1,184 @@
+"""What the pixels of the window should show: how much of the background each pixel sees past nail and balls.
+
+The grey value of a pixel is  background * visible + floor * (1 - visible). `visible` follows from the metal on the
+ray: transmission exp(-(mu * path)^power), blurred, bent by the display's curve, sharpened by edge enhancement.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, rotation_and_translation
+from services.registration.core.nail.scene import NailScene
+from services.registration.core.nail.transmission import (
+    DERIVATIVES,
+    MOTION_SIZE,
+    RayArguments,
+    trace,
+)
+from services.registration.core.nail.unknowns import (
+    ATTENUATION_PER_MM,
+    STEEL_IN_NAIL_MATERIAL,
+    Unknown,
+)
+from services.registration.core.nail.window import SAMPLES_PX, Window
+
+_STRAIGHT = 1e-6
+_STEP = 0.02
+# Unknowns in the order of the kernel's derivatives, then those that act on the picture afterwards.
+_OF_PATHS = tuple(Unknown)[: Unknown.POWER + 1]
+_OF_DISPLAY = tuple(Unknown)[Unknown.LOG_BLUR_PX : Unknown.CURVE + 1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Appearance:
+    """Per compared pixel, shape (N,): share of the background that is seen, and what the guide's body leaves of it."""
+
+    visible: NDArray[np.float64]
+    delrin: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Paths:
+    """What the rays meet: share that passes, on the whole rectangle, and its derivatives on the support.
+
+    Attributes
+    ----------
+    parameters
+        For which the rays were traced.
+    passed
+        Share of the X-rays that pass the metal, mean over each pixel, shape (rows, columns).
+    by_cause
+        Its derivatives by the causes of `transmission.py`, shape (S, DERIVATIVES).
+    """
+
+    parameters: NDArray[np.float64]
+    passed: NDArray[np.float64]
+    by_cause: NDArray[np.float64]
+
+
+def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
+    """Trace all rays of the window."""
+    count = len(scene.window.support)
+    passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES))
+    trace(*_ray_arguments(scene, parameters), passed, by_cause)
+    return Paths(parameters, _on_rectangle(scene.window, passed, 1.0), by_cause)
+
+
+def render(scene: NailScene, traced: Paths) -> Appearance:
+    """How the window looks."""
+    display = _display(scene, traced.parameters)
+    bent = display.bent(blurred_image(traced.passed, display.blur_px))
+    delrin = np.exp(-traced.parameters[Unknown.DELRIN_PER_MM] * scene.body_mm)
+    return Appearance(scene.compared(display.sharpened(bent)), delrin)
+
+
+def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray[np.bool_]) -> list[Appearance]:
+    """Derivatives of the appearance by the free parameters, in their order."""
+    display = _display(scene, traced.parameters)
+    blurred = blurred_image(traced.passed, display.blur_px)
+    slope = display.slope(blurred)
+    pictures = [
+        *(
+            display.sharpened(slope * blurred_image(p, display.blur_px))
+            for p in _paths_derivatives(scene, traced, free)
+        ),
+        *(_display_derivative(u, scene, traced, blurred) for u in _OF_DISPLAY if free[u]),
+    ]
+    unchanged = np.zeros_like(look.visible)
+    columns = [Appearance(scene.compared(picture), unchanged) for picture in pictures]
+    if free[Unknown.DELRIN_PER_MM]:
+        columns.append(Appearance(unchanged, -scene.body_mm * look.delrin))
+    return columns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Display:
+    """What happens to the intensity on its way to the grey value; `curve` is the logarithmic curve's length there."""
+
+    blur_px: float
+    curve: NDArray[np.float64]
+    sharpening: float
+    width_px: float
+
+    def bent(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share of the grey step that a share of the intensity step makes."""
+        return np.asarray(np.log1p(np.expm1(self.curve) * share) / self.curve)
+
+    def slope(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivative of `bent` by the share."""
+        rise = np.expm1(self.curve)
+        return np.asarray(rise / (self.curve * (1.0 + rise * share)))
+
+    def sharpened(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Edge enhancement: what differs from the surroundings is enlarged."""
+        return (1.0 + self.sharpening) * image - self.sharpening * blurred_image(image, self.width_px)
+
+
+def _display(scene: NailScene, parameters: NDArray[np.float64]) -> _Display:
+    window = scene.window
+    curve = 2.0 * parameters[Unknown.CURVE] * scene.contrast
+    return _Display(
+        float(np.hypot(np.exp(parameters[Unknown.LOG_BLUR_PX]) / window.reduction, window.smoothing)),
+        np.where(np.abs(curve) < _STRAIGHT, _STRAIGHT, curve),
+        float(parameters[Unknown.SHARPENING]),
+        float(np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX])) / window.reduction,
+    )
+
+
+def _paths_derivatives(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> Iterator[NDArray[np.float64]]:
+    """Derivatives of the transmission map by the free parameters that act on the paths, in their order."""
+    causes = np.zeros((len(_OF_PATHS), DERIVATIVES))
+    motion = motion_by_parameters(traced.parameters[:POSE_SIZE], scene.camera, scene.anchors)
+    causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
+    causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
+    for values in causes[free[: len(_OF_PATHS)]] @ traced.by_cause.T:
+        yield _on_rectangle(scene.window, values, 0.0)
+
+
+def _display_derivative(
+    unknown: Unknown,
+    scene: NailScene,
+    traced: Paths,
+    blurred: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Derivative of the visible share by one of the display's parameters: a central difference."""
+    sides = []
+    for by in (0.5 * _STEP, -0.5 * _STEP):
+        moved = traced.parameters.copy()
+        moved[unknown] += by
+        display = _display(scene, moved)
+        share = blurred_image(traced.passed, display.blur_px) if unknown is Unknown.LOG_BLUR_PX else blurred
+        sides.append(display.sharpened(display.bent(share)))
+    return np.asarray((sides[0] - sides[1]) / _STEP)
+
+
+def _ray_arguments(scene: NailScene, parameters: NDArray[np.float64]) -> RayArguments:
+    window, nail = scene.window, scene.nail
+    rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], scene.camera, scene.anchors)
+    excess = parameters[Unknown.HOLE_RADIUS_EXCESS_MM]
+    return RayArguments(
+        window.slopes,
+        window.right,
+        window.down,
+        SAMPLES_PX,
+        window.crossed,
+        STEEL_IN_NAIL_MATERIAL[nail.material] * window.steel_mm,
+        np.ascontiguousarray(rotation),
+        np.ascontiguousarray(translation_mm),
+        nail.radius_mm + parameters[Unknown.NAIL_RADIUS_EXCESS_MM],
+        0.5 * nail.cannulation_diameter_mm,
+        np.array([(*h.axis.point_mm, *h.axis.direction, 0.5 * h.diameter_mm + excess) for h in nail.holes]),
+        ATTENUATION_PER_MM[nail.material] * np.exp(parameters[Unknown.LOG_ATTENUATION]),
+        parameters[Unknown.POWER],
+    )
+
+
+def _on_rectangle(window: Window, values: NDArray[np.float64], elsewhere: float) -> NDArray[np.float64]:
+    """Values of the support's pixels, shape (S,), on the whole rectangle, shape of it."""
+    out = np.full(window.shape, elsewhere)
+    out.ravel()[window.support] = values
+    return out

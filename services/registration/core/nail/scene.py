@@ -1,0 +1,73 @@
+"""What is fixed while the nail is fitted: window, camera, the nail's shape, and how image and model are compared."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.noise import Whitening
+from services.registration.core.nail.pose import POSE_SIZE, Anchors, pose_from_parameters
+from services.registration.core.nail.unknowns import USUAL_BLUR_PX
+from services.registration.core.nail.window import Window
+from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.parts import NailPart
+from shared.geometry.transform import Transform
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NailScene:
+    """All that is fixed during a fit: the window, the camera and the nail's nominal shape.
+
+    Attributes
+    ----------
+    body_mm
+        Path in the guide's body at the compared pixels, blurred (and whitened) as the image is, shape (N,).
+    contrast
+        Step between background and floor, in units of the usual one, on the whole rectangle, shape of it.
+    whitening
+        Filter that image and model both go through.
+    """
+
+    window: Window
+    camera: PinholeCamera
+    anchors: Anchors
+    nail: NailPart
+    body_mm: NDArray[np.float64]
+    contrast: NDArray[np.float64]
+    whitening: Whitening | None
+
+    def compared(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The strip's pixels of an image of the window, shape (N,), whitened when the scene says so."""
+        return _compared(self.window, self.whitening, image)
+
+    @property
+    def grey(self) -> NDArray[np.float64]:
+        """Measured grey values that the model is compared with, shape (N,)."""
+        return self.compared(self.window.grey)
+
+    def pose(self, parameters: NDArray[np.float64]) -> Transform[Camera, Nail]:
+        """`camera_from_nail` that the parameters stand for."""
+        return pose_from_parameters(parameters[:POSE_SIZE], self.camera, self.anchors)
+
+
+def nail_scene(window: Window, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> NailScene:
+    """Scene as it is before anything has been learned from a fit."""
+    return NailScene(window, camera, anchors, nail, _body_mm(window, None), np.ones(window.shape), None)
+
+
+def whitened_scene(scene: NailScene, whitening: Whitening) -> NailScene:
+    """The same scene, to be compared after a filter."""
+    return replace(scene, body_mm=_body_mm(scene.window, whitening), whitening=whitening)
+
+
+def _compared(window: Window, whitening: Whitening | None, image: NDArray[np.float64]) -> NDArray[np.float64]:
+    filtered = image if whitening is None else whitening.apply(image)
+    return filtered.ravel()[window.compared]
+
+
+def _body_mm(window: Window, whitening: Whitening | None) -> NDArray[np.float64]:
+    """The guide's edges are weak: the usual blur is as good for them as the fitted one, and saves the time."""
+    blur = float(np.hypot(USUAL_BLUR_PX / window.reduction, window.smoothing))
+    return _compared(window, whitening, blurred_image(window.delrin_mm, blur))

@@ -1,0 +1,75 @@
+"""What a fit may move: the pose and the nuisances, their order, and what is known of them before the image is seen."""
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+_MOST_DEVIATIONS = 6.0
+_MOST_RADIUS_EXCESS_MM = 0.6
+USUAL_BLUR_PX = 1.2
+
+
+class Unknown(IntEnum):
+    """Place of each unknown in the parameter vector; the first six are the pose (`pose.py`)."""
+
+    FIRST_X_PX = 0
+    FIRST_Y_PX = 1
+    SECOND_X_PX = 2
+    SECOND_Y_PX = 3
+    PITCH_RAD = 4
+    ROLL_RAD = 5
+    HOLE_RADIUS_EXCESS_MM = 6
+    NAIL_RADIUS_EXCESS_MM = 7
+    LOG_ATTENUATION = 8
+    POWER = 9
+    LOG_BLUR_PX = 10
+    SHARPENING = 11
+    LOG_SHARPENING_WIDTH_PX = 12
+    CURVE = 13
+    DELRIN_PER_MM = 14
+
+
+PARAMETERS = len(Unknown)
+
+# Mean and standard deviation of what is known before the image is seen. Attenuation: effective values of 40-80 keV.
+ATTENUATION_PER_MM = {"steel": 1.0, "Ti6Al4V": 0.33}
+STEEL_IN_NAIL_MATERIAL = {"steel": 1.0, "Ti6Al4V": 3.2}
+PRIOR = {
+    Unknown.HOLE_RADIUS_EXCESS_MM: (0.0, 0.03),
+    Unknown.NAIL_RADIUS_EXCESS_MM: (0.0, 0.03),
+    Unknown.LOG_ATTENUATION: (0.0, 0.5),
+    Unknown.POWER: (0.8, 0.2),
+    Unknown.LOG_BLUR_PX: (float(np.log(USUAL_BLUR_PX)), 0.35),
+    Unknown.SHARPENING: (0.2, 0.4),
+    Unknown.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
+    Unknown.CURVE: (0.3, 0.3),
+    Unknown.DELRIN_PER_MM: (0.02, 0.02),
+}
+
+_RADII = (Unknown.HOLE_RADIUS_EXCESS_MM, Unknown.NAIL_RADIUS_EXCESS_MM)
+
+
+def _reach_of(unknown: Unknown) -> float:
+    """How far from its prior's mean a parameter may go; radii far enough to tell another nail."""
+    if unknown not in PRIOR:
+        return float("inf")
+    return _MOST_RADIUS_EXCESS_MM if unknown in _RADII else _MOST_DEVIATIONS * PRIOR[unknown][1]
+
+
+_REACH = np.array([_reach_of(unknown) for unknown in Unknown])
+
+
+def prior_mean() -> NDArray[np.float64]:
+    """Shape (PARAMETERS,); zero for the pose."""
+    return np.array([PRIOR[u][0] if u in PRIOR else 0.0 for u in Unknown])
+
+
+def prior_precision() -> NDArray[np.float64]:
+    """Inverse variances, shape (PARAMETERS,); zero for the pose."""
+    return np.array([PRIOR[u][1] ** -2 if u in PRIOR else 0.0 for u in Unknown])
+
+
+def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Nuisances clipped to where they still mean something, mostly six standard deviations of their prior."""
+    return np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)

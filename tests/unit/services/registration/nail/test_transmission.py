@@ -1,0 +1,157 @@
+"""What passes the nail, against stepping along the rays, and its derivatives, against differences."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from services.registration.core.nail.transmission import (
+    DERIVATIVES,
+    HOLE_RADIUS,
+    LOG_ATTENUATION,
+    MOTION_SIZE,
+    NAIL_RADIUS,
+    POWER,
+    RayArguments,
+    trace,
+)
+from services.registration.core.nail.window import SAMPLES_PX
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.transform import Transform
+
+CENTRE_ONLY = np.zeros((4, 2))
+BORES = np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0], [-15.0, 0.5, 0.0, 0.0, 0.2, np.sqrt(0.96), 2.5]])
+ROTATION = np.ascontiguousarray(Rotation.from_euler("zyx", [40.0, 4.0, -6.0], degrees=True).as_matrix())
+PLACE = np.array([3.0, -2.0, 740.0])
+
+
+def directions(seed: int, count: int) -> NDArray[np.float64]:
+    rng = np.random.default_rng(seed)
+    along, across = rng.uniform(-22.0, 22.0, count), rng.uniform(-7.0, 7.0, count)
+    points = np.column_stack([along, across, np.zeros(count)]) @ ROTATION.T + PLACE
+    return np.ascontiguousarray(points[:, :2] / points[:, 2:])
+
+
+def transmitted(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.float64]:
+    none = np.zeros_like(rays)
+    out, by_cause = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES))
+    steel = np.zeros((len(rays), len(CENTRE_ONLY)))
+    crossed = np.ones(len(rays), dtype=bool)
+    shape = (ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 1.0)
+    trace(rays, none, none, CENTRE_ONLY, crossed, steel, *shape, out, by_cause)
+    return out
+
+
+def stepped_length(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.float64]:
+    step = 0.005
+    depths = np.arange(725.0, 755.0, step)
+    lengths = []
+    for x, y in rays:
+        ray = np.array([x, y, 1.0])
+        p = (depths[:, None] * ray - PLACE) @ ROTATION
+        radius = np.hypot(p[:, 1], p[:, 2])
+        metal = (radius < 6.0) & (radius > cannulation_mm)
+        for bore in BORES:
+            off = p - bore[:3]
+            off -= np.outer(off @ bore[3:6], bore[3:6])
+            metal &= np.linalg.norm(off, axis=1) > bore[6]
+        lengths.append(np.count_nonzero(metal) * step * np.linalg.norm(ray))
+    return np.array(lengths)
+
+
+@pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
+def test_metal_is_cylinder_less_bores_less_cannulation(cannulation_mm: float) -> None:
+    rays = directions(4, 60)
+    length = -np.log(transmitted(rays, cannulation_mm)) / 0.1
+    assert np.abs(length - stepped_length(rays, cannulation_mm)).max() < 0.05
+    assert np.count_nonzero(length < 1e-9) > 2  # some rays pass through a bore or beside the nail
+
+
+def test_pixels_that_an_edge_crosses_are_sampled_more_finely() -> None:
+    rays = directions(4, 1)
+    beside = np.ascontiguousarray(rays + np.array([[1.0, 0.0]]))  # far beside the nail, at its middle
+    right = np.ascontiguousarray(rays - beside)  # but half a pixel further lies the nail
+    places = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
+    out, by_cause = np.empty(1), np.empty((1, DERIVATIVES))
+    steel = np.full((1, len(places)), 1e3)
+    steel[:, :3] = 0.0
+    arguments = (ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 1.0, out, by_cause)
+    trace(beside, right, np.zeros((1, 2)), places, np.ones(1, dtype=bool), steel, *arguments)
+    assert out[0] == pytest.approx(3.0 / 8.0)
+    trace(beside, right, np.zeros((1, 2)), places, np.zeros(1, dtype=bool), steel, *arguments)
+    assert out[0] == pytest.approx(1.0)
+
+
+COLUMNS, ROWS, PIXEL = 110, 100, 0.22 / 1000.0
+BLUR_PX = 1.2
+STEPS = {k: 0.004 if k < 3 else 0.02 for k in range(MOTION_SIZE)} | {
+    5: 0.2,
+    HOLE_RADIUS: 0.02,
+    NAIL_RADIUS: 0.02,
+    LOG_ATTENUATION: 0.02,
+    POWER: 0.01,
+}
+
+
+def picture(cannulation_mm: float) -> RayArguments:
+    """All pixels around the first hole of a nail that is tilted by 3 and 5 degrees."""
+    pose = Rotation.from_euler("zyx", [25.0, 3.0, -5.0], degrees=True).as_matrix()
+    x, y = np.meshgrid(np.arange(COLUMNS) - 0.5 * COLUMNS, np.arange(ROWS) - 0.5 * ROWS)
+    slopes = PIXEL * np.column_stack([x.ravel(), y.ravel()])
+    steps = np.full((len(slopes), 1), PIXEL)
+    return RayArguments(
+        slopes,
+        np.hstack([steps, 0.0 * steps]),
+        np.hstack([0.0 * steps, steps]),
+        SAMPLES_PX,
+        np.ones(len(slopes), dtype=bool),
+        np.zeros((len(slopes), len(SAMPLES_PX))),
+        np.ascontiguousarray(pose),
+        np.array([0.0, 0.0, 640.0]) - pose @ [15.0, 0.0, 0.0],
+        5.5,
+        cannulation_mm,
+        BORES[:1],
+        0.33,
+        0.8,
+    )
+
+
+def blurred(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(gaussian_filter(values.reshape(ROWS, COLUMNS), BLUR_PX))
+
+
+def traced(arguments: RayArguments) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    count = len(arguments.slopes)
+    passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES))
+    trace(*arguments, passed, by_cause)
+    return passed, by_cause
+
+
+def moved(arguments: RayArguments, cause: int, by: float) -> RayArguments:
+    if cause < MOTION_SIZE:
+        motion = np.eye(MOTION_SIZE)[cause] * by
+        pose = Transform[Camera, Nail].from_rotation_translation(arguments.rotation, arguments.translation_mm)
+        pose = pose @ Transform[Nail, Nail].from_rotvec(motion[:3], motion[3:])
+        return arguments._replace(
+            rotation=np.ascontiguousarray(pose.rotation), translation_mm=np.array(pose.translation_mm)
+        )
+    if cause == HOLE_RADIUS:
+        return arguments._replace(bores=arguments.bores + by * np.eye(7)[6])
+    if cause == NAIL_RADIUS:
+        return arguments._replace(radius_mm=arguments.radius_mm + by)
+    if cause == LOG_ATTENUATION:
+        return arguments._replace(attenuation=arguments.attenuation * np.exp(by))
+    return arguments._replace(power=arguments.power + by)
+
+
+@pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
+@pytest.mark.parametrize("cause", range(DERIVATIVES))
+def test_derivatives_agree_with_differences_over_a_tenth_of_a_pixel(cause: int, cannulation_mm: float) -> None:
+    arguments, step = picture(cannulation_mm), STEPS[cause]
+    sides = [blurred(traced(moved(arguments, cause, side * step))[0]) for side in (0.5, -0.5)]
+    expected = (sides[0] - sides[1]) / step
+    found = blurred(traced(arguments)[1][:, cause])
+    size = float(np.sum(expected**2))
+    assert float(np.sum(expected * found)) / size == pytest.approx(1.0, abs=0.03)
+    assert float(np.sum((expected - found) ** 2)) / size < 0.1**2
