@@ -30,7 +30,14 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
         port = open_port(settings.controller_url, settings.controller_baud)
         return GcsController(port, hexapod, settings.encoders, settings.reply_timeout_s)
 
-    drive = Drive(connect, settings.reference_travel(), time.monotonic, settings.retry_s, runtime.fail)
+    drive = Drive(
+        connect,
+        settings.reference_travel(),
+        time.monotonic,
+        settings.retry_s,
+        runtime.fail,
+        settings.initial_stop_button(),
+    )
 
     def note_change(status: DriveStatus) -> None:
         runtime.log.info("state", state=status.state, detail=status.detail, command_id=status.command_id)

@@ -14,6 +14,7 @@ from services.robot.core.motion import Effect, Event, MotionState, Transition, n
 from services.robot.core.readings import Deviation
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import UNDER_WAY, DriveStatus, ReferenceUnderWay, locked_reading, with_reading
+from services.robot.core.stop_button import StopButton, after_connection
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.devices.controller import ControllerSilent, HexapodController, StopInForce
 from shared.errors import DeviceError
@@ -42,6 +43,8 @@ class Drive:
         Time between attempts to connect.
     on_crash
         Called with a sentence when the worker has failed by a fault of this program; the robot has been stopped then.
+    stop_button
+        What is known of the controller's own button: `ABSENT`, or `RELEASED` until somebody acknowledges.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class Drive:
         clock_s: Callable[[], float],
         retry_s: float,
         on_crash: Callable[[str], None],
+        stop_button: StopButton = StopButton.RELEASED,
     ) -> None:
         self._connect = connect
         self._reference_travel = reference_travel
@@ -61,7 +65,7 @@ class Drive:
         self._changed = threading.Condition(self._lock)
         self._wake = threading.Event()
         self._closing = False
-        self._status = DriveStatus()
+        self._status = DriveStatus(stop_button=stop_button)
         self._pending: tuple[Effect, ...] = ()
         self._controller: HexapodController | None = None
         self._answered_s = float("-inf")
@@ -216,7 +220,8 @@ class Drive:
                 controller.close()
                 return
             self._controller = controller
-            self._set(replace(self._status, identity=controller.identity, connected_s=self._clock_s(), reading=None))
+            connected = replace(self._status, identity=controller.identity, connected_s=self._clock_s(), reading=None)
+            self._set(replace(connected, stop_button=after_connection(connected.stop_button)))
             self._apply(Event.CONNECTED, "connected; the stop is in force until a person acknowledges it")
 
     def _do_pending(self) -> None:

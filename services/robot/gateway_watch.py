@@ -81,12 +81,16 @@ class GatewayWatch:
 
     def _watch(self) -> None:
         while not self._ended.wait(TICK_S):
-            if self._drive.status.state not in UNDER_WAY:
-                continue
-            if not self._presence.link_up():
-                self._drive.supervision_lost("the link to the router was lost; see to the network and acknowledge")
-            elif self._watchdog.expired():
-                self._drive.supervision_lost(
-                    f"the gateway was silent for {self._watchdog.silent_for_s():.2f} s (limit {self._deadline_s:g} s); "
-                    "see that it runs and acknowledge"
-                )
+            self.look()
+
+    def look(self) -> None:
+        """Look once: what the thread does over and over, for it or for a test in its place."""
+        if self._drive.status.state not in UNDER_WAY:
+            return
+        if not self._presence.link_up():
+            self._drive.supervision_lost("the link to the router was lost; see to the network and acknowledge")
+        elif self._watchdog.expired():
+            self._drive.supervision_lost(
+                f"the gateway was silent for {self._watchdog.silent_for_s():.2f} s (limit {self._deadline_s:g} s); "
+                "see that it runs and acknowledge"
+            )

@@ -57,7 +57,7 @@ class RobotService:
         self._keys = keys
         self._parts = parts
         self._drive = parts.drive
-        self._watch = GatewayWatch(bus, keys, parts.drive, parts.limits.heartbeat_deadline_s, parts.clock_s)
+        self.watch = GatewayWatch(bus, keys, parts.drive, parts.limits.heartbeat_deadline_s, parts.clock_s)
         self._lock = threading.Lock()
         self._ledger = CommandLedger(parts.boot_epoch)
         self._registration = RegistrationView()
@@ -68,27 +68,36 @@ class RobotService:
         self._publishing = threading.Thread(target=self._publish_forever, name="robot-state", daemon=True)
 
     def __enter__(self) -> Self:
+        self.listen()
+        self._drive.start()
+        self.watch.start()
+        self._publishing.start()
+        self.answer()
+        return self
+
+    def listen(self) -> None:
+        """Begin to hear what others make known."""
         bus, keys = self._bus, self._keys
         bus.subscribe(keys.registration_epoch, self._on_epoch)
         bus.presence().watch_alive(keys.alive("registration"), self._on_registration_alive)
         bus.subscribe_retained(keys.plan, self._on_plan)
         bus.subscribe_retained(keys.case_context, self._on_case)
-        self._drive.start()
-        self._watch.start()
-        self._publishing.start()
+
+    def answer(self) -> None:
+        """Begin to answer commands."""
+        bus, keys = self._bus, self._keys
         bus.queryable(keys.robot_command("stop"), self._on_stop)
         bus.queryable(keys.robot_command("move"), self._on_move)
         bus.queryable(keys.robot_command("reference"), self._on_reference)
         bus.queryable(keys.robot_command("acknowledge_stop"), self._on_acknowledge_stop)
         bus.queryable(keys.robot_command("reset"), self._on_reset)
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._drive.close()
-        self._watch.close()
+        self.watch.close()
         self._ended.set()
         self._publishing.join()
-        self._publish(self._drive.status)
+        self.publish(self._drive.status)
 
     def _on_epoch(self, sample: Sample) -> None:
         heard_s = self._parts.clock_s()
@@ -199,9 +208,10 @@ class RobotService:
             registration=self._registration,
             reading=status.fresh_reading(now_s),
             connected_s=status.connected_s,
-            heartbeat_s=self._watch.heartbeat_s(),
-            link_up=self._watch.link_up(),
+            heartbeat_s=self.watch.heartbeat_s(),
+            link_up=self.watch.link_up(),
             executed=self._executed,
+            stop_button=status.stop_button,
         )
 
     def _not_understood(self, error: InputError) -> Answer:
@@ -215,14 +225,15 @@ class RobotService:
         noted: DriveStatus | None = None
         while not self._ended.is_set():
             status = self._drive.status
-            self._publish(status)
+            self.publish(status)
             if noted is None or (status.state, status.detail) != (noted.state, noted.detail):
                 self._parts.note_change(status)
                 noted = status
             pause_s = PUBLISH_MOVING_S if status.state in UNDER_WAY else PUBLISH_AT_REST_S
             self._drive.wait_for_change(status, pause_s)
 
-    def _publish(self, status: DriveStatus) -> None:
+    def publish(self, status: DriveStatus) -> None:
+        """Make a status known: what the publishing thread does over and over, for it or for a test in its place."""
         with self._lock:
             self._sequence += 1
             sequence, epoch = self._sequence, self._registration.epoch

@@ -1,12 +1,13 @@
 """What the robot service is started with (`DISTALOCK_ROBOT_...`, or the table `[robot]` of the configuration file)."""
 
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from services.robot.core.guard import GuardLimits
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.stop_button import StopButton
 from services.robot.devices.gcs_controller import Encoders
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
 from shared.runtime.settings import ServiceSettings
@@ -29,6 +30,9 @@ class RobotSettings(ServiceSettings):
     encoders: Encoders = Field(
         Encoders.ABSOLUTE, description="Incremental ones move for reference: only with the guide off the bone."
     )
+    stop_button: Literal["fitted", "absent"] = Field(
+        "fitted", description="Whether the controller has a stop button of its own; one that reports is believed."
+    )
     largest_step_mm: Annotated[float, Field(gt=0.0, le=40.0)] = 20.0
     largest_step_deg: Annotated[float, Field(gt=0.0, le=30.0)] = 12.0
     plan_lifetime_s: PositiveSeconds = 600.0
@@ -45,6 +49,10 @@ class RobotSettings(ServiceSettings):
             self.heartbeat_deadline_s,
             self.registration_deadline_s,
         )
+
+    def initial_stop_button(self) -> StopButton:
+        """What is known of the controller's stop button before anybody has acknowledged anything."""
+        return StopButton.RELEASED if self.stop_button == "fitted" else StopButton.ABSENT
 
     def reference_travel(self) -> Deviation:
         """How far the robot may move for reference."""

@@ -96,6 +96,7 @@ def robot_state(
         sent_at_ns=time.time_ns(),
         state=motion_state(status.state),
         stop=wire.StopLatch.LATCHED if stop_is_latched(status.state) else wire.StopLatch.CLEAR,
+        stop_button=wire.StopButton(status.stop_button.value),
         locked=reading is not None and reading.locked and status.reading_generation == status.generation,
         referenced=reading is not None and reading.referenced,
         pose=None if reading is None else platform_pose_message(reading.pose),

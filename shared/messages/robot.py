@@ -33,6 +33,15 @@ class StopLatch(StrEnum):
     LATCHED = "latched"
 
 
+class StopButton(StrEnum):
+    """The button on the hexapod's controller itself; `released` means that nobody has acknowledged it yet."""
+
+    ABSENT = "absent"
+    PRESSED = "pressed"
+    RELEASED = "released"
+    CLEAR = "clear"
+
+
 class PlatformPoseMessage(WireModel):
     """Platform pose as the controller counts it: X Y Z in mm, U V W in degrees, about the pivot."""
 
@@ -68,6 +77,7 @@ class RobotState(Message):
     deviation_mm: Finite | None = Field(None, description="Read-back minus target after the last move.")
     deviation_deg: Finite | None = None
     detail: str = ""
+    stop_button: StopButton = Field(StopButton.ABSENT, description="The controller's own button, as far as it says.")
 
 
 Verb = Literal["move", "stop", "reference", "acknowledge_stop", "reset"]

@@ -72,7 +72,9 @@ def _identity(_c: Controller, state: HexapodState, words: Words) -> Outcome:
 
 def _error(_c: Controller, state: HexapodState, words: Words) -> Outcome:
     _no_words(words)
-    return model.with_error(state, GcsError.NONE), lines_reply([str(int(state.error))])
+    # What has not ended is reported again: the button is still pressed.
+    left = GcsError.EMERGENCY_STOP if state.emergency_stop else GcsError.NONE
+    return model.with_error(state, left), lines_reply([str(int(state.error))])
 
 
 def _syntax_version(_c: Controller, state: HexapodState, words: Words) -> Outcome:
@@ -132,7 +134,7 @@ def _move_query(_c: Controller, state: HexapodState, words: Words) -> Outcome:
 
 
 def _position(_c: Controller, state: HexapodState, words: Words) -> Outcome:
-    return state, _axis_reply(np.round(state.pose / RESOLUTION) * RESOLUTION + 0.0, words)
+    return state, _axis_reply(np.round(state.measured / RESOLUTION) * RESOLUTION + 0.0, words)
 
 
 def _on_target(_c: Controller, state: HexapodState, words: Words) -> Outcome:

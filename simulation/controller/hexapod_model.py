@@ -15,6 +15,7 @@ from simulation.controller.gcs_protocol import GcsError, GcsRefusal
 from simulation.controller.moves import Move, Purpose, Vector, move_between, stopping
 
 STALL_TRIP_S = 0.5
+SLIP_MM = 0.3
 
 
 class Encoders(StrEnum):
@@ -40,6 +41,10 @@ class HexapodState:
         R S T, shape (3,).
     was_unheld
         Whether the platform was ever held by neither servo nor brake.
+    encoder_jump_mm
+        What the encoders say too much in X.
+    brake_slips, has_slipped
+        Whether the brake alone holds badly, and whether the platform has sunk because of that.
     """
 
     rest_pose: Vector
@@ -57,11 +62,20 @@ class HexapodState:
     servo_broken: bool = False
     emergency_stop: bool = False
     was_unheld: bool = False
+    limit_switch: bool = False
+    encoder_jump_mm: float = 0.0
+    brake_slips: bool = False
+    has_slipped: bool = False
 
     @property
     def pose(self) -> Vector:
         """Pose now, X Y Z (mm) U V W (degrees), shape (6,)."""
         return self.rest_pose if self.move is None else self.move.pose
+
+    @property
+    def measured(self) -> Vector:
+        """Pose as the encoders say, shape (6,)."""
+        return np.asarray(self.pose + self.encoder_jump_mm * np.eye(6)[0])
 
     @property
     def on_target(self) -> bool:
@@ -78,6 +92,8 @@ def initial_state(hexapod: HexapodPart) -> HexapodState:
 def advance(hexapod: HexapodPart, state: HexapodState, dt_s: float) -> HexapodState:
     """Let time pass; many short steps give the same as one long step."""
     left_s = dt_s
+    if state.brake_slips and not state.servo_on and not state.has_slipped and dt_s > 0.0:
+        return _slip(state)
     while state.move is not None:
         if state.leg_stalled:
             return _stall(state, left_s)
@@ -190,9 +206,16 @@ def trip(state: HexapodState, error: GcsError) -> HexapodState:
     return replace(apply_brake(state), servo_on=False, error=error)
 
 
+def power_off(state: HexapodState) -> HexapodState:
+    """Without power the platform is braked where it is, and nothing but its place is remembered."""
+    return replace(trip(state, GcsError.NONE), referenced=False)
+
+
 def _require_motion_allowed(state: HexapodState) -> None:
     if state.emergency_stop:
         raise GcsRefusal(GcsError.EMERGENCY_STOP)
+    if state.limit_switch:
+        raise GcsRefusal(GcsError.LIMIT_SWITCH)
     if not state.servo_on or state.brake_on:
         raise GcsRefusal(GcsError.NOT_REFERENCED_OR_SERVO_OFF)
 
@@ -215,6 +238,12 @@ def _finish(hexapod: HexapodPart, state: HexapodState, move: Move) -> HexapodSta
     if rested.queued is None:
         return rested
     return _start(hexapod, replace(rested, queued=None), rested.queued, Purpose.TARGET)
+
+
+def _slip(state: HexapodState) -> HexapodState:
+    """Held by a bad brake alone, the platform sinks towards the bone, and stays there."""
+    sunk = state.rest_pose - SLIP_MM * np.eye(6)[2]
+    return replace(state, rest_pose=sunk, target=sunk, has_slipped=True)
 
 
 def _stall(state: HexapodState, dt_s: float) -> HexapodState:

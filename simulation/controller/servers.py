@@ -1,9 +1,11 @@
 """The controller's wires: a TCP port and a pseudo-terminal. Both may serve one controller at the same time."""
 
 import os
+import queue
 import socket
 import struct
 import threading
+import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -125,10 +127,41 @@ class _TcpServer:
 def _converse(controller: VirtualController, read: Callable[[], bytes], write: Callable[[bytes], object]) -> None:
     """Answer one client until `read` returns nothing."""
     assembler = Assembler()
-    while received := read():
-        for command in assembler.feed(received):
-            if reply := controller.receive(command):
-                write(reply)
+    with _replies(write) as send:
+        while received := read():
+            for command in assembler.feed(controller.carried(received)):
+                if reply := controller.carried(controller.receive(command)):
+                    send(reply, controller.reply_delay_s())
+
+
+@contextmanager
+def _replies(write: Callable[[bytes], object]) -> Iterator[Callable[[bytes, float], None]]:
+    """Send replies in order, late ones from a thread of their own: a slow controller hears a stop all the same."""
+    waiting: queue.Queue[tuple[float, bytes] | None] = queue.Queue()
+    ended = threading.Event()
+
+    def send(reply: bytes, delay_s: float) -> None:
+        if delay_s > 0.0 or waiting.unfinished_tasks:
+            waiting.put((time.monotonic() + delay_s, reply))
+        else:
+            write(reply)
+
+    def send_late() -> None:
+        while late := waiting.get():
+            due_s, reply = late
+            if not ended.wait(max(due_s - time.monotonic(), 0.0)):
+                with suppress(OSError):  # the client may have gone before its answer came
+                    write(reply)
+            waiting.task_done()
+
+    sending = threading.Thread(target=send_late, name="gcs late", daemon=True)
+    sending.start()
+    try:
+        yield send
+    finally:
+        ended.set()
+        waiting.put(None)
+        sending.join(_END_WITHIN_S)
 
 
 def _write_all(number: int, content: bytes) -> None:

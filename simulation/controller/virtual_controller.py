@@ -3,6 +3,7 @@
 Time passes when somebody looks: there is no thread that ticks.
 """
 
+import random
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,8 +16,7 @@ from simulation.controller.faults import Fault, with_fault, without_fault
 from simulation.controller.gcs_commands import Controller, obey, obey_byte
 from simulation.controller.gcs_protocol import GcsRefusal, SingleByte, parse_line
 from simulation.controller.hexapod_model import Encoders, HexapodState, advance, initial_state, with_error
-
-_NO_REPLY = b"\xff\xfe?\x80\n"
+from simulation.controller.line_faults import answered, carried, reply_delay_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +61,8 @@ class VirtualController:
         How the platform differs from its encoders.
     encoders
         What `FRF` does.
+    noise
+        Chance on a bad line.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class VirtualController:
         clock_s: Callable[[], float],
         error: PlatformError | None = None,
         encoders: Encoders = Encoders.ABSOLUTE,
+        noise: random.Random | None = None,
     ) -> None:
         self.hexapod = hexapod
         self._controller = Controller(hexapod, encoders)
@@ -78,14 +81,24 @@ class VirtualController:
         self._state = initial_state(hexapod)
         self._seen_s = clock_s()
         self._faults: frozenset[Fault] = frozenset()
+        self._noise = noise or random.Random(0)
 
     def receive(self, command: str | SingleByte) -> bytes:
         """Obey a line or a single-byte command; the reply may be empty."""
         with self._lock:
-            if Fault.SILENCE in self._faults:
+            if self._faults & {Fault.SILENCE, Fault.POWER_CYCLE}:
                 return b""
             self._state, reply = self._obey(self._now(), command)
-            return _NO_REPLY if reply and Fault.GARBAGE_REPLY in self._faults else reply
+            return answered(command, reply, self._faults)
+
+    def carried(self, content: bytes) -> bytes:
+        """Bytes, going either way, as the line lets them arrive."""
+        with self._lock:
+            return carried(content, self._faults, self._noise)
+
+    def reply_delay_s(self) -> float:
+        """How late answers come now."""
+        return reply_delay_s(self._faults)
 
     def inject(self, fault: Fault) -> None:
         """Let something go wrong until it is cleared."""
@@ -108,8 +121,8 @@ class VirtualController:
         with self._lock:
             state = self._state = self._now()
             faults = self._faults
-        measured = PlatformPose.from_array(state.pose)
-        pose = self._error.true_pose(measured)
+        measured = PlatformPose.from_array(state.measured)
+        pose = self._error.true_pose(PlatformPose.from_array(state.pose))
         return Snapshot(
             pose=pose,
             measured_pose=measured,

@@ -6,12 +6,14 @@ comes first. Whether the motion table allows a move at all is its own business (
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
 from services.robot.core.plans import PlannedMove, RegistrationView
 from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
 from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.stop_button import StopButton
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_limits import path_violations
 from shared.geometry.hexapod_screw import screw_violations
@@ -66,6 +68,7 @@ class Situation:
     heartbeat_s: float | None
     link_up: bool
     executed: frozenset[str]
+    stop_button: StopButton = StopButton.CLEAR
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +96,7 @@ def check_supervision(situation: Situation) -> Refusal | None:
 
 def _refusals(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterator[Refusal]:
     yield from _supervision(now)
+    yield from _stop_button(now)
     yield from _approval(plan, approved_sha256, now)
     yield from _freshness(plan, now)
     yield from _hardware(plan, now)
@@ -111,6 +115,24 @@ def _supervision(now: Situation) -> Iterator[Refusal]:
             f"the gateway was last heard {silent_s:.2f} s ago, the limit is {now.limits.heartbeat_deadline_s:g} s; "
             "see that it runs and ask again",
         )
+
+
+def _stop_button(now: Situation) -> Iterator[Refusal]:
+    match now.stop_button:
+        case StopButton.PRESSED:
+            yield Refusal(
+                RefusalCode.STOP_BUTTON_PRESSED,
+                "the controller's stop button is pressed; find out why, release it, then acknowledge the stop",
+            )
+        case StopButton.RELEASED:
+            yield Refusal(
+                RefusalCode.STOP_IN_FORCE,
+                "the controller's stop button was pressed and nobody has acknowledged it; find out why, then do",
+            )
+        case StopButton.ABSENT | StopButton.CLEAR:
+            return
+        case _:
+            assert_never(now.stop_button)
 
 
 def _approval(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterator[Refusal]:

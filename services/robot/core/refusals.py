@@ -19,6 +19,7 @@ class RefusalCode(StrEnum):
     # The motion table
     NOT_CONNECTED = "not_connected"
     STOP_IN_FORCE = "stop_in_force"
+    STOP_BUTTON_PRESSED = "stop_button_pressed"
     NOT_REFERENCED = "not_referenced"
     BUSY = "busy"
     IN_FAULT = "in_fault"

@@ -6,13 +6,22 @@ from typing import Literal, assert_never
 from services.robot.core.motion import Event, MotionState, next_motion
 from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.supervision import Finding, MoveUnderWay, judge_at_rest, judge_moving, judge_referencing
+from services.robot.core.stop_button import StopButton, after_acknowledgement, after_reading
+from services.robot.core.supervision import (
+    Finding,
+    MoveUnderWay,
+    judge_at_rest,
+    judge_held,
+    judge_moving,
+    judge_referencing,
+)
 from shared.geometry.hexapod import PlatformPose
 
 Outcome = Literal["none", "moving", "reached", "stopped", "failed"]
 
 OLDEST_READING_S = 0.5
 UNDER_WAY = (MotionState.MOVING, MotionState.REFERENCING)
+ACKNOWLEDGEMENTS = (Event.ACKNOWLEDGE_REFERENCED, Event.ACKNOWLEDGE_UNREFERENCED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +51,10 @@ class DriveStatus:
         What is under way, or was last.
     command_id, outcome, deviation
         The command under way, or the last one, and how it ended.
+    held
+        Where the robot was when it was first seen locked in the present state; None in states that need not hold it.
+    stop_button
+        The button on the controller itself.
     """
 
     state: MotionState = MotionState.DISCONNECTED
@@ -56,6 +69,8 @@ class DriveStatus:
     command_id: str | None = None
     outcome: Outcome = "none"
     deviation: Deviation | None = None
+    held: PlatformPose | None = None
+    stop_button: StopButton = StopButton.RELEASED
 
     def fresh_reading(self, now_s: float) -> ControllerReading | None:
         """The reading, unless it is older than half a second or than the present state."""
@@ -70,6 +85,8 @@ class DriveStatus:
             detail=detail,
             generation=self.generation + 1,
             outcome=_outcome_after(self.outcome, event, state),
+            held=None,
+            stop_button=after_acknowledgement(self.stop_button) if event in ACKNOWLEDGEMENTS else self.stop_button,
         )
 
 
@@ -78,6 +95,11 @@ def locked_reading(status: DriveStatus, event: Event, now_s: float) -> Controlle
     planned = next_motion(status.state, event)
     if isinstance(planned, Refusal):
         return planned
+    if event in ACKNOWLEDGEMENTS and status.stop_button is StopButton.PRESSED:
+        return Refusal(
+            RefusalCode.STOP_BUTTON_PRESSED,
+            "the controller's stop button is pressed; find out why, release it, then acknowledge the stop",
+        )
     reading = status.fresh_reading(now_s)
     if reading is None:
         return Refusal(RefusalCode.POSE_UNKNOWN, "the controller has not answered just now; ask again in a second")
@@ -90,7 +112,10 @@ def with_reading(
     status: DriveStatus, reading: ControllerReading, began_s: float, now_s: float
 ) -> tuple[DriveStatus, Finding | None]:
     """Take in a reading that was begun under the present generation; the event it means, if any, is still to happen."""
-    status = replace(status, reading=reading, reading_generation=status.generation, reading_s=began_s)
+    button = after_reading(status.stop_button, reading.error_code)
+    status = replace(
+        status, reading=reading, reading_generation=status.generation, reading_s=began_s, stop_button=button
+    )
     match status.state:
         case MotionState.MOVING:
             return _while_moving(status, reading, now_s)
@@ -98,7 +123,7 @@ def with_reading(
             return status, _while_referencing(status, reading, now_s)
         case MotionState.LOCKED | MotionState.UNREFERENCED | MotionState.STOPPED:
             finding = judge_at_rest(status.state, reading)
-            return (status, finding) if finding else _read_back(status, reading)
+            return (status, finding) if finding else _while_held(status, reading)
         case MotionState.FAULT | MotionState.DISCONNECTED:
             return status, None
         case _:
@@ -119,9 +144,18 @@ def _while_referencing(status: DriveStatus, reading: ControllerReading, now_s: f
     return judge_referencing(status.task.before, reading, now_s - status.task.began_s, status.task.allowed)
 
 
+def _while_held(status: DriveStatus, reading: ControllerReading) -> tuple[DriveStatus, Finding | None]:
+    """Where it was locked the robot must stay: that is what makes it a guide."""
+    if status.state is not MotionState.LOCKED:
+        return status, None
+    if status.held is not None:
+        return status, judge_held(status.held, reading)
+    return _read_back(replace(status, held=reading.pose), reading)
+
+
 def _read_back(status: DriveStatus, reading: ControllerReading) -> tuple[DriveStatus, Finding | None]:
     """Compare once more after locking: that is where the guide is held."""
-    if status.state is not MotionState.LOCKED or status.outcome != "moving":
+    if status.outcome != "moving":
         return status, None
     if not isinstance(status.task, MoveUnderWay):
         return replace(status, outcome="reached"), None

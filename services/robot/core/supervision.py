@@ -7,11 +7,11 @@ import numpy as np
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event, MotionState
 from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
+from services.robot.core.stop_button import STOP_BUTTON, STOP_BUTTON_RELEASED
 from shared.geometry.hexapod import PlatformPose
 
 STOPPED_BY_COMMAND = 10
-STOP_BUTTON = 500
-STOP_CODES = (STOPPED_BY_COMMAND, STOP_BUTTON)
+STOP_CODES = (STOPPED_BY_COMMAND, STOP_BUTTON, STOP_BUTTON_RELEASED)
 PATH_TOLERANCE = Deviation(0.5, 0.5)
 SETTLE_S = 1.0
 REFERENCE_TIMEOUT_S = 60.0
@@ -25,6 +25,9 @@ ERROR_SENTENCES = {
     9: "the pivot cannot be changed while the platform is turned; drive it to U V W = 0 with the maker's program",
     STOPPED_BY_COMMAND: "the controller was stopped by a command",
     STOP_BUTTON: "the controller's stop button is pressed; find out why, release it, then acknowledge the stop",
+    STOP_BUTTON_RELEASED: "the controller's stop button was pressed and is released; find out why, then acknowledge "
+    "the stop",
+    216: "a leg has met its limit switch; drive it free with the maker's program, reset and reference again",
     -1024: "a leg does not follow (motion error): something holds the robot; free it, reset and reference again",
 }
 
@@ -79,6 +82,18 @@ def judge_at_rest(state: MotionState, reading: ControllerReading) -> Finding | N
     if state is MotionState.LOCKED and not reading.referenced:
         return Finding(Event.FAULT_SEEN, "the axes have lost their reference; reset, reference, take an image again")
     return None
+
+
+def judge_held(held: PlatformPose, reading: ControllerReading) -> Finding | None:
+    """Check that a locked robot is still where it was when it was locked."""
+    off = deviation(held, reading.pose)
+    if not off.exceeds(READ_BACK_TOLERANCE):
+        return None
+    return Finding(
+        Event.FAULT_SEEN,
+        f"the locked robot has moved by {off} (limits {READ_BACK_TOLERANCE}): a brake slips or an encoder is wrong; "
+        "do not drill, check the brakes, then reset and take an image again",
+    )
 
 
 def judge_moving(move: MoveUnderWay, reading: ControllerReading, now_s: float) -> Finding | None:

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, deviation
+from services.robot.core.stop_button import STOP_BUTTON, STOP_BUTTON_RELEASED
 from services.robot.core.supervision import STOP_CODES, error_sentence
 from services.robot.devices import gcs_codec as codec
 from services.robot.devices.controller import StopInForce
@@ -51,6 +52,7 @@ class GcsController:
         reply_timeout_s: float = REPLY_TIMEOUT_S,
     ) -> None:
         self._encoders = encoders
+        self._button_code = 0
         self._line = GcsLine(port, STOP_AND_LOCK, MARKER, reply_timeout_s)
         try:
             self._line.stop_now()
@@ -83,7 +85,7 @@ class GcsController:
             locked=all(brakes) and not any(servos),
             unlocked=not any(brakes) and all(servos),
             referenced=all(referenced),
-            error_code=self._error_code(),
+            error_code=self._pending_code(),
         )
 
     def reference(self) -> None:
@@ -205,7 +207,16 @@ class GcsController:
 
     def _error_code(self) -> int:
         # Never asked again when garbled: asking has cleared the error, and a lost error must not pass for none.
-        return self._line.ask_once(codec.query("ERR"), partial(codec.parse_integer, question="ERR?"))
+        code = self._line.ask_once(codec.query("ERR"), partial(codec.parse_integer, question="ERR?"))
+        if code in (STOP_BUTTON, STOP_BUTTON_RELEASED):
+            self._button_code = code
+        return code
+
+    def _pending_code(self) -> int:
+        # What a controller said of its button between two readings must not be lost: some say it only once.
+        code = self._error_code() or self._button_code
+        self._button_code = 0
+        return code
 
     def _switches(self, name: str) -> tuple[bool, ...]:
         parse = partial(codec.parse_switches, axes=AXES, question=f"{name}?")

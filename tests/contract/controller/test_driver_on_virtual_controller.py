@@ -9,7 +9,9 @@ import pytest
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import MotionState
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation, deviation
+from services.robot.core.refusals import RefusalCode
 from services.robot.core.status import DriveStatus
+from services.robot.core.stop_button import StopButton
 from services.robot.devices.controller import ControllerSilent
 from services.robot.devices.gcs_controller import Encoders, GcsController
 from services.robot.devices.gcs_line import open_port
@@ -235,6 +237,12 @@ def test_the_drive_stops_within_a_fifth_of_a_second(drive: Drive, virtual: Virtu
     [
         (Fault.SILENCE, MotionState.FAULT, "silent"),
         (Fault.GARBAGE_REPLY, MotionState.FAULT, "not an answer"),
+        (Fault.PARTIAL_REPLY, MotionState.FAULT, "silent|not an answer"),
+        (Fault.ECHO, MotionState.FAULT, "not an answer"),
+        (Fault.SLOW_REPLY, MotionState.FAULT, "silent"),
+        (Fault.LIMIT_SWITCH, MotionState.FAULT, "limit switch|lost during"),
+        (Fault.ENCODER_JUMP, MotionState.FAULT, "beside its path"),
+        (Fault.POWER_CYCLE, MotionState.FAULT, "silent"),
         (Fault.LEG_STALL, MotionState.FAULT, "beside its path|motion error|does not call it reached|lost during"),
         (Fault.SERVO_ERROR, MotionState.FAULT, "motion error"),
         (Fault.EMERGENCY_STOP, MotionState.STOPPED, "stop button is pressed"),
@@ -250,6 +258,59 @@ def test_every_fault_ends_a_move(
     status = reach(drive, lambda s: s.state is not MotionState.MOVING)
     assert status.state is state
     assert any(word in status.detail for word in words.split("|")), status.detail
+    virtual.clear(fault)
+    wait_until(lambda: virtual.snapshot().brake_on and not virtual.snapshot().servo_on)
+
+
+def test_a_brake_that_slips_is_noticed_at_rest(drive: Drive, virtual: VirtualController) -> None:
+    make_ready(drive)
+    reach(drive, lambda s: s.held is not None)
+    virtual.inject(Fault.BRAKE_SLIPS)
+    status = reach(drive, lambda s: s.state is MotionState.FAULT)
+    assert "the locked robot has moved by 0.300 mm" in status.detail
+    virtual.clear(Fault.BRAKE_SLIPS)
+
+
+def test_after_a_power_cycle_nothing_moves_before_reset_acknowledgement_and_reference(
+    drive: Drive, virtual: VirtualController
+) -> None:
+    make_ready(drive)
+    virtual.inject(Fault.POWER_CYCLE)
+    reach(drive, lambda s: s.state is MotionState.FAULT)
+    virtual.clear(Fault.POWER_CYCLE)
+    refusal = drive.begin_move("m1", lambda _: PermittedMove("a" * 64, ZERO_POSE, NEAR, 2.0, 0.2))
+    assert refusal is not None
+    assert refusal.code is RefusalCode.IN_FAULT
+    assert drive.reset() is None
+    reach(drive, lambda s: s.state is MotionState.STOPPED and is_locked(s))
+    assert drive.acknowledge_stop() is None
+    status = reach(drive, lambda s: s.state is not MotionState.STOPPED)
+    assert status.state is MotionState.UNREFERENCED
+    assert virtual.snapshot().measured_pose == ZERO_POSE
+
+
+def test_the_stop_button_is_followed_until_it_is_acknowledged(drive: Drive, virtual: VirtualController) -> None:
+    make_ready(drive)
+    assert drive.status.stop_button is StopButton.CLEAR
+    virtual.inject(Fault.EMERGENCY_STOP)
+    reach(drive, lambda s: s.state is MotionState.STOPPED and s.stop_button is StopButton.PRESSED and is_locked(s))
+    refusal = drive.acknowledge_stop()
+    assert refusal is not None
+    assert refusal.code is RefusalCode.STOP_BUTTON_PRESSED
+    virtual.clear(Fault.EMERGENCY_STOP)
+    reach(drive, lambda s: s.stop_button is StopButton.RELEASED and is_locked(s))
+    assert drive.acknowledge_stop() is None
+    status = reach(drive, lambda s: s.state is MotionState.LOCKED)
+    assert status.stop_button is StopButton.CLEAR
+
+
+@pytest.mark.parametrize("fault", [Fault.DROPPED_BYTES, Fault.DUPLICATED_BYTES, Fault.WRONG_BYTES])
+def test_a_bad_line_ends_in_a_known_state_and_heals(drive: Drive, virtual: VirtualController, fault: Fault) -> None:
+    make_ready(drive)
+    begin(drive, FAR, 3.0)
+    wait_until(lambda: virtual.snapshot().moving)
+    virtual.inject(fault)
+    reach(drive, lambda s: s.state is not MotionState.MOVING)
     virtual.clear(fault)
     wait_until(lambda: virtual.snapshot().brake_on and not virtual.snapshot().servo_on)
 

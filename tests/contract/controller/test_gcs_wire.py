@@ -276,9 +276,10 @@ def test_emergency_stop_shows_on_the_wire(bench: Bench) -> None:
     assert bench.line.ask("\x05") == "0\n"
     assert bench.line.ask("SVO? X") == "X=0\n"
     assert bench.line.ask("BRA? X") == "X=1\n"
-    assert bench.line.ask("ERR?") == "500\n"
+    assert [bench.line.ask("ERR?") for _ in range(2)] == ["500\n", "500\n"]
     assert bench.line.tell("SVO X 1") == 500
     bench.controller.clear(Fault.EMERGENCY_STOP)
+    assert [bench.line.ask("ERR?") for _ in range(2)] == ["501\n", "0\n"]
     assert bench.line.tell("SVO X 1") == 0
 
 

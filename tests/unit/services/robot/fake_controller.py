@@ -25,6 +25,7 @@ class FakeController:
         self.motions: list[PlatformPose] = []
         self.failures: list[str] = []
         self.silent = False
+        self.button_code = 0
         self.brakes_hold = True
         self.before_move: Callable[[], None] = lambda: None
         self.after_read: Callable[[], None] = lambda: None
@@ -40,6 +41,7 @@ class FakeController:
         if self.silent:
             raise ControllerSilent("no answer within 0.25 s")
         reading, self.reading = self.reading, replace(self.reading, error_code=0)
+        reading = replace(reading, error_code=self.button_code or reading.error_code)
         self.after_read()
         return reading
 

@@ -31,6 +31,7 @@ from shared.messages.robot import (
     PlainCommand,
     PlatformPoseMessage,
     RobotState,
+    StopButton,
     StopCommand,
     StopLatch,
     Verb,
@@ -503,7 +504,31 @@ def test_leaving_during_a_move_locks() -> None:
 
 def test_it_does_not_move_what_it_found_elsewhere(room: Room) -> None:
     plan_json = room.ready_with_plan()
+    room.ask("stop", encode(StopCommand(client="gateway")))
+    room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
     elsewhere = PlatformPose(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
     room.controller.reading = replace(room.controller.reading, pose=elsewhere)
     room.wait(lambda s: s.pose is not None and s.pose.x_mm == 0.1)
+    assert room.acknowledge().verdict == "accepted"
+    room.wait(lambda s: s.state is MotionState.LOCKED and s.locked)
     assert room.until_known(plan_json).code == "start_pose_differs"
+
+
+def test_a_locked_robot_that_shifts_is_a_fault(room: Room) -> None:
+    room.ready_with_plan()
+    room.controller.reading = replace(room.controller.reading, pose=PlatformPose(0.0, 0.0, -0.3, 0.0, 0.0, 0.0))
+    state = room.wait(lambda s: s.state is MotionState.FAULT)
+    assert "the locked robot has moved by 0.300 mm" in state.detail
+
+
+def test_a_stop_button_goes_through_its_states(room: Room) -> None:
+    room.make_ready()
+    room.wait(lambda s: s.stop_button is StopButton.CLEAR)
+    room.controller.button_code = 500
+    state = room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
+    assert (state.stop_button, state.stop) == (StopButton.PRESSED, StopLatch.LATCHED)
+    assert room.acknowledge().code == "stop_button_pressed"
+    room.controller.button_code = 0
+    room.wait(lambda s: s.stop_button is StopButton.RELEASED and s.locked)
+    assert room.acknowledge().verdict == "accepted"
+    room.wait(lambda s: s.stop_button is StopButton.CLEAR and s.state is MotionState.LOCKED)

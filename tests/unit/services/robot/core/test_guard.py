@@ -1,16 +1,20 @@
 """The guard: one move that passes, and every way in which it must not."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from services.robot.core import guard
 from services.robot.core.guard import GuardLimits, PermittedMove, Situation, check_move
 from services.robot.core.plans import EpochWord, PlannedMove, RegistrationView
 from services.robot.core.readings import ControllerReading, Deviation
 from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.stop_button import StopButton
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import (
     ZERO_POSE,
@@ -89,6 +93,16 @@ def test_a_move_that_is_right_in_every_way_passes() -> None:
     assert outcome.target == planned().target_pose
 
 
+def test_a_robot_without_a_stop_button_moves() -> None:
+    assert isinstance(check_move(planned(), SHA, replace(SITUATION, stop_button=StopButton.ABSENT)), PermittedMove)
+
+
+def test_every_refusal_of_the_guard_has_a_test_here() -> None:
+    asked_for_here = set(re.findall(r"RefusalCode\.([A-Z_]+)", Path(__file__).read_text()))
+    guards_own = set(re.findall(r"RefusalCode\.([A-Z_]+)", Path(guard.__file__).read_text()))
+    assert guards_own <= asked_for_here
+
+
 def test_the_speed_keeps_to_both_limits_of_the_hexapod_file() -> None:
     for rotation, translation in [((0.0, 0.0, 0.0), (4.0, 0.0, 0.0)), ((0.0, 0.0, 6.0), (0.1, 0.0, 0.0))]:
         plan = planned(rotation, translation)
@@ -160,6 +174,16 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
             "not the open one",
         ),
         (replace(SITUATION, boot_epoch="later"), RefusalCode.WRONG_BOOT_EPOCH, "was restarted"),
+        (
+            replace(SITUATION, stop_button=StopButton.PRESSED),
+            RefusalCode.STOP_BUTTON_PRESSED,
+            "stop button is pressed; find out why",
+        ),
+        (
+            replace(SITUATION, stop_button=StopButton.RELEASED),
+            RefusalCode.STOP_IN_FORCE,
+            "nobody has acknowledged it",
+        ),
         (replace(SITUATION, reading=None), RefusalCode.POSE_UNKNOWN, "has not said where"),
         (with_reading(referenced=False), RefusalCode.NOT_REFERENCED, "not referenced"),
         (with_reading(locked=False), RefusalCode.NOT_LOCKED, "not locked at rest"),
