@@ -172,13 +172,19 @@ class Exposure:
     noise_blur_px: float = 0.0
     aperture_px: float = 484.0
 
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a pixel's grey value, in the units of `displayed`."""
+        depth = (1.03**_CURVE) - (np.exp(-ABSORPTION) + 0.03) ** _CURVE
+        return float(depth / self.contrast_to_noise)
+
 
 def exposed(grey: Array, exposure: Exposure, rng: np.random.Generator) -> FloatImage:
     """Add noise, an aperture and burnt-in text, and round to 16 bits."""
     noise = rng.normal(size=grey.shape)
     if exposure.noise_blur_px > 0.0:
         noise = np.asarray(cv2.GaussianBlur(noise, (0, 0), exposure.noise_blur_px), dtype=np.float64)
-    noise *= 1.0 / (exposure.contrast_to_noise * noise.std())
+    noise *= exposure.noise / noise.std()
     image = 0.7 * (grey + noise) / float(np.quantile(grey, 0.98))
     if np.isfinite(exposure.aperture_px):
         y, x = np.mgrid[0 : grey.shape[0], 0 : grey.shape[1]] - 0.5 * (SIZE_PX - 1)

@@ -130,8 +130,10 @@ def _filter(image: FloatImage, kernel: Array) -> FloatImage:
 
 
 def _fit(pixels: FloatImage, usable: Mask, seed: Array, radius: float) -> DiscFit | None:
-    priors = DiscPriors(seed[None], _DRIFT_PX, np.array([radius]), np.array([0.25 * radius]), _BLUR_PX, _BLUR_SD_PX)
-    return fit_discs(pixels, usable, priors, _MARGIN_PX, passes=1)
+    priors = DiscPriors(
+        seed[None], np.array([_DRIFT_PX]), np.array([radius]), np.array([0.25 * radius]), _BLUR_PX, _BLUR_SD_PX
+    )
+    return fit_discs(pixels, usable, priors, (seed[None], np.array([radius + _MARGIN_PX])), passes=1)
 
 
 def _is_ball(fit: DiscFit, seed: Array, radius_range_px: tuple[float, float], limits: DetectionLimits) -> bool:

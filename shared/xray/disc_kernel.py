@@ -158,7 +158,7 @@ def levenberg(
 @njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
 def fit_group(
     samples: Array, frame: Array, mean: Array, precision: Array, discs: int, passes: int, huber: float
-) -> tuple[Array, Array, float]:
+) -> tuple[Array, Array, Array, float, tuple[float, float]]:
     """Robust fit of one group.
 
     Parameters
@@ -179,7 +179,8 @@ def fit_group(
     Returns
     -------
     tuple
-        Parameters, inverse covariance (lower triangle) and robust residual noise.
+        Parameters, inverse covariance (lower triangle), residuals, their robust noise, and of residuals of neighbours
+        in a row the correlation and the mean squared difference.
     """
     p = mean.copy()
     count = len(samples)
@@ -194,4 +195,47 @@ def fit_group(
         for n in range(count):
             weight[n] = min(1.0, huber * noise / max(residual[n], 1e-12)) / noise**2
         normal = levenberg(samples, weight, frame, p, mean, precision, discs, 8, rows, residual)
-    return p, normal, noise
+    return p, normal, residual, noise, neighbours(samples, residual, 3.0 * noise)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def neighbours(samples: Array, residual: Array, limit: float) -> tuple[float, float]:
+    """Correlation of residuals of pixels next to each other in a row, and their mean squared difference.
+
+    Residuals beyond a limit count as the limit.
+    """
+    common, square, pairs = 0.0, 0.0, 0
+    for n in range(1, len(residual)):
+        if samples[n, 1] == samples[n - 1, 1] and samples[n, 0] == samples[n - 1, 0] + 1.0:
+            left = min(max(residual[n - 1], -limit), limit)
+            right = min(max(residual[n], -limit), limit)
+            common += left * right
+            square += 0.5 * (left * left + right * right)
+            pairs += 1
+    if pairs == 0 or square <= 0.0:
+        return 0.0, 0.0
+    return common / square, 2.0 * (square - common) / pairs
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+def darkest_spot(samples: Array, residual: Array, radius: float) -> tuple[int, float]:
+    """Where a disc is darker than the model says, by most.
+
+    Returns
+    -------
+    tuple
+        Index of the sample at the middle of the disc, and the sum of its residuals over the square root of how many
+        they are, negated.
+    """
+    best, where = 0.0, 0
+    for centre in range(len(residual)):
+        total, count = 0.0, 0
+        for n in range(len(residual)):
+            dx, dy = samples[n, 0] - samples[centre, 0], samples[n, 1] - samples[centre, 1]
+            if dx * dx + dy * dy <= radius * radius:
+                total -= residual[n]
+                count += 1
+        score = total / math.sqrt(count)
+        if score > best:
+            best, where = score, centre
+    return where, best

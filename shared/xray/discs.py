@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.xray.disc_kernel import fit_group
+from shared.xray.disc_kernel import darkest_spot, fit_group
 from shared.xray.disc_model import BACKGROUND_TERMS
 from shared.xray.disc_samples import gather, normalise
 
@@ -35,7 +35,7 @@ class DiscPriors:
     Attributes
     ----------
     centre_px, centre_sd_px
-        Shape (K, 2), and one value.
+        Shapes (K, 2) and (K,).
     radius_px, radius_sd_px
         Shape (K,) each.
     blur_px, blur_sd_px
@@ -43,7 +43,7 @@ class DiscPriors:
     """
 
     centre_px: Array
-    centre_sd_px: float
+    centre_sd_px: Array
     radius_px: Array
     radius_sd_px: Array
     blur_px: float
@@ -59,9 +59,14 @@ class DiscFit:
     centre_px, centre_covariance_px2
         Shapes (K, 2) and (K, 2, 2); the covariance takes the patch's own residuals for white noise.
     radius_px, contrast, contrast_sd
-        Shape (K,).
+        Shape (K,); the last is how well the contrast is known of discs of this place, size and blur: whether there is
+        one at all. (Size and contrast of a small noisy disc trade against one another; its being there does not.)
     blur_px, noise
         Blur of the edges, and robust residual in grey values.
+    correlation, difference_variance
+        Of the residuals of neighbouring pixels, the latter in squared grey values.
+    residual
+        What the fit leaves: columns x, y and grey value, shape (P, 3).
     """
 
     centre_px: Array
@@ -71,13 +76,24 @@ class DiscFit:
     contrast_sd: Array
     blur_px: float
     noise: float
+    correlation: float
+    difference_variance: float
+    residual: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Remainder:
+    residual: Array
+    noise: float
+    correlation: float
+    difference_variance: float
 
 
 def fit_discs(
     pixels: FloatImage,
     usable: Mask,
     priors: DiscPriors,
-    reach_px: float,
+    within: tuple[Array, Array],
     passes: int = 2,
     avoid: Array = NOTHING_TO_AVOID,
 ) -> DiscFit | None:
@@ -89,8 +105,8 @@ def fit_discs(
         Image and the pixels of it that count, shape (rows, columns).
     priors
         Where the discs are thought to be, and how large.
-    reach_px
-        How far beyond the discs' edges pixels are used.
+    within
+        Circles whose pixels are used: centres and radii, shapes (M, 2) and (M,).
     passes
         Rounds of re-weighting against pixels that belong to something else.
     avoid
@@ -101,15 +117,18 @@ def fit_discs(
     DiscFit or None
         None when too few usable pixels are near.
     """
-    samples = gather(pixels, usable, priors.centre_px, priors.radius_px + reach_px, avoid)
+    samples = gather(pixels, usable, *within, avoid)
     discs = len(priors.radius_px)
     if len(samples) < _LEAST_PIXELS + 4 * discs:
         return None
     frame, bright, spread = normalise(samples)
     mean, precision = _priors_vector(priors, bright)
-    parameters, normal, noise = fit_group(samples, frame, mean, precision, discs, passes, _HUBER)
+    parameters, normal, residual, noise, neighbours = fit_group(samples, frame, mean, precision, discs, passes, _HUBER)
     normal = np.tril(normal) + np.tril(normal, -1).T
-    return _unpacked(parameters, np.asarray(np.linalg.inv(normal)), discs, spread, noise)
+    samples[:, 2] = spread * residual
+    return _unpacked(
+        parameters, normal, discs, spread, _Remainder(samples, spread * noise, neighbours[0], spread**2 * neighbours[1])
+    )
 
 
 def compile_fits() -> None:
@@ -117,9 +136,10 @@ def compile_fits() -> None:
     y, x = np.ogrid[:24, :24]
     pixels = np.where(np.hypot(x - 12.0, y - 12.0) < 5.0, 1.0, 2.0).astype(np.float32)
     one = np.ones(1)
-    fit_discs(
-        pixels, np.ones(pixels.shape, bool), DiscPriors(np.array([[12.0, 12.0]]), 1.0, 5.0 * one, one, 1.5, 0.8), 4.0
-    )
+    priors = DiscPriors(np.array([[12.0, 12.0]]), one, 5.0 * one, one, 1.5, 0.8)
+    fit = fit_discs(pixels, np.ones(pixels.shape, bool), priors, (priors.centre_px, 9.0 * one))
+    assert fit is not None, "a whole disc was given"
+    darkest_spot(fit.residual, fit.residual[:, 2].copy(), 3.0)
 
 
 def _priors_vector(priors: DiscPriors, bright: float) -> tuple[Array, Array]:
@@ -131,12 +151,15 @@ def _priors_vector(priors: DiscPriors, bright: float) -> tuple[Array, Array]:
     background_precision[3:] = _CURVATURE_PRECISION
     mean = [background, np.full(discs, _START_CONTRAST), priors.centre_px[:, 0], priors.centre_px[:, 1]]
     mean += [priors.radius_px, np.array([_START_OVERLAP, priors.blur_px])]
-    precision = [background_precision, np.full(discs, _WEAK), np.full(2 * discs, priors.centre_sd_px**-2)]
+    precision = [background_precision, np.full(discs, _WEAK), np.tile(priors.centre_sd_px**-2.0, 2)]
     precision += [priors.radius_sd_px**-2.0, np.array([_OVERLAP_SD**-2, priors.blur_sd_px**-2])]
     return np.concatenate(mean), np.concatenate(precision)
 
 
-def _unpacked(p: Array, covariance: Array, discs: int, spread: float, noise: float) -> DiscFit:
+def _unpacked(p: Array, normal: Array, discs: int, spread: float, left: _Remainder) -> DiscFit:
+    covariance = np.linalg.inv(normal)
+    depths = BACKGROUND_TERMS + discs
+    contrast_variance = np.diag(np.linalg.inv(normal[:depths, :depths]))[BACKGROUND_TERMS:]
     contrast_at = BACKGROUND_TERMS + np.arange(discs)
     x_at, y_at, radius_at = (contrast_at + i * discs for i in (1, 2, 3))
     centre_covariance = np.empty((discs, 2, 2))
@@ -148,7 +171,10 @@ def _unpacked(p: Array, covariance: Array, discs: int, spread: float, noise: flo
         centre_covariance_px2=centre_covariance,
         radius_px=p[radius_at],
         contrast=p[contrast_at] * spread,
-        contrast_sd=np.sqrt(covariance[contrast_at, contrast_at]) * spread,
+        contrast_sd=np.sqrt(contrast_variance) * spread,
         blur_px=float(p[-1]),
-        noise=float(noise) * spread,
+        noise=left.noise,
+        correlation=left.correlation,
+        difference_variance=left.difference_variance,
+        residual=left.residual,
     )

@@ -8,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from shared.xray.discs import Array, DiscFit, DiscPriors, FloatImage, Mask, fit_discs
+from shared.xray.hidden import Refit, noise_factor, usual_correlation, with_hidden
 
 _TOUCH_PX = 2.5
 _LOOSENING_PX = 0.75
@@ -31,8 +32,6 @@ class MeasurementSettings:
         Blur of edges and how well it is known.
     contrast_to_sd
         Least contrast over its standard deviation for a ball to count as seen.
-    noise_factor
-        Ratio of a centre's real to its white-noise standard deviation: the noise of images is correlated.
     """
 
     reach_px: float = 3.5
@@ -40,8 +39,7 @@ class MeasurementSettings:
     radius_tolerance: float = 0.15
     blur_px: float = 1.5
     blur_sd_px: float = 0.8
-    contrast_to_sd: float = 8.0
-    noise_factor: float = 2.0
+    contrast_to_sd: float = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +71,8 @@ class BallMeasurements:
         Shape (N,).
     overlapped
         Whether another disc's shadow touches this one, shape (N,).
+    noise_factor
+        Ratio of real to white-noise standard deviations in this image, from the residuals' correlation.
     """
 
     seen: Mask
@@ -81,6 +81,7 @@ class BallMeasurements:
     radius_px: Array
     contrast: Array
     overlapped: Mask
+    noise_factor: float
 
 
 def measure_balls(
@@ -122,15 +123,20 @@ def measure_balls(
     discs = Discs(
         np.concatenate([predicted_px, neighbours.centre_px]), np.concatenate([radius_px, neighbours.radius_px])
     )
-    rows: dict[int, tuple[DiscFit, int]] = {}
     inside = _inside(usable, predicted)
+    fitted = []
     for members in _groups(discs):
         if not inside[members[members < count]].any():
             continue
-        fit = _fit_group(pixels, usable, discs, members, settings)
-        if fit is not None:
-            rows.update({int(disc): (fit, place) for place, disc in enumerate(members)})
-    return _measurements(predicted, inside, rows, settings)
+        priors, refit = _group(pixels, usable, discs, members, settings)
+        if (fit := refit(priors)) is not None:
+            fitted.append((members, priors, refit, fit))
+    correlation = usual_correlation([fit for *_, fit in fitted])
+    rows: dict[int, tuple[DiscFit, int]] = {}
+    for members, priors, refit, fit in fitted:
+        whole = with_hidden(fit, priors, correlation, refit)
+        rows.update({int(disc): (whole, place) for place, disc in enumerate(members)})
+    return _measurements(predicted, inside, rows, settings, noise_factor(correlation))
 
 
 def _not_the_balls(neighbours: Discs, predicted: Discs) -> Discs:
@@ -167,15 +173,18 @@ def _groups(discs: Discs) -> list[NDArray[np.int64]]:
     return [m.astype(np.int64) for m in np.split(order, np.cumsum(sizes)[:-1])]
 
 
-def _fit_group(
+def _group(
     pixels: FloatImage, usable: Mask, discs: Discs, members: NDArray[np.int64], settings: MeasurementSettings
-) -> DiscFit | None:
+) -> tuple[DiscPriors, Refit]:
+    """What is known of a group, and how to fit its pixels."""
     centre, radius = discs.centre_px[members], discs.radius_px[members]
+    drift = np.full(len(radius), settings.drift_px)
     priors = DiscPriors(
-        centre, settings.drift_px, radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px
+        centre, drift, radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px
     )
     avoid = _other_discs(discs, members, settings.reach_px)
-    return fit_discs(pixels, usable, priors, settings.reach_px, avoid=avoid)
+    place = centre, radius + settings.reach_px
+    return priors, lambda p: fit_discs(pixels, usable, p, place, avoid=avoid)
 
 
 def _other_discs(discs: Discs, members: NDArray[np.int64], reach_px: float) -> Array:
@@ -188,7 +197,11 @@ def _other_discs(discs: Discs, members: NDArray[np.int64], reach_px: float) -> A
 
 
 def _measurements(
-    predicted: Discs, inside: Mask, rows: dict[int, tuple[DiscFit, int]], settings: MeasurementSettings
+    predicted: Discs,
+    inside: Mask,
+    rows: dict[int, tuple[DiscFit, int]],
+    settings: MeasurementSettings,
+    factor: float,
 ) -> BallMeasurements:
     count = len(predicted.radius_px)
     centre, values = np.full((count, 2), np.nan), np.full((count, 4), np.nan)
@@ -196,10 +209,10 @@ def _measurements(
     for ball, (fit, k) in rows.items():
         if ball < count:
             centre[ball] = fit.centre_px[k]
-            deviation = settings.noise_factor * np.sqrt(0.5 * np.trace(fit.centre_covariance_px2[k]))
-            values[ball] = deviation, fit.radius_px[k], fit.contrast[k], fit.contrast[k] / fit.contrast_sd[k]
+            deviation = factor * np.sqrt(0.5 * np.trace(fit.centre_covariance_px2[k]))
+            values[ball] = deviation, fit.radius_px[k], fit.contrast[k], fit.contrast[k] / (factor * fit.contrast_sd[k])
             overlapped[ball] = len(fit.radius_px) > 1
     deviation, radius, contrast, strength = values.T
     drift = np.hypot(*(centre - predicted.centre_px).T)
     seen = inside & np.isfinite(deviation) & (strength > settings.contrast_to_sd) & (drift < 4.0 * settings.drift_px)
-    return BallMeasurements(seen, centre, deviation, radius, contrast, overlapped)
+    return BallMeasurements(seen, centre, deviation, radius, contrast, overlapped, factor)

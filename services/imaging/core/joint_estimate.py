@@ -20,6 +20,7 @@ from services.imaging.core.field_model import (
 from shared.xray.discs import Mask
 
 _ORDER = 3
+_CREDIBLE_PX, _VAGUE_PX = 1.2, 0.3
 _OUTLIER = 4.0
 _STEP_MM = 1e-2
 _NEWTON_STEPS = 10
@@ -100,6 +101,16 @@ class JointEstimate:
     def residual_rms_px(self) -> float:
         """Rms per axis of what the fit leaves."""
         return float(np.sqrt(np.mean(np.square(self.solution.fit_residual_px()))))
+
+    def credible(self) -> Mask:
+        """Which of the used observations lie where the others say, shape (used,).
+
+        A ball that is hardly there is measured badly, has little weight and does not disagree; but a place a pixel and
+        more away from the ball's own is something else.
+        """
+        residual, _ = self.solution.left_out()
+        _, of_the_field = self.solution.predict(self.solution.system.measured_px)
+        return np.asarray((np.hypot(*residual.T) < _CREDIBLE_PX) | (of_the_field > _VAGUE_PX))
 
     def left_out_rms_px(self) -> float:
         """Rms per axis of the residuals with each ball left out of the fit that predicts it."""
