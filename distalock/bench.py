@@ -13,6 +13,10 @@ BENCHMARKS: Final = {
     "accuracy": "random scenes with random parts, localised by the model and by the paper's method",
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
     "hexapod_kinematics": "the robot's inverse and forward kinematics, beside plain NumPy",
+    "robot_delivery": "commands duplicated, late, reordered, replayed and for another boot: at most one effect",
+    "robot_faults": "random faults, commands and events on the whole robot service",
+    "stop_latency": "from a stop over REST to the stop byte on the controller's wire",
+    "robot_noise": "one byte in a hundred wrong on the hexapod controller's line",
     "procedure": "twenty seeded procedures in the virtual operating room",
 }
 

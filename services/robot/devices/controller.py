@@ -47,7 +47,7 @@ class HexapodController(Protocol):
         """
 
     def lock(self) -> None:
-        """Brake on, then servo off, read back; raises `DeviceError` when they are not."""
+        """Brake on, read back, then servo off, read back; raises `DeviceError` when they are not."""
 
     def stop_now(self) -> None:
         """Stop abruptly and lock, without waiting for anything: from any thread, at any time. Never raises."""

@@ -18,8 +18,11 @@ BRAKES_ON = codec.command("BRA", codec.on_all_axes(1))
 BRAKES_OFF = codec.command("BRA", codec.on_all_axes(0))
 SERVOS_ON = codec.command("SVO", codec.on_all_axes(1))
 SERVOS_OFF = codec.command("SVO", codec.on_all_axes(0))
-# The stop byte, then brakes on and servos off, in one write: locking must not wait for anybody's question either.
-STOP_AND_LOCK = codec.STOP_ALL + BRAKES_ON + SERVOS_OFF
+# A disturbed line can spoil one command and carry the next, and then neither brake nor servo would hold. Where the
+# brakes cannot be read back before the servos go off, they are sent so often that one of the commands arrives.
+LOCK_UNCONFIRMED = 6 * BRAKES_ON + SERVOS_OFF
+# The stop byte, then the lock, in one write: locking must not wait for anybody's question either.
+STOP_AND_LOCK = codec.STOP_ALL + LOCK_UNCONFIRMED
 MARKER = (codec.query("SAI"), AXES)
 PIVOT_AXES = ("R", "S", "T")
 
@@ -71,13 +74,15 @@ class GcsController:
         return self._identity
 
     def read(self) -> ControllerReading:
-        """Ask for everything; about 7 questions. See `HexapodController`."""
+        """Ask for everything; about 8 questions. See `HexapodController`."""
         brakes = self._switches("BRA")
         servos = self._switches("SVO")
         pose = self._pose("POS")
         moving = self._line.ask(codec.MOTION_STATUS, codec.parse_motion_status)
         on_target = self._switches("ONT")
         referenced = self._switches("FRF")
+        if not moving:
+            self._confirm_at_rest(pose)
         return ControllerReading(
             pose=pose,
             moving=moving,
@@ -106,16 +111,13 @@ class GcsController:
         self._check_target(target)
 
     def lock(self) -> None:
-        """Brakes on, then servos off, and read back."""
-        self._line.write(BRAKES_ON)
+        """Brakes on, read back, then servos off, read back."""
+        self._brake()
         self._line.write(SERVOS_OFF)
-        brakes, servos = self._switches("BRA"), self._switches("SVO")
-        if not all(brakes) or any(servos):
-            off = [a for a, on in zip(AXES, brakes, strict=True) if not on]
+        servos = self._switches("SVO")
+        if any(servos):
             on = [a for a, on in zip(AXES, servos, strict=True) if on]
-            raise DeviceError(
-                f"the robot does not lock: brakes off on {off}, servos on on {on}; do not drill, switch it off"
-            )
+            raise DeviceError(f"the robot does not lock: servos are still on on {on}; do not drill, switch it off")
         code = self._error_code()
         if code not in (0, *STOP_CODES):
             raise DeviceError(f"locking the robot failed: {error_sentence(code)}")
@@ -132,9 +134,26 @@ class GcsController:
         """Leave the line."""
         self._line.close()
 
+    def _brake(self) -> None:
+        """Brakes on; the servos must not go off before that is certain, or as certain as it can be."""
+        self._line.write(BRAKES_ON)
+        try:
+            brakes = self._switches("BRA")
+        except DeviceError:
+            self._line.write(LOCK_UNCONFIRMED)  # it does not answer, but may hear
+            raise
+        if not all(brakes):
+            off = [a for a, on in zip(AXES, brakes, strict=True) if not on]
+            raise DeviceError(
+                f"the robot does not lock: brakes are off on {off}, only the servos hold it; do not drill, support the "
+                "guide and switch it off"
+            )
+
     def _unlock(self) -> None:
         self._line.write_unless_stopped(SERVOS_ON)
         self._refuse_errors("switch the servos on")
+        if not all(self._switches("SVO")):
+            raise DeviceError("the servos do not switch on, so the brakes stay on; reset the controller")
         self._line.write_unless_stopped(BRAKES_OFF)
         self._refuse_errors("release the brakes")
 
@@ -221,6 +240,16 @@ class GcsController:
     def _switches(self, name: str) -> tuple[bool, ...]:
         parse = partial(codec.parse_switches, axes=AXES, question=f"{name}?")
         return self._line.ask(codec.query(name, AXES), parse)
+
+    def _confirm_at_rest(self, pose: PlatformPose) -> None:
+        # Numbers carry no checksum: a digit that the line changed makes another number. Two changed alike are rare.
+        again = self._pose("POS")
+        off = deviation(pose, again)
+        if off.exceeds(READ_BACK_TOLERANCE):
+            raise codec.ReplyGarbled(
+                f"the controller said twice where the robot rests, {off} apart (limits {READ_BACK_TOLERANCE}); "
+                "check the cable"
+            )
 
     def _pose(self, name: str) -> PlatformPose:
         return self._line.ask(codec.query(name, AXES), partial(codec.parse_pose, question=f"{name}?"))

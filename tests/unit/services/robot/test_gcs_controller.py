@@ -43,7 +43,8 @@ def test_connecting_stops_and_locks_before_anything_is_asked(gcs: FakeGcs) -> No
     GcsController(gcs, HEXAPOD).close()
     assert gcs.messages[0] == b"\x18"
     assert gcs.messages[1].startswith(b"BRA X 1")
-    assert gcs.messages[2].startswith(b"SVO X 0")
+    commands = [m.split()[0] for m in gcs.messages[1:] if not m.split()[0].endswith(b"?")]
+    assert commands[:7] == [b"BRA"] * 6 + [b"SVO"]
     assert gcs.locked
     assert not gcs.moving
 
@@ -95,10 +96,41 @@ def test_nothing_moves_before_the_stop_is_released(gcs: FakeGcs, controller: Gcs
 def test_a_stop_is_one_write_and_locks_without_an_answer(gcs: FakeGcs, released: GcsController) -> None:
     released.move(TARGET, 1.0)
     gcs.mute = True
+    heard = iter(range(100))
+    gcs.disturb = lambda m: b"BRR X 1" if m.startswith(b"BRA X 1") and next(heard) < 5 else m
     released.stop_now()
     assert gcs.locked
     assert not gcs.moving
     assert STOP_AND_LOCK.startswith(b"\x18BRA ")
+
+
+def test_when_locking_the_servos_stay_on_until_the_brakes_are(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.disturb = lambda message: b"BRR X 1" if message.startswith(b"BRA X 1") else message
+    with pytest.raises(DeviceError, match="brakes are off on .* only the servos hold it"):
+        released.lock()
+    assert all(gcs.servo.values())
+    gcs.disturb = lambda message: message
+    gcs.error = 0
+    released.lock()
+    assert gcs.locked
+
+
+def test_a_mute_controller_is_locked_by_repetition(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.mute = True
+    heard = iter(range(100))
+    gcs.disturb = lambda m: b"BRR X 1" if m.startswith(b"BRA X 1") and next(heard) < 4 else m
+    with pytest.raises(ControllerSilent):
+        released.lock()
+    assert gcs.locked
+
+
+def test_brakes_stay_on_when_the_servos_do_not_come_on(gcs: FakeGcs, released: GcsController) -> None:
+    gcs.disturb = lambda message: b"" if message.startswith(b"SVO X 1") else message
+    with pytest.raises(DeviceError, match="the servos do not switch on, so the brakes stay on"):
+        released.move(TARGET, 1.0)
+    assert all(gcs.brake.values())
 
 
 def test_a_stop_does_not_wait_for_a_question_that_nobody_answers(gcs: FakeGcs, released: GcsController) -> None:
@@ -173,7 +205,7 @@ def test_a_speed_that_was_not_taken_is_refused(gcs: FakeGcs, released: GcsContro
 def test_a_brake_that_does_not_go_on_is_told(gcs: FakeGcs, released: GcsController) -> None:
     released.move(TARGET, 1.0)
     gcs.brakes_hold = False
-    with pytest.raises(DeviceError, match=r"does not lock: brakes off on \['X', 'Y', 'Z', 'U', 'V', 'W'\]"):
+    with pytest.raises(DeviceError, match=r"does not lock: brakes are off on \['X', 'Y', 'Z', 'U', 'V', 'W'\]"):
         released.lock()
 
 
@@ -277,3 +309,15 @@ def test_a_port_that_cannot_be_opened_is_told() -> None:
         open_port("socket://127.0.0.1:1", 115200)
     with pytest.raises(DeviceError, match="cannot be reached"):
         open_port("/dev/no-such-device", 115200)
+
+
+def test_a_digit_that_the_line_changed_is_not_believed(gcs: FakeGcs, controller: GcsController) -> None:
+    answers = iter(range(100))
+
+    def change_a_digit(question: bytes, answer: bytes) -> bytes:
+        return answer.replace(b"X=0", b"X=7") if question == b"POS?" and next(answers) == 0 else answer
+
+    gcs.spoil = change_a_digit
+    with pytest.raises(ReplyGarbled, match=r"said twice where the robot rests, 7.000 mm and 0.000° apart"):
+        controller.read()
+    assert controller.read().pose.x_mm == 0.0

@@ -1,0 +1,15 @@
+"""A tenth of `distalock bench stop_latency`: from REST to the controller's wire, with real processes."""
+
+import pytest
+
+from benchmarks.stop_latency import LIMIT_P99_S, LIMIT_WORST_S, TRIALS, measured, quantile_s
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_stop_over_rest_reaches_the_wire_at_once_in_motion_and_with_a_mute_controller() -> None:
+    latencies = measured(TRIALS // 10, seed=78)
+    print(f"p99 {quantile_s(latencies.all_s, 99.0):.4f} s, worst {max(latencies.all_s):.4f} s")
+    assert len(latencies.all_s) == TRIALS // 10
+    assert quantile_s(latencies.all_s, 99.0) <= LIMIT_P99_S
+    assert max(latencies.all_s) <= LIMIT_WORST_S
