@@ -22,6 +22,7 @@ from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
 from shared.xray.aperture import find_usable_area
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
+from shared.xray.noise_filter import noise_whitened
 
 LEAST_BALLS = 12
 LEAST_SHARE = 0.4
@@ -33,6 +34,7 @@ _SYSTEMATIC_PX = 0.06
 _MOST_DISCS = 70
 _RADIUS_RANGE = (0.55, 1.5)
 _REJECTION_ROUNDS = 4
+_SURROUNDINGS_PX = 60.0
 _MEDIAN_OF_RAYLEIGH = 1.1774
 # A ring's ball nearer than this share of a guide ball's radius cannot be told from it.
 _CONCENTRIC = 0.7
@@ -103,7 +105,10 @@ def locate_guide(
         return Rejected((refusal,))
     best = identities[0]
     shrunk = _shrinkage(calibration, guide, best, calibration.balls.radius_px[candidates])
-    look = _Look(pixels, find_usable_area(pixels).mask, calibration, guide, _ring_shadows(calibration, ring), shrunk)
+    usable = find_usable_area(pixels).mask
+    around = calibration.image_from_camera(best.pose.points(guide.balls.position_mm))
+    quiet = noise_whitened(pixels, usable, around, _SURROUNDINGS_PX)
+    look = _Look(quiet, usable, calibration, guide, _ring_shadows(calibration, ring), shrunk)
     pose, seen, used = _fitted(look, best.pose)
     found, needed = int(np.count_nonzero(used)), needed_balls(len(guide.balls))
     if found < needed:
