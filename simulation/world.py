@@ -15,6 +15,7 @@ from shared.geometry.hexapod import base_from_top
 from shared.geometry.lines import Line
 from shared.geometry.transform import Transform
 from simulation.frames import Beam
+from simulation.mount import yielded_base
 from simulation.scenario.values import Scenario
 
 To = TypeVar("To", bound=Frame)
@@ -113,7 +114,12 @@ def bone_from_guide(scenario: Scenario, state: WorldState) -> Transform[Bone, Gu
     """Where the guide is, as long as nothing pushes it."""
     head = scenario.parts.hexapod.top_from_guide(scenario.head_extension_mm)
     slipped: Transform[RobotBase, RobotBase] = Transform.from_rotvec(np.zeros(3), state.mount_shift_mm)
-    return scenario.placement.bone_from_base @ slipped @ state.platform @ head
+    held = state.platform @ head
+    if scenario.mount_yield is not None:
+        hexapod = scenario.parts.hexapod
+        at_rest = base_from_top(hexapod, hexapod.home_pose, hexapod.pivot_mm) @ head
+        held = yielded_base(scenario.mount_yield, at_rest, held) @ held
+    return scenario.placement.bone_from_base @ slipped @ held
 
 
 def c_arm_rotation(angles: CArmAngles, roll_deg: float) -> NDArray[np.float64]:

@@ -162,6 +162,14 @@ class Ranges(ScenarioModel):
     head_extension_mm: PositiveRange
 
 
+class MountYieldFile(ScenarioModel):
+    """A mount that yields (see `values.MountYield`)."""
+
+    translation_n_per_mm: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    rotation_nm_per_deg: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    tissue_n_per_mm: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
 class ScenarioFile(ScenarioModel):
     """A scenario file. Parts are names of the catalogue or paths relative to the file; the seed picks what is null."""
 
@@ -176,6 +184,7 @@ class ScenarioFile(ScenarioModel):
     guide: str | None = None
     nail: str | None = None
     hexapod: str | None = None
+    mount_yield: MountYieldFile | None = None
     ranges: dict[str, JsonValue] = Field(default_factory=dict)
 
 

@@ -18,7 +18,7 @@ from simulation.scenario.imaging_sampling import (
 )
 from simulation.scenario.parts import choose_parts
 from simulation.scenario.placement_sampling import sample_placement
-from simulation.scenario.values import Drilling, MountKind, Scenario, Side
+from simulation.scenario.values import Drilling, MountKind, MountYield, Scenario, Side
 
 
 def section_generator(seed: int, section: str) -> np.random.Generator:
@@ -68,6 +68,7 @@ def scenario_from_file(file: ScenarioFile, folder: Path) -> Scenario:
         exposure=sample_exposure(ranges.exposure, section_generator(file.seed, "exposure")),
         display=sample_display(ranges.display, section_generator(file.seed, "display")),
         drilling=Drilling(drilling.drill_diameter_mm, drilling.drill_force_n, share),
+        mount_yield=None if file.mount_yield is None else MountYield(**file.mount_yield.model_dump()),
     )
 
 

@@ -104,6 +104,23 @@ class Drilling:
     stiffness_share: float
 
 
+@dataclass(frozen=True, slots=True)
+class MountYield:
+    """How the robot's mount yields.
+
+    Attributes
+    ----------
+    translation_n_per_mm, rotation_nm_per_deg
+        Stiffness of the mount, at the base's origin.
+    tissue_n_per_mm
+        How hard soft tissue pushes the guide back for each millimetre that it was moved.
+    """
+
+    translation_n_per_mm: float
+    rotation_nm_per_deg: float
+    tissue_n_per_mm: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenario:
     """Everything that does not change during a case, from one seed."""
@@ -121,3 +138,4 @@ class Scenario:
     exposure: Exposure
     display: Display
     drilling: Drilling
+    mount_yield: MountYield | None = None
