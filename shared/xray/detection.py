@@ -17,6 +17,7 @@ _BLUR_PX = 1.5
 _BLUR_SD_PX = 0.8
 _MARGIN_PX = 3.0
 _DRIFT_PX = 1.5
+_COARSE_RADIUS_PX = 1.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,20 +80,33 @@ def _seeds(
     low, high = radius_range_px
     count = max(1, int(np.ceil(np.log(high / low) / np.log(_SCALE_STEP))))
     radii = low * (high / low) ** ((np.arange(count) + 0.5) / count)
-    filled = _filled(pixels, usable)
-    best = np.full(pixels.shape, -1.0, dtype=np.float32)
-    which = np.zeros(pixels.shape, dtype=np.uint8)
+    # A coarser image shows the same discs in a fraction of the time; the fits that follow see the finest pixels.
+    step = max(1, int(low / _COARSE_RADIUS_PX))
+    filled = _reduced(_filled(pixels, usable), step)
+    best = np.full(filled.shape, -1.0, dtype=np.float32)
+    which = np.zeros(filled.shape, dtype=np.uint8)
     for index, radius in enumerate(radii):
-        score = disc_correlation(filled, float(radius))
+        score = disc_correlation(filled, float(radius) / step, 1.0 / step)
         better = score > best
         np.copyto(best, score, where=better)
         which[better] = index
-    size = 2 * int(np.ceil(0.7 * low)) + 1
-    peak = (best >= cv2.dilate(best, np.ones((size, size), np.uint8))) & (best > limits.correlation) & usable
+    size = 2 * int(np.ceil(0.7 * low / step)) + 1
+    peak = (best >= cv2.dilate(best, np.ones((size, size), np.uint8))) & (best > limits.correlation)
     rows, columns = np.nonzero(peak)
+    places = np.stack([columns, rows], axis=1) * float(step) + 0.5 * (step - 1)
+    x, y = np.minimum(places.astype(np.int64), np.array(pixels.shape[::-1]) - 1).T
+    rows, columns, places = rows[usable[y, x]], columns[usable[y, x]], places[usable[y, x]]
     order = np.argsort(-best[rows, columns], kind="stable")[: limits.most]
-    rows, columns = rows[order], columns[order]
-    return np.stack([columns, rows], axis=1).astype(np.float64), radii[which[rows, columns]]
+    return places[order], radii[which[rows[order], columns[order]]]
+
+
+def _reduced(pixels: FloatImage, step: int) -> FloatImage:
+    """Means of squares of `step` pixels; what does not fill a square at the right and lower border is left out."""
+    rows, columns = (side // step for side in pixels.shape)
+    if step == 1:
+        return pixels
+    whole = pixels[: rows * step, : columns * step]
+    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def _filled(pixels: FloatImage, usable: Mask) -> FloatImage:
@@ -107,13 +121,24 @@ def _filled(pixels: FloatImage, usable: Mask) -> FloatImage:
     return np.where(usable, pixels, np.where(inside > 1e-3, mean, level)).astype(np.float32)
 
 
-def disc_correlation(pixels: FloatImage, radius_px: float) -> FloatImage:
-    """Correlation coefficient of each pixel's surroundings with a dark disc, shape of the image, in [-1, 1]."""
-    reach = int(np.ceil(radius_px + _MARGIN_PX))
+def disc_correlation(pixels: FloatImage, radius_px: float, scale: float = 1.0) -> FloatImage:
+    """Correlation coefficient of each pixel's surroundings with a dark disc, shape of the image, in [-1, 1].
+
+    Parameters
+    ----------
+    pixels
+        Grey values, shape (rows, columns).
+    radius_px
+        Of the disc, in these pixels.
+    scale
+        Of these pixels: margin and blur are so many times what they are at full size.
+    """
+    margin, blur = scale * _MARGIN_PX, scale * _BLUR_PX
+    reach = int(np.ceil(radius_px + margin))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     distance = np.hypot(x, y)
-    window = (distance <= radius_px + _MARGIN_PX).astype(np.float64)
-    disc = 1.0 / (1.0 + np.exp((distance - radius_px) / (0.6 * _BLUR_PX)))
+    window = (distance <= radius_px + margin).astype(np.float64)
+    disc = 1.0 / (1.0 + np.exp((distance - radius_px) / (0.6 * blur)))
     template = window * (disc - (window * disc).sum() / window.sum())
     norm = float(np.sqrt((template**2).sum()))
     low, middle, high = np.percentile(pixels[::8, ::8], [1.0, 50.0, 99.0])

@@ -64,17 +64,16 @@ def calibrate_image(
 
 def _measure_twice(view: View, ring: RingPart, nominal: NominalGeometry) -> Accepted[CArmCalibration] | Rejected:
     """Measure and estimate twice: the first estimate says where the balls of the second measurement must be."""
-    source = np.array([0.0, 0.0, -nominal.source_to_ring_mm])
-    nominal_source = NominalSource(source, np.array(_SOURCE_SD_MM))
+    nominal_source = NominalSource(np.array([0.0, 0.0, -nominal.source_to_ring_mm]), np.array(_SOURCE_SD_MM))
     measured = view.measure(view.predicted, _look(_FIRST_DRIFT_PX, nominal))
     if (few := too_few_reason(measured, ring)) is not None:
         moved = motion_reason(view, measured)
         return Rejected((few,) if moved is None else (moved, few))
-    estimate = _estimate(view, measured, ring, source, nominal_source)
+    estimate = _estimate(view, measured, ring, None, nominal_source)
     measured = view.measure(_expected(view, measured, estimate, ring), _look(_SECOND_DRIFT_PX, nominal))
     if (few := too_few_reason(measured, ring)) is not None:
         return Rejected((few,))
-    estimate = _estimate(view, measured, ring, estimate.source_mm, nominal_source)
+    estimate = _estimate(view, measured, ring, estimate, nominal_source)
     model = _source_and_field(view, estimate)
     if reasons := judge(view, measured, model):
         return Rejected(reasons)
@@ -95,14 +94,16 @@ def _look(drift_px: float, nominal: NominalGeometry) -> MeasurementSettings:
 
 
 def _estimate(
-    view: View, measured: BallMeasurements, ring: RingPart, start_mm: Array, nominal: NominalSource
+    view: View, measured: BallMeasurements, ring: RingPart, earlier: JointEstimate | None, nominal: NominalSource
 ) -> JointEstimate:
     seen = measured.seen
     position = ring.balls.position_mm[seen]
     observations = Observations(measured.centre_px[seen], measured.standard_deviation_px[seen], position)
+    start_mm = nominal.position_mm if earlier is None else earlier.source_mm
+    roughness = None if earlier is None else earlier.solution.prior
     reach = _GAUGE_REACH * view.pixels.shape[1]
     gauge = similarity_near(on_plane(position, start_mm), observations.measured_px, view.centre_px, reach)
-    return estimate_jointly(observations, start_mm, nominal, gauge)
+    return estimate_jointly(observations, start_mm, nominal, gauge, roughness)
 
 
 def similarity_near(plane_mm: Array, pixel: Array, centre_px: Array, reach_px: float) -> Gauge:

@@ -26,7 +26,7 @@ _STEP_MM = 1e-2
 _NEWTON_STEPS = 10
 _LEAST_BALLS = 20
 _LEAST_DEVIATION_PX = 0.02
-_FIRST_SEARCH, _NEXT_SEARCH = 70, 35
+_SEARCH, _NEXT_SEARCH = 45, 25
 _SLOPE_STEP_MM = (0.1, 0.1, 1.0)
 
 
@@ -125,7 +125,11 @@ def on_plane(position_mm: Array, source_mm: Array) -> Array:
 
 
 def estimate_jointly(
-    observations: Observations, start_mm: Array, nominal: NominalSource, gauge: Gauge
+    observations: Observations,
+    start_mm: Array,
+    nominal: NominalSource,
+    gauge: Gauge,
+    roughness: FieldPrior | None = None,
 ) -> JointEstimate:
     """Estimate source and distortion; balls that disagree with all the rest are left out.
 
@@ -139,6 +143,8 @@ def estimate_jointly(
         What the C-arm says of it.
     gauge
         What ideal pixels are.
+    roughness
+        Where to start looking for the roughness, from an earlier estimate.
 
     Returns
     -------
@@ -147,7 +153,7 @@ def estimate_jointly(
     """
     used = np.ones(len(observations.deviation_px), dtype=bool)
     system = _linearised(observations, start_mm, nominal, gauge)
-    prior = most_likely_prior(system, _first_prior(system), _FIRST_SEARCH)
+    prior = most_likely_prior(system, roughness or _first_prior(system), _SEARCH)
     source = start_mm
     while True:
         chosen = observations.select(used)

@@ -80,7 +80,7 @@ def test_correlated_noise_widens_what_is_foretold(blur: float, least: float, mos
     truth = grid_of_centres(rng, spacing_px=30)
     clean = image_of_discs(truth, np.full(len(truth), 5.0), noise=0.0, seed=12)
     noise = rng.normal(size=clean.shape)
-    noise = cv2.GaussianBlur(noise, (0, 0), blur) if blur else noise
+    noise = np.asarray(cv2.GaussianBlur(noise, (0, 0), blur), dtype=np.float64) if blur else noise
     pixels = (clean + 25.0 * noise / noise.std()).astype(np.float32)
     measured = measure_balls(pixels, truth, np.full(len(truth), 4.7))
     assert least <= measured.noise_factor < most
