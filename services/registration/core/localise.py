@@ -1,7 +1,7 @@
 """From one calibrated image to the nail's hole axes in the guide's frame: guide, nail, axes, verdict."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import assert_never
 
@@ -14,8 +14,9 @@ from services.registration.core.guide import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate, hole_estimates, model_covariance
 from services.registration.core.judge import judge
 from services.registration.core.nail.coarse import NailStart, find_nail
+from services.registration.core.nail.coarse_cover import covered_pixels
 from services.registration.core.nail.fit import fit_nail
-from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
@@ -154,7 +155,10 @@ def _by_model(
     start: NailStart,
 ) -> Accepted[NailEstimate] | Rejected:
     placed = None if guide is None else PlacedGuide(parts.guide, guide.camera_from_guide)
-    fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, Occluders(placed, parts.ring))
+    balls = Occluders(placed, parts.ring)
+    depth_mm = float(start.camera_from_nail.translation_mm[2])
+    hidden = covered_pixels(upright, calibration, start.openings, depth_mm, ball_discs_px(balls, calibration))
+    fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, replace(balls, hidden=hidden))
     if isinstance(fit, Rejected):
         return fit
     found = fit.value

@@ -22,10 +22,19 @@ class PlacedGuide:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Occluders:
-    """What shares the image with the nail and has a known shape and place. `None`: not there, or not known."""
+    """What shares the image with the nail. `None`: not there, or not known.
+
+    Attributes
+    ----------
+    guide, ring
+        Have a known shape and place, and are modelled.
+    hidden
+        Pixels where something of unknown shape covers the nail, shape (rows, columns): they are left out.
+    """
 
     guide: PlacedGuide | None
     ring: RingPart | None
+    hidden: NDArray[np.bool_] | None = None
 
 
 def steel_path_mm(
@@ -36,6 +45,15 @@ def steel_path_mm(
     for centres_mm, diameters_mm in _balls_camera(occluders, calibration):
         add_ball_paths(directions, np.ascontiguousarray(centres_mm), 0.5 * diameters_mm, out)
     return out
+
+
+def ball_discs_px(occluders: Occluders, calibration: CArmCalibration) -> NDArray[np.float64]:
+    """Where balls of guide and ring are in the image: centre x, y and radius in measured pixels, shape (B, 3)."""
+    discs = [np.zeros((0, 3))]
+    for centres_mm, diameters_mm in _balls_camera(occluders, calibration):
+        radius_px = 0.5 * diameters_mm * calibration.camera.focal_length_px / centres_mm[:, 2]
+        discs.append(np.column_stack([calibration.image_from_camera(centres_mm), radius_px]))
+    return np.concatenate(discs)
 
 
 def delrin_path_mm(directions: NDArray[np.float64], occluders: Occluders) -> NDArray[np.float64]:

@@ -124,6 +124,9 @@ def cut_window(
     along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
     inside = (along > strip.first_x_mm) & (along < strip.last_x_mm) & (np.abs(across) < strip.half_width_mm)
     inside &= _in_aperture(calibration, centres_px).ravel()
+    if occluders.hidden is not None:
+        hidden = occluders.hidden[top : top + rows * reduction, left : left + columns * reduction]
+        inside &= ~hidden.reshape(rows, reduction, columns, reduction).any(axis=(1, 3)).ravel()
     if np.count_nonzero(inside) * reduction**2 < _LEAST_PIXELS:
         return None
     support = np.flatnonzero(_dilated(inside.reshape(rows, columns), _BLUR_REACH_PX))
