@@ -117,6 +117,7 @@ def _normal_equations(
     matrix = np.zeros((total, total))
     right = np.zeros((total, targets.shape[1]))
     accumulate_normal_equations(
+        field.order,
         field.corner,
         field.along_weights,
         field.across_weights,

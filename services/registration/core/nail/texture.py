@@ -16,6 +16,8 @@ class SplineField:
     ----------
     corner
         Index of the first of the 4 x 4 coefficients that act at each place, shape (N,).
+    order
+        The places, cell by cell, shape (N,).
     along_weights, across_weights
         Weights of those coefficients along the two axes, shape (N, 4).
     grid
@@ -25,6 +27,7 @@ class SplineField:
     """
 
     corner: NDArray[np.int64]
+    order: NDArray[np.int64]
     along_weights: NDArray[np.float64]
     across_weights: NDArray[np.float64]
     grid: tuple[int, int]
@@ -47,9 +50,9 @@ def spline_field(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], 
     first, count_along, weights_along = _axis_weights(along_mm, spacing_mm)
     second, count_across, weights_across = _axis_weights(across_mm, spacing_mm)
     roughness = _roughness(count_along, count_across)
-    return SplineField(
-        first * count_across + second, weights_along, weights_across, (count_along, count_across), roughness
-    )
+    corner = first * count_across + second
+    order = np.argsort(corner, kind="stable")
+    return SplineField(corner, order, weights_along, weights_across, (count_along, count_across), roughness)
 
 
 def _axis_weights(places: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.int64], int, NDArray[np.float64]]:
@@ -91,26 +94,26 @@ def _evaluate(
 
 
 @compiled
-def _add_pixel(
+def _add_cell(
     index: NDArray[np.int64],
-    value: NDArray[np.float64],
-    weight: float,
-    targets: NDArray[np.float64],
+    block: NDArray[np.float64],
+    sides: NDArray[np.float64],
     matrix: NDArray[np.float64],
     right_sides: NDArray[np.float64],
 ) -> None:
-    """One pixel's share: its non-zero columns `value` at increasing places `index`."""
+    """Add what the pixels of one cell between knots gave, columns at increasing places `index`, and clear it."""
     for a in range(index.shape[0]):
-        scaled = weight * value[a]
-        row = index[a]
         for b in range(a + 1):
-            matrix[row, index[b]] += scaled * value[b]
-        for t in range(targets.shape[0]):
-            right_sides[row, t] += scaled * targets[t]
+            matrix[index[a], index[b]] += block[a, b]
+        for t in range(sides.shape[1]):
+            right_sides[index[a], t] += sides[a, t]
+    block[:] = 0.0
+    sides[:] = 0.0
 
 
 @compiled
 def accumulate_normal_equations(
+    order: NDArray[np.int64],
     corner: NDArray[np.int64],
     along_weights: NDArray[np.float64],
     across_weights: NDArray[np.float64],
@@ -126,6 +129,8 @@ def accumulate_normal_equations(
 
     Parameters
     ----------
+    order
+        Pixels in an order that keeps those of a cell together, shape (N,).
     field_gain, weight
         Shape (N,).
     dense
@@ -138,13 +143,21 @@ def accumulate_normal_equations(
     size = matrix.shape[0] - dense.shape[1]
     columns = 16 + dense.shape[1]
     index = np.empty(columns, dtype=np.int64)
-    value = np.empty(columns)
-    for d in range(dense.shape[1]):
-        index[16 + d] = size + d
-    for n in range(corner.shape[0]):
+    index[16:] = size + np.arange(dense.shape[1])
+    value, block, sides = np.empty(columns), np.zeros((columns, columns)), np.zeros((columns, targets.shape[1]))
+    for m in range(order.shape[0]):
+        n = order[m]
         for i in range(4):
             for j in range(4):
-                index[4 * i + j] = corner[n] + i * count_across + j
                 value[4 * i + j] = along_weights[n, i] * across_weights[n, j] * field_gain[n]
         value[16:] = dense[n]
-        _add_pixel(index, value, weight[n], targets[n], matrix, right_sides)
+        for a in range(columns):
+            scaled = weight[n] * value[a]
+            for b in range(a + 1):
+                block[a, b] += scaled * value[b]
+            for t in range(targets.shape[1]):
+                sides[a, t] += scaled * targets[n, t]
+        if m + 1 == order.shape[0] or corner[order[m + 1]] != corner[n]:
+            for i in range(4):
+                index[4 * i : 4 * i + 4] = corner[n] + i * count_across + np.arange(4)
+            _add_cell(index, block, sides, matrix, right_sides)

@@ -26,6 +26,8 @@ _OPAQUE = 200.0
 _SOFTENING_PX = 0.15
 _LEAST_STEP_MM = 1e-4
 _LEAST_INCIDENCE = 0.002
+# So many steps from an edge, the difference over a step is the derivative.
+_NEAR_EDGE = 5.0
 
 Ray = tuple[float, float, float, float, float, float]
 Tube = tuple[float, float, float, float]
@@ -232,6 +234,43 @@ def _half_chord(impact_mm: float, radius_mm: float, inner_mm: float) -> float:
 
 
 @compiled
+def _tube_at_edge(
+    impact: float,
+    radius_mm: float,
+    inner_mm: float,
+    step_mm: float,
+    chord: float,
+    steel_mm: float,
+    material: Material,
+) -> tuple[Shade, float, float]:
+    """Shade near an edge, mean over the distance from the axis, and its derivatives by that distance and the radius."""
+    metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
+    low = _shade(chord * _half_chord(impact - step_mm, radius_mm, inner_mm) + steel_mm, material)
+    high = _shade(chord * _half_chord(impact + step_mm, radius_mm, inner_mm) + steel_mm, material)
+    grown = _shade(chord * _half_chord(impact, radius_mm + step_mm, inner_mm) + steel_mm, material)
+    shrunk = _shade(chord * _half_chord(impact, radius_mm - step_mm, inner_mm) + steel_mm, material)
+    shade = _mean_shade(low, _shade(metal_mm + steel_mm, material), high)
+    return shade, (high[0] - low[0]) / (2.0 * step_mm), (grown[0] - shrunk[0]) / (2.0 * step_mm)
+
+
+@compiled
+def _tube_inside(
+    impact: float, radius_mm: float, inner_mm: float, chord: float, steel_mm: float, material: Material
+) -> tuple[Shade, float, float]:
+    """The same where no edge is near: there the derivatives are those of the chord."""
+    outer = np.sqrt(radius_mm**2 - impact**2)
+    by_impact = -impact / outer
+    inner = 0.0
+    if abs(impact) < inner_mm:
+        inner = np.sqrt(inner_mm**2 - impact**2)
+        by_impact += impact / inner
+    path_mm = chord * (outer - inner) + steel_mm
+    shade = _shade(path_mm, material)
+    by_half_chord = shade[1] / path_mm * chord
+    return shade, by_half_chord * by_impact, by_half_chord * radius_mm / outer
+
+
+@compiled
 def _at_tube(
     ray: Ray,
     radius_mm: float,
@@ -242,7 +281,7 @@ def _at_tube(
     material: Material,
     slope: NDArray[np.float64],
 ) -> Shade:
-    """Shade of a ray that no bore touches, mean over its distance from the axis from `-step_mm` to `step_mm`."""
+    """Shade of a ray that no bore touches."""
     ox, oy, oz, dx, dy, dz = ray
     across = np.sqrt(dy * dy + dz * dz)
     my, mz = -dz / across, dy / across
@@ -250,20 +289,19 @@ def _at_tube(
     if abs(impact) > radius_mm + step_mm:
         return _shade(steel_mm, material)
     chord = 2.0 * unit_mm / across
+    near_edge = _NEAR_EDGE * step_mm
+    if radius_mm - abs(impact) < near_edge or abs(inner_mm - abs(impact)) < near_edge:
+        shade, by_impact, by_radius = _tube_at_edge(impact, radius_mm, inner_mm, step_mm, chord, steel_mm, material)
+    else:
+        shade, by_impact, by_radius = _tube_inside(impact, radius_mm, inner_mm, chord, steel_mm, material)
     metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
-    low = _shade(chord * _half_chord(impact - step_mm, radius_mm, inner_mm) + steel_mm, material)
-    high = _shade(chord * _half_chord(impact + step_mm, radius_mm, inner_mm) + steel_mm, material)
-    grown = _shade(chord * _half_chord(impact, radius_mm + step_mm, inner_mm) + steel_mm, material)
-    shrunk = _shade(chord * _half_chord(impact, radius_mm - step_mm, inner_mm) + steel_mm, material)
-    shade = _mean_shade(low, _shade(metal_mm + steel_mm, material), high)
-    by_impact = (high[0] - low[0]) / (2.0 * step_mm)
     turning = shade[1] * metal_mm / (metal_mm + steel_mm) * dx / across if metal_mm > 0.0 else 0.0
     x = ox - (oy * dy + oz * dz) / (across * across) * dx
     slope[1] += by_impact * x * mz + turning * my
     slope[2] += turning * mz - by_impact * x * my
     slope[4] -= by_impact * my
     slope[5] -= by_impact * mz
-    slope[NAIL_RADIUS] += (grown[0] - shrunk[0]) / (2.0 * step_mm)
+    slope[NAIL_RADIUS] += by_radius
     return shade
 
 
@@ -323,7 +361,7 @@ def trace(
     samples_px
         Places within a pixel, shape (K, 2); the first four stand for the pixel by themselves.
     crossed
-        Whether an edge may cross the pixel, shape (S,); of the others, the first two samples are taken.
+        Whether an edge may cross the pixel, shape (S,); of the others, the middle is taken.
     steel_mm
         Path in balls, as much of the nail's material as attenuates the same, shape (S, K).
     rotation, translation_mm
@@ -344,10 +382,12 @@ def trace(
         pixel = np.sqrt(right[n, 0] * right[n, 0] + right[n, 1] * right[n, 1])
         step_mm = max(_SOFTENING_PX * translation_mm[2] * pixel, _LEAST_STEP_MM)
         for k in range(samples_px.shape[0]):
-            if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 2 and not crossed[n]):
+            if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not crossed[n]):
                 break
-            cx = slopes[n, 0] + samples_px[k, 0] * right[n, 0] + samples_px[k, 1] * down[n, 0]
-            cy = slopes[n, 1] + samples_px[k, 0] * right[n, 1] + samples_px[k, 1] * down[n, 1]
+            cx, cy = slopes[n, 0], slopes[n, 1]
+            if crossed[n]:
+                cx += samples_px[k, 0] * right[n, 0] + samples_px[k, 1] * down[n, 0]
+                cy += samples_px[k, 0] * right[n, 1] + samples_px[k, 1] * down[n, 1]
             ray = _ray(cx, cy, rotation, translation_mm)
             unit_mm = np.sqrt(cx * cx + cy * cy + 1.0)
             share = _add_sample(

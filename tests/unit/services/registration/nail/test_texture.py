@@ -36,6 +36,7 @@ def test_normal_equations_are_those_of_the_dense_matrix() -> None:
     dense = rng.normal(size=(300, 3))
     matrix, right = np.zeros((field.size + 3, field.size + 3)), np.zeros((field.size + 3, 2))
     accumulate_normal_equations(
+        field.order,
         field.corner,
         field.along_weights,
         field.across_weights,
