@@ -2,14 +2,18 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
-from services.imaging.devices.dicom_receiver import Endpoint, dicom_receiver
+from services.imaging.devices.dicom_receiver import DicomSource, Endpoint
+from services.imaging.devices.folder_source import FolderSource
 from services.imaging.devices.image_store import ImageStore
+from services.imaging.devices.source import ImageSource
+from services.imaging.devices.video_source import Region, VideoSettings, VideoSource
 from services.imaging.service import Defaults, ImagingService
 from services.imaging.settings import ImagingSettings
 from shared.bus.port import Bus
 from shared.runtime.lifecycle import Runtime, service_main
+from shared.runtime.logging import Log
 
 
 @contextmanager
@@ -18,10 +22,31 @@ def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[N
     store = ImageStore(settings.state_dir / "images")
     defaults = Defaults(settings.default_source_to_detector_mm, settings.default_pixel_mm)
     service = ImagingService(bus, runtime, store, defaults)
-    endpoint = Endpoint(settings.dicom_host, settings.dicom_port, settings.dicom_ae_title)
-    with service.running(), dicom_receiver(endpoint, service.take, runtime.log) as port:
-        runtime.log.info("receiving images", port=port, ae_title=endpoint.ae_title)
+    with service.running(), ExitStack() as stack:
+        places = [stack.enter_context(s.receiving(service.take)) for s in sources(settings, runtime.log)]
+        for place in places:
+            runtime.log.info("receiving images", source=place)
+        runtime.ready("; ".join(places))
         yield
+
+
+def sources(settings: ImagingSettings, log: Log) -> list[ImageSource]:
+    """Where images come from, by the settings: always DICOM, a folder and a video if they are set."""
+    endpoint = Endpoint(
+        settings.dicom_host,
+        settings.dicom_port,
+        settings.dicom_ae_title,
+        settings.dicom_calling_ae_titles,
+        settings.dicom_most_associations,
+    )
+    found: list[ImageSource] = [DicomSource(endpoint, log)]
+    if settings.watched_folder is not None:
+        found.append(FolderSource(settings.watched_folder, log))
+    if settings.video:
+        region = Region(*settings.video_region) if settings.video_region else None
+        frames = settings.video_frames
+        found.append(VideoSource(VideoSettings(settings.video, region, min(3, frames), frames), log))
+    return found
 
 
 if __name__ == "__main__":

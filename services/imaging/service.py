@@ -10,10 +10,10 @@ import numpy as np
 
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
-from services.imaging.devices.dicom_receiver import Refused
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.received_image import ReceivedImage
+from services.imaging.devices.source import Refused
 from shared.bus.keys import Keys
 from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import Accepted, ImageUnreadable, PartFileInvalid, Rejected

@@ -1,11 +1,14 @@
 """Settings of imaging."""
 
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from shared.runtime.settings import ServiceSettings
 
+NotNegative = Annotated[int, Field(ge=0, le=16384)]
+Side = Annotated[int, Field(ge=16, le=16384)]
 Port = Annotated[int, Field(ge=0, le=65535)]
 AeTitle = Annotated[str, Field(min_length=1, max_length=16, pattern=r"^[A-Za-z0-9_.-]+$")]
 
@@ -18,6 +21,17 @@ class ImagingSettings(ServiceSettings):
     dicom_host: str = Field("0.0.0.0", description="Interface on which images are received.")  # noqa: S104
     dicom_port: Port = Field(11112, description="TCP port of DICOM reception.")
     dicom_ae_title: AeTitle = Field("DISTALOCK", description="Application entity title that the C-arm must call.")
+    dicom_calling_ae_titles: tuple[AeTitle, ...] = Field((), description="Titles that may send; anyone when empty.")
+    dicom_most_associations: Annotated[int, Field(ge=1, le=100)] = Field(10, description="Open at the same time.")
+    watched_folder: Path | None = Field(None, description="Folder whose image files are taken as they appear.")
+    video: str = Field(
+        "", description="Part of a device's name in /dev/v4l/by-id, a device, a file, or an rtsp, udp, tcp or http URL."
+    )
+    video_region: tuple[NotNegative, NotNegative, Side, Side] | None = Field(
+        None,
+        description="Left, top, width and height of the X-ray image within a frame, in pixels; the whole if not set.",
+    )
+    video_frames: Annotated[int, Field(ge=1, le=256)] = Field(8, description="Still frames that are averaged.")
     default_source_to_detector_mm: Annotated[float, Field(gt=100.0, lt=3000.0)] = Field(
         1000.0, description="Used when neither the case nor the image says."
     )

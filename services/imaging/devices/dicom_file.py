@@ -1,8 +1,7 @@
 """Read one DICOM image, and make one from plain pixels.
 
-Polarity: PixelIntensityRelationshipSign (0028,1041) says whether low stored values mean little X-ray (+1: darker is
-denser) or much (-1). Without it the photometric interpretation decides how values look: MONOCHROME1 shows high values
-dark.
+A run of frames is averaged over its longest piece in which nothing moves. What the grey values mean is in
+`dicom_pixels`.
 """
 
 import hashlib
@@ -15,6 +14,8 @@ from pydicom.dataset import Dataset, FileMetaDataset
 from pydicom.errors import InvalidDicomError
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, generate_uid
 
+from services.imaging.core.still_frames import MotionLimits, longest_still_run
+from services.imaging.devices.dicom_pixels import grey_frames
 from services.imaging.devices.received_image import Acquisition, ReceivedImage
 from shared.errors import ImageUnreadable
 
@@ -22,7 +23,7 @@ GreyPixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 _MAGIC_AT = 128
 _MAGIC = b"DICM"
-_GREY = ("MONOCHROME1", "MONOCHROME2")
+_MOST_VALUES = 256 * 2**20
 _REPORTED = (OSError, ValueError, AttributeError, KeyError, TypeError, NotImplementedError, RuntimeError, IndexError)
 
 
@@ -32,7 +33,7 @@ def is_dicom(content: bytes) -> bool:
 
 
 def read_dicom(content: bytes, source: str) -> ReceivedImage:
-    """Read one grey DICOM image.
+    """Read one grey DICOM image, or a run of frames of a still scene.
 
     Parameters
     ----------
@@ -44,12 +45,13 @@ def read_dicom(content: bytes, source: str) -> ReceivedImage:
     Raises
     ------
     ImageUnreadable
-        When it is truncated, not one grey frame, or compressed in a way that cannot be decoded.
+        When it is truncated, not grey, moving all the time, or compressed in a way that cannot be decoded.
     """
     try:
         dataset = dcmread(BytesIO(content))
-        _require_one_grey_frame(dataset, source)
+        _require_pixels(dataset, source)
         stored = np.asarray(dataset.pixel_array)
+        pixels = _still(grey_frames(dataset, stored, source), source)
     except ImageUnreadable:
         raise
     except (InvalidDicomError, *_REPORTED) as error:
@@ -58,7 +60,7 @@ def read_dicom(content: bytes, source: str) -> ReceivedImage:
             f"({_first_line(error)}); send it again, uncompressed"
         ) from None
     return ReceivedImage(
-        pixels=_dark_is_dense(dataset, stored),
+        pixels=pixels,
         bits_stored=int(dataset.BitsStored),
         dicom=content,
         sop_instance_uid=str(dataset.SOPInstanceUID),
@@ -70,36 +72,40 @@ def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:160]
 
 
-def _require_one_grey_frame(dataset: Dataset, source: str) -> None:
+def _require_pixels(dataset: Dataset, source: str) -> None:
     if "SOPInstanceUID" not in dataset or "PixelData" not in dataset:
         raise ImageUnreadable(
             f"{source}: the DICOM object has no pixels or no SOP Instance UID: it is truncated or not an image; "
             "send an X-ray image"
         )
-    photometric = str(dataset.get("PhotometricInterpretation", "missing"))
-    if photometric not in _GREY:
-        raise ImageUnreadable(
-            f"{source}: the photometric interpretation is {photometric}; needed is {' or '.join(_GREY)}"
-        )
     frames = int(dataset.get("NumberOfFrames", 1) or 1)
-    if frames != 1:
-        raise ImageUnreadable(f"{source}: the DICOM object holds {frames} frames; send single images (1 frame)")
+    values = frames * int(dataset.Rows) * int(dataset.Columns)
+    if not 0 < values <= _MOST_VALUES:
+        raise ImageUnreadable(
+            f"{source}: {frames} frames of {dataset.Columns} x {dataset.Rows} are {values} pixels "
+            f"(1 to {_MOST_VALUES}); send a shorter run or single images"
+        )
 
 
-def _dark_is_dense(dataset: Dataset, stored: NDArray[np.generic]) -> NDArray[np.float32]:
-    """Grey values, reversed when the tags say that bright is dense, shape (rows, columns)."""
-    values = stored.astype(np.float32)
-    sign = dataset.get("PixelIntensityRelationshipSign")
-    if sign is None:
-        slope = float(dataset.get("RescaleSlope", 1.0) or 1.0)
-        inverted = (dataset.PhotometricInterpretation == "MONOCHROME1") != (slope < 0.0)
-    else:
-        inverted = int(sign) < 0
-    if not inverted:
-        return values
-    if int(dataset.get("PixelRepresentation", 0)) == 1:
-        return -values
-    return np.float32(2 ** int(dataset.BitsStored) - 1) - values
+def _still(frames: NDArray[np.float32], source: str) -> NDArray[np.float32]:
+    """The mean of the frames that stand still, shape (rows, columns).
+
+    Raises
+    ------
+    ImageUnreadable
+        When something moves all the time.
+    """
+    if len(frames) == 1:
+        return np.asarray(frames[0])
+    limits = MotionLimits(most_frames=len(frames), least_frames=min(len(frames), 3))
+    run = longest_still_run(frames, limits)
+    if run is None or run.frames < limits.least_frames:
+        still = 0 if run is None else run.frames
+        raise ImageUnreadable(
+            f"{source}: in a run of {len(frames)} frames at most {still} in a row stand still (at least "
+            f"{limits.least_frames}); hold leg and C-arm still and take another run"
+        )
+    return run.mean
 
 
 def _acquisition(dataset: Dataset) -> Acquisition:

@@ -1,24 +1,42 @@
 """Receive images from a C-arm: a DICOM Storage provider with verification (C-ECHO)."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
 from pydicom.dataset import Dataset
+from pydicom.pixels.decoders.base import get_decoder
 from pydicom.uid import (
+    HTJ2K,
+    JPEG2000,
     UID,
     ComputedRadiographyImageStorage,
+    DeflatedExplicitVRLittleEndian,
     DigitalXRayImageStorageForPresentation,
     DigitalXRayImageStorageForProcessing,
+    ExplicitVRBigEndian,
+    ExplicitVRLittleEndian,
+    HTJ2KLossless,
+    HTJ2KLosslessRPCL,
+    ImplicitVRLittleEndian,
+    JPEG2000Lossless,
+    JPEGBaseline8Bit,
+    JPEGExtended12Bit,
+    JPEGLossless,
+    JPEGLosslessSV1,
+    JPEGLSLossless,
+    JPEGLSNearLossless,
     MultiFrameGrayscaleByteSecondaryCaptureImageStorage,
     MultiFrameGrayscaleWordSecondaryCaptureImageStorage,
+    RLELossless,
     SecondaryCaptureImageStorage,
     XRayAngiographicImageStorage,
     XRayRadiofluoroscopicImageStorage,
 )
 from pynetdicom import AE, evt
 
+from services.imaging.devices.source import Refused, Take
 from shared.errors import ConfigurationError, ImageUnreadable
 from shared.runtime.logging import Log
 
@@ -32,6 +50,20 @@ _STORED = (
     MultiFrameGrayscaleByteSecondaryCaptureImageStorage,
     MultiFrameGrayscaleWordSecondaryCaptureImageStorage,
 )
+_COMPRESSED = (
+    JPEGLosslessSV1,
+    JPEGLossless,
+    JPEGLSLossless,
+    JPEGLSNearLossless,
+    JPEG2000Lossless,
+    JPEG2000,
+    HTJ2KLossless,
+    HTJ2KLosslessRPCL,
+    HTJ2K,
+    RLELossless,
+    JPEGBaseline8Bit,
+    JPEGExtended12Bit,
+)
 _VERIFICATION = UID("1.2.840.10008.1.1")
 _SUCCESS = 0x0000
 _OUT_OF_RESOURCES = 0xA700
@@ -39,17 +71,42 @@ _CANNOT_UNDERSTAND = 0xC000
 _COMMENT_LENGTH = 64
 
 
-class Refused(Exception):
-    """Raised by whoever takes images when it cannot take one now."""
-
-
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where the receiver listens, and under which application entity title."""
+    """Where the receiver listens, under which application entity title, and to whom.
+
+    Attributes
+    ----------
+    calling_ae_titles
+        Titles that may call; anyone when empty.
+    most_associations
+        At the same time.
+    """
 
     host: str
     port: int
     ae_title: str
+    calling_ae_titles: tuple[str, ...] = ()
+    most_associations: int = 10
+
+
+class DicomSource:
+    """The receiver as a source of images."""
+
+    def __init__(self, endpoint: Endpoint, log: Log) -> None:
+        self._endpoint, self._log = endpoint, log
+
+    @contextmanager
+    def receiving(self, take: Take) -> Iterator[str]:
+        """Listen for as long as the context lasts."""
+        with dicom_receiver(self._endpoint, take, self._log) as port:
+            yield f"DICOM {self._endpoint.ae_title} at {self._endpoint.host}:{port}"
+
+
+def decodable_syntaxes() -> list[UID]:
+    """Transfer syntaxes that can be decoded with what is installed, the uncompressed ones first."""
+    plain = [ExplicitVRLittleEndian, ImplicitVRLittleEndian, DeflatedExplicitVRLittleEndian, ExplicitVRBigEndian]
+    return plain + [uid for uid in _COMPRESSED if get_decoder(uid).is_available]
 
 
 class _StoreEvent(Protocol):
@@ -83,7 +140,7 @@ class _Request(Protocol):
 
 
 @contextmanager
-def dicom_receiver(endpoint: Endpoint, take: Callable[[bytes, str], None], log: Log) -> Iterator[int]:
+def dicom_receiver(endpoint: Endpoint, take: Take, log: Log) -> Iterator[int]:
     """Listen for images for as long as the context lasts.
 
     Parameters
@@ -108,9 +165,12 @@ def dicom_receiver(endpoint: Endpoint, take: Callable[[bytes, str], None], log: 
     """
     entity = AE(ae_title=endpoint.ae_title)
     entity.require_called_aet = True
+    entity.require_calling_aet = list(endpoint.calling_ae_titles)
+    entity.maximum_associations = endpoint.most_associations
     entity.maximum_pdu_size = 0
-    for uid in (_VERIFICATION, *_STORED):
-        entity.add_supported_context(uid)
+    entity.add_supported_context(_VERIFICATION)
+    for uid in _STORED:
+        entity.add_supported_context(uid, decodable_syntaxes())
     handlers: list[evt.EventHandlerType] = [
         (evt.EVT_C_STORE, lambda event: _stored(event, take, log)),
         (evt.EVT_REJECTED, lambda event: _log_rejection(event, endpoint, log)),
@@ -130,7 +190,7 @@ def dicom_receiver(endpoint: Endpoint, take: Callable[[bytes, str], None], log: 
         server.server_close()
 
 
-def _stored(event: _StoreEvent, take: Callable[[bytes, str], None], log: Log) -> Dataset:
+def _stored(event: _StoreEvent, take: Take, log: Log) -> Dataset:
     requestor = event.assoc.requestor
     sender = f"{requestor.ae_title.strip()}@{requestor.address}"
     try:
@@ -155,8 +215,13 @@ def _status(code: int, comment: str) -> Dataset:
 def _log_rejection(event: _StoreEvent, endpoint: Endpoint, log: Log) -> None:
     requestor = event.assoc.requestor
     called = requestor.primitive.called_ae_title.strip() if requestor.primitive else "nobody"
-    log.warning(
-        "association rejected",
-        sender=f"{requestor.ae_title.strip()}@{requestor.address}",
-        detail=f"it called {called}, it must call the application entity title {endpoint.ae_title}",
-    )
+    calling = requestor.ae_title.strip()
+    if called != endpoint.ae_title:
+        why = f"it called {called}, it must call the application entity title {endpoint.ae_title}"
+    elif endpoint.calling_ae_titles and calling not in endpoint.calling_ae_titles:
+        allowed = ", ".join(endpoint.calling_ae_titles)
+        why = f"it calls itself {calling}; the setting dicom_calling_ae_titles allows {allowed}"
+    else:
+        most = endpoint.most_associations
+        why = f"{most} associations are open (limit {most}, setting dicom_most_associations); try again later"
+    log.warning("association rejected", sender=f"{calling}@{requestor.address}", detail=why)

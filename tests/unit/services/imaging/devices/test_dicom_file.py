@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from services.imaging.devices.dicom_file import dicom_of_pixels, is_dicom, read_dicom
 from shared.errors import ImageUnreadable
@@ -84,14 +85,54 @@ def test_only_the_mark_of_dicom_is_left() -> None:
         read_dicom(b"\0" * 128 + b"DICM" + b"rubbish" * 5, "shot")
 
 
-def test_colour_and_film_are_refused() -> None:
+def test_a_photometric_interpretation_that_is_not_grey_is_refused() -> None:
     dataset = dataset_of(grey_ramp())
-    dataset.PhotometricInterpretation = "RGB"
-    with pytest.raises(ImageUnreadable, match=r"photometric interpretation is RGB; needed is MONOCHROME1"):
+    dataset.PhotometricInterpretation = "PALETTE COLOR"
+    with pytest.raises(ImageUnreadable, match=r"photometric interpretation is PALETTE COLOR; needed is MONOCHROME1"):
         read_dicom(file_of(dataset), "test")
+
+
+def run_of(frames: NDArray[np.uint16]) -> bytes:
+    """A multi-frame object, frames of shape (frames, rows, columns)."""
+    dataset = dataset_of(frames[0])
+    dataset.NumberOfFrames = len(frames)
+    dataset.PixelData = frames.tobytes()
+    return file_of(dataset)
+
+
+def ball_at(x: float, rng: np.random.Generator) -> NDArray[np.uint16]:
+    row, column = np.mgrid[:128, :128]
+    shadow = 3000.0 / (1.0 + np.exp(np.hypot(column - x, row - 60.0) - 9.0))
+    return np.asarray(4000.0 - shadow + rng.normal(0.0, 80.0, row.shape), dtype=np.uint16)
+
+
+def test_a_run_of_still_frames_is_averaged() -> None:
+    rng = np.random.default_rng(1)
+    frames = np.stack([ball_at(50.0, rng) for _ in range(9)])
+    pixels = read_dicom(run_of(frames), "run").pixels
+    assert pixels == pytest.approx(frames.mean(axis=0), abs=0.1)
+    assert pixels[:30].std() < 0.4 * frames[0, :30].astype(float).std()
+
+
+def test_only_the_still_part_of_a_run_is_averaged() -> None:
+    rng = np.random.default_rng(2)
+    frames = np.stack([ball_at(20.0 + 5.0 * min(i, 4), rng) for i in range(12)])
+    assert read_dicom(run_of(frames), "run").pixels == pytest.approx(frames[4:].mean(axis=0), abs=0.1)
+
+
+def test_a_run_in_which_all_moves_is_refused() -> None:
+    rng = np.random.default_rng(3)
+    frames = np.stack([ball_at(20.0 + 4.0 * i, rng) for i in range(8)])
+    with pytest.raises(
+        ImageUnreadable, match=r"run of 8 frames at most 1 in a row stand still \(at least 3\); hold leg"
+    ):
+        read_dicom(run_of(frames), "run")
+
+
+def test_a_run_of_more_pixels_than_memory_is_refused() -> None:
     dataset = dataset_of(grey_ramp())
-    dataset.NumberOfFrames = 12
-    with pytest.raises(ImageUnreadable, match="12 frames; send single images"):
+    dataset.NumberOfFrames = 10**9
+    with pytest.raises(ImageUnreadable, match="1000000000 frames of 8 x 6 are 48000000000 pixels"):
         read_dicom(file_of(dataset), "test")
 
 

@@ -12,7 +12,8 @@ from pydicom.uid import UID, ExplicitVRLittleEndian, SecondaryCaptureImageStorag
 from pynetdicom import AE
 
 from services.imaging.devices.dicom_file import read_dicom
-from services.imaging.devices.dicom_receiver import Endpoint, Refused, dicom_receiver
+from services.imaging.devices.dicom_receiver import Endpoint, dicom_receiver
+from services.imaging.devices.source import Refused
 from shared.errors import ConfigurationError, ImageUnreadable
 from tests.unit.services.imaging.devices.dicom_samples import dataset_of, grey_ramp
 

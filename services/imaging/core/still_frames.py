@@ -1,0 +1,120 @@
+"""Average frames as long as nothing moves: noise goes down, and what moved is said instead of smeared.
+
+Two frames differ by their noise, by the brightness control's gain, and where something moved. Means over blocks tell
+the last from the first: noise hardly shows there, a ball's edge that moved by half a pixel does.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+FloatImage = NDArray[np.float32]
+
+_BLOCK_PX = 6
+_NOISE_LIMIT = 6.0
+_CORRELATED = 3.0
+_SPAN_LIMIT = 0.006
+_TEXT_BLOCKS = 0.004
+
+
+@dataclass(frozen=True, slots=True)
+class MotionLimits:
+    """What counts as still.
+
+    Attributes
+    ----------
+    moved_blocks
+        Largest part of the blocks that may differ from the mean so far: burnt-in clocks and dose counters change.
+    least_frames
+        Frames that an average needs at least.
+    most_frames
+        Frames after which an average is complete.
+    """
+
+    moved_blocks: float = _TEXT_BLOCKS
+    least_frames: int = 3
+    most_frames: int = 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StillRun:
+    """Consecutive frames in which nothing moved.
+
+    Attributes
+    ----------
+    mean
+        Shape (rows, columns).
+    frames
+        How many were averaged.
+    """
+
+    mean: FloatImage
+    frames: int
+
+
+def moved_part(frame: FloatImage, reference: FloatImage) -> float:
+    """Part of the blocks in which a frame differs from a mean of earlier ones by more than noise.
+
+    Parameters
+    ----------
+    frame, reference
+        Shape (rows, columns) each.
+    """
+    difference = frame - _gain(frame, reference) * reference
+    noise = 1.4826 * float(np.median(np.abs(np.diff(difference, axis=1)))) / np.sqrt(2.0)
+    low, high = np.percentile(reference[::4, ::4], [1.0, 99.0])
+    size = np.abs(_blocks(difference))
+    # The middle of the blocks tells how noisy they are, unless most of them moved: then their pixels' noise does.
+    usual = min(1.4826 * float(np.median(size)), _CORRELATED * noise / _BLOCK_PX)
+    return float(np.mean(size > _NOISE_LIMIT * usual + _SPAN_LIMIT * float(high - low)))
+
+
+def _gain(frame: FloatImage, reference: FloatImage) -> np.float32:
+    """Factor of the automatic exposure between two frames; 1 when there is nothing to compare."""
+    bright = reference[::4, ::4] > np.median(reference[::4, ::4])
+    if not bright.any():
+        return np.float32(1.0)
+    return np.float32(np.median(frame[::4, ::4][bright] / np.maximum(reference[::4, ::4][bright], 1e-6)))
+
+
+def _blocks(image: FloatImage) -> FloatImage:
+    rows, columns = (max(side // _BLOCK_PX, 1) for side in image.shape)
+    return np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def still_runs(frames: Iterable[FloatImage], limits: MotionLimits = MotionLimits()) -> Iterator[StillRun]:
+    """Cut a sequence of frames where something moves, and average each piece.
+
+    Yields
+    ------
+    StillRun
+        Every piece, also those shorter than `least_frames`. One that reaches `most_frames` is yielded at once; frames
+        that still show the same are then left out.
+    """
+    total: NDArray[np.float64] = np.zeros((0, 0))
+    count = 0
+    for frame in frames:
+        if count and _differs(frame, (total / count).astype(np.float32), limits):
+            if count < limits.most_frames:
+                yield StillRun((total / count).astype(np.float32), count)
+            count = 0
+        if count == limits.most_frames:
+            continue
+        total = total + frame if count else frame.astype(np.float64)
+        count += 1
+        if count == limits.most_frames:
+            yield StillRun((total / count).astype(np.float32), count)
+    if 0 < count < limits.most_frames:
+        yield StillRun((total / count).astype(np.float32), count)
+
+
+def _differs(frame: FloatImage, mean: FloatImage, limits: MotionLimits) -> bool:
+    return frame.shape != mean.shape or moved_part(frame, mean) > limits.moved_blocks
+
+
+def longest_still_run(frames: Iterable[FloatImage], limits: MotionLimits = MotionLimits()) -> StillRun | None:
+    """The longest piece in which nothing moved; None when there is no frame."""
+    return max(still_runs(frames, limits), key=lambda run: run.frames, default=None)

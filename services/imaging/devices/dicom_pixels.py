@@ -1,0 +1,105 @@
+"""What the stored values of a DICOM image mean: polarity, unused bits, colours that are grey.
+
+Polarity: PixelIntensityRelationshipSign (0028,1041) says whether low stored values mean little X-ray (+1: darker is
+denser) or much (-1). Without it, what is shown decides: MONOCHROME1 shows high values dark, and a falling rescale
+slope, a falling modality LUT or an inverse presentation LUT shape turn that round. Windows and other rising LUTs are
+left alone: they are monotone, and measuring assumes no more. Overlays are no part of the values, but old ones lie in
+bits above those that are stored.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydicom.dataset import Dataset
+
+from shared.errors import ImageUnreadable
+
+_GREY = ("MONOCHROME1", "MONOCHROME2")
+_COLOUR = ("RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
+_LUMINANCE = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+_MOST_COLOURED = 0.02
+_COLOURED_LEVELS = 24
+
+
+def grey_frames(dataset: Dataset, stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:
+    """Grey values, reversed when the tags say that bright is dense.
+
+    Parameters
+    ----------
+    dataset
+        The object's attributes.
+    stored
+        Values as pydicom decodes them: frames first when there are several, colours last.
+    source
+        For the error's sentence.
+
+    Returns
+    -------
+    NDArray
+        Shape (frames, rows, columns).
+
+    Raises
+    ------
+    ImageUnreadable
+        When the image has colours.
+    """
+    photometric = str(dataset.get("PhotometricInterpretation", "missing"))
+    if photometric in _GREY:
+        values = _without_unused_bits(dataset, stored).astype(np.float32)
+    elif photometric in _COLOUR and stored.shape[-1] == 3:
+        values = _grey_of_colours(stored, source)
+    else:
+        raise ImageUnreadable(
+            f"{source}: the photometric interpretation is {photometric}; needed is {' or '.join(_GREY)}"
+        )
+    values = values.reshape(-1, *values.shape[-2:])
+    if not _bright_is_dense(dataset):
+        return values
+    if int(dataset.get("PixelRepresentation", 0)) == 1:
+        return -values
+    return np.float32(2 ** int(dataset.BitsStored) - 1) - values
+
+
+def _without_unused_bits(dataset: Dataset, stored: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Values without bits above the stored ones, where old devices keep overlays."""
+    allocated, bits = int(dataset.BitsAllocated), int(dataset.BitsStored)
+    if bits >= allocated or not np.issubdtype(stored.dtype, np.integer):
+        return stored
+    values = stored.astype(np.int64) & ((1 << bits) - 1)
+    if int(dataset.get("PixelRepresentation", 0)) == 1:
+        values = np.where(values >= 1 << (bits - 1), values - (1 << bits), values)
+    return values
+
+
+def _grey_of_colours(stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:
+    """Luminance of a screen's copy of a grey image; little coloured text is allowed."""
+    values = stored.astype(np.float32)
+    coloured = float(np.mean(np.ptp(values, axis=-1) > _COLOURED_LEVELS))
+    if coloured > _MOST_COLOURED:
+        raise ImageUnreadable(
+            f"{source}: {100 * coloured:.0f} % of the pixels are coloured (limit {100 * _MOST_COLOURED:.0f} %); "
+            "send the X-ray image itself, in grey values"
+        )
+    return np.asarray(values @ _LUMINANCE, dtype=np.float32)
+
+
+def _bright_is_dense(dataset: Dataset) -> bool:
+    sign = dataset.get("PixelIntensityRelationshipSign")
+    if sign is not None:
+        return int(sign) < 0
+    turns: list[bool] = [
+        str(dataset.PhotometricInterpretation) == "MONOCHROME1",
+        float(dataset.get("RescaleSlope", 1.0) or 1.0) < 0.0,
+        _falls(dataset),
+        str(dataset.get("PresentationLUTShape", "")) == "INVERSE",
+    ]
+    return sum(turns) % 2 == 1
+
+
+def _falls(dataset: Dataset) -> bool:
+    """Whether the modality LUT, when there is one, falls from its first to its last entry."""
+    tables = dataset.get("ModalityLUTSequence")
+    if not tables:
+        return False
+    data = tables[0].get("LUTData", b"")
+    entries = np.frombuffer(data, "<u2") if isinstance(data, bytes) else np.atleast_1d(np.asarray(data))
+    return bool(entries.size > 1 and entries[-1] < entries[0])

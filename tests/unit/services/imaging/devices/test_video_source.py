@@ -1,0 +1,110 @@
+import queue
+import shutil
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import structlog
+from numpy.typing import NDArray
+
+from services.imaging.devices.image_file import read_image
+from services.imaging.devices.video_source import Region, VideoSettings, VideoSource, cut, device_of, grey_of
+from shared.errors import ConfigurationError
+from tests.unit.services.imaging.synthetic import shade
+
+LOG: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("video")
+PATIENCE_S = 60.0
+
+
+def view(shift_px: float) -> NDArray[np.float64]:
+    light = np.ones((240, 320))
+    for x in range(40, 300, 40):
+        for y in range(30, 230, 40):
+            shade(light, x + shift_px, y, 6.0)
+    return 200.0 * light
+
+
+def film(file: Path, shifts: list[float]) -> Path:
+    """A Motion JPEG of noisy views."""
+    rng = np.random.default_rng(3)
+    writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (320, 240), isColor=False)
+    assert writer.isOpened()
+    for shift in shifts:
+        writer.write(np.clip(view(shift) + rng.normal(0.0, 6.0, (240, 320)), 0, 255).astype(np.uint8))
+    writer.release()
+    return file
+
+
+def images_of(settings: VideoSettings, count: int) -> list[NDArray[np.float32]]:
+    taken: queue.Queue[bytes] = queue.Queue()
+    with VideoSource(settings, LOG).receiving(lambda content, _: taken.put(content)):
+        return [read_image(taken.get(timeout=PATIENCE_S), "video").pixels for _ in range(count)]
+
+
+def test_one_averaged_image_comes_of_each_view(tmp_path: Path) -> None:
+    file = film(tmp_path / "film.avi", [0.0] * 12 + [3.0, 6.0, 9.0] + [12.0] * 10)
+    first, second = images_of(VideoSettings(str(file), most_frames=8), 2)
+    truth = view(0.0)
+    noise = np.std(257.0 * truth[:15] - first[:15])
+    assert noise < 0.6 * 257.0 * 6.0
+    assert np.corrcoef(first.ravel(), truth.ravel())[0, 1] > 0.98
+    assert np.corrcoef(second.ravel(), view(12.0).ravel())[0, 1] > 0.98
+
+
+def test_the_region_is_cut_out_and_the_format_is_told(tmp_path: Path) -> None:
+    file = film(tmp_path / "film.avi", [0.0] * 6)
+    settings = VideoSettings(str(file), Region(20, 10, 200, 100), most_frames=4)
+    with VideoSource(settings, LOG).receiving(lambda *_: None) as place:
+        assert "320 x 240 MJPG, 25 frames/s, of which 200 x 100" in place
+    assert images_of(settings, 1)[0].shape == (100, 200)
+
+
+def test_a_video_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    source = VideoSource(VideoSettings(str(tmp_path / "none.avi")), LOG, tmp_path)
+    with (
+        pytest.raises(ConfigurationError, match=r"none.avi did not open within 5 s; check"),
+        source.receiving(lambda *_: None),
+    ):
+        pass
+
+
+def test_a_device_is_found_by_a_part_of_its_stable_name(tmp_path: Path) -> None:
+    device = tmp_path / "video7"
+    device.touch()
+    (tmp_path / "usb-Epiphan_DVI2USB_123-video-index0").symlink_to(device)
+    (tmp_path / "usb-Epiphan_DVI2USB_123-video-index1").symlink_to(device)
+    assert device_of("DVI2USB_123", tmp_path) == str(device)
+    assert device_of("rtsp://c-arm/stream", tmp_path) == "rtsp://c-arm/stream"
+    (tmp_path / "usb-Epiphan_DVI2USB_999-video-index0").symlink_to(device)
+    with pytest.raises(
+        ConfigurationError, match=r"2 video devices fit 'DVI2USB' \(1 needed\): usb-Epiphan_DVI2USB_123"
+    ):
+        device_of("DVI2USB", tmp_path)
+
+
+def test_grey_and_colour_frames_become_grey() -> None:
+    grey = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    assert (grey_of(grey) == grey).all()
+    assert grey_of(np.repeat(grey[..., None], 3, axis=2)) == pytest.approx(grey, abs=0.01)
+
+
+def test_a_region_beyond_the_frame_takes_what_is_there() -> None:
+    frame = np.ones((20, 30), np.float32)
+    assert cut(frame, Region(20, 10, 100, 100)).shape == (10, 10)
+    assert cut(frame, Region(500, 500, 100, 100)).shape == (20, 30)
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+def test_a_stream_of_ffmpeg_is_received(tmp_path: Path) -> None:
+    file = film(tmp_path / "film.avi", [0.0] * 50)
+    with subprocess.Popen(
+        ["ffmpeg", "-loglevel", "error", "-stream_loop", "-1", "-re", "-i", str(file), "-f", "mpegts", "-listen", "1",
+         "tcp://127.0.0.1:38877"]
+    ) as process:  # fmt: skip
+        try:
+            image = images_of(VideoSettings("tcp://127.0.0.1:38877"), 1)[0]
+        finally:
+            process.kill()
+    assert np.corrcoef(image.ravel(), view(0.0).ravel())[0, 1] > 0.9
