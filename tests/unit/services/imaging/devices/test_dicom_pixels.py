@@ -1,13 +1,16 @@
 """What stored values mean: checked on objects with two values, of which the first is little X-ray."""
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pydicom.dataset import Dataset
+from pydicom.encaps import encapsulate
 from pydicom.pixels.utils import set_pixel_data
-from pydicom.uid import RLELossless
+from pydicom.uid import JPEGBaseline8Bit, JPEGLosslessSV1, RLELossless
 
 from services.imaging.devices.dicom_file import read_dicom
+from services.imaging.devices.dicom_receiver import decodable_syntaxes
 from shared.errors import ImageUnreadable
 from tests.unit.services.imaging.devices.dicom_samples import dataset_of, file_of
 
@@ -90,6 +93,23 @@ def test_a_compressed_image_is_the_same_image() -> None:
     dataset = dataset_of(plain)
     dataset.compress(RLELossless, generate_instance_uid=False)
     assert (read(dataset) == plain).all()
+
+
+def test_a_jpeg_is_decoded() -> None:
+    y, x = np.mgrid[:64, :64]
+    plain = (100.0 + x + 0.5 * y).astype(np.uint8)
+    dataset = dataset_of(VALUES)
+    set_pixel_data(dataset, plain, "MONOCHROME2", 8)
+    dataset.PixelData = encapsulate([cv2.imencode(".jpg", plain, (cv2.IMWRITE_JPEG_QUALITY, 100))[1].tobytes()])
+    dataset["PixelData"].is_undefined_length = True
+    dataset.file_meta.TransferSyntaxUID = JPEGBaseline8Bit
+    assert read(dataset) == pytest.approx(plain, abs=2.0)
+
+
+def test_what_an_association_offers_can_be_decoded() -> None:
+    offered = decodable_syntaxes()
+    assert len(offered) == len(set(offered)) >= 12
+    assert JPEGLosslessSV1 in offered
 
 
 def test_bits_of_an_eight_bit_image_are_kept() -> None:
