@@ -5,13 +5,15 @@ A run of frames is averaged over its longest piece in which nothing moves. What 
 """
 
 import hashlib
+import struct
+import zlib
 from io import BytesIO
 
 import numpy as np
 from numpy.typing import NDArray
 from pydicom import dcmread, dcmwrite
 from pydicom.dataset import Dataset, FileMetaDataset
-from pydicom.errors import InvalidDicomError
+from pydicom.errors import BytesLengthException, InvalidDicomError
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, generate_uid
 
 from services.imaging.core.still_frames import MotionLimits, longest_still_run
@@ -24,7 +26,24 @@ GreyPixels = NDArray[np.uint8] | NDArray[np.uint16]
 _MAGIC_AT = 128
 _MAGIC = b"DICM"
 _MOST_VALUES = 256 * 2**20
-_REPORTED = (OSError, ValueError, AttributeError, KeyError, TypeError, NotImplementedError, RuntimeError, IndexError)
+# What pydicom and its decoders raise on damaged files; the list is what fuzzing found.
+_REPORTED = (
+    AttributeError,
+    BytesLengthException,
+    IndexError,
+    KeyError,
+    MemoryError,
+    NotImplementedError,
+    OSError,
+    OverflowError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    EOFError,
+    struct.error,
+    zlib.error,
+)
+_MOST_BITS, _LONGEST_SIDE = 16, 8192
 
 
 def is_dicom(content: bytes) -> bool:
@@ -48,10 +67,7 @@ def read_dicom(content: bytes, source: str) -> ReceivedImage:
         When it is truncated, not grey, moving all the time, or compressed in a way that cannot be decoded.
     """
     try:
-        dataset = dcmread(BytesIO(content))
-        _require_pixels(dataset, source)
-        stored = np.asarray(dataset.pixel_array)
-        pixels = _still(grey_frames(dataset, stored, source), source)
+        return _received(dcmread(BytesIO(content)), content, source)
     except ImageUnreadable:
         raise
     except (InvalidDicomError, *_REPORTED) as error:
@@ -59,8 +75,13 @@ def read_dicom(content: bytes, source: str) -> ReceivedImage:
             f"{source}: the DICOM file of {len(content)} bytes is damaged, truncated or compressed in an unknown way "
             f"({_first_line(error)}); send it again, uncompressed"
         ) from None
+
+
+def _received(dataset: Dataset, content: bytes, source: str) -> ReceivedImage:
+    _require_pixels(dataset, source)
+    stored = np.asarray(dataset.pixel_array)
     return ReceivedImage(
-        pixels=pixels,
+        pixels=_still(grey_frames(dataset, stored, source), source),
         bits_stored=int(dataset.BitsStored),
         dicom=content,
         sop_instance_uid=str(dataset.SOPInstanceUID),
@@ -77,6 +98,12 @@ def _require_pixels(dataset: Dataset, source: str) -> None:
         raise ImageUnreadable(
             f"{source}: the DICOM object has no pixels or no SOP Instance UID: it is truncated or not an image; "
             "send an X-ray image"
+        )
+    bits, longest = int(dataset.BitsStored), max(int(dataset.Rows), int(dataset.Columns))
+    if not 0 < bits <= _MOST_BITS or longest > _LONGEST_SIDE:
+        raise ImageUnreadable(
+            f"{source}: {dataset.Columns} x {dataset.Rows} pixels of {bits} bits (at most {_LONGEST_SIDE} each way, "
+            f"1 to {_MOST_BITS} bits); send an X-ray image"
         )
     frames = int(dataset.get("NumberOfFrames", 1) or 1)
     values = frames * int(dataset.Rows) * int(dataset.Columns)
