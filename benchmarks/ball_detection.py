@@ -23,6 +23,7 @@ from benchmarks.imaging_scenes import (
     Shadow,
     displayed,
     exposed,
+    noise_of,
     patient,
     random_c_arm,
     ring_shadow,
@@ -42,7 +43,7 @@ FloatImage = NDArray[np.float32]
 
 NEAR_PX = 2.0
 RIM_PX = 470.0
-EXPOSURE = Exposure(contrast_to_noise=15.0)
+CONTRAST_TO_NOISE = 15.0
 REPORT = Path(__file__).parents[1] / "docs" / "benchmarks" / "balls.md"
 
 
@@ -75,10 +76,9 @@ def make_scene(seed: int, covered: float, ring: RingPart) -> Scene:
     gap -= shadow.radius_px[:, None] + together.radius_px[None]
     gap[np.arange(len(gap)), np.arange(len(gap))] = np.inf
     inside = np.hypot(*(shadow.centre_px - 511.5).T) + shadow.radius_px < RIM_PX
-    variance = [
-        centre_variance_px2(together, k, light, EXPOSURE.noise) if inside[k] else np.nan for k in range(len(gap))
-    ]
-    pixels = exposed(grey, EXPOSURE, rng)
+    noise = noise_of(CONTRAST_TO_NOISE, light, shadow)
+    variance = [centre_variance_px2(together, k, light, noise) if inside[k] else np.nan for k in range(len(gap))]
+    pixels = exposed(grey, Exposure(noise), rng)
     return Scene(pixels, shadow, others, inside, gap.min(axis=1) < 1.0, np.sqrt(variance))
 
 
@@ -251,10 +251,10 @@ def _document(lines: list[str], images: int) -> str:
     return f"""# Ball detection
 
 Made by `python -m benchmarks.ball_detection` ({images} images a row, seeds 0 to {images - 1}, contrast-to-noise ratio
-15 in open light, white noise). The ring's 120 balls lie over a leg; some are covered in part by another ball. A centre
-within 2 px counts as found. The limit is Cramér-Rao's, with radius, contrast, background, blur and the touching balls
-unknown as well. `calibrated` is what leaves imaging: every ball by name, precision counts wrong names; its time is that
-of the whole calibration. The others give discs without names. One core.
+15 of the middle ball, white noise). The ring's 120 balls lie over a leg; some are covered in part by another ball. A
+centre within 2 px counts as found. The limit is Cramér-Rao's, with radius, contrast, background, blur and the touching
+balls unknown as well. `calibrated` is what leaves imaging: every ball by name, precision counts wrong names; its time
+is that of the whole calibration. The others give discs without names. One core.
 
 {chr(10).join(lines)}
 

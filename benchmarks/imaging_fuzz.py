@@ -24,6 +24,7 @@ from benchmarks.imaging_scenes import (
     Exposure,
     displayed,
     exposed,
+    noise_of,
     patient,
     random_c_arm,
     ring_shadow,
@@ -205,8 +206,9 @@ def fuzz_images(count: int) -> Counter[str]:
     for seed in range(4):
         rng = np.random.default_rng([2, seed])
         c_arm = random_c_arm(rng, Distortion.QUINTIC)
-        light = patient(rng) * transmission(ring_shadow(c_arm, ring))
-        scenes.append((c_arm, exposed(displayed(light), Exposure(30.0), rng)))
+        light, shadow = patient(rng), ring_shadow(c_arm, ring)
+        exposure = Exposure(noise_of(30.0, light, shadow))
+        scenes.append((c_arm, exposed(displayed(light * transmission(shadow)), exposure, rng)))
     for number in range(count):
         rng = np.random.default_rng([3, number])
         c_arm, pixels = scenes[number % len(scenes)]

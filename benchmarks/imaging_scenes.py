@@ -160,23 +160,36 @@ class Exposure:
 
     Attributes
     ----------
-    contrast_to_noise
-        Depth of a ball's shadow in open light over the noise of a pixel.
+    noise
+        Standard deviation of a pixel's grey value, in the units of `displayed`.
     noise_blur_px
         Correlation of the noise; 0 is white.
     aperture_px
         Radius of the round aperture; infinite is a flat panel.
     """
 
-    contrast_to_noise: float = 15.0
+    noise: float
     noise_blur_px: float = 0.0
     aperture_px: float = 484.0
 
-    @property
-    def noise(self) -> float:
-        """Standard deviation of a pixel's grey value, in the units of `displayed`."""
-        depth = (1.03**_CURVE) - (np.exp(-ABSORPTION) + 0.03) ** _CURVE
-        return float(depth / self.contrast_to_noise)
+
+def noise_of(contrast_to_noise: float, light: Array, shadow: Shadow) -> float:
+    """Noise of a pixel at which the middle ball's shadow has a contrast-to-noise ratio, in the units of `displayed`.
+
+    Parameters
+    ----------
+    contrast_to_noise
+        Depth of that shadow over the noise.
+    light
+        Transmission without balls, shape (rows, columns).
+    shadow
+        The balls; those outside the image do not count.
+    """
+    x, y = np.round(shadow.centre_px).astype(int).T
+    inside = (x >= 0) & (y >= 0) & (x < light.shape[1]) & (y < light.shape[0])
+    there, absorption = light[y[inside], x[inside]], shadow.absorption[inside]
+    depth = (there + 0.03) ** _CURVE - (there * np.exp(-absorption) + 0.03) ** _CURVE
+    return float(np.median(depth)) / contrast_to_noise
 
 
 def exposed(grey: Array, exposure: Exposure, rng: np.random.Generator) -> FloatImage:

@@ -52,12 +52,12 @@ def find_ring(pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: Nom
         Rejected with `ring_not_found`, `ring_ambiguous`, `saturated` or `image_unusable` (inverted).
     """
     found = _search(pixels, area, ring, nominal)
-    if isinstance(found.identity, RingIdentity) and _enough(found.identity, ring):
-        if _ambiguous(found.identity):
+    if isinstance(found.identity, RingIdentity) and is_enough(found.identity, ring):
+        if is_ambiguous(found.identity):
             return Rejected((_ambiguous_reason(found.identity),))
         return FoundRing(found.candidates, found.identity)
     inverted = _search(_inverted(pixels, area), area, ring, nominal)
-    if inverted.identity is not None and _enough(inverted.identity, ring) and not _ambiguous(inverted.identity):
+    if inverted.identity is not None and is_enough(inverted.identity, ring) and not is_ambiguous(inverted.identity):
         return Rejected((_inverted_reason(inverted.identity),))
     return Rejected(_not_found_reasons(found, pixels, area, ring))
 
@@ -84,11 +84,13 @@ def _needed(ring: RingPart) -> int:
     return max(_LEAST_BALLS, int(np.ceil(_LEAST_FRACTION * len(ring.balls))))
 
 
-def _enough(identity: RingIdentity, ring: RingPart) -> bool:
+def is_enough(identity: RingIdentity, ring: RingPart) -> bool:
+    """Whether an identity explains enough of the ring's balls."""
     return identity.identified >= _needed(ring)
 
 
-def _ambiguous(identity: RingIdentity) -> bool:
+def is_ambiguous(identity: RingIdentity) -> bool:
+    """Whether a different identity explains nearly as many."""
     return identity.runner_up > _RUNNER_UP_LIMIT * identity.identified
 
 
