@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from benchmarks.varied_parts import write_parts
@@ -18,11 +19,11 @@ from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult, Method, Parts, localise
 from shared.errors import Reason, Rejected
 from shared.geometry.lines import Line, angle_between_rad
-from simulation.render.image import Shot, render_scene
+from simulation.render.image import render_scene
 from simulation.scenario.files import ScenarioFile
 from simulation.scenario.sampling import scenario_from_file
 from simulation.scenario.values import Scenario
-from simulation.truth import HoleTruth
+from simulation.truth import HoleTruth, ImageTruth
 from simulation.world import starting_state
 
 LARGEST_ENTRY_ERROR_MM, LARGEST_AXIS_ERROR_DEG = 1.0, 1.5
@@ -90,15 +91,14 @@ def localised_scene(seed: int) -> SceneResult:
     """Render the scene of a seed, localise by both methods and compare with the truth."""
     scenario = scene_of_seed(seed)
     shot = render_scene(scenario, starting_state(scenario))
-    return compared(seed, scenario, shot)
+    return compared(seed, scenario, shot.pixels.astype(np.float32), shot.truth)
 
 
-def compared(seed: int, scenario: Scenario, shot: Shot) -> SceneResult:
-    """Localise in a rendered image by both methods."""
+def compared(seed: int, scenario: Scenario, pixels: NDArray[np.float32], truth: ImageTruth) -> SceneResult:
+    """Localise in an image of a scene by both methods."""
     nail = scenario.parts.nail
     name = f"{nail.material} {nail.diameter_mm:g}/{nail.cannulation_diameter_mm:g}, {nail.holes[0].diameter_mm:g} mm"
-    tilt = max(hole.tilt_to_ray_deg for hole in shot.truth.holes)
-    pixels = shot.pixels.astype(np.float32)
+    tilt = max(hole.tilt_to_ray_deg for hole in truth.holes)
     c_arm = scenario.c_arm
     nominal = NominalGeometry(c_arm.nominal_source_to_detector_mm, c_arm.nominal_pixel_mm)
     calibrated = calibrate_image(pixels, scenario.parts.ring, nominal)
@@ -109,7 +109,7 @@ def compared(seed: int, scenario: Scenario, shot: Shot) -> SceneResult:
         localise(pixels, calibrated.value, parts, method, lambda _: None)
         for method in (Method.MODEL, Method.FRONTO_PARALLEL)
     )
-    truths = shot.truth.holes
+    truths = truth.holes
     return SceneResult(seed, name, tilt, _codes(model.reasons), _errors(model, truths), _errors(paper, truths))
 
 

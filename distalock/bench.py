@@ -12,7 +12,10 @@ EXIT_BAD_INPUT: Final = 2
 BENCHMARKS: Final = {
     "accuracy": "random scenes with random parts, localised by the model and by the paper's method",
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
+    "display": "the same pictures with other curves, edges, bit depths and compression",
     "hexapod_kinematics": "the robot's inverse and forward kinematics, beside plain NumPy",
+    "guide_calibration": "the guide on the robot's head from eight images, and mistakes that must be noticed",
+    "robot_closed_loop": "what one more move makes of a wrong calibration and of a yielding mount",
     "robot_delivery": "commands duplicated, late, reordered, replayed and for another boot: at most one effect",
     "robot_faults": "random faults, commands and events on the whole robot service",
     "stop_latency": "from a stop over REST to the stop byte on the controller's wire",
