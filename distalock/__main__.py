@@ -6,8 +6,10 @@ from pathlib import Path
 
 from distalock.arguments import (
     Command,
+    add_c_arm_arguments,
     add_image_arguments,
     add_scenario_arguments,
+    existing_file,
     parser_of,
     port_number,
     scenario_arguments,
@@ -106,6 +108,22 @@ def _robot(given: argparse.Namespace) -> int:
     return int(given.run_robot(given))
 
 
+def _qa_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, help="folder of images of the ring: PNG, TIFF or DICOM")
+    parser.add_argument("--ring", type=Path, required=True, metavar="FILE", help="ring file (JSON)")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where the report goes; default: qa in the folder")
+    parser.add_argument(
+        "--before", type=existing_file, metavar="QA.json", help="report to compare with; default: the last one there"
+    )
+    add_c_arm_arguments(parser)
+
+
+def _qa(given: argparse.Namespace) -> int:
+    from distalock.qa import run
+
+    return run(given)
+
+
 def _benchmark_name(text: str) -> str:
     if text not in BENCHMARKS:
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; there are {', '.join(BENCHMARKS)}")
@@ -128,6 +146,7 @@ COMMANDS = (
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
     Command("virtual-or", "the virtual operating room alone", _room_arguments, _room),
     Command("robot", "the robot's workspace, and the calibration of its guide", _robot_arguments, _robot),
+    Command("qa", "C-arm and ring over a folder of images: a page with pictures, and JSON", _qa_arguments, _qa),
     Command("bench", "the benchmarks: tables with ratios to the named peers", _bench_arguments, _bench),
 )
 

@@ -101,6 +101,11 @@ def add_image_arguments(parser: argparse.ArgumentParser) -> None:
     """What `locate` and `verify` share: the part files and the C-arm's nominal values."""
     for name in ("ring", "guide", "nail"):
         parser.add_argument(f"--{name}", type=Path, required=True, metavar="FILE", help=f"{name} file (JSON)")
+    add_c_arm_arguments(parser)
+
+
+def add_c_arm_arguments(parser: argparse.ArgumentParser) -> None:
+    """The C-arm's nominal values."""
     parser.add_argument(
         "--source-to-detector-mm", type=positive_mm, metavar="MM", help="nominal; default: DICOM header, then 1000"
     )
