@@ -117,6 +117,11 @@ class SentCommand:
 class Rig:
     """The robot service with everything around it.
 
+    Parameters
+    ----------
+    reply_timeout_s
+        Real time for which the driver waits for an answer: short where a sequence has many silences.
+
     Attributes
     ----------
     gateway_alive, registration_alive
@@ -127,8 +132,9 @@ class Rig:
         The newest published state.
     """
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, reply_timeout_s: float = REPLY_TIMEOUT_S) -> None:
         self.now_s = 1000.0
+        self._reply_timeout_s = reply_timeout_s
         self.random = random.Random(seed)
         self.bus = StillBus()
         self.virtual = VirtualController(HEXAPOD, self.clock, noise=random.Random(seed + 1))
@@ -154,7 +160,7 @@ class Rig:
         return self.now_s
 
     def _connect(self) -> GcsController:
-        return GcsController(MemoryPort(self.virtual, self.sent_moves), HEXAPOD, reply_timeout_s=REPLY_TIMEOUT_S)
+        return GcsController(MemoryPort(self.virtual, self.sent_moves), HEXAPOD, reply_timeout_s=self._reply_timeout_s)
 
     def _on_state(self, sample: Sample) -> None:
         self.state = decode(RobotState, sample.payload)

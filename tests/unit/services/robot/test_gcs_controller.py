@@ -107,7 +107,7 @@ def test_a_stop_is_one_write_and_locks_without_an_answer(gcs: FakeGcs, released:
 def test_when_locking_the_servos_stay_on_until_the_brakes_are(gcs: FakeGcs, released: GcsController) -> None:
     released.move(TARGET, 1.0)
     gcs.disturb = lambda message: b"BRR X 1" if message.startswith(b"BRA X 1") else message
-    with pytest.raises(DeviceError, match="brakes are off on .* only the servos hold it"):
+    with pytest.raises(DeviceError, match=r"brakes are off on .* only the servos hold it"):
         released.lock()
     assert all(gcs.servo.values())
     gcs.disturb = lambda message: message

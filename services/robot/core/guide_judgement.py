@@ -1,0 +1,170 @@
+"""Whether the guide is held as it should be: its extension, which way round, bent or not, and whether views agree. "
+"Pure.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from services.robot.core.guide_calibration import GuideCalibration, GuideView, view_residual
+from shared.geometry.frames import Guide, RobotTop
+from shared.geometry.hexapod import HexapodPart
+from shared.geometry.transform import Transform
+
+LEAST_SPREAD_DEG = 8.0
+LARGEST_NORMALISED_RMS = 2.0
+LARGEST_CHECK_MM, LARGEST_CHECK_DEG = 0.6, 0.3
+LARGEST_BEND_MM, LARGEST_BEND_DEG = 2.0, 2.0
+LARGEST_EXTENSION_ERROR_MM = 2.0
+LARGEST_SD_MM, LARGEST_SD_DEG = 0.2, 0.15
+TURNED_FROM_DEG = 45.0
+
+
+class GuideTrouble(StrEnum):
+    """Why a calibration is refused; stable names."""
+
+    TOO_LITTLE_ROTATION = "too_little_rotation"
+    VIEWS_DISAGREE = "views_disagree"
+    CHECK_POSE_DIFFERS = "check_pose_differs"
+    UNCERTAIN = "uncertain"
+    HEAD_EXTENSION = "head_extension"
+    GUIDE_TURNED = "guide_turned"
+    GUIDE_BENT = "guide_bent"
+
+
+@dataclass(frozen=True, slots=True)
+class GuideRefusal:
+    """One reason: stable code, and a sentence with what was measured, the limit and the remedy."""
+
+    code: GuideTrouble
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class HeadFinding:
+    """How the head is set, as measured.
+
+    Attributes
+    ----------
+    extension_mm
+        Where along the scale the guide sits best.
+    turned_deg
+        Angle of the guide against where it should point.
+    beside_mm
+        What the extension does not explain.
+    """
+
+    extension_mm: float
+    turned_deg: float
+    beside_mm: float
+
+
+def head_finding(hexapod: HexapodPart, top_from_guide: Transform[RobotTop, Guide]) -> HeadFinding:
+    """Read the head's setting from where the guide is."""
+    retracted = hexapod.top_from_guide_retracted
+    off_mm = top_from_guide.translation_mm - retracted.translation_mm
+    between = Rotation.from_matrix(retracted.rotation.T @ top_from_guide.rotation)
+    return HeadFinding(float(off_mm[0]), float(np.degrees(between.magnitude())), float(np.linalg.norm(off_mm[1:])))
+
+
+def judge_calibration(
+    hexapod: HexapodPart,
+    head_extension_mm: float,
+    calibration: GuideCalibration,
+    views: Sequence[GuideView],
+    check: GuideView,
+) -> tuple[GuideRefusal, ...]:
+    """Reasons against a calibration; empty when it can be used.
+
+    Parameters
+    ----------
+    check
+        A view that the calibration does not rest on.
+    """
+    return (
+        *_spread(views),
+        *_agreement(hexapod, calibration, check),
+        *_head(head_finding(hexapod, calibration.top_from_guide), head_extension_mm),
+    )
+
+
+def _spread(views: Sequence[GuideView]) -> tuple[GuideRefusal, ...]:
+    rotations = Rotation.from_euler("XYZ", [v.pose.as_array()[3:] for v in views], degrees=True)
+    vectors = (rotations[0].inv() * rotations).as_rotvec()
+    # About the second best axis: rotations about one axis alone leave the place along it open.
+    spread_deg = float(np.degrees(np.linalg.svd(vectors - vectors.mean(axis=0), compute_uv=False)[1]))
+    if spread_deg >= LEAST_SPREAD_DEG:
+        return ()
+    return (
+        GuideRefusal(
+            GuideTrouble.TOO_LITTLE_ROTATION,
+            f"the poses turn the guide by {spread_deg:.1f}° about a second axis (limit {LEAST_SPREAD_DEG:g}°); take "
+            "images "
+            "with larger turns about at least two axes",
+        ),
+    )
+
+
+def _agreement(hexapod: HexapodPart, calibration: GuideCalibration, check: GuideView) -> tuple[GuideRefusal, ...]:
+    found = []
+    if calibration.normalised_rms > LARGEST_NORMALISED_RMS:
+        found.append(
+            GuideRefusal(
+                GuideTrouble.VIEWS_DISAGREE,
+                f"the images disagree {calibration.normalised_rms:.1f} times more than their errors explain (limit "
+                f"{LARGEST_NORMALISED_RMS:g}); the C-arm, the mount or the guide moved between them: fix them, begin "
+                "again",
+            )
+        )
+    off_mm, off_deg = view_residual(hexapod, calibration, check)
+    if off_mm > LARGEST_CHECK_MM or off_deg > LARGEST_CHECK_DEG:
+        found.append(
+            GuideRefusal(
+                GuideTrouble.CHECK_POSE_DIFFERS,
+                f"in the check pose the guide is {off_mm:.2f} mm and {off_deg:.2f}° from where the calibration puts it "
+                f"(limits {LARGEST_CHECK_MM:g} mm, {LARGEST_CHECK_DEG:g}°); take the images again",
+            )
+        )
+    if calibration.translation_sd_mm > LARGEST_SD_MM or calibration.rotation_sd_deg > LARGEST_SD_DEG:
+        found.append(
+            GuideRefusal(
+                GuideTrouble.UNCERTAIN,
+                f"the calibration is good to {calibration.translation_sd_mm:.2f} mm and "
+                f"{calibration.rotation_sd_deg:.2f}° "
+                f"(limits {LARGEST_SD_MM:g} mm, {LARGEST_SD_DEG:g}°); take more images with larger turns",
+            )
+        )
+    return tuple(found)
+
+
+def _head(head: HeadFinding, head_extension_mm: float) -> tuple[GuideRefusal, ...]:
+    if head.turned_deg > TURNED_FROM_DEG:
+        return (
+            GuideRefusal(
+                GuideTrouble.GUIDE_TURNED,
+                f"the guide is on the head turned by {head.turned_deg:.0f}°; take it off and put it on with its distal "
+                "mark to the distal end",
+            ),
+        )
+    if abs(head.extension_mm - head_extension_mm) > LARGEST_EXTENSION_ERROR_MM:
+        return (
+            GuideRefusal(
+                GuideTrouble.HEAD_EXTENSION,
+                f"the head's extension was entered as {head_extension_mm:g} mm, the images say "
+                f"{head.extension_mm:.1f} mm "
+                f"(limit {LARGEST_EXTENSION_ERROR_MM:g} mm apart); read its scale again",
+            ),
+        )
+    if head.beside_mm > LARGEST_BEND_MM or head.turned_deg > LARGEST_BEND_DEG:
+        return (
+            GuideRefusal(
+                GuideTrouble.GUIDE_BENT,
+                f"the guide is {head.beside_mm:.1f} mm and {head.turned_deg:.1f}° from where its head should hold it "
+                "(limits "
+                f"{LARGEST_BEND_MM:g} mm, {LARGEST_BEND_DEG:g}°): head or guide is bent; replace it",
+            ),
+        )
+    return ()
