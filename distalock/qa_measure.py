@@ -258,8 +258,8 @@ def findings(images: Sequence[QaImage], balls: Sequence[QaBall], drift: QaDrift 
             )
         else:
             found.append(
-                f"ball {ball.id} is {np.hypot(ball.shift_x_mm, ball.shift_y_mm):.3f} mm from where the ring's file puts "
-                f"it (limit {SHIFT_LIMIT_MM:g} mm, {ball.sigmas:.0f} standard errors); measure or replace the ring"
+                f"ball {ball.id} is {np.hypot(ball.shift_x_mm, ball.shift_y_mm):.3f} mm from where the ring's file "
+                f"puts it (limit {SHIFT_LIMIT_MM:g} mm, {ball.sigmas:.0f} standard errors); measure or replace the ring"
             )
     return (*found, *_drift_findings(drift))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.imaging.core.calibration import calibrate_image
+from services.imaging.core.following import calibrate_next
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore
@@ -74,6 +74,9 @@ class ImagingService:
         self._case: CaseContext | None = None
         self._ring: RingPart | None = None
         self._sequence = 0
+        # Of the newest accepted image: the next one may show the ring in the same place.
+        self._last: CArmCalibration | None = None
+        self._last_ring = ""
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -180,9 +183,13 @@ class ImagingService:
         if shot.header.case_id is None or shot.ring is None:
             self._runtime.log.info("image kept, not calibrated: no case with a ring is open", sha256=shot.header.sha256)
             return
-        header = shot.header
+        header, ring = shot.header, shot.ring
         nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm)
-        message = _timed(lambda ring: calibrate_image(shot.image.pixels, ring, nominal), shot.ring, header)
+        before = self._last if self._last_ring == shot.ring.sha256 else None
+        outcome, elapsed_ms = _timed(lambda: calibrate_next(shot.image.pixels, ring, nominal, before))
+        if isinstance(outcome, Accepted):
+            self._last, self._last_ring = outcome.value, ring.sha256
+        message = _message(outcome, elapsed_ms, ring, header)
         self._calibrations.put(encode(message))
         self._runtime.log.info(
             "calibrated", sha256=header.sha256, verdict=message.verdict, reasons=[r.message for r in message.reasons]
@@ -198,13 +205,17 @@ def _wire_pixels(image: ReceivedImage) -> bytes:
     return np.ascontiguousarray(image.pixels, dtype="<f4").tobytes()
 
 
-Calibrate = Callable[[RingPart], Accepted[CArmCalibration] | Rejected]
+Outcome = Accepted[CArmCalibration] | Rejected
 
 
-def _timed(calibrate: Calibrate, ring: RingPart, header: FrameHeader) -> CalibrationMessage:
+def _timed(calibrate: Callable[[], Outcome]) -> tuple[Outcome, float]:
+    """What came out, and how long it took in milliseconds."""
     started = time.perf_counter()
-    outcome = calibrate(ring)
-    elapsed_ms = 1e3 * (time.perf_counter() - started)
+    outcome = calibrate()
+    return outcome, 1e3 * (time.perf_counter() - started)
+
+
+def _message(outcome: Outcome, elapsed_ms: float, ring: RingPart, header: FrameHeader) -> CalibrationMessage:
     accepted = isinstance(outcome, Accepted)
     return CalibrationMessage(
         image=ImageReference(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
 from shared.xray.discs import Array, DiscFit, DiscPriors, FloatImage, Mask, fit_discs
@@ -18,6 +19,8 @@ _BLUR_SD_PX = 0.8
 _MARGIN_PX = 3.0
 _DRIFT_PX = 1.5
 _COARSE_RADIUS_PX = 1.6
+_FILL_PX = 15
+_NOTHING_KNOWN: Array = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +47,7 @@ def detect_balls(
     usable: Mask,
     radius_range_px: tuple[float, float],
     limits: DetectionLimits = DetectionLimits(),
+    known_px: Array = _NOTHING_KNOWN,
 ) -> BallCandidates:
     """Find all dark discs of a range of radii.
 
@@ -57,6 +61,8 @@ def detect_balls(
         Least and largest radius of the shadows.
     limits
         What counts as a ball; by default set for recall.
+    known_px
+        Centres of discs that need not be found, shape (N, 2).
 
     Returns
     -------
@@ -64,6 +70,10 @@ def detect_balls(
         Sorted by contrast to noise, largest first; none is identified yet.
     """
     seeds, radii = _seeds(pixels, usable, radius_range_px, limits)
+    if len(known_px):
+        distance, _ = cKDTree(known_px).query(seeds.reshape(-1, 2))
+        new = np.asarray(distance) > 0.6 * radius_range_px[0]
+        seeds, radii = seeds[new], radii[new]
     fits = [_fit(pixels, usable, seed, float(radius)) for seed, radius in zip(seeds, radii, strict=True)]
     good = [
         fit
@@ -82,7 +92,9 @@ def _seeds(
     radii = low * (high / low) ** ((np.arange(count) + 0.5) / count)
     # A coarser image shows the same discs in a fraction of the time; the fits that follow see the finest pixels.
     step = max(1, int(low / _COARSE_RADIUS_PX))
-    filled = _reduced(_filled(pixels, usable), step)
+    rows, columns = (side // step * step for side in pixels.shape)
+    coarse_usable = np.ascontiguousarray(usable[:rows:step, :columns:step])
+    filled = _filled(_reduced(pixels, step), coarse_usable, _FILL_PX // step)
     best = np.full(filled.shape, -1.0, dtype=np.float32)
     which = np.zeros(filled.shape, dtype=np.uint8)
     for index, radius in enumerate(radii):
@@ -109,12 +121,12 @@ def _reduced(pixels: FloatImage, step: int) -> FloatImage:
     return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _filled(pixels: FloatImage, usable: Mask) -> FloatImage:
+def _filled(pixels: FloatImage, usable: Mask, reach_px: int) -> FloatImage:
     """Continue the image beyond its usable area, so that the area's rim casts no shadow."""
     if usable.all():
         return pixels
     weight = usable.astype(np.float32)
-    size = (31, 31)
+    size = (2 * reach_px + 1,) * 2
     inside = cv2.blur(weight, size)
     mean = cv2.blur(pixels * weight, size) / np.maximum(inside, 1e-6)
     level = np.float32(np.median(pixels[usable]))

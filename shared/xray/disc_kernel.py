@@ -187,14 +187,14 @@ def fit_group(
     rows, residual = np.empty((len(p), count)), np.empty(count)
     noise = 0.05
     weight = np.full(count, 1.0 / noise**2)
-    normal = levenberg(samples, weight, frame, p, mean, precision, discs, 12, rows, residual)
+    normal = np.tril(levenberg(samples, weight, frame, p, mean, precision, discs, 12, rows, residual))
     for _ in range(passes):
         for n in range(count):
             residual[n] = abs(residual[n])
         noise = max(1.4826 * np.median(residual), 1e-4)
         for n in range(count):
             weight[n] = min(1.0, huber * noise / max(residual[n], 1e-12)) / noise**2
-        normal = levenberg(samples, weight, frame, p, mean, precision, discs, 8, rows, residual)
+        normal = np.tril(levenberg(samples, weight, frame, p, mean, precision, discs, 8, rows, residual))
     return p, normal, residual, noise, neighbours(samples, residual, 3.0 * noise)
 
 
@@ -215,6 +215,26 @@ def neighbours(samples: Array, residual: Array, limit: float) -> tuple[float, fl
     if pairs == 0 or square <= 0.0:
         return 0.0, 0.0
     return common / square, 2.0 * (square - common) / pairs
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def uncertainties(normal: Array, discs: int) -> tuple[Array, Array]:
+    """Of a fit's normal matrix (lower triangle): covariance of each centre, shape (K, 2, 2), and variance of each
+    contrast when place, size and blur are given, shape (K,).
+    """
+    whole = normal + normal.T
+    for i in range(len(whole)):
+        whole[i, i] *= 0.5
+    covariance = np.linalg.inv(whole)
+    depths = BACKGROUND_TERMS + discs
+    given = np.linalg.inv(np.ascontiguousarray(whole[:depths, :depths]))
+    centre, contrast = np.empty((discs, 2, 2)), np.empty(discs)
+    for k in range(discs):
+        x, y = depths + k, depths + discs + k
+        centre[k, 0, 0], centre[k, 0, 1] = covariance[x, x], covariance[x, y]
+        centre[k, 1, 0], centre[k, 1, 1] = covariance[y, x], covariance[y, y]
+        contrast[k] = given[BACKGROUND_TERMS + k, BACKGROUND_TERMS + k]
+    return centre, contrast
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", nogil=True)

@@ -10,8 +10,6 @@ Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-_BRIGHT = 0.7
-
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def gather(pixels: FloatImage, usable: Mask, centre_px: Array, reach_px: Array, avoid: Array) -> Array:
@@ -54,8 +52,8 @@ def normalise(samples: Array) -> tuple[Array, float, float]:
     Returns
     -------
     tuple
-        Frame of the background's coordinates (centre x, y and scale), a bright grey value (normalised), and the grey
-        values' deviation before.
+        Frame of the background's coordinates (centre x, y and scale), the mean of the bright grey values (normalised),
+        and the grey values' deviation before.
     """
     grey = samples[:, 2]
     mean, spread = grey.mean(), grey.std()
@@ -68,4 +66,9 @@ def normalise(samples: Array) -> tuple[Array, float, float]:
     frame = np.array(
         [0.5 * (x.max() + x.min()), 0.5 * (y.max() + y.min()), 0.5 * math.sqrt(width * width + height * height)]
     )
-    return frame, np.sort(grey)[int(_BRIGHT * (len(grey) - 1))], spread
+    total, count = 0.0, 1e-9
+    for n in range(len(grey)):
+        if grey[n] > 0.0:
+            total += grey[n]
+            count += 1.0
+    return frame, total / count, spread

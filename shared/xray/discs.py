@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.xray.disc_kernel import darkest_spot, fit_group
+from shared.xray.disc_kernel import darkest_spot, fit_group, uncertainties
 from shared.xray.disc_model import BACKGROUND_TERMS
 from shared.xray.disc_samples import gather, normalise
 
@@ -124,7 +124,6 @@ def fit_discs(
     frame, bright, spread = normalise(samples)
     mean, precision = _priors_vector(priors, bright)
     parameters, normal, residual, noise, neighbours = fit_group(samples, frame, mean, precision, discs, passes, _HUBER)
-    normal = np.tril(normal) + np.tril(normal, -1).T
     samples[:, 2] = spread * residual
     return _unpacked(
         parameters, normal, discs, spread, _Remainder(samples, spread * noise, neighbours[0], spread**2 * neighbours[1])
@@ -157,15 +156,9 @@ def _priors_vector(priors: DiscPriors, bright: float) -> tuple[Array, Array]:
 
 
 def _unpacked(p: Array, normal: Array, discs: int, spread: float, left: _Remainder) -> DiscFit:
-    covariance = np.linalg.inv(normal)
-    depths = BACKGROUND_TERMS + discs
-    contrast_variance = np.diag(np.linalg.inv(normal[:depths, :depths]))[BACKGROUND_TERMS:]
+    centre_covariance, contrast_variance = uncertainties(normal, discs)
     contrast_at = BACKGROUND_TERMS + np.arange(discs)
     x_at, y_at, radius_at = (contrast_at + i * discs for i in (1, 2, 3))
-    centre_covariance = np.empty((discs, 2, 2))
-    for i, rows in enumerate((x_at, y_at)):
-        for j, columns in enumerate((x_at, y_at)):
-            centre_covariance[:, i, j] = covariance[rows, columns]
     return DiscFit(
         centre_px=np.stack([p[x_at], p[y_at]], axis=1),
         centre_covariance_px2=centre_covariance,

@@ -1,9 +1,12 @@
 """One image in, the C-arm's camera, distortion and ring pose out, or a refusal with its reasons."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from services.imaging.core.camera_model import SourceAndField, build_calibration, field_on_grid
+from services.imaging.core.field_model import FieldPrior
 from services.imaging.core.image_checks import unusable_reason
 from services.imaging.core.joint_estimate import (
     Gauge,
@@ -31,6 +34,22 @@ _USUAL_PIXEL_MM = 0.235
 _SAME_DISC_PX = 2.0
 _REACH_PX = 5.0
 _RADIUS_RANGE = 0.12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Where to start the estimate.
+
+    Attributes
+    ----------
+    source_mm
+        Focal spot in the ring's frame, shape (3,).
+    roughness
+        Of the distortion, from an earlier estimate of the same image; None where there is none.
+    """
+
+    source_mm: Array
+    roughness: FieldPrior | None = None
 
 
 def calibrate_image(
@@ -64,16 +83,27 @@ def calibrate_image(
 
 def _measure_twice(view: View, ring: RingPart, nominal: NominalGeometry) -> Accepted[CArmCalibration] | Rejected:
     """Measure and estimate twice: the first estimate says where the balls of the second measurement must be."""
-    nominal_source = NominalSource(np.array([0.0, 0.0, -nominal.source_to_ring_mm]), np.array(_SOURCE_SD_MM))
     measured = view.measure(view.predicted, _look(_FIRST_DRIFT_PX, nominal))
     if (few := too_few_reason(measured, ring)) is not None:
         moved = motion_reason(view, measured)
         return Rejected((few,) if moved is None else (moved, few))
-    estimate = _estimate(view, measured, ring, None, nominal_source)
-    measured = view.measure(_expected(view, measured, estimate, ring), _look(_SECOND_DRIFT_PX, nominal))
+    estimate = _estimate(view, measured, ring, nominal, Start(_nominal_source(nominal).position_mm))
+    expected = _expected(view, measured, estimate, ring)
+    return calibrate_there(view, expected, ring, nominal, Start(estimate.source_mm, estimate.solution.prior))
+
+
+def _nominal_source(nominal: NominalGeometry) -> NominalSource:
+    return NominalSource(np.array([0.0, 0.0, -nominal.source_to_ring_mm]), np.array(_SOURCE_SD_MM))
+
+
+def calibrate_there(
+    view: View, expected: Discs, ring: RingPart, nominal: NominalGeometry, start: Start
+) -> Accepted[CArmCalibration] | Rejected:
+    """Measure the ring's balls where they are expected, to some tenths of a pixel, and calibrate from them."""
+    measured = view.measure(expected, _look(_SECOND_DRIFT_PX, nominal))
     if (few := too_few_reason(measured, ring)) is not None:
         return Rejected((few,))
-    estimate = _estimate(view, measured, ring, estimate, nominal_source)
+    estimate = _estimate(view, measured, ring, nominal, start)
     model = _source_and_field(view, estimate)
     if reasons := judge(view, measured, model):
         return Rejected(reasons)
@@ -94,16 +124,14 @@ def _look(drift_px: float, nominal: NominalGeometry) -> MeasurementSettings:
 
 
 def _estimate(
-    view: View, measured: BallMeasurements, ring: RingPart, earlier: JointEstimate | None, nominal: NominalSource
+    view: View, measured: BallMeasurements, ring: RingPart, nominal: NominalGeometry, start: Start
 ) -> JointEstimate:
     seen = measured.seen
     position = ring.balls.position_mm[seen]
     observations = Observations(measured.centre_px[seen], measured.standard_deviation_px[seen], position)
-    start_mm = nominal.position_mm if earlier is None else earlier.source_mm
-    roughness = None if earlier is None else earlier.solution.prior
     reach = _GAUGE_REACH * view.pixels.shape[1]
-    gauge = similarity_near(on_plane(position, start_mm), observations.measured_px, view.centre_px, reach)
-    return estimate_jointly(observations, start_mm, nominal, gauge, roughness)
+    gauge = similarity_near(on_plane(position, start.source_mm), observations.measured_px, view.centre_px, reach)
+    return estimate_jointly(observations, start.source_mm, _nominal_source(nominal), gauge, start.roughness)
 
 
 def similarity_near(plane_mm: Array, pixel: Array, centre_px: Array, reach_px: float) -> Gauge:

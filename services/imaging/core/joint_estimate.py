@@ -26,7 +26,7 @@ _STEP_MM = 1e-2
 _NEWTON_STEPS = 10
 _LEAST_BALLS = 20
 _LEAST_DEVIATION_PX = 0.02
-_SEARCH, _NEXT_SEARCH = 45, 25
+_ROUGH_SEARCH, _SEARCH, _NEXT_SEARCH = 20, 40, 15
 _SLOPE_STEP_MM = (0.1, 0.1, 1.0)
 
 
@@ -153,7 +153,9 @@ def estimate_jointly(
     """
     used = np.ones(len(observations.deviation_px), dtype=bool)
     system = _linearised(observations, start_mm, nominal, gauge)
-    prior = most_likely_prior(system, roughness or _first_prior(system), _SEARCH)
+    # A first estimate only says where to measure: half a search is enough for it.
+    evaluations = _ROUGH_SEARCH if roughness is None else _SEARCH
+    prior = most_likely_prior(system, roughness or _first_prior(system), evaluations)
     source = start_mm
     while True:
         chosen = observations.select(used)

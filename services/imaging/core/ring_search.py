@@ -69,10 +69,14 @@ class _Search:
 
 
 def _search(pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: NominalGeometry) -> _Search:
-    low, high = nominal.ball_radius_range_px(ring)
-    radii = (low * (1.0 - _RADIUS_TOLERANCE), high * (1.0 + _RADIUS_TOLERANCE))
-    candidates = detect_balls(pixels, area.mask, radii)
+    candidates = detect_balls(pixels, area.mask, searched_radii_px(ring, nominal))
     return _Search(candidates, identify_ring(candidates, ring, nominal))
+
+
+def searched_radii_px(ring: RingPart, nominal: NominalGeometry) -> tuple[float, float]:
+    """Least and largest radius of discs that are looked for."""
+    low, high = nominal.ball_radius_range_px(ring)
+    return low * (1.0 - _RADIUS_TOLERANCE), high * (1.0 + _RADIUS_TOLERANCE)
 
 
 def _inverted(pixels: FloatImage, area: UsableArea) -> FloatImage:
