@@ -98,7 +98,7 @@ def main(images: int = 2000) -> int:
     speed, every = images / sum(following), ", ".join(f"{m:.1f}" for m in memory)
     lines.append("")
     lines.append(
-        f"{images} images, {refused} refused, {speed:.1f} images/s on one core with the view changing every {EACH} images."
+        f"{images} images, {refused} refused, {speed:.1f} images/s on one core; another view every {EACH} images."
     )
     lines.append(
         f"Resident memory after every {REPORT_EVERY} images, MiB: {every}; the second half added {growth:+.1f}."
