@@ -142,11 +142,15 @@ def test_a_pressed_stop_button_stops_the_move_and_holds(theatre: Theatre) -> Non
         ended = theatre.outcome(begun)
         assert ended.status == "stopped"
         assert "stop button is pressed" in ended.detail
-        plan = theatre.approved_plan()
+        wait_until(lambda: theatre.robot()["stop_button"] == "pressed", "the button shows")
         here = theatre.true_pose()
-        refused = theatre.outcome(theatre.begin(plan))
-        assert refused.status == "stopped"
-        assert "stop button is pressed" in refused.detail
-        assert theatre.true_pose() == here, "the button is still pressed: nothing moves, acknowledged or not"
+        acknowledged, _ = theatre.case.make_robot_ready()
+        assert acknowledged.status == "failed"
+        assert "stop button is pressed" in acknowledged.detail
+        assert theatre.robot()["stop"] == "latched"
+        assert theatre.true_pose() == here, "the button is still pressed: nothing moves"
     finally:
         theatre.room.control.delete("/faults")
+    wait_until(lambda: theatre.robot()["stop_button"] == "released", "the button is seen to be released")
+    assert theatre.outcome(theatre.begin(theatre.approved_plan())).status == "succeeded"
+    assert theatre.robot()["stop_button"] == "clear"
