@@ -89,9 +89,9 @@ def main(seeds: int = 100) -> int:
         REPORT.write_text(
             f"# Ring pattern\n\nMade by `python -m benchmarks.imaging_ring_patterns`: {seeds} seeds a row. {text}\n\n"
             + "\n".join(lines)
-            + "\n\nRegular patterns measure as well, or better where a patch is lost, but do not know their names: what\nis "
-            "turned or shifted by a step looks the same. The shipped file is made by `python -m benchmarks.design_ring`\n"
-            f"(seeded; nearest balls {closest:.1f} mm apart as seen from above).\n"
+            + "\n\nRegular patterns measure as well, or better where a patch is lost, but do not know their\n"
+            "own names: what is turned or shifted by a step looks the same. The shipped file is made by\n`python -m "
+            f"benchmarks.design_ring` (seeded; nearest balls {closest:.1f} mm apart as seen from above).\n"
         )
     return 0
 

@@ -4,9 +4,11 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.dicom_receiver import DicomSource, Endpoint
 from services.imaging.devices.folder_source import FolderSource
 from services.imaging.devices.image_store import ImageStore
+from services.imaging.devices.position_store import PositionStore
 from services.imaging.devices.source import ImageSource
 from services.imaging.devices.video_source import Region, VideoSettings, VideoSource
 from services.imaging.service import Defaults, ImagingService
@@ -21,7 +23,8 @@ def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[N
     """Build the service and run it for as long as the context lasts."""
     store = ImageStore(settings.state_dir / "images")
     defaults = Defaults(settings.default_source_to_detector_mm, settings.default_pixel_mm)
-    service = ImagingService(bus, runtime, store, defaults)
+    memory = CArmMemory(PositionStore(settings.state_dir / "c-arm-positions"))
+    service = ImagingService(bus, runtime, store, memory, defaults)
     with service.running(), ExitStack() as stack:
         places = [stack.enter_context(s.receiving(service.take)) for s in sources(settings, runtime.log)]
         for place in places:

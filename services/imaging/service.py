@@ -10,6 +10,7 @@ import numpy as np
 
 from services.imaging.core.following import calibrate_next
 from services.imaging.core.nominal import NominalGeometry
+from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.received_image import ReceivedImage
@@ -57,11 +58,13 @@ class ImagingService:
         Where to publish, and what the process gives every service.
     store
         Where images are kept.
+    memory
+        What is known of the C-arm from earlier images.
     defaults
         Nominal C-arm values.
     """
 
-    def __init__(self, bus: Bus, runtime: Runtime, store: ImageStore, defaults: Defaults) -> None:
+    def __init__(self, bus: Bus, runtime: Runtime, store: ImageStore, memory: CArmMemory, defaults: Defaults) -> None:
         self._runtime = runtime
         self._store = store
         self._defaults = defaults
@@ -74,9 +77,7 @@ class ImagingService:
         self._case: CaseContext | None = None
         self._ring: RingPart | None = None
         self._sequence = 0
-        # Of the newest accepted image: the next one may show the ring in the same place.
-        self._last: CArmCalibration | None = None
-        self._last_ring = ""
+        self._memory = memory
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -185,15 +186,31 @@ class ImagingService:
             return
         header, ring = shot.header, shot.ring
         nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm)
-        before = self._last if self._last_ring == shot.ring.sha256 else None
+        before = self._memory.before(ring.sha256, _angles_deg(header))
         outcome, elapsed_ms = _timed(lambda: calibrate_next(shot.image.pixels, ring, nominal, before))
-        if isinstance(outcome, Accepted):
-            self._last, self._last_ring = outcome.value, ring.sha256
         message = _message(outcome, elapsed_ms, ring, header)
         self._calibrations.put(encode(message))
+        if isinstance(outcome, Accepted):
+            self._remember(outcome.value, ring, header)
         self._runtime.log.info(
             "calibrated", sha256=header.sha256, verdict=message.verdict, reasons=[r.message for r in message.reasons]
         )
+
+    def _remember(self, calibration: CArmCalibration, ring: RingPart, header: FrameHeader) -> None:
+        """Keep a calibration for the next image; say it when the ring is not where it was."""
+        try:
+            notice = self._memory.after(ring.sha256, _angles_deg(header), calibration)
+        except OSError as error:
+            notice = f"the C-arm's position was not kept: {error.strerror or error}; free the disk"
+        if notice is not None:
+            self._runtime.log.warning("ring", sha256=header.sha256, detail=notice)
+            self._runtime.ready(notice)
+
+
+def _angles_deg(header: FrameHeader) -> tuple[float, float] | None:
+    """The C-arm's angles, when the image names both."""
+    primary, secondary = header.positioner_primary_angle_deg, header.positioner_secondary_angle_deg
+    return None if primary is None or secondary is None else (primary, secondary)
 
 
 def _first(*values: float | None) -> float:

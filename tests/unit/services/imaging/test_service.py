@@ -3,7 +3,7 @@
 import queue
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 import structlog
 
+from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_store import ImageStore
+from services.imaging.devices.position_store import PositionStore
 from services.imaging.service import Defaults, ImagingService
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
@@ -56,13 +58,13 @@ class Room:
 
 
 @contextmanager
-def room_of(store: ImageStore) -> Iterator[Room]:
+def room_of(store: ImageStore, positions: Path) -> Iterator[Room]:
     router = MemoryRouter()
     with router.open() as bus, router.open() as listener:
         status = StatusReporter(bus.retained_publisher(KEYS.status("imaging")), "imaging", "epoch-1", "0")
         log: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("test")
         runtime = Runtime("imaging", "epoch-1", KEYS, log, status)
-        service = ImagingService(bus, runtime, store, Defaults(1000.0, 0.235))
+        service = ImagingService(bus, runtime, store, CArmMemory(PositionStore(positions)), Defaults(1000.0, 0.235))
         frames: queue.Queue[Sample] = queue.Queue()
         calibrations: queue.Queue[Sample] = queue.Queue()
         statuses: queue.Queue[ServiceStatus] = queue.Queue()
@@ -75,7 +77,7 @@ def room_of(store: ImageStore) -> Iterator[Room]:
 
 @pytest.fixture
 def room(tmp_path: Path) -> Iterator[Room]:
-    with room_of(ImageStore(tmp_path)) as built:
+    with room_of(ImageStore(tmp_path), tmp_path / "positions") as built:
         yield built
 
 
@@ -97,11 +99,11 @@ def test_a_frame_is_published_with_its_header_and_fetched_again_by_hash(room: Ro
 
 
 def test_a_frame_is_still_there_after_a_restart(tmp_path: Path) -> None:
-    with room_of(ImageStore(tmp_path)) as before:
+    with room_of(ImageStore(tmp_path), tmp_path / "positions") as before:
         before.service.take(small_dicom(), "CARM")
         sample = before.frames.get(timeout=PATIENCE_S)
     sha256 = decode(FrameHeader, sample.attachment).sha256
-    with room_of(ImageStore(tmp_path)) as after:
+    with room_of(ImageStore(tmp_path), tmp_path / "positions") as after:
         answer = after.bus.query(KEYS.frame_by_hash(sha256), b"", PATIENCE_S)
     assert (answer.payload, answer.attachment) == (sample.payload, sample.attachment)
 
@@ -169,3 +171,30 @@ def test_a_broken_ring_file_is_said_in_the_status_and_the_next_case_mends_it(roo
     room.open_case()
     room.service.take(small_dicom(), "CARM")
     assert room.calibration().case_id == "case-1"
+
+
+def angled(scene: Scene) -> bytes:
+    """A rendered image as DICOM at 30 and 10 degrees."""
+    dataset = dataset_of(render(scene, default_ring()).pixels.astype(np.uint16))
+    dataset.PositionerPrimaryAngle, dataset.PositionerSecondaryAngle = 30.0, 10.0
+    return file_of(dataset)
+
+
+def test_a_ring_that_moved_since_the_c_arm_stood_there_is_noticed_after_a_restart(tmp_path: Path) -> None:
+    scene = Scene(seed=60, others=4)
+    store, positions = ImageStore(tmp_path / "images"), tmp_path / "positions"
+    with room_of(store, positions) as first:
+        first.open_case()
+        first.service.take(angled(scene), "CARM")
+        assert first.calibration().verdict == "accepted"
+    with room_of(store, positions) as second:
+        second.open_case()
+        for moved, said in (
+            (replace(scene, seed=61), ""),
+            (replace(scene, seed=62, turn_deg=32.0), "check that it is"),
+        ):
+            second.service.take(angled(moved), "CARM")
+            assert second.calibration().verdict == "accepted"
+            if said:
+                assert said in second.wait_for("ready").detail
+        assert second.statuses.empty()
