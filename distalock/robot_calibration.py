@@ -108,7 +108,7 @@ def run(given: argparse.Namespace) -> int:
         calibration = calibrate_guide(hexapod, views[:-1], nominal_head)
         reasons = judge_calibration(hexapod, given.head_extension_mm, calibration, views[:-1], views[-1])
         if given.out is not None and not reasons:
-            _write_hexapod(given.out, hexapod_json, calibration, given.head_extension_mm)
+            write_hexapod(given.out, hexapod_json, calibration, given.head_extension_mm)
     except InputError as error:
         print(f"distalock robot calibrate-guide: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -164,7 +164,8 @@ def _printed(
     }
 
 
-def _write_hexapod(file: Path, hexapod_json: bytes, calibration: GuideCalibration, head_extension_mm: float) -> None:
+def write_hexapod(file: Path, hexapod_json: bytes, calibration: GuideCalibration, head_extension_mm: float) -> None:
+    """Write the hexapod file again, with its head as found at an extension; raises `InputError` when it cannot be."""
     content = json.loads(hexapod_json)
     found = calibration.top_from_guide
     retracted_mm = found.translation_mm - np.array([head_extension_mm, 0.0, 0.0])
