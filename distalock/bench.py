@@ -11,8 +11,14 @@ EXIT_BAD_INPUT: Final = 2
 # Name, and what it measures. Each module has a `main` that returns an exit code and writes its table under docs/.
 BENCHMARKS: Final = {
     "accuracy": "random scenes with random parts, localised by the model and by the paper's method",
+    "ball_detection": "balls covered in part, beside OpenCV's detectors, correlation and the Cramér-Rao limit",
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
     "display": "the same pictures with other curves, edges, bit depths and compression",
+    "imaging_calibration": "C-arm calibration from 72 of 120 balls, beside OpenCV's models, polynomials and the limit",
+    "imaging_fuzz": "damaged files and spoiled images: refused, or read and calibrated rightly",
+    "imaging_identification": "the ring from 60 % of its balls, a thousand times at random, a thousand in patches",
+    "imaging_ring_patterns": "the shipped ring beside a lattice and circles",
+    "live_mode": "images a second while the C-arm stands still, and whether memory grows",
     "hexapod_kinematics": "the robot's inverse and forward kinematics, beside plain NumPy",
     "guide_calibration": "the guide on the robot's head from eight images, and mistakes that must be noticed",
     "robot_closed_loop": "what one more move makes of a wrong calibration and of a yielding mount",
