@@ -59,11 +59,14 @@ class Hole:
     ----------
     axis
         Directed along drilling, in the part's frame, through the point the part's file gives.
+    chamfer_mm
+        Depth to which both rims are countersunk at 45 degrees, under the part's widest place; None where nobody says.
     """
 
     id: str
     axis: Line
     diameter_mm: float
+    chamfer_mm: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,9 +64,10 @@ class GuideHoleFile(HoleFile):
 
 
 class NailHoleFile(HoleFile):
-    """A nail hole."""
+    """A nail hole; `chamfer_mm` is how deep its rims are countersunk at 45 degrees, where the maker says so."""
 
     position_mm: Vector
+    chamfer_mm: Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=2.0)] | None = None
 
 
 class BoxFile(PartModel):
@@ -185,7 +186,10 @@ def guide_from_json(content: bytes, source: str = "guide file") -> GuidePart:
 def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
     """Read a nail file's content; raises `PartFileInvalid`."""
     file = parse_part(NailFile, content, source)
-    holes = tuple(Hole(h.id, Line(np.array(h.position_mm), np.array(h.direction)), h.diameter_mm) for h in file.holes)
+    holes = tuple(
+        Hole(h.id, Line(np.array(h.position_mm), np.array(h.direction)), h.diameter_mm, h.chamfer_mm)
+        for h in file.holes
+    )
     return NailPart(
         file.material, file.diameter_mm, file.cannulation_diameter_mm, file.tip_x_mm, holes, sha256_of(content)
     )

@@ -20,7 +20,7 @@ from simulation.world import Rod, World
 Floats = NDArray[np.float64]
 
 _NAIL_LENGTH_MM = 330.0
-_CHAMFER_MM = 0.4
+_USUAL_CHAMFER_MM = 0.4
 _BEYOND_MM = 40.0
 
 
@@ -115,7 +115,8 @@ def _nail_shapes(scenario: Scenario, world: World) -> Shapes:
             (tracer.NAIL_VOID, bar_row(pose, axis, 0.5 * nail.cannulation_diameter_mm, -_NAIL_LENGTH_MM, tip + 1.0))
         )
     for hole in nail.holes:
-        bore, rim = 0.5 * hole.diameter_mm, radius - _CHAMFER_MM
+        chamfer = _USUAL_CHAMFER_MM if hole.chamfer_mm is None else hole.chamfer_mm
+        bore, rim = 0.5 * hole.diameter_mm, radius - chamfer
         bars.append((tracer.NAIL_VOID, bar_row(pose, hole.axis, bore, -_BEYOND_MM, _BEYOND_MM)))
         for direction in (hole.axis.direction, -hole.axis.direction):
             outwards = Line(hole.axis.point_mm, direction)

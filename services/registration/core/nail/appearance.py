@@ -21,10 +21,14 @@ from services.registration.core.nail.transmission import (
 )
 from services.registration.core.nail.unknowns import (
     ATTENUATION_PER_MM,
+    STATED_CHAMFER_SD_MM,
     STEEL_IN_NAIL_MATERIAL,
+    USUAL_CHAMFER_MM,
+    USUAL_CHAMFER_SD_MM,
     Unknown,
 )
 from services.registration.core.nail.window import SAMPLES_PX, Window
+from shared.geometry.parts import Hole, NailPart
 
 _STRAIGHT = 1e-6
 _STEP = 0.02
@@ -135,6 +139,7 @@ def _paths_derivatives(scene: NailScene, traced: Paths, free: NDArray[np.bool_])
     motion = motion_by_parameters(traced.parameters[:POSE_SIZE], scene.camera, scene.anchors)
     causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
     causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
+    causes[Unknown.CHAMFER_DEVIATIONS] *= _chamfer(scene.nail)[1]
     for values in causes[free[: len(_OF_PATHS)]] @ traced.by_cause.T:
         yield _on_rectangle(scene.window, values, 0.0)
 
@@ -160,6 +165,9 @@ def _ray_arguments(scene: NailScene, parameters: NDArray[np.float64]) -> RayArgu
     window, nail = scene.window, scene.nail
     rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], scene.camera, scene.anchors)
     excess = parameters[Unknown.HOLE_RADIUS_EXCESS_MM]
+    radius_mm = float(nail.radius_mm + parameters[Unknown.NAIL_RADIUS_EXCESS_MM])
+    chamfer_mm, chamfer_sd_mm = _chamfer(nail)
+    widening_mm = radius_mm - max(chamfer_mm + chamfer_sd_mm * float(parameters[Unknown.CHAMFER_DEVIATIONS]), 0.0)
     return RayArguments(
         window.slopes,
         window.right,
@@ -169,12 +177,24 @@ def _ray_arguments(scene: NailScene, parameters: NDArray[np.float64]) -> RayArgu
         STEEL_IN_NAIL_MATERIAL[nail.material] * window.steel_mm,
         np.ascontiguousarray(rotation),
         np.ascontiguousarray(translation_mm),
-        nail.radius_mm + parameters[Unknown.NAIL_RADIUS_EXCESS_MM],
+        radius_mm,
         0.5 * nail.cannulation_diameter_mm,
-        np.array([(*h.axis.point_mm, *h.axis.direction, 0.5 * h.diameter_mm + excess) for h in nail.holes]),
+        np.array([_bore_row(h, excess, widening_mm) for h in nail.holes]),
         ATTENUATION_PER_MM[nail.material] * np.exp(parameters[Unknown.LOG_ATTENUATION]),
         parameters[Unknown.POWER],
     )
+
+
+def _chamfer(nail: NailPart) -> tuple[float, float]:
+    """Depth of the holes' chamfers and its standard deviation, in mm: what the nail's file says, or what is usual."""
+    stated = [hole.chamfer_mm for hole in nail.holes if hole.chamfer_mm is not None]
+    if len(stated) < len(nail.holes):
+        return USUAL_CHAMFER_MM, USUAL_CHAMFER_SD_MM
+    return float(np.mean(stated)), STATED_CHAMFER_SD_MM
+
+
+def _bore_row(hole: Hole, excess_mm: float, widening_mm: float) -> tuple[float, ...]:
+    return (*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm)
 
 
 def _on_rectangle(window: Window, values: NDArray[np.float64], elsewhere: float) -> NDArray[np.float64]:

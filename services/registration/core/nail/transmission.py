@@ -17,8 +17,8 @@ from services.registration.core.nail.paths import cylinder_interval
 
 # Columns of the derivatives: small motion of the nail in its own frame (rotation vector, translation), radii, material.
 MOTION_SIZE = 6
-HOLE_RADIUS, NAIL_RADIUS, LOG_ATTENUATION, POWER = range(MOTION_SIZE, MOTION_SIZE + 4)
-DERIVATIVES = MOTION_SIZE + 4
+HOLE_RADIUS, NAIL_RADIUS, CHAMFER, LOG_ATTENUATION, POWER = range(MOTION_SIZE, MOTION_SIZE + 5)
+DERIVATIVES = MOTION_SIZE + 5
 
 _FIRST_SAMPLES = 4
 _UNIFORM = 0.02
@@ -26,6 +26,7 @@ _OPAQUE = 200.0
 _SOFTENING_PX = 0.15
 _LEAST_STEP_MM = 1e-4
 _LEAST_INCIDENCE = 0.002
+_LEAST_RATE = 0.2
 # So many steps from an edge, the difference over a step is the derivative.
 _NEAR_EDGE = 5.0
 
@@ -136,25 +137,48 @@ def _add_motion(
 
 
 @compiled
-def _add_ends(
-    ray: Ray, tube: Tube, bored: tuple[float, float], weight: float, unit_mm: float, slope: NDArray[np.float64]
-) -> None:
-    """Add the motion of a path's ends on nail and cannulation, where a bore does not take them away.
-
-    `weight` is the derivative of what passes by the path.
-    """
+def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float64]) -> float:
+    """Add the motion of a path's end on the nail or its cannulation; returns the share that the radius has."""
     ox, oy, oz, dx, dy, dz = ray
-    for side in range(4):
-        place = tube[side]
-        if (side >= 2 and tube[3] <= tube[2]) or bored[0] < place < bored[1]:
-            continue
-        x, y, z = ox + place * dx, oy + place * dy, oz + place * dz
-        norm = np.sqrt(y * y + z * z)
-        incidence = abs(y * dy + z * dz) / norm
-        share = weight * unit_mm / max(incidence, _LEAST_INCIDENCE)
-        if side < 2:
-            slope[NAIL_RADIUS] += share
-        _add_motion(x, y, z, 0.0, y / norm, z / norm, share if side < 2 else -share, slope)
+    x, y, z = ox + place * dx, oy + place * dy, oz + place * dz
+    norm = np.sqrt(y * y + z * z)
+    share /= max(abs(y * dy + z * dz) / norm, _LEAST_INCIDENCE)
+    _add_motion(x, y, z, 0.0, y / norm, z / norm, share, slope)
+    return share
+
+
+@compiled
+def _cone(ray: Ray, place: float, bore: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """How far a point is inside a bore's chamfer (mm, negative outside), and the gradient of that."""
+    px, py, pz = ray[0] + place * ray[3] - bore[0], ray[1] + place * ray[4] - bore[1], ray[2] + place * ray[5] - bore[2]
+    along = px * bore[3] + py * bore[4] + pz * bore[5]
+    gx, gy, gz = px - along * bore[3], py - along * bore[4], pz - along * bore[5]
+    aside = max(np.sqrt(gx * gx + gy * gy + gz * gz), _LEAST_STEP_MM)
+    side = 1.0 if along > 0.0 else -1.0
+    inside = side * along - bore[7] - (aside - bore[6])
+    return inside, side * bore[3] - gx / aside, side * bore[4] - gy / aside, side * bore[5] - gz / aside
+
+
+@compiled
+def _chamfered(ray: Ray, place: float, inwards: float, bore: NDArray[np.float64]) -> float:
+    """Length of the ray, in units of its direction, from an end inwards, that a bore's chamfer takes away."""
+    inside, gx, gy, gz = _cone(ray, place, bore)
+    rate = -inwards * (gx * ray[3] + gy * ray[4] + gz * ray[5])
+    return max(inside, 0.0) / rate if rate > _LEAST_RATE else 0.0
+
+
+@compiled
+def _add_cone_end(
+    ray: Ray, place: float, inwards: float, bore: NDArray[np.float64], weight: float, slope: NDArray[np.float64]
+) -> None:
+    """Add the motion of a path's end on a bore's chamfer; `weight` is the derivative of what passes by the length."""
+    _, gx, gy, gz = _cone(ray, place, bore)
+    share = weight / (-inwards * (gx * ray[3] + gy * ray[4] + gz * ray[5]))
+    x, y, z = ray[0] + place * ray[3], ray[1] + place * ray[4], ray[2] + place * ray[5]
+    _add_motion(x, y, z, gx, gy, gz, share, slope)
+    slope[HOLE_RADIUS] -= share
+    slope[CHAMFER] -= share
+    slope[NAIL_RADIUS] += share
 
 
 @compiled
@@ -175,6 +199,7 @@ def _add_wall(
 def _behind_bore(
     ray: Ray,
     tube: Tube,
+    bore: NDArray[np.float64],
     bored: tuple[float, float],
     weight: float,
     unit_mm: float,
@@ -183,13 +208,35 @@ def _behind_bore(
     slope: NDArray[np.float64],
 ) -> Shade:
     """Shade of a ray that is in a bore between two places; derivatives by the other ends are added, times `weight`."""
-    metal = _within(tube, tube[0], tube[1])
-    if bored[1] > bored[0]:
-        metal = max(metal - _within(tube, bored[0], bored[1]), 0.0)
-    path_mm = unit_mm * metal + steel_mm
+    near, far, inner_near, inner_far = tube
+    empty = bored[1] <= bored[0]
+    metal = _within(tube, near, far) - (0.0 if empty else _within(tube, bored[0], bored[1]))
+    near_free, far_free = empty or not bored[0] < near < bored[1], empty or not bored[0] < far < bored[1]
+    near_cut = _chamfered(ray, near, 1.0, bore) if near_free else 0.0
+    far_cut = _chamfered(ray, far, -1.0, bore) if far_free else 0.0
+    # where the chamfer meets the bore, no end is left between them
+    if not empty and near_free and bored[1] > near and near_cut >= bored[0] - near:
+        near_cut, near_free = bored[0] - near, False
+    if not empty and far_free and bored[0] < far and far_cut >= far - bored[1]:
+        far_cut, far_free = far - bored[1], False
+    metal = metal - near_cut - far_cut
+    path_mm = unit_mm * max(metal, 0.0) + steel_mm
     shade = _shade(path_mm, material)
-    if metal > 0.0 and shade[1] != 0.0:
-        _add_ends(ray, tube, bored, weight * shade[1] / path_mm, unit_mm, slope)
+    if metal <= 0.0 or shade[1] == 0.0:
+        return shade
+    share = weight * shade[1] / path_mm * unit_mm
+    if near_free and near_cut > 0.0:
+        _add_cone_end(ray, near + near_cut, 1.0, bore, share, slope)
+    elif near_free:
+        slope[NAIL_RADIUS] += _add_end(ray, near, share, slope)
+    if far_free and far_cut > 0.0:
+        _add_cone_end(ray, far - far_cut, -1.0, bore, share, slope)
+    elif far_free:
+        slope[NAIL_RADIUS] += _add_end(ray, far, share, slope)
+    if inner_far > inner_near and (empty or not bored[0] < inner_near < bored[1]):
+        _add_end(ray, inner_near, -share, slope)
+    if inner_far > inner_near and (empty or not bored[0] < inner_far < bored[1]):
+        _add_end(ray, inner_far, -share, slope)
     return shade
 
 
@@ -209,11 +256,11 @@ def _at_bore(
     in_wide = _within(tube, wide[0], wide[1])
     in_narrow = _within(tube, narrow[0], narrow[1]) if narrow[1] > narrow[0] else 0.0
     if in_wide <= in_narrow:
-        return _behind_bore(ray, tube, wide, 1.0, unit_mm, steel_mm, material, slope)
+        return _behind_bore(ray, tube, bore, wide, 1.0, unit_mm, steel_mm, material, slope)
     middle = _in_bore(ray, bore, 0.0)
-    low = _behind_bore(ray, tube, narrow, 1.0 / 6.0, unit_mm, steel_mm, material, slope)
-    central = _behind_bore(ray, tube, middle, 4.0 / 6.0, unit_mm, steel_mm, material, slope)
-    high = _behind_bore(ray, tube, wide, 1.0 / 6.0, unit_mm, steel_mm, material, slope)
+    low = _behind_bore(ray, tube, bore, narrow, 1.0 / 6.0, unit_mm, steel_mm, material, slope)
+    central = _behind_bore(ray, tube, bore, middle, 4.0 / 6.0, unit_mm, steel_mm, material, slope)
+    high = _behind_bore(ray, tube, bore, wide, 1.0 / 6.0, unit_mm, steel_mm, material, slope)
     by_radius = (high[0] - low[0]) / (2.0 * step_mm)
     slope[HOLE_RADIUS] += by_radius
     if narrow[1] <= narrow[0]:
@@ -322,7 +369,8 @@ def _add_sample(
     touched = -1
     if tube[1] > tube[0]:
         for h in range(bores.shape[0]):
-            first, last = _in_bore(ray, bores[h], step_mm)
+            chamfer_mm = max(radius_mm - bores[h, 7], 0.0)
+            first, last = _in_bore(ray, bores[h], step_mm + chamfer_mm)
             if min(last, tube[1]) > max(first, tube[0]):
                 touched = h
     if touched >= 0:
@@ -367,7 +415,8 @@ def trace(
     rotation, translation_mm
         `camera_from_nail`, shapes (3, 3) and (3,).
     bores
-        Per hole: point, unit direction, radius, in the nail's frame, shape (H, 7). Bores must not cross one another.
+        Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as
+        it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
     passed
         Result, shape (S,).
     by_cause

@@ -21,23 +21,28 @@ class Unknown(IntEnum):
     ROLL_RAD = 5
     HOLE_RADIUS_EXCESS_MM = 6
     NAIL_RADIUS_EXCESS_MM = 7
-    LOG_ATTENUATION = 8
-    POWER = 9
-    LOG_BLUR_PX = 10
-    SHARPENING = 11
-    LOG_SHARPENING_WIDTH_PX = 12
-    CURVE = 13
-    DELRIN_PER_MM = 14
+    CHAMFER_DEVIATIONS = 8
+    LOG_ATTENUATION = 9
+    POWER = 10
+    LOG_BLUR_PX = 11
+    SHARPENING = 12
+    LOG_SHARPENING_WIDTH_PX = 13
+    CURVE = 14
+    DELRIN_PER_MM = 15
 
 
 PARAMETERS = len(Unknown)
 
 # Mean and standard deviation of what is known before the image is seen. Attenuation: effective values of 40-80 keV.
 ATTENUATION_PER_MM = {"steel": 1.0, "Ti6Al4V": 0.33}
+# Rims are at least deburred. An image hardly shows by how much, and a tilt is off by a tenth of what a chamfer hides of
+# the bore's length: so the files of nails should say it.
+USUAL_CHAMFER_MM, USUAL_CHAMFER_SD_MM, STATED_CHAMFER_SD_MM = 0.15, 0.15, 0.05
 STEEL_IN_NAIL_MATERIAL = {"steel": 1.0, "Ti6Al4V": 3.2}
 PRIOR = {
     Unknown.HOLE_RADIUS_EXCESS_MM: (0.0, 0.03),
     Unknown.NAIL_RADIUS_EXCESS_MM: (0.0, 0.03),
+    Unknown.CHAMFER_DEVIATIONS: (0.0, 1.0),
     Unknown.LOG_ATTENUATION: (0.0, 0.5),
     Unknown.POWER: (0.8, 0.2),
     Unknown.LOG_BLUR_PX: (float(np.log(USUAL_BLUR_PX)), 0.35),

@@ -7,6 +7,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.nail.transmission import (
+    CHAMFER,
     DERIVATIVES,
     HOLE_RADIUS,
     LOG_ATTENUATION,
@@ -21,7 +22,7 @@ from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 
 CENTRE_ONLY = np.zeros((4, 2))
-BORES = np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0], [-15.0, 0.5, 0.0, 0.0, 0.2, np.sqrt(0.96), 2.5]])
+BORES = np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.6], [-15.0, 0.5, 0.0, 0.0, 0.2, np.sqrt(0.96), 2.5, 5.7]])
 ROTATION = np.ascontiguousarray(Rotation.from_euler("zyx", [40.0, 4.0, -6.0], degrees=True).as_matrix())
 PLACE = np.array([3.0, -2.0, 740.0])
 
@@ -55,7 +56,9 @@ def stepped_length(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[
         for bore in BORES:
             off = p - bore[:3]
             off -= np.outer(off @ bore[3:6], bore[3:6])
-            metal &= np.linalg.norm(off, axis=1) > bore[6]
+            aside = np.linalg.norm(off, axis=1)
+            along = np.abs((p - bore[:3]) @ bore[3:6])
+            metal &= (aside > bore[6]) & (aside - bore[6] > along - bore[7])
         lengths.append(np.count_nonzero(metal) * step * np.linalg.norm(ray))
     return np.array(lengths)
 
@@ -89,6 +92,7 @@ STEPS = {k: 0.004 if k < 3 else 0.02 for k in range(MOTION_SIZE)} | {
     5: 0.2,
     HOLE_RADIUS: 0.02,
     NAIL_RADIUS: 0.02,
+    CHAMFER: 0.04,
     LOG_ATTENUATION: 0.02,
     POWER: 0.01,
 }
@@ -111,7 +115,7 @@ def picture(cannulation_mm: float) -> RayArguments:
         np.array([0.0, 0.0, 640.0]) - pose @ [15.0, 0.0, 0.0],
         5.5,
         cannulation_mm,
-        BORES[:1],
+        np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.1]]),
         0.33,
         0.8,
     )
@@ -137,9 +141,11 @@ def moved(arguments: RayArguments, cause: int, by: float) -> RayArguments:
             rotation=np.ascontiguousarray(pose.rotation), translation_mm=np.array(pose.translation_mm)
         )
     if cause == HOLE_RADIUS:
-        return arguments._replace(bores=arguments.bores + by * np.eye(7)[6])
-    if cause == NAIL_RADIUS:
-        return arguments._replace(radius_mm=arguments.radius_mm + by)
+        return arguments._replace(bores=arguments.bores + by * np.eye(8)[6])
+    if cause == NAIL_RADIUS:  # the chamfer's depth stays the same
+        return arguments._replace(radius_mm=arguments.radius_mm + by, bores=arguments.bores + by * np.eye(8)[7])
+    if cause == CHAMFER:
+        return arguments._replace(bores=arguments.bores - by * np.eye(8)[7])
     if cause == LOG_ATTENUATION:
         return arguments._replace(attenuation=arguments.attenuation * np.exp(by))
     return arguments._replace(power=arguments.power + by)
