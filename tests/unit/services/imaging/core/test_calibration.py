@@ -151,3 +151,20 @@ def test_a_ring_that_lost_its_middle_is_refused_only_when_it_matters() -> None:
     radius = np.hypot(*ring.balls.position_mm[:, :2].T)
     calibration, _ = accepted(replace(Scene(seed=15), missing=tuple(np.flatnonzero(radius < 30.0).tolist())))
     assert calibration.balls_found > 80
+
+
+@pytest.mark.parametrize("grey", [0.0, 65535.0], ids=["dark", "bright"])
+def test_burnt_in_text_and_the_apertures_border_are_no_balls(grey: float) -> None:
+    rendered = render(Scene(seed=16), default_ring())
+    pixels = rendered.pixels.copy()
+    for row in (80, 512, 930):
+        cv2.putText(pixels, "o0O.:8 70 kV .", (330, row), cv2.FONT_HERSHEY_SIMPLEX, 0.6, grey, 2, cv2.LINE_AA)
+    outcome = calibrate_image(pixels, default_ring(), NominalGeometry())
+    assert isinstance(outcome, Accepted)
+    balls = outcome.value.balls
+    named = balls.ring_index >= 0
+    error = np.hypot(*(balls.centre_px[named] - rendered.centre_px[balls.ring_index[named]]).T)
+    assert error.max() < 1.5
+    assert np.hypot(*(balls.centre_px[named] - 511.5).T).max() < 484.0
+    assert np.count_nonzero(named) > 90
+    assert np.abs(source_error_mm(outcome.value, rendered)).max() < 1.0
