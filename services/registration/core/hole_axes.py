@@ -16,10 +16,10 @@ from shared.geometry.lines import Line, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
-# What the pixels cannot tell of the model itself: display curve, texture and radii trade against one another. Standard
-# deviation of the tilt about the nail's x and y axes, and of its place across the beam, from independent images.
-MODEL_SD_DEG = 0.11
-MODEL_SD_MM = 0.03
+# What is left of the model's own errors after all that the fit floats: standard deviation of the tilt about the nail's
+# x and y axes, and of its place across the beam, from independent images and own scenes.
+MODEL_SD_DEG = 0.04
+MODEL_SD_MM = 0.02
 _RIM_POINTS = 8
 
 

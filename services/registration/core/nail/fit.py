@@ -1,6 +1,6 @@
 """Fit the nail's pose to the pixels by maximum likelihood: capture, refine, weigh, judge.
 
-The record `docs/decisions/nail-likelihood.md` has the model, the alternatives and their figures.
+The record `docs/decisions/0009-nail-likelihood.md` has the model, the alternatives and their figures.
 """
 
 from dataclasses import dataclass
