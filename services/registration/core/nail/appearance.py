@@ -13,12 +13,8 @@ from numpy.typing import NDArray
 from services.registration.core.nail.blur import blurred_image
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, rotation_and_translation
 from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.transmission import (
-    DERIVATIVES,
-    MOTION_SIZE,
-    RayArguments,
-    trace,
-)
+from services.registration.core.nail.shade import DERIVATIVES, MOTION_SIZE
+from services.registration.core.nail.transmission import RayArguments, trace
 from services.registration.core.nail.unknowns import (
     ATTENUATION_PER_MM,
     STATED_CHAMFER_SD_MM,

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.nail.transmission import (
+from services.registration.core.nail.shade import (
     CHAMFER,
     DERIVATIVES,
     HOLE_RADIUS,
@@ -14,9 +14,8 @@ from services.registration.core.nail.transmission import (
     MOTION_SIZE,
     NAIL_RADIUS,
     POWER,
-    RayArguments,
-    trace,
 )
+from services.registration.core.nail.transmission import RayArguments, trace
 from services.registration.core.nail.window import SAMPLES_PX
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform

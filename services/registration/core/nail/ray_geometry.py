@@ -1,0 +1,78 @@
+"""Where one ray is in nail, cannulation and bores, and what a bore's chamfer takes away."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.compiled import compiled
+from services.registration.core.nail.paths import cylinder_interval
+
+LEAST_STEP_MM = 1e-4
+_LEAST_RATE = 0.2
+
+Ray = tuple[float, float, float, float, float, float]
+Tube = tuple[float, float, float, float]
+
+
+@compiled
+def ray_through(cx: float, cy: float, rotation: NDArray[np.float64], translation_mm: NDArray[np.float64]) -> Ray:
+    """The ray through (cx, cy, 1) in the nail's frame: a point near the nail, and the direction.
+
+    The point is taken at the nail's depth, which keeps the quadratics' coefficients small.
+    """
+    depth = translation_mm[2]
+    ux, uy = cx * depth - translation_mm[0], cy * depth - translation_mm[1]
+    return (
+        rotation[0, 0] * ux + rotation[1, 0] * uy,
+        rotation[0, 1] * ux + rotation[1, 1] * uy,
+        rotation[0, 2] * ux + rotation[1, 2] * uy,
+        rotation[0, 0] * cx + rotation[1, 0] * cy + rotation[2, 0],
+        rotation[0, 1] * cx + rotation[1, 1] * cy + rotation[2, 1],
+        rotation[0, 2] * cx + rotation[1, 2] * cy + rotation[2, 2],
+    )
+
+
+@compiled
+def tube_of(ray: Ray, radius_mm: float, inner_mm: float) -> Tube:
+    """Where the ray is inside the nail, and where inside its cannulation: near, far, inner near, inner far."""
+    ox, oy, oz, dx, dy, dz = ray
+    near, far = cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, radius_mm)
+    inner_near, inner_far = 1.0, 0.0
+    if inner_mm > 0.0 and far > near:
+        inner_near, inner_far = cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, inner_mm)
+    return near, far, inner_near, inner_far
+
+
+@compiled
+def within(tube: Tube, first: float, last: float) -> float:
+    """Length of a stretch of the ray that lies in the tube's metal."""
+    near, far, inner_near, inner_far = tube
+    in_nail = max(0.0, min(last, far) - max(first, near))
+    return in_nail - max(0.0, min(last, inner_far) - max(first, inner_near))
+
+
+@compiled
+def in_bore(ray: Ray, bore: NDArray[np.float64], excess_mm: float) -> tuple[float, float]:
+    """Where the ray is inside a bore whose radius is larger by so much."""
+    ox, oy, oz, dx, dy, dz = ray
+    qx, qy, qz = ox - bore[0], oy - bore[1], oz - bore[2]
+    return cylinder_interval(qx, qy, qz, dx, dy, dz, bore[3], bore[4], bore[5], bore[6] + excess_mm)
+
+
+@compiled
+def cone(ray: Ray, place: float, bore: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """How far a point is inside a bore's chamfer (mm, negative outside), and the gradient of that."""
+    px, py, pz = ray[0] + place * ray[3] - bore[0], ray[1] + place * ray[4] - bore[1], ray[2] + place * ray[5] - bore[2]
+    along = px * bore[3] + py * bore[4] + pz * bore[5]
+    gx, gy, gz = px - along * bore[3], py - along * bore[4], pz - along * bore[5]
+    aside = max(np.sqrt(gx * gx + gy * gy + gz * gz), LEAST_STEP_MM)
+    side = 1.0 if along > 0.0 else -1.0
+    inside = side * along - bore[7] - (aside - bore[6])
+    return inside, side * bore[3] - gx / aside, side * bore[4] - gy / aside, side * bore[5] - gz / aside
+
+
+@compiled
+def chamfered(ray: Ray, place: float, inwards: float, bore: NDArray[np.float64]) -> float:
+    """Length of the ray, in units of its direction, from an end inwards, that a bore's chamfer takes away."""
+    inside, gx, gy, gz = cone(ray, place, bore)
+    rate = -inwards * (gx * ray[3] + gy * ray[4] + gz * ray[5])
+    return max(inside, 0.0) / rate if rate > _LEAST_RATE else 0.0
