@@ -1,8 +1,8 @@
 """What passes along a ray that a bore touches: a mean over the bore's radius, and how it changes.
 
 A path's end on a surface moves along the ray by (g . v) / (g . d) when the surface moves by v, with its normal g and
-the ray's direction d. Along a bore's wall that has no bound; there the derivative by the radius is a difference, and the
-wall's motion along its normal is a change of radius.
+the ray's direction d. Along a bore's wall that has no bound; there the derivative by the radius is a difference, and
+the wall's motion along its normal is a change of radius.
 """
 
 import numpy as np
