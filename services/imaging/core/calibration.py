@@ -29,7 +29,7 @@ from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
 
 _SOURCE_SD_MM = (100.0, 100.0, 150.0)
 _GAUGE_REACH = 0.25
-_FIRST_DRIFT_PX, _SECOND_DRIFT_PX = 1.2, 0.6
+_FIRST_DRIFT_PX, _SECOND_DRIFT_PX = 1.2, 0.35
 _USUAL_PIXEL_MM = 0.235
 _SAME_DISC_PX = 2.0
 _REACH_PX = 5.0
@@ -113,7 +113,7 @@ def calibrate_there(
 def _look(drift_px: float, nominal: NominalGeometry) -> MeasurementSettings:
     """How to measure: blur is a matter of millimetres, so that finer pixels need wider surroundings.
 
-    Surroundings of 5 px bring the centres to 1.0 of the Cramér-Rao limit, of 3.5 px to 1.2: they settle the slope of
+    Surroundings of 5 px bring centres to 1.1 of the Cramér-Rao limit, of 3.5 px to 1.2: they settle the slope of
     the background.
     """
     usual = MeasurementSettings(reach_px=_REACH_PX)
