@@ -23,7 +23,7 @@ from benchmarks.random_scenes import (
     root_mean_square,
 )
 
-FIRST_SEED, SCENES = 5000, 40
+FIRST_SEED, SCENES = 5000, 100
 PROCESSES = 2
 LEAST_ACCEPTED_SHARE = 0.9
 Quantiles: TypeAlias = tuple[float, float, float]
