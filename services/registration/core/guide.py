@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.guide_measurement import Look, measured_and_fitted_twice, ring_shadows, shrinkage
 from services.registration.core.guide_search import GuideIdentity, search_guide
 from services.registration.core.pose import (
     Correspondences,
     RigidPose,
     down_weighted,
     pose_covariance,
-    refine_pose,
     residuals_px,
 )
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
@@ -21,26 +21,16 @@ from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
 from shared.xray.aperture import find_usable_area
-from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
 from shared.xray.noise_filter import noise_whitened
 
 LEAST_BALLS = 12
 LEAST_SHARE = 0.4
 LEAST_IDENTIFIED = 7
 LEAST_MARGIN = 3
-OUTLIER_SIGMAS = 4.0
 DISTORTION_CORRELATION_PX = 80.0
-_SYSTEMATIC_PX = 0.06
 _MOST_DISCS = 70
 _RADIUS_RANGE = (0.55, 1.5)
-_REJECTION_ROUNDS = 4
 _SURROUNDINGS_PX = 60.0
-_MEDIAN_OF_RAYLEIGH = 1.1774
-# A ring's ball nearer than this share of a guide ball's radius cannot be told from it.
-_CONCENTRIC = 0.7
-_FIRST_DRIFT_PX, _SECOND_DRIFT_PX = 1.0, 0.4
-# 1000 mm from focal spot to detector in pixels of 0.235 mm.
-_USUAL_FOCAL_LENGTH_PX = 4255.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,12 +94,12 @@ def locate_guide(
     if refusal is not None:
         return Rejected((refusal,))
     best = identities[0]
-    shrunk = _shrinkage(calibration, guide, best, calibration.balls.radius_px[candidates])
+    shrunk = shrinkage(calibration, guide, best, calibration.balls.radius_px[candidates])
     usable = find_usable_area(pixels).mask
     around = calibration.image_from_camera(best.pose.points(guide.balls.position_mm))
     quiet = noise_whitened(pixels, usable, around, _SURROUNDINGS_PX)
-    look = _Look(quiet, usable, calibration, guide, _ring_shadows(calibration, ring), shrunk)
-    pose, seen, used = _fitted(look, best.pose)
+    look = Look(quiet, usable, calibration, guide, ring_shadows(calibration, ring), shrunk)
+    pose, seen, used = measured_and_fitted_twice(look, best.pose)
     found, needed = int(np.count_nonzero(used)), needed_balls(len(guide.balls))
     if found < needed:
         return Rejected((_too_few(found, needed, len(guide.balls)),))
@@ -165,107 +155,6 @@ def _too_few(found: int, needed: int, expected: int) -> Reason:
         ReasonCode.GUIDE_TOO_FEW_BALLS,
         f"{found} of the guide's {expected} balls could be measured (limit {needed}); check that the guide file is "
         "that of this guide, uncover the balls by turning the C-arm a few degrees and take one more image",
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Look:
-    """What measuring the balls takes.
-
-    Attributes: `usable` mask of the image; `ring_shadows` where the ring's balls are; `shrunk` measured over geometric
-    radius of the guide's balls, which the display's curve makes smaller.
-    """
-
-    pixels: NDArray[np.float32]
-    usable: NDArray[np.bool_]
-    calibration: CArmCalibration
-    guide: GuidePart
-    ring_shadows: Discs
-    shrunk: float
-
-
-def _ball_radius_px(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose) -> NDArray[np.float64]:
-    depth_mm = pose.points(guide.balls.position_mm)[:, 2]
-    return np.asarray(0.5 * calibration.camera.focal_length_px * guide.balls.diameter_mm / depth_mm)
-
-
-def _shrinkage(
-    calibration: CArmCalibration, guide: GuidePart, identity: GuideIdentity, disc_radius_px: NDArray[np.float64]
-) -> float:
-    geometric = _ball_radius_px(calibration, guide, identity.pose)[identity.ball_index]
-    return float(np.clip(np.median(disc_radius_px[identity.disc_index] / geometric), 0.7, 1.1))
-
-
-def _ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
-    """All balls of the ring: measured where they were seen, else where they must be, smaller by the same share."""
-    at_camera = calibration.camera_from_ring.points(ring.balls.position_mm)
-    centre = calibration.image_from_camera(at_camera)
-    radius = 0.5 * calibration.camera.focal_length_px * ring.balls.diameter_mm / at_camera[:, 2]
-    index = calibration.balls.ring_index
-    known = index != NOT_OF_THE_RING
-    seen_radius = calibration.balls.radius_px[known]
-    radius *= float(np.median(seen_radius / radius[index[known]])) if known.any() else 1.0
-    centre[index[known]], radius[index[known]] = calibration.balls.centre_px[known], seen_radius
-    return Discs(centre, radius)
-
-
-def _fitted(look: _Look, pose: RigidPose) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
-    """Measure all balls where the pose puts them and fit the pose to them, twice."""
-    pose, seen, used = _measured_and_fitted(look, pose, _settings(look.calibration, _FIRST_DRIFT_PX))
-    if np.count_nonzero(used) < 4:
-        return pose, seen, used
-    return _measured_and_fitted(look, pose, _settings(look.calibration, _SECOND_DRIFT_PX))
-
-
-def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSettings:
-    """How to measure: blur is a matter of millimetres, so that finer pixels need wider surroundings."""
-    usual = MeasurementSettings()
-    finer = max(1.0, calibration.camera.focal_length_px / _USUAL_FOCAL_LENGTH_PX)
-    return MeasurementSettings(
-        reach_px=usual.reach_px * finer, blur_px=usual.blur_px * finer, drift_px=drift_px * finer
-    )
-
-
-def _measured_and_fitted(
-    look: _Look, pose: RigidPose, settings: MeasurementSettings
-) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
-    """Measure, then fit and leave out outliers until none is left."""
-    camera = look.calibration.camera
-    balls, alone = _measured(look, pose, settings)
-    candidates = balls.seen & alone
-    seen = _correspondences(look.calibration, look.guide, balls)
-    used = candidates
-    for _ in range(_REJECTION_ROUNDS):
-        if np.count_nonzero(used) < 4:
-            break
-        pose = refine_pose(camera, pose, seen.chosen(used))
-        distance = np.linalg.norm(residuals_px(camera, pose, seen), axis=1)
-        scale = max(1.0, float(np.median(distance[used] / seen.standard_deviation_px[used])) / _MEDIAN_OF_RAYLEIGH)
-        inliers = candidates & (distance < OUTLIER_SIGMAS * scale * seen.standard_deviation_px)
-        if np.array_equal(inliers, used):
-            break
-        used = inliers
-    return pose, seen, used
-
-
-def _measured(
-    look: _Look, pose: RigidPose, settings: MeasurementSettings
-) -> tuple[BallMeasurements, NDArray[np.bool_]]:
-    """Measurements of all balls, and whether no ball of the ring lies on them, shape (N,)."""
-    predicted = look.calibration.image_from_camera(pose.points(look.guide.balls.position_mm))
-    radius = look.shrunk * _ball_radius_px(look.calibration, look.guide, pose)
-    ring = look.ring_shadows
-    balls = measure_balls(look.pixels, predicted, radius, ring.centre_px, ring.radius_px, settings, look.usable)
-    apart = np.linalg.norm(predicted[:, None] - ring.centre_px[None], axis=-1)
-    return balls, (apart > _CONCENTRIC * radius[:, None]).all(axis=1)
-
-
-def _correspondences(calibration: CArmCalibration, guide: GuidePart, balls: BallMeasurements) -> Correspondences:
-    centre = np.where(balls.seen[:, None], balls.centre_px, 0.0)
-    distortion = calibration.distortion.standard_deviation_at(centre)
-    deviation = np.sqrt(balls.standard_deviation_px**2 + distortion**2 + _SYSTEMATIC_PX**2)
-    return Correspondences(
-        guide.balls.position_mm, calibration.distortion.undistort(centre), np.where(balls.seen, deviation, 1.0)
     )
 
 

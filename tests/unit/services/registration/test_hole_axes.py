@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.guide import GuideFit
-from services.registration.core.hole_axes import NailEstimate, hole_estimates, model_covariance
+from services.registration.core.hole_axes import MODEL_SD_MM, NailEstimate, hole_estimates, model_covariance
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from shared.geometry.camera import PinholeCamera
@@ -111,13 +111,13 @@ def test_pose_refinement_reaches_the_truth_past_outliers() -> None:
 
 
 def test_the_models_error_of_depth_grows_as_the_holes_get_closer() -> None:
-    """A shift along the ray: 0.74 mm for 30 mm between the holes at 740 mm, when that may be off by 0.03 mm."""
+    """A shift along the ray: at 740 mm, 740/30 times the error of the distance between holes 30 mm apart."""
     ray = NAIL_POSE.rotation.T @ NAIL_POSE.translation_mm / np.linalg.norm(NAIL_POSE.translation_mm)
     deviations = []
     for hole_x_mm in ((15.0, -15.0), (10.0, -10.0), (0.0,)):
         covariance = model_covariance(nail_part(hole_x_mm=hole_x_mm), NAIL_POSE)
         deviations.append(float(np.sqrt(ray @ covariance[3:, 3:] @ ray)))
-    assert deviations == pytest.approx([0.74, 1.11, 1.85], rel=0.01)
+    assert deviations == pytest.approx([MODEL_SD_MM * 740.0 / known for known in (30.0, 20.0, 12.0)], rel=0.01)
 
 
 def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
@@ -130,4 +130,6 @@ def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
         offset = hole_estimates(KNOWN_SOURCE, guide_part(), nail, fit, estimate)[0].offset
         assert offset is not None
         entry_sd_mm.append(offset.entry_sd_mm)
-    assert entry_sd_mm[1] ** 2 - entry_sd_mm[0] ** 2 == pytest.approx((0.74 * np.sin(np.radians(10.0))) ** 2, rel=0.05)
+    depth_sd_mm = MODEL_SD_MM * 740.0 / 30.0
+    across_mm = depth_sd_mm * np.sin(np.radians(10.0))
+    assert entry_sd_mm[1] ** 2 - entry_sd_mm[0] ** 2 == pytest.approx(across_mm**2, rel=0.05)
