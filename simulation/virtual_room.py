@@ -32,6 +32,7 @@ _DEFAULT_SEED = 0
 _WARM_UP_PX = 64
 _START_WITHIN_S = 30.0
 _END_WITHIN_S = 10.0
+_WAKE_EVERY_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,9 @@ def run_virtual_or(settings: VirtualRoomSettings) -> int:
         scenario = chosen_scenario(settings)
         with virtual_room(settings, scenario) as addresses:
             _announce(scenario, settings, addresses)
-            ending.wait()
+            # a signal that the system gives to another thread does not end a wait without limit
+            while not ending.wait(_WAKE_EVERY_S):
+                pass
     except (ConfigurationError, InputError) as error:
         print(f"virtual-or: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2

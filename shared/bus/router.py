@@ -18,6 +18,7 @@ import zenoh
 from shared.errors import ConfigurationError
 
 DEFAULT_CONFIG = Path(__file__).with_name("router.json5")
+_WAKE_EVERY_S = 0.2
 
 
 @contextmanager
@@ -78,7 +79,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(number, lambda *_: stop.set())
     try:
         with running_router(given.config, given.listen):
-            stop.wait()
+            # a signal that the system gives to one of Zenoh's threads does not end a wait without limit
+            while not stop.wait(_WAKE_EVERY_S):
+                pass
     except ConfigurationError as error:
         print(f"router: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2

@@ -7,6 +7,7 @@ that is run by something else (uvicorn) uses `open_service` instead, which leave
 import os
 import secrets
 import signal
+import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -163,14 +164,34 @@ def _refuse_start(name: ServiceName, error: DistalockError) -> int:
 
 @contextmanager
 def _signals_set(stop: threading.Event) -> Iterator[None]:
-    """SIGTERM and SIGINT set the event; the handlers before are put back on leaving."""
+    """SIGTERM and SIGINT set the event; the handlers before are put back on leaving.
+
+    The system gives a signal to any thread of the process, Zenoh's own too, and Python runs its handlers in the main
+    thread, which sleeps in `stop.wait()` and is not woken for it. The number that Python writes to the wakeup socket
+    at once wakes a thread that does nothing else.
+    """
     numbers = (signal.SIGTERM, signal.SIGINT)
-    before = [signal.signal(number, lambda *_: stop.set()) for number in numbers]
+    received, written = socket.socketpair()
+    written.settimeout(0.0)
+
+    def relay() -> None:
+        while number := received.recv(1):
+            if number[0] in numbers:
+                stop.set()
+
+    thread = threading.Thread(target=relay, name="signals", daemon=True)
+    thread.start()
+    wakeup_before = signal.set_wakeup_fd(written.fileno(), warn_on_full_buffer=False)
+    before = [signal.signal(number, lambda *_: None) for number in numbers]
     try:
         yield
     finally:
         for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler)
+        signal.set_wakeup_fd(wakeup_before)
+        written.close()
+        thread.join()
+        received.close()
 
 
 @contextmanager
