@@ -1,6 +1,5 @@
 """`distalock up`: everything on this machine until Ctrl-C."""
 
-import signal
 import sys
 import threading
 from typing import Final
@@ -10,6 +9,7 @@ from rich.console import Console
 from distalock.installation import Installation
 from distalock.processes import Fleet
 from shared.errors import ConfigurationError
+from shared.signals import set_by_signals
 
 EXIT_OK, EXIT_FAULT, EXIT_BAD_INPUT = 0, 1, 2
 MOST_ROBOT_RESTARTS: Final = 5
@@ -24,11 +24,9 @@ def run_installation(installation: Installation, console: Console) -> int:
         Exit code: 0 after Ctrl-C or SIGTERM, 1 when a process ended by itself, 2 when something could not start.
     """
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
     try:
         installation.require_free_ports()
-        with installation.fleet(stop) as fleet:
+        with set_by_signals(stop), installation.fleet(stop) as fleet:
             installation.write_directory(fleet.pids)
             _announce(installation, console)
             ended = _watch(fleet, console)

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import signal
 import socket
 import sys
 import threading
@@ -15,6 +14,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from shared.errors import ConfigurationError, InputError
+from shared.signals import set_by_signals
 from simulation.control_api import control_app
 from simulation.controller.accuracy import seeded
 from simulation.controller.servers import tcp_server, terminal_server
@@ -32,7 +32,6 @@ _DEFAULT_SEED = 0
 _WARM_UP_PX = 64
 _START_WITHIN_S = 30.0
 _END_WITHIN_S = 10.0
-_WAKE_EVERY_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +52,14 @@ def run_virtual_or(settings: VirtualRoomSettings) -> int:
         Exit code: 0 after a clean end, 2 when it cannot start (one line on stderr says why).
     """
     ending = threading.Event()
-    before = {number: signal.signal(number, lambda *_: ending.set()) for number in (signal.SIGTERM, signal.SIGINT)}
     try:
         scenario = chosen_scenario(settings)
-        with virtual_room(settings, scenario) as addresses:
+        with set_by_signals(ending), virtual_room(settings, scenario) as addresses:
             _announce(scenario, settings, addresses)
-            # a signal that the system gives to another thread does not end a wait without limit
-            while not ending.wait(_WAKE_EVERY_S):
-                pass
+            ending.wait()
     except (ConfigurationError, InputError) as error:
         print(f"virtual-or: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
     return 0
 
 

@@ -6,7 +6,6 @@ serves an official `zenohd`.
 
 import argparse
 import json
-import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -16,9 +15,9 @@ from pathlib import Path
 import zenoh
 
 from shared.errors import ConfigurationError
+from shared.signals import set_by_signals
 
 DEFAULT_CONFIG = Path(__file__).with_name("router.json5")
-_WAKE_EVERY_S = 0.2
 
 
 @contextmanager
@@ -75,13 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--listen", action="append", default=[], help="endpoint, e.g. tcp/127.0.0.1:7447; repeatable")
     given = parser.parse_args(arguments)
     stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
     try:
-        with running_router(given.config, given.listen):
-            # a signal that the system gives to one of Zenoh's threads does not end a wait without limit
-            while not stop.wait(_WAKE_EVERY_S):
-                pass
+        with set_by_signals(stop), running_router(given.config, given.listen):
+            stop.wait()
     except ConfigurationError as error:
         print(f"router: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2

@@ -6,8 +6,6 @@ that is run by something else (uvicorn) uses `open_service` instead, which leave
 
 import os
 import secrets
-import signal
-import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -26,6 +24,7 @@ from shared.messages.presence import ServiceName
 from shared.runtime.logging import Log, configure_logging
 from shared.runtime.presence import StatusReporter, beating
 from shared.runtime.settings import ServiceSettings, load_settings
+from shared.signals import set_by_signals
 
 HEARTBEAT_HZ: dict[ServiceName, float] = {"imaging": 5.0, "registration": 5.0, "robot": 5.0, "ui_api": 20.0}
 _LEAVE_WITHIN_S = 10.0
@@ -142,7 +141,7 @@ def run_service(
         with (
             _end_when_leaving_hangs(name) as leaving,
             open_service(name, settings, opener) as (bus, runtime),
-            _signals_set(runtime.stop),
+            set_by_signals(runtime.stop),
             compose(bus, runtime),
         ):
             if runtime.status.condition == "starting":
@@ -160,38 +159,6 @@ def run_service(
 def _refuse_start(name: ServiceName, error: DistalockError) -> int:
     print(f"{name}: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
     return 2
-
-
-@contextmanager
-def _signals_set(stop: threading.Event) -> Iterator[None]:
-    """SIGTERM and SIGINT set the event; the handlers before are put back on leaving.
-
-    The system gives a signal to any thread of the process, Zenoh's own too, and Python runs its handlers in the main
-    thread, which sleeps in `stop.wait()` and is not woken for it. The number that Python writes to the wakeup socket
-    at once wakes a thread that does nothing else.
-    """
-    numbers = (signal.SIGTERM, signal.SIGINT)
-    received, written = socket.socketpair()
-    written.settimeout(0.0)
-
-    def relay() -> None:
-        while number := received.recv(1):
-            if number[0] in numbers:
-                stop.set()
-
-    thread = threading.Thread(target=relay, name="signals", daemon=True)
-    thread.start()
-    wakeup_before = signal.set_wakeup_fd(written.fileno(), warn_on_full_buffer=False)
-    before = [signal.signal(number, lambda *_: None) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
-        signal.set_wakeup_fd(wakeup_before)
-        written.close()
-        thread.join()
-        received.close()
 
 
 @contextmanager
