@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.pixel_rays import SAMPLES_PX
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, rotation_and_translation
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.shade import DERIVATIVES, MOTION_SIZE
-from services.registration.core.nail.transmission import RayArguments, trace
+from services.registration.core.nail.transmission import NailShape, trace
 from services.registration.core.nail.unknowns import (
     ATTENUATION_PER_MM,
     STATED_CHAMFER_SD_MM,
@@ -23,7 +24,7 @@ from services.registration.core.nail.unknowns import (
     USUAL_CHAMFER_SD_MM,
     Unknown,
 )
-from services.registration.core.nail.window import SAMPLES_PX, Window
+from services.registration.core.nail.window import Window
 from shared.geometry.parts import Hole, NailPart
 
 _STRAIGHT = 1e-6
@@ -62,10 +63,11 @@ class Paths:
 
 def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
     """Trace all rays of the window."""
-    count = len(scene.window.support)
+    window, count = scene.window, len(scene.window.support)
     passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES))
-    trace(*_ray_arguments(scene, parameters), passed, by_cause)
-    return Paths(parameters, _on_rectangle(scene.window, passed, 1.0), by_cause)
+    steel_mm = STEEL_IN_NAIL_MATERIAL[scene.nail.material] * window.steel_mm
+    trace(window.rays, SAMPLES_PX, window.crossed, steel_mm, _nail_shape(scene, parameters), passed, by_cause)
+    return Paths(parameters, _on_rectangle(window, passed, 1.0), by_cause)
 
 
 def render(scene: NailScene, traced: Paths) -> Appearance:
@@ -135,7 +137,7 @@ def _paths_derivatives(scene: NailScene, traced: Paths, free: NDArray[np.bool_])
     motion = motion_by_parameters(traced.parameters[:POSE_SIZE], scene.camera, scene.anchors)
     causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
     causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
-    causes[Unknown.CHAMFER_DEVIATIONS] *= _chamfer(scene.nail)[1]
+    causes[Unknown.CHAMFER_DEVIATIONS] *= _chamfer(scene.nail, traced.parameters)[1]
     for values in causes[free[: len(_OF_PATHS)]] @ traced.by_cause.T:
         yield _on_rectangle(scene.window, values, 0.0)
 
@@ -157,36 +159,30 @@ def _display_derivative(
     return np.asarray((sides[0] - sides[1]) / _STEP)
 
 
-def _ray_arguments(scene: NailScene, parameters: NDArray[np.float64]) -> RayArguments:
-    window, nail = scene.window, scene.nail
+def _nail_shape(scene: NailScene, parameters: NDArray[np.float64]) -> NailShape:
+    nail = scene.nail
     rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], scene.camera, scene.anchors)
     excess = parameters[Unknown.HOLE_RADIUS_EXCESS_MM]
     radius_mm = float(nail.radius_mm + parameters[Unknown.NAIL_RADIUS_EXCESS_MM])
-    chamfer_mm, chamfer_sd_mm = _chamfer(nail)
-    widening_mm = radius_mm - max(chamfer_mm + chamfer_sd_mm * float(parameters[Unknown.CHAMFER_DEVIATIONS]), 0.0)
-    return RayArguments(
-        window.slopes,
-        window.right,
-        window.down,
-        SAMPLES_PX,
-        window.crossed,
-        STEEL_IN_NAIL_MATERIAL[nail.material] * window.steel_mm,
+    return NailShape(
         np.ascontiguousarray(rotation),
         np.ascontiguousarray(translation_mm),
         radius_mm,
         0.5 * nail.cannulation_diameter_mm,
-        np.array([_bore_row(h, excess, widening_mm) for h in nail.holes]),
-        ATTENUATION_PER_MM[nail.material] * np.exp(parameters[Unknown.LOG_ATTENUATION]),
-        parameters[Unknown.POWER],
+        np.array([_bore_row(h, excess, radius_mm - _chamfer(nail, parameters)[0]) for h in nail.holes]),
+        ATTENUATION_PER_MM[nail.material] * float(np.exp(parameters[Unknown.LOG_ATTENUATION])),
+        float(parameters[Unknown.POWER]),
     )
 
 
-def _chamfer(nail: NailPart) -> tuple[float, float]:
-    """Depth of the holes' chamfers and its standard deviation, in mm: what the nail's file says, or what is usual."""
+def _chamfer(nail: NailPart, parameters: NDArray[np.float64]) -> tuple[float, float]:
+    """Depth of the holes' chamfers in mm, and its change by the unknown, which ends where there is no chamfer left."""
     stated = [hole.chamfer_mm for hole in nail.holes if hole.chamfer_mm is not None]
-    if len(stated) < len(nail.holes):
-        return USUAL_CHAMFER_MM, USUAL_CHAMFER_SD_MM
-    return float(np.mean(stated)), STATED_CHAMFER_SD_MM
+    mean, deviation = USUAL_CHAMFER_MM, USUAL_CHAMFER_SD_MM
+    if len(stated) == len(nail.holes):
+        mean, deviation = float(np.mean(stated)), STATED_CHAMFER_SD_MM
+    depth_mm = mean + deviation * float(parameters[Unknown.CHAMFER_DEVIATIONS])
+    return (depth_mm, deviation) if depth_mm > 0.0 else (0.0, 0.0)
 
 
 def _bore_row(hole: Hole, excess_mm: float, widening_mm: float) -> tuple[float, ...]:

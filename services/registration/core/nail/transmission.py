@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.bore_shade import shade_at_bore
 from services.registration.core.nail.compiled import compiled
+from services.registration.core.nail.pixel_rays import PixelRays
 from services.registration.core.nail.ray_geometry import LEAST_STEP_MM, Ray, in_bore, ray_through, tube_of
-from services.registration.core.nail.shade import LOG_ATTENUATION, POWER, Material
+from services.registration.core.nail.shade import LOG_ATTENUATION, POWER
 from services.registration.core.nail.tube_shade import shade_at_tube
 
 _FIRST_SAMPLES = 4
@@ -23,15 +24,22 @@ _UNIFORM = 0.02
 _SOFTENING_PX = 0.15
 
 
-class RayArguments(NamedTuple):
-    """Arguments of the kernel, in its order (see `trace`)."""
+class NailShape(NamedTuple):
+    """The nail as the rays meet it.
 
-    slopes: NDArray[np.float64]
-    right: NDArray[np.float64]
-    down: NDArray[np.float64]
-    samples_px: NDArray[np.float64]
-    crossed: NDArray[np.bool_]
-    steel_mm: NDArray[np.float64]
+    Attributes
+    ----------
+    rotation, translation_mm
+        `camera_from_nail`, shapes (3, 3) and (3,).
+    radius_mm, cannulation_radius_mm
+        Of the nail and of the canal along it (0: solid).
+    bores
+        Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as
+        it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
+    attenuation, power
+        A path of w mm lets pass exp(-(attenuation * w)^power).
+    """
+
     rotation: NDArray[np.float64]
     translation_mm: NDArray[np.float64]
     radius_mm: float
@@ -43,27 +51,21 @@ class RayArguments(NamedTuple):
 
 @compiled
 def _add_sample(
-    ray: Ray,
-    radius_mm: float,
-    inner_mm: float,
-    bores: NDArray[np.float64],
-    step_mm: float,
-    unit_mm: float,
-    steel_mm: float,
-    material: Material,
-    slope: NDArray[np.float64],
+    ray: Ray, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float64]
 ) -> float:
     """Share that passes along one ray; its derivatives are added to `slope`."""
+    material = (nail.attenuation, nail.power)
+    radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
     tube = tube_of(ray, radius_mm, inner_mm)
     touched = -1
     if tube[1] > tube[0]:
-        for h in range(bores.shape[0]):
-            chamfer_mm = max(radius_mm - bores[h, 7], 0.0)
-            first, last = in_bore(ray, bores[h], step_mm + chamfer_mm)
+        for h in range(nail.bores.shape[0]):
+            chamfer_mm = max(radius_mm - nail.bores[h, 7], 0.0)
+            first, last = in_bore(ray, nail.bores[h], step_mm + chamfer_mm)
             if min(last, tube[1]) > max(first, tube[0]):
                 touched = h
     if touched >= 0:
-        shade = shade_at_bore(ray, tube, bores[touched], step_mm, unit_mm, steel_mm, material, slope)
+        shade = shade_at_bore(ray, tube, nail.bores[touched], step_mm, unit_mm, steel_mm, material, slope)
     else:
         shade = shade_at_tube(ray, radius_mm, inner_mm, step_mm, unit_mm, steel_mm, material, slope)
     slope[LOG_ATTENUATION] += shade[1]
@@ -73,19 +75,11 @@ def _add_sample(
 
 @compiled
 def trace(
-    slopes: NDArray[np.float64],
-    right: NDArray[np.float64],
-    down: NDArray[np.float64],
+    rays: PixelRays,
     samples_px: NDArray[np.float64],
     crossed: NDArray[np.bool_],
     steel_mm: NDArray[np.float64],
-    rotation: NDArray[np.float64],
-    translation_mm: NDArray[np.float64],
-    radius_mm: float,
-    cannulation_radius_mm: float,
-    bores: NDArray[np.float64],
-    attenuation: float,
-    power: float,
+    nail: NailShape,
     passed: NDArray[np.float64],
     by_cause: NDArray[np.float64],
 ) -> None:
@@ -93,44 +87,36 @@ def trace(
 
     Parameters
     ----------
-    slopes, right, down
-        Direction (x, y) at z = 1 of each pixel's middle and its change per column and row, shape (S, 2) each.
+    rays
+        Of the S pixels.
     samples_px
         Places within a pixel, shape (K, 2); the first four stand for the pixel by themselves.
     crossed
         Whether an edge may cross the pixel, shape (S,); of the others, the middle is taken.
     steel_mm
         Path in balls, as much of the nail's material as attenuates the same, shape (S, K).
-    rotation, translation_mm
-        `camera_from_nail`, shapes (3, 3) and (3,).
-    bores
-        Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as
-        it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
     passed
         Result, shape (S,).
     by_cause
         Its derivatives, shape (S, DERIVATIVES): by a small motion of the nail in its own frame (rad, mm), by radii and
         material.
     """
-    material = (attenuation, power)
-    for n in range(slopes.shape[0]):
+    for n in range(rays.slopes.shape[0]):
+        right, down = rays.right[n], rays.down[n]
         slope = by_cause[n]
         slope[:] = 0.0
         total, least, most, count = 0.0, 2.0, -1.0, 0
-        pixel = np.sqrt(right[n, 0] * right[n, 0] + right[n, 1] * right[n, 1])
-        step_mm = max(_SOFTENING_PX * translation_mm[2] * pixel, LEAST_STEP_MM)
+        pixel = np.sqrt(right[0] * right[0] + right[1] * right[1])
+        step_mm = max(_SOFTENING_PX * nail.translation_mm[2] * pixel, LEAST_STEP_MM)
         for k in range(samples_px.shape[0]):
             if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not crossed[n]):
                 break
-            cx, cy = slopes[n, 0], slopes[n, 1]
+            cx, cy = rays.slopes[n, 0], rays.slopes[n, 1]
             if crossed[n]:
-                cx += samples_px[k, 0] * right[n, 0] + samples_px[k, 1] * down[n, 0]
-                cy += samples_px[k, 0] * right[n, 1] + samples_px[k, 1] * down[n, 1]
-            ray = ray_through(cx, cy, rotation, translation_mm)
-            unit_mm = np.sqrt(cx * cx + cy * cy + 1.0)
-            share = _add_sample(
-                ray, radius_mm, cannulation_radius_mm, bores, step_mm, unit_mm, steel_mm[n, k], material, slope
-            )
+                cx += samples_px[k, 0] * right[0] + samples_px[k, 1] * down[0]
+                cy += samples_px[k, 0] * right[1] + samples_px[k, 1] * down[1]
+            ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)
+            share = _add_sample(ray, nail, step_mm, np.sqrt(cx * cx + cy * cy + 1.0), steel_mm[n, k], slope)
             total += share
             least, most = min(least, share), max(most, share)
             count += 1

@@ -1,6 +1,7 @@
 """The pixels that take part in the fit, with their rays: a strip along the nail around its holes."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,18 +9,17 @@ from numpy.typing import NDArray
 from services.registration.core.nail.blur import blurred_image
 from services.registration.core.nail.occluders import Occluders, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
+from services.registration.core.nail.pixel_rays import SAMPLES_PX, PixelRays, pixel_rays, sample_directions
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
-# A lattice of 16 places with a row and a column of its own for each; every fourth place first, since those four alone
-# stand for pixels that no edge crosses.
-_LATTICE = np.stack([np.arange(16), 7 * np.arange(16) % 16], axis=1)
-SAMPLES_PX = (np.concatenate([_LATTICE[start::4] for start in (1, 3, 0, 2)]) + 0.5) / 16.0 - 0.5
+Scalar = TypeVar("Scalar", bound=np.generic)
+
 _BLUR_REACH_PX = 8
 _INSIDE_APERTURE_PX = 9.0
-_LEAST_PIXELS = 200
+_LEAST_PIXELS, _LEAST_SIDE = 200, 8
 _MOVES_MM, _BORE_REACH_MM = 0.5, 0.8
 
 
@@ -44,9 +44,8 @@ class Window:
         Grey values of the whole rectangle divided by `grey_scale`, shape of the rectangle.
     along_mm, across_mm
         Position of the strip's pixels in the nail's plane at the start pose, shape (N,).
-    slopes, right, down
-        Ray direction (x, y) at z = 1 in the middle of the support's pixels, and its change from column to column and
-        from row to row, shape (S, 2) each.
+    rays
+        Of the support's pixels.
     crossed
         Whether an edge of nail, bore, cannulation or ball may cross a pixel of the support, shape (S,).
     steel_mm
@@ -65,9 +64,7 @@ class Window:
     grey_scale: float
     along_mm: NDArray[np.float64]
     across_mm: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    right: NDArray[np.float64]
-    down: NDArray[np.float64]
+    rays: PixelRays
     crossed: NDArray[np.bool_]
     steel_mm: NDArray[np.float64]
     delrin_mm: NDArray[np.float64]
@@ -110,56 +107,75 @@ def cut_window(
     scale: Scale,
 ) -> Window | None:
     """Take the strip out of the image; `None` when fewer than 200 of its pixels are inside image and aperture."""
-    reduction, strip = scale.reduction, strip_of(nail, surroundings_mm)
-    box = _bounding_box(calibration, strip, camera_from_nail, reduction)
-    if box is None:
+    strip = strip_of(nail, surroundings_mm)
+    grid = _grid_around(calibration, strip, camera_from_nail, scale.reduction)
+    if grid is None:
         return None
-    left, top, columns, rows = box
-    block = pixels[top : top + rows * reduction, left : left + columns * reduction]
-    grey = block.astype(np.float64).reshape(rows, reduction, columns, reduction).mean(axis=(1, 3))
-    centre = 0.5 * (reduction - 1)
-    x, y = np.meshgrid(left + centre + reduction * np.arange(columns), top + centre + reduction * np.arange(rows))
-    centres_px = np.stack([x, y], axis=-1)
-    slopes = _slopes(calibration, centres_px)
+    slopes = _slopes(calibration, grid.centres_px)
     along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
     inside = (along > strip.first_x_mm) & (along < strip.last_x_mm) & (np.abs(across) < strip.half_width_mm)
-    inside &= _in_aperture(calibration, centres_px).ravel()
-    if occluders.hidden is not None:
-        hidden = occluders.hidden[top : top + rows * reduction, left : left + columns * reduction]
-        inside &= ~hidden.reshape(rows, reduction, columns, reduction).any(axis=(1, 3)).ravel()
-    if np.count_nonzero(inside) * reduction**2 < _LEAST_PIXELS:
+    inside &= _usable(grid, calibration, occluders).ravel()
+    if np.count_nonzero(inside) * grid.reduction**2 < _LEAST_PIXELS:
         return None
-    support = np.flatnonzero(_dilated(inside.reshape(rows, columns), _BLUR_REACH_PX))
     compared = np.flatnonzero(inside)
-    middle, right, down = _rays_of(slopes, support)
-    samples = _sample_directions(middle, right, down, SAMPLES_PX)
-    steel = steel_path_mm(samples, occluders, calibration).reshape(len(support), len(SAMPLES_PX))
+    support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
+    rays = pixel_rays(slopes, support)
+    steel = steel_path_mm(sample_directions(rays, SAMPLES_PX), occluders, calibration).reshape(len(support), -1)
+    grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
     grey_scale = float(np.percentile(grey.ravel()[compared], 95.0)) or 1.0
     return Window(
-        reduction,
+        grid.reduction,
         scale.smoothing,
-        (rows, columns),
-        (left + centre, top + centre),
+        grid.shape,
+        grid.origin_px,
         support,
         compared,
         grey / grey_scale,
         grey_scale,
         along[compared],
         across[compared],
-        middle,
-        right,
-        down,
-        _may_be_crossed(along[support], across[support], nail, reduction) | np.any(steel > 0.0, axis=1),
+        rays,
+        _may_be_crossed(along[support], across[support], nail, grid.reduction) | np.any(steel > 0.0, axis=1),
         steel,
         _delrin_map(slopes, occluders),
     )
 
 
-def _bounding_box(
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Rectangle of the image in pixels of `reduction` squared: its first pixel's corner, and rows and columns."""
+
+    left: int
+    top: int
+    shape: tuple[int, int]
+    reduction: int
+
+    @property
+    def origin_px(self) -> tuple[float, float]:
+        """Centre of the first reduced pixel."""
+        centre = 0.5 * (self.reduction - 1)
+        return self.left + centre, self.top + centre
+
+    @property
+    def centres_px(self) -> NDArray[np.float64]:
+        """Centres (x, y) of the reduced pixels in the image, shape (rows, columns, 2)."""
+        rows, columns = (self.reduction * np.arange(count) for count in self.shape)
+        x, y = np.meshgrid(self.origin_px[0] + columns, self.origin_px[1] + rows)
+        return np.stack([x, y], axis=-1)
+
+    def blocks_of(self, image: NDArray[Scalar]) -> NDArray[Scalar]:
+        """What an image holds, shape (rows, reduction, columns, reduction)."""
+        rows, columns = self.shape
+        side = self.reduction
+        block = image[self.top : self.top + rows * side, self.left : self.left + columns * side]
+        return block.reshape(rows, side, columns, side)
+
+
+def _grid_around(
     calibration: CArmCalibration, strip: Strip, camera_from_nail: Transform[Camera, Nail], reduction: int
-) -> tuple[int, int, int, int] | None:
+) -> _Grid | None:
     corners = np.array(
         [(x, y, 0.0) for x in (strip.first_x_mm, strip.last_x_mm) for y in (-strip.half_width_mm, strip.half_width_mm)]
     )
@@ -169,9 +185,17 @@ def _bounding_box(
     limit = np.array([calibration.width_px, calibration.height_px])
     high = np.minimum(np.ceil(px.max(axis=0)) + margin + 1, limit).astype(int)
     columns, rows = (int(v) for v in (high - low) // reduction)
-    if columns < 8 or rows < 8:
+    if columns < _LEAST_SIDE or rows < _LEAST_SIDE:
         return None
-    return int(low[0]), int(low[1]), columns, rows
+    return _Grid(int(low[0]), int(low[1]), (rows, columns), reduction)
+
+
+def _usable(grid: _Grid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
+    """Inside the aperture, and not hidden by something of unknown shape; shape (rows, columns)."""
+    seen = _in_aperture(calibration, grid.centres_px)
+    if occluders.hidden is not None:
+        seen &= ~grid.blocks_of(occluders.hidden).any(axis=(1, 3))
+    return seen
 
 
 def _slopes(calibration: CArmCalibration, centres_px: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -227,26 +251,9 @@ def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return grown
 
 
-def _rays_of(
-    slopes: NDArray[np.float64], places: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Directions at flat places of the rectangle, and their change per column and per row (distortion is smooth)."""
-    down, right = np.gradient(slopes, axis=(0, 1))
-    middle, right, down = (np.ascontiguousarray(a.reshape(-1, 2)[places]) for a in (slopes, right, down))
-    return middle, right, down
-
-
-def _sample_directions(
-    middle: NDArray[np.float64], right: NDArray[np.float64], down: NDArray[np.float64], places_px: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Directions at places within pixels, shape (S * places, 2)."""
-    samples = middle[:, None] + places_px[:, :1] * right[:, None] + places_px[:, 1:] * down[:, None]
-    return np.ascontiguousarray(samples.reshape(-1, 2))
-
-
 def _delrin_map(slopes: NDArray[np.float64], occluders: Occluders) -> NDArray[np.float64]:
     """Mean path in the guide's body over a few samples of every pixel of the rectangle, in mm."""
     everywhere = np.arange(slopes.shape[0] * slopes.shape[1])
     places = SAMPLES_PX[:4]
-    path = delrin_path_mm(_sample_directions(*_rays_of(slopes, everywhere), places), occluders)
+    path = delrin_path_mm(sample_directions(pixel_rays(slopes, everywhere), places), occluders)
     return np.asarray(path.reshape(*slopes.shape[:2], len(places)).mean(axis=-1))

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.nail.pixel_rays import SAMPLES_PX, PixelRays
 from services.registration.core.nail.shade import (
     CHAMFER,
     DERIVATIVES,
@@ -15,8 +16,7 @@ from services.registration.core.nail.shade import (
     NAIL_RADIUS,
     POWER,
 )
-from services.registration.core.nail.transmission import RayArguments, trace
-from services.registration.core.nail.window import SAMPLES_PX
+from services.registration.core.nail.transmission import NailShape, trace
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 
@@ -38,8 +38,8 @@ def transmitted(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.
     out, by_cause = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES))
     steel = np.zeros((len(rays), len(CENTRE_ONLY)))
     crossed = np.ones(len(rays), dtype=bool)
-    shape = (ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 1.0)
-    trace(rays, none, none, CENTRE_ONLY, crossed, steel, *shape, out, by_cause)
+    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 1.0)
+    trace(PixelRays(rays, none, none), CENTRE_ONLY, crossed, steel, nail, out, by_cause)
     return out
 
 
@@ -78,10 +78,11 @@ def test_pixels_that_an_edge_crosses_are_sampled_more_finely() -> None:
     out, by_cause = np.empty(1), np.empty((1, DERIVATIVES))
     steel = np.full((1, len(places)), 1e3)
     steel[:, :3] = 0.0
-    arguments = (ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 1.0, out, by_cause)
-    trace(beside, right, np.zeros((1, 2)), places, np.ones(1, dtype=bool), steel, *arguments)
+    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 1.0)
+    rays_beside = PixelRays(beside, right, np.zeros((1, 2)))
+    trace(rays_beside, places, np.ones(1, dtype=bool), steel, nail, out, by_cause)
     assert out[0] == pytest.approx(3.0 / 8.0)
-    trace(beside, right, np.zeros((1, 2)), places, np.zeros(1, dtype=bool), steel, *arguments)
+    trace(rays_beside, places, np.zeros(1, dtype=bool), steel, nail, out, by_cause)
     assert out[0] == pytest.approx(1.0)
 
 
@@ -97,19 +98,18 @@ STEPS = {k: 0.004 if k < 3 else 0.02 for k in range(MOTION_SIZE)} | {
 }
 
 
-def picture(cannulation_mm: float) -> RayArguments:
-    """All pixels around the first hole of a nail that is tilted by 3 and 5 degrees."""
-    pose = Rotation.from_euler("zyx", [25.0, 3.0, -5.0], degrees=True).as_matrix()
+def rays_of_picture() -> PixelRays:
+    """Through all pixels of the picture."""
     x, y = np.meshgrid(np.arange(COLUMNS) - 0.5 * COLUMNS, np.arange(ROWS) - 0.5 * ROWS)
     slopes = PIXEL * np.column_stack([x.ravel(), y.ravel()])
     steps = np.full((len(slopes), 1), PIXEL)
-    return RayArguments(
-        slopes,
-        np.hstack([steps, 0.0 * steps]),
-        np.hstack([0.0 * steps, steps]),
-        SAMPLES_PX,
-        np.ones(len(slopes), dtype=bool),
-        np.zeros((len(slopes), len(SAMPLES_PX))),
+    return PixelRays(slopes, np.hstack([steps, 0.0 * steps]), np.hstack([0.0 * steps, steps]))
+
+
+def nail_in_picture(cannulation_mm: float) -> NailShape:
+    """A nail that is tilted by 3 and 5 degrees, its first hole in the middle."""
+    pose = Rotation.from_euler("zyx", [25.0, 3.0, -5.0], degrees=True).as_matrix()
+    return NailShape(
         np.ascontiguousarray(pose),
         np.array([0.0, 0.0, 640.0]) - pose @ [15.0, 0.0, 0.0],
         5.5,
@@ -124,39 +124,38 @@ def blurred(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(gaussian_filter(values.reshape(ROWS, COLUMNS), BLUR_PX))
 
 
-def traced(arguments: RayArguments) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    count = len(arguments.slopes)
+def traced(nail: NailShape) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    rays = rays_of_picture()
+    count = len(rays.slopes)
     passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES))
-    trace(*arguments, passed, by_cause)
+    trace(rays, SAMPLES_PX, np.ones(count, dtype=bool), np.zeros((count, len(SAMPLES_PX))), nail, passed, by_cause)
     return passed, by_cause
 
 
-def moved(arguments: RayArguments, cause: int, by: float) -> RayArguments:
+def moved(nail: NailShape, cause: int, by: float) -> NailShape:
     if cause < MOTION_SIZE:
         motion = np.eye(MOTION_SIZE)[cause] * by
-        pose = Transform[Camera, Nail].from_rotation_translation(arguments.rotation, arguments.translation_mm)
+        pose = Transform[Camera, Nail].from_rotation_translation(nail.rotation, nail.translation_mm)
         pose = pose @ Transform[Nail, Nail].from_rotvec(motion[:3], motion[3:])
-        return arguments._replace(
-            rotation=np.ascontiguousarray(pose.rotation), translation_mm=np.array(pose.translation_mm)
-        )
+        return nail._replace(rotation=np.ascontiguousarray(pose.rotation), translation_mm=np.array(pose.translation_mm))
     if cause == HOLE_RADIUS:
-        return arguments._replace(bores=arguments.bores + by * np.eye(8)[6])
+        return nail._replace(bores=nail.bores + by * np.eye(8)[6])
     if cause == NAIL_RADIUS:  # the chamfer's depth stays the same
-        return arguments._replace(radius_mm=arguments.radius_mm + by, bores=arguments.bores + by * np.eye(8)[7])
+        return nail._replace(radius_mm=nail.radius_mm + by, bores=nail.bores + by * np.eye(8)[7])
     if cause == CHAMFER:
-        return arguments._replace(bores=arguments.bores - by * np.eye(8)[7])
+        return nail._replace(bores=nail.bores - by * np.eye(8)[7])
     if cause == LOG_ATTENUATION:
-        return arguments._replace(attenuation=arguments.attenuation * np.exp(by))
-    return arguments._replace(power=arguments.power + by)
+        return nail._replace(attenuation=nail.attenuation * np.exp(by))
+    return nail._replace(power=nail.power + by)
 
 
 @pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
 @pytest.mark.parametrize("cause", range(DERIVATIVES))
 def test_derivatives_agree_with_differences_over_a_tenth_of_a_pixel(cause: int, cannulation_mm: float) -> None:
-    arguments, step = picture(cannulation_mm), STEPS[cause]
-    sides = [blurred(traced(moved(arguments, cause, side * step))[0]) for side in (0.5, -0.5)]
+    nail, step = nail_in_picture(cannulation_mm), STEPS[cause]
+    sides = [blurred(traced(moved(nail, cause, side * step))[0]) for side in (0.5, -0.5)]
     expected = (sides[0] - sides[1]) / step
-    found = blurred(traced(arguments)[1][:, cause])
+    found = blurred(traced(nail)[1][:, cause])
     size = float(np.sum(expected**2))
     assert float(np.sum(expected * found)) / size == pytest.approx(1.0, abs=0.03)
     assert float(np.sum((expected - found) ** 2)) / size < 0.1**2

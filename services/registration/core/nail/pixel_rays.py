@@ -1,0 +1,40 @@
+"""The rays that pixels see: through the middle of each, and at places within it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+# A lattice of 16 places with a row and a column of its own for each; every fourth place first, since those four alone
+# stand for pixels that no edge crosses.
+_LATTICE = np.stack([np.arange(16), 7 * np.arange(16) % 16], axis=1)
+SAMPLES_PX = (np.concatenate([_LATTICE[start::4] for start in (1, 3, 0, 2)]) + 0.5) / 16.0 - 0.5
+
+
+class PixelRays(NamedTuple):
+    """Directions (x, y) at z = 1 in the camera's frame, shape (S, 2) each.
+
+    Attributes
+    ----------
+    slopes
+        Through the middle of each pixel.
+    right, down
+        Their change from column to column and from row to row.
+    """
+
+    slopes: NDArray[np.float64]
+    right: NDArray[np.float64]
+    down: NDArray[np.float64]
+
+
+def pixel_rays(slopes: NDArray[np.float64], places: NDArray[np.int64]) -> PixelRays:
+    """Rays at flat places, shape (S,), of a rectangle whose pixels' directions have shape (rows, columns, 2)."""
+    # differences between neighbours are good enough: distortion is smooth
+    down, right = np.gradient(slopes, axis=(0, 1))
+    return PixelRays(*(np.ascontiguousarray(a.reshape(-1, 2)[places]) for a in (slopes, right, down)))
+
+
+def sample_directions(rays: PixelRays, places_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Directions at places within each pixel, shape (K, 2); pixel by pixel, shape (S * K, 2)."""
+    samples = rays.slopes[:, None] + places_px[:, :1] * rays.right[:, None] + places_px[:, 1:] * rays.down[:, None]
+    return np.ascontiguousarray(samples.reshape(-1, 2))
