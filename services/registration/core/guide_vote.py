@@ -5,6 +5,62 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.compiled import compiled
 
+# Depth of the guide's origin (0: impossible), cosine and sine of its turn about the beam, and its place across it.
+Placement = tuple[float, float, float, float, float]
+_IMPOSSIBLE = (0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+@compiled
+def _placement(
+    a: NDArray[np.float64], b: NDArray[np.float64], rays: NDArray[np.float64], depth_range_mm: tuple[float, float]
+) -> Placement:
+    """Where the guide is when balls a and b, turned into a direction already, lie on the rays of two discs.
+
+    With q = (x/z, y/z) of the discs' rays and depth t of the guide's origin, the balls lie at q_a (t + z_a) and
+    q_b (t + z_b) across the beam; that they are the known length apart is a quadratic equation in t.
+    """
+    ux, uy = rays[0, 0] - rays[1, 0], rays[0, 1] - rays[1, 1]
+    vx, vy = rays[0, 0] * a[2] - rays[1, 0] * b[2], rays[0, 1] * a[2] - rays[1, 1] * b[2]
+    dx, dy = a[0] - b[0], a[1] - b[1]
+    length2, uu, uv = dx * dx + dy * dy, ux * ux + uy * uy, ux * vx + uy * vy
+    root2 = uv * uv - uu * (vx * vx + vy * vy - length2)
+    if root2 <= 0.0 or length2 < 1.0:
+        return _IMPOSSIBLE
+    t = (-uv + np.sqrt(root2)) / uu
+    if t < depth_range_mm[0] or t > depth_range_mm[1]:
+        return _IMPOSSIBLE
+    ax, ay = t * ux + vx, t * uy + vy
+    cos, sin = (ax * dx + ay * dy) / length2, (ay * dx - ax * dy) / length2
+    tx = rays[0, 0] * (t + a[2]) - (cos * a[0] - sin * a[1])
+    ty = rays[0, 1] * (t + a[2]) - (sin * a[0] + cos * a[1])
+    return t, cos, sin, tx, ty
+
+
+@compiled
+def _balls_on_discs(
+    turned_mm: NDArray[np.float64],
+    placement: Placement,
+    cell_from_slope: NDArray[np.float64],
+    occupied: NDArray[np.uint8],
+    stride: int,
+) -> int:
+    """Number of balls, shape (N, 3), on discs; 0 when given up."""
+    t, cos, sin, tx, ty = placement
+    hits = 0
+    # balls are visited in strides, so that the first few already reach all over the pattern
+    for offset in range(stride):
+        for n in range(offset, turned_mm.shape[0], stride):
+            z = t + turned_mm[n, 2]
+            x = (cos * turned_mm[n, 0] - sin * turned_mm[n, 1] + tx) / z
+            y = (sin * turned_mm[n, 0] + cos * turned_mm[n, 1] + ty) / z
+            column = int(cell_from_slope[0, 0] * x + cell_from_slope[0, 1] * y + cell_from_slope[0, 2])
+            row = int(cell_from_slope[1, 0] * x + cell_from_slope[1, 1] * y + cell_from_slope[1, 2])
+            if 0 <= row < occupied.shape[0] and 0 <= column < occupied.shape[1]:
+                hits += occupied[row, column]
+        if hits < 2 * offset and offset < 3:
+            return 0
+    return hits
+
 
 @compiled
 def vote(
@@ -18,9 +74,6 @@ def vote(
     probes: int,
 ) -> NDArray[np.int16]:
     """Score every direction and every ordered pair of balls, taken for one pair of discs.
-
-    With q = (x/z, y/z) of the discs' rays and depth t of the guide's origin, the balls lie at q_a (t + z_i) and
-    q_b (t + z_j) across the beam; that they are the known length apart is a quadratic equation in t.
 
     Parameters
     ----------
@@ -47,41 +100,11 @@ def vote(
     """
     directions, balls = turned_mm.shape[0], turned_mm.shape[1]
     score = np.zeros((directions, len(first)), dtype=np.int16)
-    ux, uy = rays[0, 0] - rays[1, 0], rays[0, 1] - rays[1, 1]
-    uu = ux * ux + uy * uy
     stride = max(1, balls // probes)
     for d in range(directions):
+        turned = turned_mm[d]
         for p in range(len(first)):
-            i, j = first[p], second[p]
-            dx, dy = turned_mm[d, i, 0] - turned_mm[d, j, 0], turned_mm[d, i, 1] - turned_mm[d, j, 1]
-            zi, zj = turned_mm[d, i, 2], turned_mm[d, j, 2]
-            vx, vy = rays[0, 0] * zi - rays[1, 0] * zj, rays[0, 1] * zi - rays[1, 1] * zj
-            length2 = dx * dx + dy * dy
-            uv = ux * vx + uy * vy
-            root2 = uv * uv - uu * (vx * vx + vy * vy - length2)
-            if root2 <= 0.0 or length2 < 1.0:
-                continue
-            t = (-uv + np.sqrt(root2)) / uu
-            if t < depth_range_mm[0] or t > depth_range_mm[1]:
-                continue
-            ax, ay = t * ux + vx, t * uy + vy
-            cos, sin = (ax * dx + ay * dy) / length2, (ay * dx - ax * dy) / length2
-            tx = rays[0, 0] * (t + zi) - (cos * turned_mm[d, i, 0] - sin * turned_mm[d, i, 1])
-            ty = rays[0, 1] * (t + zi) - (sin * turned_mm[d, i, 0] + cos * turned_mm[d, i, 1])
-            hits = 0
-            seen = 0
-            # balls are visited in strides, so that the first few already reach all over the pattern
-            for offset in range(stride):
-                for n in range(offset, balls, stride):
-                    z = t + turned_mm[d, n, 2]
-                    x = (cos * turned_mm[d, n, 0] - sin * turned_mm[d, n, 1] + tx) / z
-                    y = (sin * turned_mm[d, n, 0] + cos * turned_mm[d, n, 1] + ty) / z
-                    column = int(cell_from_slope[0, 0] * x + cell_from_slope[0, 1] * y + cell_from_slope[0, 2])
-                    row = int(cell_from_slope[1, 0] * x + cell_from_slope[1, 1] * y + cell_from_slope[1, 2])
-                    if 0 <= row < occupied.shape[0] and 0 <= column < occupied.shape[1]:
-                        hits += occupied[row, column]
-                seen += 1
-                if hits < 2 * offset and offset < 3:
-                    break
-            score[d, p] = hits if seen == stride else 0
+            placement = _placement(turned[first[p]], turned[second[p]], rays, depth_range_mm)
+            if placement[0] > 0.0:
+                score[d, p] = _balls_on_discs(turned, placement, cell_from_slope, occupied, stride)
     return score
