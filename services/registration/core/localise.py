@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
 from services.registration.core.fronto_parallel import fronto_parallel_from_start
 from services.registration.core.guide import GuideFit, locate_guide
-from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate, hole_estimates, model_covariance
+from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate, hole_estimates
 from services.registration.core.judge import judge
 from services.registration.core.nail.coarse import NailStart, find_nail
 from services.registration.core.nail.coarse_cover import covered_pixels
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
+from services.registration.core.pose_evidence import model_covariance
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.guide import GuideFit
-from services.registration.core.hole_axes import MODEL_SD_MM, NailEstimate, hole_estimates, model_covariance
+from services.registration.core.hole_axes import NailEstimate, hole_estimates
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
+from services.registration.core.pose_evidence import MODEL_SD_MM, model_covariance
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import hole_surface_points

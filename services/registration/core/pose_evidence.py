@@ -1,0 +1,201 @@
+"""What one image says of `guide_from_nail`: the pose, and its errors sorted by what shares them.
+
+An error is a small motion of the nail in its own frame, rotation (rad) before translation (mm), shape (6,): the truth
+is ``guide_from_nail @ motion``. Sorting matters as soon as there are several images: their noise averages out, the
+model's own errors do not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.guide import GuideFit
+from services.registration.core.passing import across_basis
+from services.registration.core.pose import Correspondences, RigidPose, refine_pose
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.lines import read_only, unit
+from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
+from shared.geometry.transform import Transform
+
+# What is left of the model's own errors after all that the fit floats: standard deviation of the tilt about the nail's
+# x and y axes, and of its place across the beam, from independent images and own scenes.
+MODEL_SD_DEG = 0.04
+MODEL_SD_MM = 0.02
+_RIM_POINTS = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEvidence:
+    """What one image says of `guide_from_nail`.
+
+    Attributes
+    ----------
+    guide_from_nail
+        The pose.
+    ray_nail
+        Unit direction of the ray to the nail, in the nail's frame, shape (3,): from where it was seen.
+    own_covariance
+        Of the errors that no other image shares: the guide's balls and the C-arm's calibration, shape (6, 6).
+    texture_covariance
+        Of the nail's fit to its pixels, shape (6, 6): noise, which is new in every image, and the bone's texture, which
+        is the same in every image from the same direction.
+    model_loadings
+        The model's own errors, one standard deviation each, as columns, shape (6, M): common to all images.
+    """
+
+    guide_from_nail: Transform[Guide, Nail]
+    ray_nail: NDArray[np.float64]
+    own_covariance: NDArray[np.float64]
+    texture_covariance: NDArray[np.float64]
+    model_loadings: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("ray_nail", "own_covariance", "texture_covariance", "model_loadings"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Of the pose from this image alone, shape (6, 6)."""
+        model = self.model_loadings @ self.model_loadings.T
+        return np.asarray(self.own_covariance + self.texture_covariance + model)
+
+
+def pose_evidence(
+    calibration: CArmCalibration,
+    guide: GuidePart,
+    nail: NailPart,
+    guide_fit: GuideFit,
+    camera_from_nail: Transform[Camera, Nail],
+    fit_covariance: NDArray[np.float64],
+) -> PoseEvidence:
+    """Put together what guide, nail and C-arm calibration of one image leave uncertain.
+
+    Parameters
+    ----------
+    fit_covariance
+        Of the nail's fit to its pixels, in the nail's own frame, shape (6, 6), without the model's own errors.
+    """
+    guide_from_nail = guide_fit.camera_from_guide.inverse() @ camera_from_nail
+    by_guide = motion_of_nail(guide_from_nail)
+    own = by_guide @ guide_fit.covariance @ by_guide.T
+    for other in _poses_for_other_sources(calibration, guide, nail, guide_fit, camera_from_nail):
+        motion = motion_between(guide_from_nail, other)
+        own = own + np.outer(motion, motion)
+    ray_nail = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
+    return PoseEvidence(guide_from_nail, ray_nail, own, fit_covariance, model_loadings(nail, camera_from_nail))
+
+
+def model_loadings(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
+    """What the model itself leaves uncertain: columns of one standard deviation each, shape (6, 5).
+
+    Tilt about the nail's x and y axes, place along them, and depth. The depth follows from the distance of the
+    outermost holes, or the nail's width where there is but one hole: that distance is off by as much as the nail's
+    place, and depth is to its error as the distance is to its own. An error of depth moves the nail along the ray, and
+    so across its holes when they are tilted against it.
+    """
+    along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
+    known_mm = max(max(along) - min(along), nail.diameter_mm)
+    depth_sd_mm = MODEL_SD_MM * float(camera_from_nail.translation_mm[2]) / known_mm
+    loadings = np.zeros((6, 5))
+    loadings[[0, 1], [0, 1]] = np.radians(MODEL_SD_DEG)
+    loadings[[3, 4], [2, 3]] = MODEL_SD_MM
+    loadings[3:, 4] = depth_sd_mm * (camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm))
+    return loadings
+
+
+def model_covariance(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
+    """Covariance of the model's own errors in one image, shape (6, 6)."""
+    loadings = model_loadings(nail, camera_from_nail)
+    return np.asarray(loadings @ loadings.T)
+
+
+def motion_of_nail(guide_from_nail: Transform[Guide, Nail]) -> NDArray[np.float64]:
+    """Small motions of the guide in its own frame as motions of the nail in its own, shape (6, 6).
+
+    A motion (w, t) of the guide moves its point y by w x y + t; with y = R x + p that is the nail's motion
+    (R'w, R'(w x p + t)).
+    """
+    turned = guide_from_nail.rotation.T
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3] = matrix[3:, 3:] = turned
+    matrix[3:, :3] = -turned @ cross_matrix(guide_from_nail.translation_mm)
+    return matrix
+
+
+def motion_between(reference: Transform[Guide, Nail], other: Transform[Guide, Nail]) -> NDArray[np.float64]:
+    """Small motion of the nail in its own frame that takes one pose to another, shape (6,)."""
+    between: Transform[Nail, Nail] = reference.inverse() @ other
+    return np.concatenate([between.rotation_vector_rad, between.translation_mm])
+
+
+def moved_by(pose: Transform[Guide, Nail], motion: NDArray[np.float64]) -> Transform[Guide, Nail]:
+    """The pose after a small motion of the nail in its own frame, shape (6,)."""
+    step: Transform[Nail, Nail] = Transform.from_rotvec(motion[:3], motion[3:])
+    return pose @ step
+
+
+def cross_matrix(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The matrix that takes a vector to the cross product of `v` with it, shape (3, 3)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def _poses_for_other_sources(
+    calibration: CArmCalibration,
+    guide: GuidePart,
+    nail: NailPart,
+    guide_fit: GuideFit,
+    camera_from_nail: Transform[Camera, Nail],
+) -> tuple[Transform[Guide, Nail], ...]:
+    """What `guide_from_nail` would be if the focal spot lay one standard deviation elsewhere.
+
+    The image stays as it is: guide and nail are fitted again, to the same pixels, by the camera with the other source.
+    Of the nail the rims of its holes are taken, because they carry its pose.
+    """
+    rims = _rim_points(nail)
+    nail_pose = RigidPose(camera_from_nail.rotation, camera_from_nail.translation_mm)
+    rims_px = calibration.camera.project(nail_pose.points(rims))
+    seen_nail = Correspondences(rims, rims_px, np.full(len(rims), 0.1))
+    guide_pose = RigidPose(guide_fit.camera_from_guide.rotation, guide_fit.camera_from_guide.translation_mm)
+    used = guide_fit.used
+    balls = guide.balls.position_mm[used]
+    seen_guide = Correspondences(
+        balls, calibration.camera.project(guide_pose.points(balls)), guide_fit.standard_deviation_px[used]
+    )
+    found = []
+    for camera in _cameras_with_other_sources(calibration):
+        g, n = refine_pose(camera, guide_pose, seen_guide), refine_pose(camera, nail_pose, seen_nail)
+        other_guide: Transform[Camera, Guide] = Transform.from_rotation_translation(g.rotation, g.translation_mm)
+        other_nail: Transform[Camera, Nail] = Transform.from_rotation_translation(n.rotation, n.translation_mm)
+        found.append(other_guide.inverse() @ other_nail)
+    return tuple(found)
+
+
+def _cameras_with_other_sources(calibration: CArmCalibration) -> tuple[PinholeCamera, ...]:
+    """Cameras whose focal spot is moved by one standard deviation along the axes of its covariance.
+
+    The image plane stays where it is, at the ring: a shift across the beam moves the principal point, one along the
+    beam changes the focal length.
+    """
+    to_camera = calibration.camera_from_ring.rotation
+    values, vectors = np.linalg.eigh(to_camera @ calibration.source_covariance_mm2 @ to_camera.T)
+    px_per_mm = calibration.camera.focal_length_px / float(calibration.camera_from_ring.translation_mm[2])
+    cameras = []
+    for value, direction in zip(values, vectors.T, strict=True):
+        x, y, z = np.sqrt(max(float(value), 0.0)) * direction * px_per_mm
+        K = calibration.camera.intrinsic_matrix_px + np.array([[-z, 0.0, x], [0.0, -z, y], [0.0, 0.0, 0.0]])
+        cameras.append(PinholeCamera(K))
+    return tuple(cameras)
+
+
+def _rim_points(nail: NailPart) -> NDArray[np.float64]:
+    """Points on the circles where the holes meet the nail's surface, in the nail's frame, shape (K, 3), in mm."""
+    return np.concatenate([_rims_of(nail, hole) for hole in nail.holes])
+
+
+def _rims_of(nail: NailPart, hole: Hole) -> NDArray[np.float64]:
+    angle = 2.0 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(hole.axis.direction)
+    return np.concatenate([end + 0.5 * hole.diameter_mm * circle for end in hole_surface_points(nail, hole)])
