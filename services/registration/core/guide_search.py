@@ -204,7 +204,7 @@ def _identities(
         pose = _posed(views, int(d), int(p), slopes)
         if not any(_same(pose, other, 8.0, 15.0) for other in poses):
             poses.append(pose)
-    return [_settled(camera, balls_mm, discs, pose) for pose in poses]
+    return [settled(camera, balls_mm, discs, pose) for pose in poses]
 
 
 def _posed(views: _Views, direction: int, pair: int, slopes: NDArray[np.float64]) -> RigidPose:
@@ -220,7 +220,7 @@ def _posed(views: _Views, direction: int, pair: int, slopes: NDArray[np.float64]
     return RigidPose(rotation @ views.rotation[direction], np.array([xy[0], xy[1], depth]))
 
 
-def _settled(camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: RigidPose) -> GuideIdentity:
+def settled(camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: RigidPose) -> GuideIdentity:
     """Assign discs to balls and refine, with a shrinking tolerance."""
     for tolerance_px in (10.0, 6.0, 4.0, 2.5, TIGHT_PX):
         ball, disc = _assigned(camera, balls_mm, discs, pose, tolerance_px)
