@@ -26,7 +26,13 @@ _PORTS = (
 
 
 def _locate_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("image", type=Path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
+    parser.add_argument(
+        "images",
+        type=Path,
+        nargs="+",
+        metavar="image",
+        help="PNG or TIFF of 8 or 16 bits, or DICOM; several of the same set-up, as they were taken, are joined",
+    )
     add_image_arguments(parser)
     parser.add_argument("--method", choices=["model", "fronto-parallel"], default="model", help="ours, or the paper's")
     parser.add_argument("--overlay", type=Path, metavar="OUT.png", help="draw what was found")
@@ -140,7 +146,7 @@ def _bench(given: argparse.Namespace) -> int:
 
 
 COMMANDS = (
-    Command("locate", "the nail's hole axes from one X-ray image, or why not", _locate_arguments, _locate),
+    Command("locate", "the nail's hole axes from one X-ray image or several, or why not", _locate_arguments, _locate),
     Command("verify", "K-wires against the nail's hole axes, from one image or a pair", _verify_arguments, _verify),
     Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),

@@ -1,4 +1,4 @@
-"""`distalock locate`: one image and three part files in, both hole axes out, as one JSON object."""
+"""`distalock locate`: one image or several and three part files in, both hole axes out, as one JSON object."""
 
 import argparse
 import sys
@@ -14,12 +14,13 @@ from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.received_image import Acquisition
+from services.registration.core.fusion_localise import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Method, Parts
 from services.registration.measure import timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.parts import parts_from_json
-from services.registration.report import MeasuredTimes, uncalibrated_message
-from shared.errors import ImageUnreadable, InputError, Rejected
+from services.registration.report import MeasuredTimes, message_of_several, uncalibrated_message
+from shared.errors import ImageUnreadable, InputError, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
 from shared.messages.registration import Localisation
@@ -46,7 +47,7 @@ class NominalOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocatedImage:
-    """Everything one image gave.
+    """Everything one image gave, or several together: then image and calibration are those of the newest one used.
 
     Attributes
     ----------
@@ -98,6 +99,35 @@ def locate_image(
     return LocatedImage(received.pixels, outcome.value, result, message)
 
 
+def locate_images(
+    images: tuple[Path, ...], parts: Parts, nominal: NominalOptions, method: Method = Method.MODEL
+) -> LocatedImage:
+    """Localise in one image file, or in several of the same set-up, in the order in which they were taken.
+
+    Raises
+    ------
+    InputError
+        When a file is not an image that can be measured, or one image is given twice.
+    """
+    located = tuple(locate_image(image, parts, nominal, method) for image in images)
+    if len(located) == 1:
+        return located[0]
+    hashes = [one.message.image.sha256 for one in located]
+    for k, sha256 in enumerate(hashes):
+        if sha256 in hashes[:k]:
+            raise InputError(f"{images[k]}: is the same image as {images[hashes.index(sha256)]}; give each image once")
+    names = tuple(image.name for image in images)
+    fused = fuse_localisations(tuple(_localised(*one) for one in zip(names, located, strict=True)), parts)
+    message = message_of_several(fused, tuple(one.message for one in located), names)
+    shown = located[-1 if fused is None else fused.shown]
+    return LocatedImage(shown.pixels, shown.calibration, shown.result if fused is None else fused.result, message)
+
+
+def _localised(name: str, located: LocatedImage) -> LocalisedImage:
+    reasons = tuple(Reason(reason.code, reason.message) for reason in located.message.reasons)
+    return LocalisedImage(name, located.calibration, located.result, reasons)
+
+
 def _content(image: Path) -> bytes:
     try:
         return image.read_bytes()
@@ -110,7 +140,7 @@ def run(given: argparse.Namespace) -> int:
     try:
         parts = read_parts(given.ring, given.guide, given.nail)
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
-        located = locate_image(given.image, parts, nominal, Method(given.method))
+        located = locate_images(tuple(given.images), parts, nominal, Method(given.method))
         if given.overlay is not None:
             drawn = overlay_png(located.pixels, located.calibration, located.result, parts)
             _write_overlay(given.overlay, drawn)

@@ -41,6 +41,7 @@ class ReasonCode(StrEnum):
     UNCERTAINTY_TOO_LARGE = "uncertainty_too_large"
     TILT_TOO_LARGE = "tilt_too_large"
     WIRE_NOT_FOUND = "wire_not_found"
+    IMAGES_DISAGREE = "images_disagree"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from services.registration.core.fusion_localise import FusedLocalisation
 from services.registration.core.guide import GuideFit
 from services.registration.core.hole_axes import HoleEstimate, NailEstimate
 from services.registration.core.localise import LocalisationResult, Method
@@ -11,6 +12,8 @@ from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import Matrix3, ReasonMessage, matrix4, vector3
 from shared.messages.registration import (
     CArmCorrection,
+    FusedImage,
+    Fusion,
     Localisation,
     LocalisedCamera,
     LocalisedGuide,
@@ -30,6 +33,58 @@ class MeasuredTimes:
     ring_ms: float | None
     guide_ms: float | None
     nail_ms: float | None
+
+
+class LocalisationOfSeveral(Localisation):
+    """What `distalock locate` prints for several images: what it prints for one, and how the images agree."""
+
+    fusion: Fusion
+
+
+def message_of_several(
+    fused: FusedLocalisation | None, messages: tuple[Localisation, ...], names: tuple[str, ...]
+) -> LocalisationOfSeveral:
+    """The joint localisation of several images, accepted or rejected; `fused` is None when none could be used."""
+    agreement = fusion_message(fused, messages)
+    if fused is None:
+        told = zip(names, messages, strict=True)
+        reasons = tuple(_named(name, reason) for name, message in told for reason in message.reasons)
+        return LocalisationOfSeveral(**dict(messages[-1]) | {"reasons": reasons}, fusion=agreement)
+    result = fused.result
+    joint = {
+        "verdict": "accepted" if result.accepted else "rejected",
+        "reasons": tuple(ReasonMessage.of(reason) for reason in result.reasons),
+        "guide_from_nail": None if result.guide_from_nail is None else matrix4(result.guide_from_nail),
+        "holes": None if result.holes is None else tuple(_hole(hole) for hole in result.holes),
+        "timing_ms": Timing(total=sum(message.timing_ms.total for message in messages)),
+    }
+    return LocalisationOfSeveral(**dict(messages[fused.shown]) | joint, fusion=agreement)
+
+
+def fusion_message(fused: FusedLocalisation | None, messages: tuple[Localisation, ...]) -> Fusion:
+    """How several images agree, and which were used."""
+    images = tuple(
+        FusedImage(
+            sha256=message.image.sha256,
+            verdict=message.verdict,
+            reasons=message.reasons,
+            used=fused is not None and fused.shares[k].used,
+            chi_square=None if fused is None else fused.shares[k].chi_square,
+        )
+        for k, message in enumerate(messages)
+    )
+    if fused is None:
+        return Fusion(images=images, chi_square=0.0, chi_square_limit=0.0, degrees_of_freedom=0)
+    return Fusion(
+        images=images,
+        chi_square=fused.chi_square,
+        chi_square_limit=fused.chi_square_limit,
+        degrees_of_freedom=fused.degrees_of_freedom,
+    )
+
+
+def _named(name: str, reason: ReasonMessage) -> ReasonMessage:
+    return ReasonMessage(code=reason.code, message=f"image {name}: {reason.message}")
 
 
 def localisation_message(

@@ -110,6 +110,33 @@ class Localisation(Message):
     timing_ms: Timing
 
 
+class FusedImage(WireModel):
+    """What became of one of several images of a set-up.
+
+    Attributes
+    ----------
+    used
+        Whether the joint estimate rests on it: it was accepted, or rejected for nothing but its own uncertainty.
+    chi_square
+        By how much the joint chi-square grew through it, about 6 when all is well; None when it was not used, or alone.
+    """
+
+    sha256: Sha256
+    verdict: Verdict
+    reasons: tuple[ReasonMessage, ...]
+    used: bool
+    chi_square: Finite | None
+
+
+class Fusion(WireModel):
+    """How several images of one set-up agree, in the order in which they were taken."""
+
+    images: tuple[FusedImage, ...]
+    chi_square: Finite
+    chi_square_limit: Finite
+    degrees_of_freedom: int = Field(ge=0)
+
+
 class LocalisationRecord(Message):
     """A localisation with its provenance, as registration publishes it for every image of an open case.
 
@@ -160,6 +187,9 @@ class PlanRequest(Message):
     case_id: Identifier
     image_sha256: Sha256
     hole_ids: tuple[str, ...] = Field(min_length=1)
+    earlier_image_sha256: tuple[Sha256, ...] = Field(
+        (), description="Earlier images of the same set-up to fuse with it, in the order in which they were taken."
+    )
 
 
 class PredictedHoleError(WireModel):
@@ -193,6 +223,7 @@ class Plan(Message):
     travel_deg: Finite
     axial_shift_mm: Finite = Field(description="Free travel along the drilling axis that was used to stay in reach.")
     predicted: tuple[PredictedHoleError, ...]
+    fusion: Fusion | None = Field(None, description="What it rests on when that is more than one image.")
 
     def sha256(self) -> str:
         """Hash of the plan's canonical JSON: what an approval quotes."""

@@ -40,8 +40,13 @@ def judge(
         *_alone(nail, estimate),
         *_unexplained(estimate),
         *(reason for hole in holes for reason in _tilted(hole, correction)),
-        *(reason for hole in holes for reason in _uncertain(hole)),
+        *uncertain_holes(holes),
     )
+
+
+def uncertain_holes(holes: tuple[HoleEstimate, ...]) -> tuple[Reason, ...]:
+    """Reasons against holes that are not known well enough, whether from one image or from several."""
+    return tuple(reason for hole in holes for reason in _uncertain(hole))
 
 
 def _extrapolated(calibration: CArmCalibration, nail: NailPart, estimate: NailEstimate) -> Iterator[Reason]:

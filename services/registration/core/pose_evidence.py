@@ -21,8 +21,9 @@ from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
 # What is left of the model's own errors after all that the fit floats: standard deviation of the tilt about the nail's
-# x and y axes, and of its place across the beam, from independent images and own scenes.
+# x and y axes, of the turn about its z axis, and of its place across the beam, from independent images and own scenes.
 MODEL_SD_DEG = 0.04
+MODEL_SD_ABOUT_Z_DEG = 0.02
 MODEL_SD_MM = 0.02
 _RIM_POINTS = 8
 
@@ -37,30 +38,27 @@ class PoseEvidence:
         The pose.
     ray_nail
         Unit direction of the ray to the nail, in the nail's frame, shape (3,): from where it was seen.
-    own_covariance
-        Of the errors that no other image shares: the guide's balls and the C-arm's calibration, shape (6, 6).
-    texture_covariance
-        Of the nail's fit to its pixels, shape (6, 6): noise, which is new in every image, and the bone's texture, which
-        is the same in every image from the same direction.
+    image_covariance
+        Of the errors that come with the image, shape (6, 6): the guide's balls, the C-arm's calibration, and the nail's
+        fit to its pixels. Part is noise; the rest (bone texture, which ball lies on which edge) is the same in every
+        image from the same direction.
     model_loadings
         The model's own errors, one standard deviation each, as columns, shape (6, M): common to all images.
     """
 
     guide_from_nail: Transform[Guide, Nail]
     ray_nail: NDArray[np.float64]
-    own_covariance: NDArray[np.float64]
-    texture_covariance: NDArray[np.float64]
+    image_covariance: NDArray[np.float64]
     model_loadings: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        for name in ("ray_nail", "own_covariance", "texture_covariance", "model_loadings"):
+        for name in ("ray_nail", "image_covariance", "model_loadings"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def covariance(self) -> NDArray[np.float64]:
         """Of the pose from this image alone, shape (6, 6)."""
-        model = self.model_loadings @ self.model_loadings.T
-        return np.asarray(self.own_covariance + self.texture_covariance + model)
+        return np.asarray(self.image_covariance + self.model_loadings @ self.model_loadings.T)
 
 
 def pose_evidence(
@@ -80,18 +78,18 @@ def pose_evidence(
     """
     guide_from_nail = guide_fit.camera_from_guide.inverse() @ camera_from_nail
     by_guide = motion_of_nail(guide_from_nail)
-    own = by_guide @ guide_fit.covariance @ by_guide.T
+    covariance = fit_covariance + by_guide @ guide_fit.covariance @ by_guide.T
     for other in _poses_for_other_sources(calibration, guide, nail, guide_fit, camera_from_nail):
         motion = motion_between(guide_from_nail, other)
-        own = own + np.outer(motion, motion)
+        covariance = covariance + np.outer(motion, motion)
     ray_nail = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
-    return PoseEvidence(guide_from_nail, ray_nail, own, fit_covariance, model_loadings(nail, camera_from_nail))
+    return PoseEvidence(guide_from_nail, ray_nail, covariance, model_loadings(nail, camera_from_nail))
 
 
 def model_loadings(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
-    """What the model itself leaves uncertain: columns of one standard deviation each, shape (6, 5).
+    """What the model itself leaves uncertain: columns of one standard deviation each, shape (6, 6).
 
-    Tilt about the nail's x and y axes, place along them, and depth. The depth follows from the distance of the
+    Rotation about the nail's axes, place along x and y, and depth. The depth follows from the distance of the
     outermost holes, or the nail's width where there is but one hole: that distance is off by as much as the nail's
     place, and depth is to its error as the distance is to its own. An error of depth moves the nail along the ray, and
     so across its holes when they are tilted against it.
@@ -99,10 +97,9 @@ def model_loadings(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) ->
     along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
     known_mm = max(max(along) - min(along), nail.diameter_mm)
     depth_sd_mm = MODEL_SD_MM * float(camera_from_nail.translation_mm[2]) / known_mm
-    loadings = np.zeros((6, 5))
-    loadings[[0, 1], [0, 1]] = np.radians(MODEL_SD_DEG)
-    loadings[[3, 4], [2, 3]] = MODEL_SD_MM
-    loadings[3:, 4] = depth_sd_mm * (camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm))
+    loadings = np.diag(np.radians([MODEL_SD_DEG, MODEL_SD_DEG, MODEL_SD_ABOUT_Z_DEG, 0.0, 0.0, 0.0]))
+    loadings[[3, 4], [3, 4]] = MODEL_SD_MM
+    loadings[3:, 5] = depth_sd_mm * (camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm))
     return loadings
 
 

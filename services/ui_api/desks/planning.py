@@ -39,12 +39,26 @@ class PlanningDesk:
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._commands = view, commands
 
-    def ask_for_plan(self, case: Case, localisation: int, hole_ids: tuple[str, ...]) -> PlanReply:
-        """Have registration plan from a localisation; raises `Refused` or `NoReply`. Moves and records nothing."""
+    def ask_for_plan(
+        self, case: Case, localisation: int, hole_ids: tuple[str, ...], others: tuple[int, ...] = ()
+    ) -> PlanReply:
+        """Have registration plan from a localisation; raises `Refused` or `NoReply`. Moves and records nothing.
+
+        Parameters
+        ----------
+        others
+            Localisations of the same set-up, by number, to fuse with it; it may be among them.
+        """
         _require_ready_for_moves(case)
         require_known_holes(case, hole_ids)
-        measured = _usable_localisation(case, localisation)
-        request = PlanRequest(case_id=case.case_id, image_sha256=measured.image_sha256, hole_ids=hole_ids)
+        earlier = tuple(sorted(set(others) - {localisation}))
+        measured = _usable_localisation(case, localisation) if not earlier else _newest(case, localisation)
+        request = PlanRequest(
+            case_id=case.case_id,
+            image_sha256=measured.image_sha256,
+            hole_ids=hole_ids,
+            earlier_image_sha256=tuple(localisation_of(case, number).image_sha256 for number in earlier),
+        )
         answer = self._bus.query(self._keys.plan_request, encode(request), PLAN_TIMEOUT_S)
         reply = decode(PlanReply, answer.payload)
         if reply.plan is not None:
@@ -163,6 +177,12 @@ def _usable_localisation(case: Case, number: int) -> LocalisationReceived:
             "localisation_rejected",
             f"localisation {number} was rejected ({', '.join(measured.reason_codes)}); take one more image",
         )
+    return _newest(case, number)
+
+
+def _newest(case: Case, number: int) -> LocalisationReceived:
+    """A localisation that still holds, accepted or not; raises `Refused`."""
+    measured = localisation_of(case, number)
     clause = localisation_staleness(case, measured)
     if clause is not None:
         raise conflict("localisation_stale", f"localisation {number} is stale: {clause}; plan from the newest")

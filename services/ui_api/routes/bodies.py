@@ -118,6 +118,10 @@ class PlanBody(Body):
 
     localisation: int = Field(ge=1)
     hole_ids: Annotated[list[Annotated[str, Field(min_length=1, max_length=64)]], Field(min_length=1, max_length=16)]
+    localisations: Annotated[list[Annotated[int, Field(ge=1)]], Field(max_length=16)] = Field(
+        default_factory=list,
+        description="Localisations of the same set-up to fuse with it: same revision, robot in the same place.",
+    )
 
 
 class ApprovalBody(Body):

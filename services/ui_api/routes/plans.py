@@ -19,7 +19,7 @@ from shared.messages.registration import PlanReply
 
 router = APIRouter(prefix="/cases/{case_id}/plans", tags=["plans"])
 # Registration's codes for what the request itself got wrong; all others are about the state of things.
-_CODES_OF_BAD_REQUESTS = frozenset({"unknown_hole"})
+_CODES_OF_BAD_REQUESTS = frozenset({"unknown_hole", "image_twice"})
 
 
 @router.post("", status_code=201, response_model=PlanView)
@@ -32,10 +32,10 @@ def make_plan(
     idempotency: TheIdempotency,
 ) -> Response:
     """Plan the move that brings guide and nail axes together; moves nothing."""
-    hole_ids = tuple(body.hole_ids)
+    hole_ids, others = tuple(body.hole_ids), tuple(body.localisations)
 
     def ask() -> PlanReply:
-        return gateway.planning.ask_for_plan(gateway.cases.case(case_id), body.localisation, hole_ids)
+        return gateway.planning.ask_for_plan(gateway.cases.case(case_id), body.localisation, hole_ids, others)
 
     def act(unit: Unit, reply: PlanReply) -> Answer:
         number = gateway.planning.keep_plan(unit, case_id, body.localisation, hole_ids, reply)

@@ -1,0 +1,167 @@
+"""Do the images of one set-up agree within their covariance? If not: which image is it, or what moved, and when?"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from services.registration.core.fusion import fuse
+from services.registration.core.hole_axes import HoleEstimate, holes_at
+from services.registration.core.passing import angle_deg, axis_offset_mm
+from services.registration.core.pose_evidence import PoseEvidence
+from shared.errors import Reason, ReasonCode
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.parts import NailPart
+from shared.geometry.transform import Transform
+
+# One good set in ten thousand would be refused if predicted uncertainties were true to the letter; they may be too
+# small by a quarter, which is what single images are held to.
+_SURVIVAL = 1e-4
+_EXCESS = 1.25**2
+
+
+@dataclass(frozen=True, slots=True)
+class Grouping:
+    """One way to explain a disagreement: images in two groups, by their indices; each group agrees in itself.
+
+    Attributes
+    ----------
+    chi_square
+        Sum of both groups' own.
+    """
+
+    first: tuple[int, ...]
+    second: tuple[int, ...]
+    chi_square: float
+
+    @property
+    def larger(self) -> tuple[int, ...]:
+        """The group of most images."""
+        return max(self.first, self.second, key=len)
+
+    @property
+    def smaller(self) -> tuple[int, ...]:
+        """The other group."""
+        return self.second if self.larger is self.first else self.first
+
+
+def chi_square_limit(degrees_of_freedom: int) -> float:
+    """Largest chi-square with which images agree."""
+    return _EXCESS * float(chdtri(degrees_of_freedom, _SURVIVAL))
+
+
+def leave_one_out(evidence: tuple[PoseEvidence, ...]) -> NDArray[np.float64]:
+    """By how much chi-square falls when one image is left out, for each image, shape (K,): 6 on average."""
+    whole = fuse(evidence).chi_square
+    return np.array([whole - _chi_square(evidence, _without(len(evidence), k)) for k in range(len(evidence))])
+
+
+def disagreement(
+    evidence: tuple[PoseEvidence, ...],
+    names: tuple[str, ...],
+    nail: NailPart,
+    camera_from_nail: Transform[Camera, Nail],
+) -> Reason | None:
+    """Why the images contradict one another, in the order in which they were taken; None when they agree.
+
+    Parameters
+    ----------
+    names
+        What the images are called in the sentence.
+    camera_from_nail
+        Of any of the images.
+    """
+    if len(evidence) < 2 or _agree(evidence, tuple(range(len(evidence)))):
+        return None
+    found = fuse(evidence)
+    limit = chi_square_limit(found.degrees_of_freedom)
+    grouping = min(_groupings(evidence), key=lambda g: g.chi_square, default=None)
+    parted = grouping or Grouping((0,), tuple(range(1, len(evidence))), np.inf)
+    measured = (
+        f"{_difference(evidence, parted, nail, camera_from_nail)} (chi-square {found.chi_square:.0f} for "
+        f"{found.degrees_of_freedom} degrees of freedom, limit {limit:.0f})"
+    )
+    return Reason(ReasonCode.IMAGES_DISAGREE, _explained(grouping, names, measured))
+
+
+def _explained(grouping: Grouping | None, names: tuple[str, ...], measured: str) -> str:
+    if len(names) == 2:
+        return (
+            f"images {names[0]} and {names[1]} see the nail in different places from the guide: {measured}; the guide "
+            "moved on the bone between them or one of the two is wrong, and two images cannot tell which: check that "
+            "mount and guide are tight and take one more image"
+        )
+    if grouping is None:
+        return (
+            f"no images of the {len(names)} agree so well that the others stand out: {measured}; the guide is not held "
+            "firmly: tighten mount and guide and take all images again"
+        )
+    others = ", ".join(names[k] for k in grouping.larger)
+    if len(grouping.smaller) > 1:
+        between = names[grouping.first[-1]], names[grouping.second[0]]
+        return (
+            f"the guide moved on the bone between images {between[0]} and {between[1]}: {measured}, while the images "
+            "before agree and those after too; check that mount and guide are tight, and use only the images after it"
+        )
+    odd = grouping.smaller[0]
+    if 0 < odd < len(names) - 1:
+        return (
+            f"image {names[odd]} is the odd one: {measured} from images {others}, which agree before and after it; "
+            "leave it out"
+        )
+    when = "before all others" if odd == 0 else "after all others"
+    neighbour = names[1] if odd == 0 else names[odd - 1]
+    return (
+        f"image {names[odd]}, taken {when}, is the odd one: {measured} from images {others}, which agree; either it is "
+        f"wrong or the guide moved on the bone between it and image {neighbour}: check that mount and guide are tight "
+        "and take one more image"
+    )
+
+
+def _groupings(evidence: tuple[PoseEvidence, ...]) -> Iterator[Grouping]:
+    """Ways to part the images in time or to leave one out, after which each part agrees in itself."""
+    count = len(evidence)
+    if count < 3:
+        return
+    parts = [(tuple(range(k)), tuple(range(k, count))) for k in range(1, count)]
+    parts += [((k,), _without(count, k)) for k in range(1, count - 1)]
+    for first, second in parts:
+        if _agree(evidence, first) and _agree(evidence, second):
+            yield Grouping(first, second, _chi_square(evidence, first) + _chi_square(evidence, second))
+
+
+def _agree(evidence: tuple[PoseEvidence, ...], chosen: tuple[int, ...]) -> bool:
+    return len(chosen) < 2 or _chi_square(evidence, chosen) <= chi_square_limit(6 * (len(chosen) - 1))
+
+
+def _chi_square(evidence: tuple[PoseEvidence, ...], chosen: tuple[int, ...]) -> float:
+    return fuse(tuple(evidence[k] for k in chosen)).chi_square
+
+
+def _without(count: int, left_out: int) -> tuple[int, ...]:
+    return tuple(k for k in range(count) if k != left_out)
+
+
+def _difference(
+    evidence: tuple[PoseEvidence, ...], grouping: Grouping, nail: NailPart, camera_from_nail: Transform[Camera, Nail]
+) -> str:
+    """How far the axes of both groups lie apart, at the hole where it is most."""
+    first, second = (
+        holes_at(nail, fuse(tuple(evidence[k] for k in group)).guide_from_nail, None, camera_from_nail)
+        for group in (grouping.first, grouping.second)
+    )
+    apart = [(_entry_apart_mm(a, b), a, b) for a, b in zip(first, second, strict=True)]
+    entry_mm, a, b = max(apart, key=lambda one: one[0])
+    depth_mm = abs(float((b.entry_guide_mm - a.entry_guide_mm) @ a.axis_guide.direction))
+    between_deg = angle_deg(a.axis_guide, b.axis_guide)
+    return (
+        f"the axis of hole '{a.id}' differs by {entry_mm:.2f} mm at its entry and {between_deg:.2f}°, "
+        f"its depth by {depth_mm:.2f} mm"
+    )
+
+
+def _entry_apart_mm(a: HoleEstimate, b: HoleEstimate) -> float:
+    offset = axis_offset_mm(a.axis_guide, b.axis_guide, a.entry_guide_mm, a.exit_guide_mm)
+    return float(np.linalg.norm(offset[:2]))
