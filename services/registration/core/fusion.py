@@ -4,9 +4,9 @@ The guide must be in the same place on the bone in all of them; the C-arm may ha
 seen from another direction, so poses are weighted with their full covariances. The weights take the images as
 independent; the covariance of the result does not:
 
-- what comes with an image (guide's balls, calibration, the nail's fit) is noise, which is new every time, and things that
-  images from the same direction share, such as the bone's texture: the correlation falls with the angle between the
-  directions;
+- what comes with an image (guide's balls, calibration, the nail's fit) is noise, which is new every time, and things
+  that images from the same direction share, such as the bone's texture: the correlation falls with the angle between
+  the directions;
 - the model's own errors are the same in all images, so that they never average out.
 
 Both were measured on set-ups that were seen several times (`docs/benchmarks/fusion.md`).
