@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.lines import angle_between_rad, unit
+from shared.geometry.lines import angle_between_rad, read_only, unit
 from shared.geometry.parts import NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
@@ -58,16 +58,60 @@ class CArmTurn:
         return np.asarray(Rotation.from_rotvec(vector).as_matrix())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Advice:
+    """What a technician is told while the C-arm is turned.
+
+    Attributes
+    ----------
+    tilts
+        Of every hole, in the order of the nail's file.
+    correction
+        Turn of the C-arm that takes their mean away.
+    covariance_deg2
+        Of the nail's rotation about the camera frame's x and y axes, shape (2, 2): that of every tilt and of the
+        correction, because the holes are in one piece of metal.
+    """
+
+    tilts: tuple[HoleTilt, ...]
+    correction: CArmTurn
+    covariance_deg2: NDArray[np.float64]
+
+    @property
+    def about_x_sd_deg(self) -> float:
+        """Standard deviation of tilts and correction about the image's x axis."""
+        return float(np.sqrt(self.covariance_deg2[0, 0]))
+
+    @property
+    def about_y_sd_deg(self) -> float:
+        """Standard deviation of tilts and correction about the image's y axis."""
+        return float(np.sqrt(self.covariance_deg2[1, 1]))
+
+
 def hole_tilts(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> tuple[HoleTilt, ...]:
     """Tilt of every hole against the ray through its middle, in the order of the nail's file."""
-    tilts = []
-    for hole in nail.holes:
-        middle = camera_from_nail @ np.asarray(np.mean(hole_surface_points(nail, hole), axis=0))
-        axis = camera_from_nail.directions(hole.axis.direction)
-        x, y, _ = np.degrees(_rotation_between_rad(unit(middle), axis))
-        angle_deg = float(np.degrees(angle_between_rad(middle, axis)))
-        tilts.append(HoleTilt(hole.id, angle_deg, float(x), float(y)))
-    return tuple(tilts)
+    middles, axes = _middles_and_axes(camera_from_nail, nail)
+    about = np.degrees(_rotations_between_rad(unit(middles), axes))
+    return tuple(
+        HoleTilt(hole.id, float(np.degrees(angle_between_rad(middle, axis))), float(x), float(y))
+        for hole, middle, axis, (x, y, _) in zip(nail.holes, middles, axes, about, strict=True)
+    )
+
+
+def advice(camera_from_nail: Transform[Camera, Nail], covariance: NDArray[np.float64], nail: NailPart) -> Advice:
+    """Tilts and correction with what the pose's covariance leaves open.
+
+    Parameters
+    ----------
+    covariance
+        Of the pose, shape (6, 6), as in `NailEstimate`. Only its rotation counts: a tilt against the ray is seen in the
+        hole itself, so that errors of the nail's place and of the focal spot move ray and axis together.
+    """
+    to_camera = camera_from_nail.rotation
+    turned_deg2 = np.degrees(np.degrees(to_camera @ covariance[:3, :3] @ to_camera.T))
+    return Advice(
+        hole_tilts(camera_from_nail, nail), c_arm_correction_deg(camera_from_nail, nail), read_only(turned_deg2[:2, :2])
+    )
 
 
 def c_arm_correction_deg(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> CArmTurn:
@@ -78,10 +122,13 @@ def c_arm_correction_deg(camera_from_nail: Transform[Camera, Nail], nail: NailPa
     CArmTurn
         See the module's docstring for the exact definition. To first order it is the mean of the tilts itself.
     """
+    middles, axes = _middles_and_axes(camera_from_nail, nail)
+    pivot = middles.mean(axis=0)
     turn_rad = np.zeros(2)
     for _ in range(_ITERATIONS):
-        turn = CArmTurn(*np.degrees(turn_rad).tolist())
-        mean = _mean_tilt_rad(turned(camera_from_nail, nail, turn), nail)
+        old_from_new = CArmTurn(*np.degrees(turn_rad).tolist()).rotation
+        rays = unit((middles - pivot) @ old_from_new + pivot)
+        mean = _rotations_between_rad(rays, axes @ old_from_new).mean(axis=0)[:2]
         turn_rad = turn_rad + mean
         if float(np.abs(mean).max()) < _CONVERGED_RAD:
             break
@@ -98,13 +145,19 @@ def turned(camera_from_nail: Transform[Camera, Nail], nail: NailPart, turn: CArm
     return Transform.from_rotation_translation(rotation, origin)
 
 
-def _mean_tilt_rad(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> NDArray[np.float64]:
-    tilts = hole_tilts(camera_from_nail, nail)
-    return np.asarray(np.radians(np.mean([(t.about_x_deg, t.about_y_deg) for t in tilts], axis=0)))
+def _middles_and_axes(
+    camera_from_nail: Transform[Camera, Nail], nail: NailPart
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Middles of the holes in mm and directions of their axes, in the camera's frame, shape (H, 3) each."""
+    middles = np.array([np.mean(hole_surface_points(nail, hole), axis=0) for hole in nail.holes])
+    axes = np.array([hole.axis.direction for hole in nail.holes])
+    return camera_from_nail.points(middles), axes @ camera_from_nail.rotation.T
 
 
-def _rotation_between_rad(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Smallest rotation, as a vector in radians, that takes one unit direction to another, shape (3,)."""
+def _rotations_between_rad(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Smallest rotations, as vectors in radians, that take unit directions to others, shape (H, 3) all three."""
     normal = np.cross(start, end)
-    sine = float(np.linalg.norm(normal))
-    return np.asarray(normal * (np.arctan2(sine, float(start @ end)) / sine if sine > 0.0 else 1.0))
+    sine = np.linalg.norm(normal, axis=1)
+    angle = np.arctan2(sine, np.sum(start * end, axis=1))
+    factor = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
+    return np.asarray(normal * factor[:, None])

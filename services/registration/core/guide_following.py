@@ -1,0 +1,126 @@
+"""The guide in a frame of running fluoroscopy, from where it was a moment ago: no search over directions.
+
+The discs that imaging has measured already are taken: between two frames the guide's shadow hardly turns, so that one
+shift puts most of its balls near their discs, and a few rounds of assigning and fitting do the rest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from services.registration.core.guide import needed_balls
+from services.registration.core.guide_search import Discs, settled
+from services.registration.core.pose import Correspondences, RigidPose, down_weighted, pose_covariance, refine_pose
+from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.parts import GuidePart
+from shared.geometry.transform import Transform
+
+_LARGEST_SHIFT_PX = 150.0
+_SAME_SHIFT_PX = 8.0
+_POSSIBLE_RADIUS = (0.6, 1.5)
+_SYSTEMATIC_PX = 0.06
+_LARGEST_RMS_PX = 0.8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FollowedGuide:
+    """The guide in this frame.
+
+    Attributes
+    ----------
+    camera_from_guide
+        Its pose.
+    covariance
+        Shape (6, 6), as `GuideFit.covariance`, but with the errors of the balls alone.
+    balls_found, reprojection_rms_px
+        How many balls it rests on, and their rms distance from where the pose puts them.
+    """
+
+    camera_from_guide: Transform[Camera, Guide]
+    covariance: NDArray[np.float64]
+    balls_found: int
+    reprojection_rms_px: float
+
+
+def follow_guide(
+    calibration: CArmCalibration, guide: GuidePart, before: Transform[Camera, Guide]
+) -> Accepted[FollowedGuide] | Rejected:
+    """Find the guide near where it was in an earlier frame.
+
+    Parameters
+    ----------
+    calibration
+        Of this frame; its discs that are not of the ring are the candidates.
+    before
+        Pose in the earlier frame.
+    """
+    pose = RigidPose(before.rotation, before.translation_mm)
+    chosen = _possible_discs(calibration, guide, pose)
+    ideal_px = calibration.distortion.undistort(calibration.balls.centre_px[chosen])
+    needed = needed_balls(len(guide.balls))
+    if len(ideal_px) < needed:
+        return _lost(len(ideal_px), needed, len(guide.balls))
+    balls_mm, camera = guide.balls.position_mm, calibration.camera
+    start = _shifted(pose, calibration, _common_shift_px(camera.project(pose.points(balls_mm)), ideal_px))
+    identity = settled(camera, balls_mm, Discs.of(camera, ideal_px), start)
+    if len(identity) < needed:
+        return _lost(len(identity), needed, len(guide.balls))
+    disc = chosen[identity.disc_index]
+    deviation = np.hypot(calibration.balls.standard_deviation_px[disc], _SYSTEMATIC_PX)
+    seen = Correspondences(balls_mm[identity.ball_index], ideal_px[identity.disc_index], deviation)
+    return _judged(calibration, guide, refine_pose(camera, identity.pose, seen), seen)
+
+
+def _judged(
+    calibration: CArmCalibration, guide: GuidePart, pose: RigidPose, seen: Correspondences
+) -> Accepted[FollowedGuide] | Rejected:
+    apart = seen.ideal_px - calibration.camera.project(pose.points(seen.body_mm))
+    rms_px = float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
+    if rms_px > _LARGEST_RMS_PX:
+        message = (
+            f"{len(seen)} of the guide's {len(guide.balls)} balls lie {rms_px:.2f} px from where the guide as a whole "
+            f"puts them (limit {_LARGEST_RMS_PX} px): it or the patient moves; hold still for a moment"
+        )
+        return Rejected((Reason(ReasonCode.MOTION_BLUR, message),))
+    weighed = down_weighted(calibration.camera, pose, seen)
+    covariance = pose_covariance(calibration.camera, pose, weighed, np.zeros((len(seen), len(seen))))
+    found: Transform[Camera, Guide] = Transform.from_rotation_translation(pose.rotation, pose.translation_mm)
+    return Accepted(FollowedGuide(found, covariance, len(seen), rms_px))
+
+
+def _possible_discs(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose) -> NDArray[np.int64]:
+    """Indices of the discs that are not the ring's, of the size that the guide's balls have at this depth."""
+    balls = calibration.balls
+    radius_px = 0.5 * guide.balls.diameter_mm * calibration.camera.focal_length_px / pose.translation_mm[2]
+    smallest, largest = _POSSIBLE_RADIUS[0] * radius_px.min(), _POSSIBLE_RADIUS[1] * radius_px.max()
+    possible = (balls.radius_px > smallest) & (balls.radius_px < largest) & (balls.ring_index == NOT_OF_THE_RING)
+    return np.flatnonzero(possible).astype(np.int64)
+
+
+def _common_shift_px(predicted_px: NDArray[np.float64], seen_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The shift, shape (2,), that most pairs of a predicted and a seen place have in common."""
+    shifts = (seen_px[None] - predicted_px[:, None]).reshape(-1, 2)
+    shifts = shifts[np.linalg.norm(shifts, axis=1) < _LARGEST_SHIFT_PX]
+    if len(shifts) == 0:
+        return np.zeros(2)
+    near = cKDTree(shifts).query_ball_point(shifts, _SAME_SHIFT_PX)
+    best = max(near, key=len)
+    return np.asarray(np.median(shifts[best], axis=0))
+
+
+def _shifted(pose: RigidPose, calibration: CArmCalibration, shift_px: NDArray[np.float64]) -> RigidPose:
+    """The pose moved across the beam, so that its image shifts."""
+    by_mm = shift_px * float(pose.translation_mm[2]) / calibration.camera.focal_length_px
+    return RigidPose(pose.rotation, pose.translation_mm + np.array([by_mm[0], by_mm[1], 0.0]))
+
+
+def _lost(found: int, needed: int, expected: int) -> Rejected:
+    message = (
+        f"{found} of the guide's {expected} balls were found near where the last frame showed them (limit {needed}): "
+        "the view has jumped, or the guide is covered; hold the C-arm still and keep the guide in the image"
+    )
+    return Rejected((Reason(ReasonCode.GUIDE_NOT_FOUND, message),))

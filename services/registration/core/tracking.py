@@ -1,0 +1,206 @@
+"""Alignment guidance from frame to frame: a key image in full, the frames after it followed, and honest about both.
+
+A key is an image that was localised in full. Every later frame is measured by itself: the guide from where it was, the
+nail from where the guide puts it. A frame answers only when all of this holds in this very frame; otherwise it says
+what is wrong, and nothing of an earlier frame is repeated.
+"""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.alignment import Advice, advice
+from services.registration.core.guide_following import FollowedGuide, follow_guide
+from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.stages import Given
+from services.registration.core.nail_following import FollowedNail, Look, follow_nail, learn_look, mirror_margin
+from services.registration.core.tracking_judgement import (
+    Surprise,
+    reasons_against_frame,
+    reasons_against_margin,
+)
+from shared.errors import Reason, ReasonCode, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.transform import Transform
+
+CHECK_EVERY = 8
+MOST_MISSED = 20
+# With these reasons a localisation is too far off or too unsure to move a robot, and yet good enough to start from.
+_GOOD_ENOUGH_TO_START = frozenset({ReasonCode.TILT_TOO_LARGE, ReasonCode.UNCERTAINTY_TOO_LARGE})
+
+
+class Origin(StrEnum):
+    """Where an answer comes from."""
+
+    LOCALISED = "localised"
+    FOLLOWED = "followed"
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """Confidence in the tilt's sign: as `NailEstimate.mirror_margin`, and how many frames ago it was measured."""
+
+    log_likelihood_ratio: float | None
+    frames_ago: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Key:
+    """A fully localised image, as far as later frames need it.
+
+    Attributes
+    ----------
+    covariance
+        Of the nail's pose in it, as `NailEstimate.covariance`.
+    """
+
+    guide_from_nail: Transform[Guide, Nail]
+    covariance: NDArray[np.float64]
+    look: Look
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """What one frame hands on to the next.
+
+    Attributes
+    ----------
+    camera_from_guide
+        In the last frame in which it was found.
+    margin
+        Measured in the key, or in the frame that was checked last.
+    missed
+        Frames in a row without an answer.
+    """
+
+    key: Key
+    camera_from_guide: Transform[Camera, Guide]
+    margin: Margin
+    missed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """What one frame says: advice, or the reasons why there is none.
+
+    Attributes
+    ----------
+    camera_from_guide
+        Of this frame; None where the guide was not found.
+    """
+
+    origin: Origin
+    advice: Advice | None
+    margin: Margin | None
+    reasons: tuple[Reason, ...]
+    camera_from_guide: Transform[Camera, Guide] | None
+
+
+def begin_track(
+    pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, found: LocalisationResult
+) -> Track | None:
+    """Make an image that was localised in full a key; `None` when it cannot be one.
+
+    Parameters
+    ----------
+    pixels
+        The image as received.
+    found
+        Its localisation.
+    """
+    guide, nail = found.guide, found.nail
+    usable = all(reason.code in _GOOD_ENOUGH_TO_START for reason in found.reasons)
+    if guide is None or nail is None or found.guide_from_nail is None or nail.covariance is None or not usable:
+        return None
+    given = _given(pixels, calibration, parts, guide.camera_from_guide)
+    look = learn_look(given, nail.camera_from_nail)
+    if look is None:
+        return None
+    key = Key(found.guide_from_nail, nail.covariance, look)
+    return Track(key, guide.camera_from_guide, Margin(nail.mirror_margin, 0), 0)
+
+
+def localised_sight(found: LocalisationResult, parts: Parts) -> Sight:
+    """What a full localisation says, in the same words."""
+    nail = found.nail
+    guide = None if found.guide is None else found.guide.camera_from_guide
+    blocking = tuple(reason for reason in found.reasons if reason.code not in _GOOD_ENOUGH_TO_START)
+    if nail is None or nail.covariance is None or blocking:
+        return Sight(Origin.LOCALISED, None, None, found.reasons, guide)
+    told = advice(nail.camera_from_nail, nail.covariance, parts.nail)
+    return Sight(Origin.LOCALISED, told, Margin(nail.mirror_margin, 0), (), guide)
+
+
+def follow_frame(
+    pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, track: Track
+) -> tuple[Sight, Track | None]:
+    """Measure one frame with the help of the track; the track goes on, or ends (`None`) when it cannot be trusted.
+
+    Parameters
+    ----------
+    pixels
+        The image as received, darker is denser, shape (rows, columns).
+    calibration
+        Of the same image.
+    """
+    guide = follow_guide(calibration, parts.guide, track.camera_from_guide)
+    if isinstance(guide, Rejected):
+        return _refused(guide.reasons, None), _missed(track)
+    at = guide.value.camera_from_guide
+    track = replace(track, camera_from_guide=at)
+    given = _given(pixels, calibration, parts, at)
+    predicted = at @ track.key.guide_from_nail
+    nail = follow_nail(given, track.key.look, predicted)
+    if isinstance(nail, Rejected):
+        return _refused(nail.reasons, at), _missed(track)
+    surprise = _surprise(track.key, guide.value, nail.value, predicted)
+    reasons = reasons_against_frame(nail.value, track.key.look, surprise)
+    if reasons:
+        return _refused(reasons, at), _missed(track)
+    return _answered(nail.value, parts, track)
+
+
+def _answered(nail: FollowedNail, parts: Parts, track: Track) -> tuple[Sight, Track | None]:
+    """Advice, after a look at the mirrored tilt when it is due."""
+    margin = replace(track.margin, frames_ago=track.margin.frames_ago + 1)
+    if margin.frames_ago >= CHECK_EVERY or track.missed:
+        margin = Margin(mirror_margin(nail), 0)
+        reasons = reasons_against_margin(margin.log_likelihood_ratio)
+        if reasons:
+            return _refused(reasons, track.camera_from_guide), None
+    told = advice(nail.camera_from_nail, nail.covariance, parts.nail)
+    sight = Sight(Origin.FOLLOWED, told, margin, (), track.camera_from_guide)
+    return sight, replace(track, margin=margin, missed=0)
+
+
+def _refused(reasons: tuple[Reason, ...], camera_from_guide: Transform[Camera, Guide] | None) -> Sight:
+    return Sight(Origin.FOLLOWED, None, None, reasons, camera_from_guide)
+
+
+def _missed(track: Track) -> Track | None:
+    """A hand or an instrument may go by: for a while the next frame tries again from the same key."""
+    return replace(track, missed=track.missed + 1) if track.missed + 1 < MOST_MISSED else None
+
+
+def _given(
+    pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, camera_from_guide: Transform[Camera, Guide]
+) -> Given:
+    occluders = Occluders(PlacedGuide(parts.guide, camera_from_guide), parts.ring)
+    return Given(unmirrored(pixels, calibration), calibration, parts.nail, occluders)
+
+
+def _surprise(key: Key, guide: FollowedGuide, nail: FollowedNail, predicted: Transform[Camera, Nail]) -> Surprise:
+    """How far the nail lies from where guide and key put it, and how far it may."""
+    apart = predicted.inverse() @ nail.camera_from_nail
+    to_nail = key.guide_from_nail.rotation.T
+    of_guide = to_nail @ guide.covariance[:3, :3] @ to_nail.T
+    rotation = nail.covariance[:3, :3] + key.covariance[:3, :3] + of_guide
+    return Surprise(
+        tuple(np.degrees(apart.rotation_vector_rad[:2]).tolist()),
+        tuple(np.degrees(np.sqrt(np.diag(rotation)[:2])).tolist()),
+        float(np.linalg.norm(apart.translation_mm[:2])),
+    )
