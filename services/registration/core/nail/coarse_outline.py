@@ -137,7 +137,7 @@ def _fit_without_covered(points_px: NDArray[np.float64], radius_px: float) -> tu
     for attempt in range(_ROUNDS):
         if np.count_nonzero(used) < _LOWEST_POINTS:
             return None
-        ellipse = _fit_ellipse(points_px[used])
+        ellipse = fit_ellipse(points_px[used])
         if ellipse is None or not 0.35 * radius_px < ellipse.semi_axes_px[0] < 1.5 * radius_px:
             return None
         residual = ellipse.signed_distance_px(points_px)
@@ -147,7 +147,8 @@ def _fit_without_covered(points_px: NDArray[np.float64], radius_px: float) -> tu
     return None if ellipse is None else (ellipse, used)
 
 
-def _fit_ellipse(points_px: NDArray[np.float64]) -> Ellipse | None:
+def fit_ellipse(points_px: NDArray[np.float64]) -> Ellipse | None:
+    """Ellipse through points, shape (M, 2), M >= 5, by direct least squares; None when there is none."""
     centre = points_px.mean(axis=0)
     (x, y), (width, height), angle_deg = cv2.fitEllipseDirect((points_px - centre).astype(np.float32))
     if not np.isfinite([x, y, width, height]).all() or min(width, height) <= 0.0:
