@@ -1,5 +1,6 @@
 """Read hexapod files (JSON, millimetres, schema `distalock/hexapod/1`) and refuse what breaks their schema."""
 
+import json
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -111,6 +112,8 @@ class HexapodFile(PartModel):
 def hexapod_from_json(content: bytes, source: str = "hexapod file") -> HexapodPart:
     """Read a hexapod file's content.
 
+    Its hash is that of what it says, not of its bytes: indentation, the order of keys, and `1` or `1.0` do not matter.
+
     Raises
     ------
     PartFileInvalid
@@ -118,7 +121,7 @@ def hexapod_from_json(content: bytes, source: str = "hexapod file") -> HexapodPa
         pose.
     """
     file = parse_part(HexapodFile, content, source)
-    hexapod = _hexapod(file, content, source)
+    hexapod = _hexapod(file, source)
     for name, pose in (("zero pose", ZERO_POSE), ("home_pose", hexapod.home_pose)):
         violations = limit_violations(hexapod, pose, hexapod.pivot_mm)
         if violations:
@@ -126,7 +129,24 @@ def hexapod_from_json(content: bytes, source: str = "hexapod file") -> HexapodPa
     return hexapod
 
 
-def _hexapod(file: HexapodFile, content: bytes, source: str) -> HexapodPart:
+def hexapod_json_with_head(
+    content: bytes, top_from_guide: Transform[RobotTop, Guide], head_extension_mm: float
+) -> bytes:
+    """A hexapod file's content again, with its head as it holds the guide at an extension.
+
+    Parameters
+    ----------
+    content
+        Of a valid file: see `hexapod_from_json`.
+    """
+    parsed = json.loads(content)
+    retracted_mm = top_from_guide.translation_mm - np.array([head_extension_mm, 0.0, 0.0])
+    parsed["head"]["top_from_guide_rotation"] = top_from_guide.rotation.tolist()
+    parsed["head"]["top_from_guide_translation_at_zero_mm"] = retracted_mm.tolist()
+    return (json.dumps(parsed, indent=1) + "\n").encode()
+
+
+def _hexapod(file: HexapodFile, source: str) -> HexapodPart:
     guide = np.eye(4)
     guide[:3, :3], guide[:3, 3] = file.head.top_from_guide_rotation, file.head.top_from_guide_translation_at_zero_mm
     try:
@@ -148,7 +168,7 @@ def _hexapod(file: HexapodFile, content: bytes, source: str) -> HexapodPart:
         stiffness=Stiffness(file.stiffness.translation_n_per_mm, file.stiffness.rotation_nm_per_deg),
         head_extension_mm=file.head.extension_mm.interval(),
         top_from_guide_retracted=top_from_guide_retracted,
-        sha256=sha256_of(content),
+        sha256=sha256_of(file.model_dump_json(by_alias=True, exclude_none=True).encode()),
         leg_diameter_mm=file.leg_diameter_mm or 0.0,
     )
 

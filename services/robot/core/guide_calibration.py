@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from services.robot.core.guide_noise import robot_covariance
 from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
 from shared.geometry.lines import read_only
 from shared.geometry.transform import Transform
 
-# The hexapod's accuracy at the guide, per axis: 0.05 mm in space and 0.02 degrees.
-ROBOT_SD_MM = 0.03
-ROBOT_SD_RAD = float(np.radians(0.02))
 LEAST_VIEWS = 4
 _UNKNOWNS = 12
 _DIFFERENCE = 1e-6
@@ -137,11 +135,6 @@ def view_residual(hexapod: HexapodPart, calibration: GuideCalibration, view: Gui
 def moved(transform: RigidTransform, step: NDArray[np.float64]) -> RigidTransform:
     """A transform after a small rotation (rad) and translation (mm) in its own frame, shape (6,)."""
     return transform * RigidTransform.from_components(step[3:], Rotation.from_rotvec(step[:3]))
-
-
-def robot_covariance() -> NDArray[np.float64]:
-    """What the hexapod's own accuracy adds to a view, shape (6, 6)."""
-    return np.diag(np.repeat([ROBOT_SD_RAD**2, ROBOT_SD_MM**2], 3))
 
 
 def _starts() -> list[RigidTransform]:

@@ -1,5 +1,6 @@
-"""Whether the guide is held as it should be: its extension, which way round, bent or not, and whether views agree. "
-"Pure.
+"""Whether the guide is held as it should be: its extension, which way round, bent or not, and whether views agree.
+
+Pure.
 """
 
 from collections.abc import Sequence

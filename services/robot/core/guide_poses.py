@@ -2,25 +2,28 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
 
-from services.robot.core.guide_calibration import moved, robot_covariance
-from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
+from services.robot.core.guide_noise import image_covariance, robot_covariance
+from shared.geometry.hexapod import HexapodPart, PlatformPose, rotation_translation
 from shared.geometry.hexapod_limits import limit_margins, within_limits
 
-# What one image is good for: tilts, turn (rad), across the beam, along the beam (mm).
-IMAGE_SD = np.array([np.radians(0.03), np.radians(0.03), np.radians(0.012), 0.02, 0.02, 0.15])
 LEAST_LEG_MARGIN_MM, LEAST_JOINT_MARGIN_DEG = 0.3, 0.5
 _TRIED, _CANDIDATES = 300_000, 1200
 _SPREAD = np.array([20.0, 20.0, 16.0, 22.0, 18.0, 28.0])
-_STEP = 1e-5
+_MOST_ROUNDS = 10
+# Millimetres and degrees.
+_APART, _RELUCTANCE = 10.0, 1000.0
 _SEED = 7
+# Tenths of degrees and millimetres, so that both count alike.
+_UNIT = np.tile(np.repeat([np.radians(0.1), 0.1], 3), 2)
+_KNOWN_BEFORE = 1e-4
 
 
 def suggested_poses(hexapod: HexapodPart, head_extension_mm: float, count: int) -> list[PlatformPose]:
-    """Poses for a guide calibration, and one more in the middle to check it.
+    """Poses for a guide calibration under a beam along the base's z axis, and one more in the middle to check it.
 
-    Greedy: each next pose is the one, of many in the workspace, that leaves the least variance.
+    Each next pose is the one, of many in the workspace, that leaves the least variance of the guide on its head; then
+    each in turn is exchanged for a better one, until none is.
 
     Parameters
     ----------
@@ -28,20 +31,27 @@ def suggested_poses(hexapod: HexapodPart, head_extension_mm: float, count: int) 
         Of images, the check included.
     """
     candidates = _candidates(hexapod)
-    hand = hexapod.top_from_guide(head_extension_mm).rigid
-    whitening = np.linalg.inv(np.linalg.cholesky(np.diag(IMAGE_SD**2) + robot_covariance()))
-    derivatives = np.array([whitening @ _derivatives(hexapod, hand, pose) for pose in candidates])
-    gains = np.einsum("nij,nik->njk", derivatives, derivatives)
-    # In tenths of degrees and millimetres, so that both count alike.
-    unit = np.diag(np.tile(np.repeat([np.radians(0.1), 0.1], 3), 2))
-    information = unit @ (1e-6 * np.eye(12)) @ unit + 1e-4 * np.eye(12)
-    chosen = []
-    for _ in range(count - 1):
-        left = np.linalg.inv(information + unit @ gains @ unit)[:, :6, :6]
-        best = int(np.argmin(np.trace(left, axis1=1, axis2=2)))
-        information = information + unit @ gains[best] @ unit
-        chosen.append(PlatformPose.from_array(np.round(candidates[best], 1)))
-    return [*chosen, hexapod.home_pose]
+    gains = _gains(hexapod, head_extension_mm, candidates)
+    chosen: list[int] = []
+    while len(chosen) < count - 1:
+        chosen.append(_best(chosen, candidates, gains))
+    for _ in range(_MOST_ROUNDS):
+        before = list(chosen)
+        for _ in before:
+            chosen.append(_best(chosen[1:], candidates, gains))
+            del chosen[0]
+        if chosen == before:
+            break
+    return [*(PlatformPose.from_array(np.round(candidates[index], 1)) for index in chosen), hexapod.home_pose]
+
+
+def _best(others: list[int], candidates: NDArray[np.float64], gains: NDArray[np.float64]) -> int:
+    """Index of the pose that says most beside others; near another the robot's own error would be much the same."""
+    information = _KNOWN_BEFORE * np.eye(12) + gains[others].sum(axis=0)
+    left = np.trace(np.linalg.inv(information + gains)[:, :6, :6], axis1=1, axis2=2)
+    for other in others:
+        left[np.linalg.norm(candidates - candidates[other], axis=1) < _APART] *= _RELUCTANCE
+    return int(np.argmin(left))
 
 
 def _candidates(hexapod: HexapodPart) -> NDArray[np.float64]:
@@ -53,16 +63,28 @@ def _candidates(hexapod: HexapodPart) -> NDArray[np.float64]:
     return np.asarray(clear[np.argsort(-np.linalg.norm(clear[:, 3:], axis=1))][:_CANDIDATES])
 
 
-def _derivatives(hexapod: HexapodPart, hand: RigidTransform, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How the guide, as seen in its own frame, moves with small steps of hand-eye and robot-world, shape (6, 12)."""
-    platform = base_from_top(hexapod, PlatformPose.from_array(pose), hexapod.pivot_mm).rigid
-    here = platform * hand
-    world = RigidTransform.identity()
-    columns = []
-    for column in range(12):
-        step = np.zeros(6)
-        step[column % 6] = _STEP
-        there = platform * moved(hand, step) if column < 6 else moved(world, step) * here
-        off = here.inv() * there
-        columns.append(np.concatenate([off.rotation.as_rotvec(), off.translation]) / _STEP)
-    return np.stack(columns, axis=-1)
+def _gains(hexapod: HexapodPart, head_extension_mm: float, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Information that a view in each pose adds about hand-eye and robot-world, shape (N, 12, 12), in `_UNIT`."""
+    head = hexapod.top_from_guide(head_extension_mm)
+    turned, shifted_mm = rotation_translation(hexapod, poses, hexapod.pivot_mm)
+    rotation = turned @ head.rotation
+    derivatives = _UNIT * _derivatives(rotation, turned @ head.translation_mm + shifted_mm)
+    weights = np.linalg.inv(image_covariance(rotation) + robot_covariance())
+    return np.asarray(np.swapaxes(derivatives, -1, -2) @ weights @ derivatives)
+
+
+def _derivatives(rotation: NDArray[np.float64], place_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How the guide, in its own frame, moves with small steps of hand-eye and robot-world, shape (N, 6, 12).
+
+    Parameters
+    ----------
+    rotation, place_mm
+        Of the guide in the base, shapes (N, 3, 3) and (N, 3).
+    """
+    back = np.swapaxes(rotation, -1, -2)
+    derivatives = np.zeros((len(rotation), 6, 12))
+    derivatives[:, :, :6] = np.eye(6)
+    derivatives[:, :3, 6:9] = derivatives[:, 3:, 9:] = back
+    # back @ (step x place), column by column
+    derivatives[:, 3:, 6:9] = back @ np.swapaxes(np.cross(np.eye(3), place_mm[:, None]), -1, -2)
+    return derivatives

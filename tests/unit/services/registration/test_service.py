@@ -30,6 +30,7 @@ from shared.messages.registration import (
 )
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
 from shared.parts.files import sha256_of
+from shared.parts.hexapod_file import hexapod_from_json
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.registration.rendered_case import (
     GUIDE_JSON,
@@ -93,7 +94,7 @@ class Outside:
             pose=pose,
             leg_lengths_mm=None,
             pivot_mm=(0.0, 0.0, 0.0),
-            hexapod_sha256=sha256_of(HEXAPOD_JSON.encode()),
+            hexapod_sha256=hexapod_from_json(HEXAPOD_JSON.encode()).sha256,
         )
         self.bus.retained_publisher(KEYS.robot_state).put(encode(message))
         eventually(lambda: self.knowledge.robot == message)

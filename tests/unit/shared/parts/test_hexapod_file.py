@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from shared.errors import PartFileInvalid
-from shared.parts.hexapod_file import DEFAULT_HEXAPOD, default_hexapod, hexapod_from_json
+from shared.geometry.frames import Guide
+from shared.geometry.transform import Transform
+from shared.parts.hexapod_file import DEFAULT_HEXAPOD, default_hexapod, hexapod_from_json, hexapod_json_with_head
 
 Document = dict[str, object]
 
@@ -82,3 +84,21 @@ def test_broken_files_are_refused_with_a_sentence(spoil: Callable[[Document], No
     spoil(document)
     with pytest.raises(PartFileInvalid, match=sentence):
         read(document)
+
+
+def test_the_hash_is_of_what_a_file_says_not_of_how_it_is_written() -> None:
+    content = DEFAULT_HEXAPOD.read_bytes()
+    parsed = json.loads(content)
+    rewritten = dict(reversed(parsed.items())) | {"zero_height_mm": float(parsed["zero_height_mm"])}
+    assert hexapod_from_json(json.dumps(rewritten).encode()).sha256 == default_hexapod().sha256
+    taller = parsed | {"zero_height_mm": parsed["zero_height_mm"] + 0.001}
+    assert hexapod_from_json(json.dumps(taller).encode()).sha256 != default_hexapod().sha256
+
+
+def test_another_head_is_written_and_read_again() -> None:
+    hexapod = default_hexapod()
+    off: Transform[Guide, Guide] = Transform.from_rotvec([0.01, -0.02, 0.005], [0.3, -0.2, 0.5])
+    found = hexapod.top_from_guide(65.0) @ off
+    written = hexapod_from_json(hexapod_json_with_head(DEFAULT_HEXAPOD.read_bytes(), found, 65.0))
+    np.testing.assert_allclose(written.top_from_guide(65.0).matrix, found.matrix, atol=1e-12)
+    np.testing.assert_allclose(written.top_from_guide(45.0).translation_mm, found.translation_mm - [20.0, 0.0, 0.0])

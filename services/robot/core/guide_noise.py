@@ -1,0 +1,43 @@
+"""How well one image tells where the guide is, and how well the robot stands where it says. Pure.
+
+All covariances are of a small rotation (rad) and translation (mm) in the guide's own frame, shape (6, 6).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The robot is at most 0.05 mm off where it says it stands, and 0.02 degrees about each axis. An error that waves
+# between such bounds has an rms of 0.71 of them, and the 0.05 mm are of three axes together.
+ROBOT_SD_MM = 0.05 / float(np.sqrt(6.0))
+ROBOT_SD_RAD = float(np.radians(0.02) / np.sqrt(2.0))
+# One image, in the directions of the beam: rotation about two axes across it and about its own, translation likewise.
+# `distalock bench guide_calibration` compares with what rendered images give.
+IMAGE_SD = np.array([*np.radians([0.025, 0.025, 0.006]), 0.006, 0.006, 0.1])
+# The fit of the balls believes in a tilt of 0.015 degrees: the rest of 0.025.
+_TILT_THAT_NO_FIT_KNOWS_RAD = float(np.radians(0.02))
+
+
+def robot_covariance() -> NDArray[np.float64]:
+    """What the hexapod's own accuracy adds to a view."""
+    return np.diag(np.repeat([ROBOT_SD_RAD**2, ROBOT_SD_MM**2], 3))
+
+
+def image_covariance(beam_from_guide: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What one usual image leaves open.
+
+    Parameters
+    ----------
+    beam_from_guide
+        Rotations into a frame with its z along the beam, shape (..., 3, 3).
+    """
+    both = np.zeros((*beam_from_guide.shape[:-2], 6, 6))
+    both[..., :3, :3] = both[..., 3:, 3:] = beam_from_guide
+    return np.asarray(np.swapaxes(both, -1, -2) @ (IMAGE_SD[:, None] ** 2 * both))
+
+
+def tilt_beyond_the_fit(beam_from_guide: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What to add to the covariance that a fit of the guide's balls gives itself, rotation of shape (3, 3)."""
+    added = np.zeros((6, 6))
+    across = beam_from_guide[:2]
+    added[:3, :3] = _TILT_THAT_NO_FIT_KNOWS_RAD**2 * across.T @ across
+    return added
