@@ -42,6 +42,11 @@ class Keys:
         return self._key("registration", "localisation")
 
     @property
+    def guidance(self) -> str:
+        """`Guidance` of a frame of running fluoroscopy; its age counts, so none is kept."""
+        return self._key("registration", "guidance")
+
+    @property
     def registration_epoch(self) -> str:
         """`RegistrationEpoch`: at every change and at a steady rate; its age counts, so none is kept."""
         return self._key("registration", "epoch")
