@@ -75,6 +75,23 @@ class GuideFit:
         return int(np.count_nonzero(self.used))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """A chosen identity of the guide's balls.
+
+    Attributes
+    ----------
+    margin
+        Balls that it explains, minus those of the best different one.
+    needed
+        How many balls must then be measured.
+    """
+
+    identity: GuideIdentity
+    margin: int
+    needed: int
+
+
 def locate_guide(
     pixels: NDArray[np.float32], calibration: CArmCalibration, ring: RingPart, guide: GuidePart
 ) -> Accepted[GuideFit] | Rejected:
@@ -87,23 +104,37 @@ def locate_guide(
     calibration
         Of the same image; its discs that are not of the ring are the candidates.
     """
-    candidates = _candidate_discs(calibration, guide)
-    ideal_px = calibration.distortion.undistort(calibration.balls.centre_px[candidates])
-    identities = search_guide(calibration.camera, guide.balls.position_mm, ideal_px)
-    refusal = _judge_identity(identities, len(ideal_px), len(guide.balls))
+    candidates = candidate_discs(calibration, guide)
+    identities = guide_identities(calibration, guide)
+    refusal = _judge_identity(identities, len(candidates), len(guide.balls))
     if refusal is not None:
         return Rejected((refusal,))
-    best = identities[0]
+    needed = needed_balls(len(guide.balls))
+    return measured_guide(pixels, calibration, ring, guide, Named(identities[0], _margin(identities), needed))
+
+
+def guide_identities(calibration: CArmCalibration, guide: GuidePart) -> list[GuideIdentity]:
+    """Ways to name discs of an image as balls of the guide, best first."""
+    candidates = candidate_discs(calibration, guide)
+    ideal_px = calibration.distortion.undistort(calibration.balls.centre_px[candidates])
+    return search_guide(calibration.camera, guide.balls.position_mm, ideal_px)
+
+
+def measured_guide(
+    pixels: NDArray[np.float32], calibration: CArmCalibration, ring: RingPart, guide: GuidePart, named: Named
+) -> Accepted[GuideFit] | Rejected:
+    """Measure all balls where a chosen identity puts them, and fit the pose to those that are seen."""
+    best, candidates = named.identity, candidate_discs(calibration, guide)
     shrunk = shrinkage(calibration, guide, best, calibration.balls.radius_px[candidates])
     usable = find_usable_area(pixels).mask
     around = calibration.image_from_camera(best.pose.points(guide.balls.position_mm))
     quiet = noise_whitened(pixels, usable, around, _SURROUNDINGS_PX)
     look = Look(quiet, usable, calibration, guide, ring_shadows(calibration, ring), shrunk)
     pose, seen, used = measured_and_fitted_twice(look, best.pose)
-    found, needed = int(np.count_nonzero(used)), needed_balls(len(guide.balls))
-    if found < needed:
-        return Rejected((_too_few(found, needed, len(guide.balls)),))
-    return Accepted(_guide_fit(calibration, guide, pose, seen, used, _margin(identities)))
+    found = int(np.count_nonzero(used))
+    if found < named.needed:
+        return Rejected((_too_few(found, named.needed, len(guide.balls)),))
+    return Accepted(_guide_fit(calibration, guide, pose, seen, used, named.margin))
 
 
 def needed_balls(count: int) -> int:
@@ -111,7 +142,7 @@ def needed_balls(count: int) -> int:
     return min(max(LEAST_BALLS, int(np.ceil(LEAST_SHARE * count))), max(count - 2, 4))
 
 
-def _candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.int64]:
+def candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.int64]:
     """Indices of the discs that may be guide balls: not the ring's, of a possible size, the sharpest first."""
     balls = calibration.balls
     f, radius_mm = calibration.camera.focal_length_px, 0.5 * guide.balls.diameter_mm
