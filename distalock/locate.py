@@ -16,11 +16,12 @@ from services.imaging.devices.image_file import read_image
 from services.imaging.devices.received_image import Acquisition
 from services.registration.core.fusion_localise import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Method, Parts
+from services.registration.core.paper.calibration import calibrate_by_plates
 from services.registration.measure import timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.parts import parts_from_json
 from services.registration.report import MeasuredTimes, message_of_several, uncalibrated_message
-from shared.errors import ImageUnreadable, InputError, Reason, Rejected
+from shared.errors import Accepted, ImageUnreadable, InputError, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
 from shared.messages.registration import Localisation
@@ -89,7 +90,7 @@ def locate_image(
     started = time.perf_counter()
     received = read_image(content, str(image))
     sha256 = sha256_of(content)
-    outcome = calibrate_image(received.pixels, parts.ring, nominal.geometry(received.acquisition))
+    outcome = _calibrated(received.pixels, parts, nominal.geometry(received.acquisition), method)
     ring_ms = 1e3 * (time.perf_counter() - started)
     if isinstance(outcome, Rejected):
         times = MeasuredTimes(ring_ms, ring_ms, None, None)
@@ -97,6 +98,16 @@ def locate_image(
         return LocatedImage(received.pixels, None, None, message)
     result, message = timed_localisation(received.pixels, outcome.value, parts, method, sha256, ring_ms)
     return LocatedImage(received.pixels, outcome.value, result, message)
+
+
+def _calibrated(
+    pixels: NDArray[np.float32], parts: Parts, nominal: NominalGeometry, method: Method
+) -> Accepted[CArmCalibration] | Rejected:
+    """Calibrate from the ring, for the paper's method by the paper's means."""
+    ours = calibrate_image(pixels, parts.ring, nominal)
+    if isinstance(ours, Rejected) or method is not Method.FRONTO_PARALLEL:
+        return ours
+    return calibrate_by_plates(pixels, ours.value, parts.ring)
 
 
 def locate_images(

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
-from services.registration.core.fronto_parallel import fronto_parallel_from_start
 from services.registration.core.guide import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate, hole_estimates
 from services.registration.core.judge import judge
@@ -17,6 +16,8 @@ from services.registration.core.nail.coarse import NailStart, find_nail
 from services.registration.core.nail.coarse_cover import covered_pixels
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
+from services.registration.core.paper.guide import locate_guide_by_axes
+from services.registration.core.paper.nail import locate_nail_by_band
 from services.registration.core.pose_evidence import model_covariance
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -95,7 +96,7 @@ def localise(
         Called after each step.
     """
     upright = unmirrored(pixels, calibration)
-    guide = locate_guide(upright, calibration, parts.ring, parts.guide)
+    guide = _locate_guide(upright, calibration, parts, method)
     completed(Step.GUIDE)
     guide_fit = guide.value if isinstance(guide, Accepted) else None
     nail = _locate_nail(upright, calibration, parts, guide_fit, method)
@@ -128,6 +129,18 @@ def conclude(
     return LocalisationResult(method, reasons, found_guide, found_nail, guide_from_nail, holes, correction)
 
 
+def _locate_guide(
+    upright: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, method: Method
+) -> Accepted[GuideFit] | Rejected:
+    match method:
+        case Method.MODEL:
+            return locate_guide(upright, calibration, parts.ring, parts.guide)
+        case Method.FRONTO_PARALLEL:
+            return locate_guide_by_axes(calibration, parts.ring, parts.guide)
+        case _:
+            assert_never(method)
+
+
 def _locate_nail(
     upright: NDArray[np.float32],
     calibration: CArmCalibration,
@@ -136,16 +149,23 @@ def _locate_nail(
     method: Method,
 ) -> Accepted[NailEstimate] | Rejected:
     distal_hint = None if guide is None else guide.camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
-    start = find_nail(upright, calibration, parts.nail, distal_hint)
-    if isinstance(start, Rejected):
-        return start
     match method:
         case Method.MODEL:
-            return _by_model(upright, calibration, parts, guide, start.value)
+            start = find_nail(upright, calibration, parts.nail, distal_hint)
+            return start if isinstance(start, Rejected) else _by_model(upright, calibration, parts, guide, start.value)
         case Method.FRONTO_PARALLEL:
-            return _by_roundness(calibration, parts, start.value)
+            discs_px = ball_discs_px(_balls(parts, guide), calibration)
+            found = locate_nail_by_band(upright, calibration, parts.nail, distal_hint, discs_px)
+            if isinstance(found, Rejected):
+                return found
+            return Accepted(NailEstimate(found.value.camera_from_nail, None, None, None))
         case _:
             assert_never(method)
+
+
+def _balls(parts: Parts, guide: GuideFit | None) -> Occluders:
+    placed = None if guide is None else PlacedGuide(parts.guide, guide.camera_from_guide)
+    return Occluders(placed, parts.ring)
 
 
 def _by_model(
@@ -155,8 +175,7 @@ def _by_model(
     guide: GuideFit | None,
     start: NailStart,
 ) -> Accepted[NailEstimate] | Rejected:
-    placed = None if guide is None else PlacedGuide(parts.guide, guide.camera_from_guide)
-    balls = Occluders(placed, parts.ring)
+    balls = _balls(parts, guide)
     depth_mm = float(start.camera_from_nail.translation_mm[2])
     hidden = covered_pixels(upright, calibration, start.openings, depth_mm, ball_discs_px(balls, calibration))
     fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, replace(balls, hidden=hidden))
@@ -166,10 +185,3 @@ def _by_model(
     misfit = Misfit(found.hole_radius_excess_mm, found.nail_radius_excess_mm, found.residual.structure)
     covariance = found.covariance + model_covariance(parts.nail, found.camera_from_nail)
     return Accepted(NailEstimate(found.camera_from_nail, covariance, found.mirror_margin, misfit))
-
-
-def _by_roundness(calibration: CArmCalibration, parts: Parts, start: NailStart) -> Accepted[NailEstimate] | Rejected:
-    round_holes = fronto_parallel_from_start(start, calibration, parts.nail)
-    if isinstance(round_holes, Rejected):
-        return round_holes
-    return Accepted(NailEstimate(round_holes.value.camera_from_nail, None, None, None))
