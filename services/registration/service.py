@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from services.registration.core.localise import LocalisationResult, Method
 from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest
+from services.registration.live import LiveGuidance
 from services.registration.measure import timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.planning import answer_plan_request
@@ -71,12 +72,14 @@ class RegistrationService:
         # Not retained: a value that is delivered later would look as if somebody vouched for it now.
         self._epochs = bus.publisher(runtime.keys.registration_epoch)
         self._left = threading.Event()
+        self._guidance = LiveGuidance(bus, runtime, settings, knowledge)
 
     @contextmanager
     def running(self) -> Iterator[None]:
         """Listen, work and answer for as long as the context lasts."""
         keys, bus = self._runtime.keys, self._bus
         with ExitStack() as stack:
+            stack.enter_context(self._guidance.running())
             worker = threading.Thread(target=self._work, name="localise", daemon=True)
             worker.start()
             stack.callback(worker.join, 5.0)
@@ -120,7 +123,9 @@ class RegistrationService:
     def _on_calibration(self, sample: Sample) -> None:
         message = decode(CalibrationMessage, sample.payload)
         self._knowledge.note_announced(message.image.sha256)
-        if message.case_id is not None and not self._jobs.put(message):
+        if message.case_id is None or self._guidance.takes(message):
+            return
+        if not self._jobs.put(message):
             sha256 = message.image.sha256
             self._runtime.log.error("image refused", sha256=sha256, waiting=self._settings.queue_length)
             self._runtime.degraded(
@@ -170,7 +175,7 @@ class RegistrationService:
     def _work(self) -> None:
         """Localise in what is queued, in order of arrival."""
         while not self._runtime.stop.is_set():
-            job = self._jobs.take(_WAIT_S)
+            job = self._jobs.take(_WAIT_S) or self._guidance.job()
             if job is None:
                 continue
             try:
@@ -194,8 +199,10 @@ class RegistrationService:
         frame = self._knowledge.wait_for_frame(job.image.sha256, _OVERTAKEN_S) or self._fetched(job.image.sha256)
         located = _located(frame, job, case)
         record = self._record(frame, job, case, located)
-        self._knowledge.note_localised(LocalisedFrame(frame, case, record, located.calibration, located.result))
+        localised = LocalisedFrame(frame, case, record, located.calibration, located.result)
+        self._knowledge.note_localised(localised)
         self._localisations.put(encode(record))
+        self._guidance.note_localised(localised)
         self._runtime.log.info(
             "localised",
             sha256=job.image.sha256,

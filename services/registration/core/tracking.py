@@ -29,6 +29,7 @@ from shared.geometry.transform import Transform
 
 CHECK_EVERY = 8
 MOST_MISSED = 20
+_DISAGREEMENT = 4.0
 # With these reasons a localisation is too far off or too unsure to move a robot, and yet good enough to start from.
 _GOOD_ENOUGH_TO_START = frozenset({ReasonCode.TILT_TOO_LARGE, ReasonCode.UNCERTAINTY_TOO_LARGE})
 
@@ -162,6 +163,19 @@ def follow_frame(
     if reasons:
         return _refused(reasons, at), _missed(track)
     return _answered(nail.value, parts, track)
+
+
+def disagree(followed: Sight, localised: Sight) -> bool:
+    """Whether what a frame said when it was followed differs from its full localisation by more than both allow."""
+    first, second = followed.advice, localised.advice
+    if first is None or second is None:
+        return first is not None
+    apart = [
+        (a.about_x_deg - b.about_x_deg, a.about_y_deg - b.about_y_deg)
+        for a, b in zip(first.tilts, second.tilts, strict=True)
+    ]
+    variance = np.diag(first.covariance_deg2) + np.diag(second.covariance_deg2)
+    return bool(np.any(np.abs(apart) > _DISAGREEMENT * np.sqrt(variance)))
 
 
 def _answered(nail: FollowedNail, parts: Parts, track: Track) -> tuple[Sight, Track | None]:

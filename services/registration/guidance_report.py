@@ -1,0 +1,106 @@
+"""What a frame of running fluoroscopy said, as the message that the bus and `distalock align` carry."""
+
+from dataclasses import dataclass
+
+from services.registration.core.alignment import Advice, HoleTilt
+from services.registration.core.c_arm_angles import AngledView, CArmAngles, angles_after, picture_turn_rad
+from services.registration.core.tracking import Margin, Sight
+from shared.messages.base import ReasonMessage
+from shared.messages.guidance import (
+    Guidance,
+    GuidanceUncertainty,
+    GuidedHole,
+    MirrorCheck,
+    PositionerTurn,
+)
+from shared.messages.imaging import ImageReference
+from shared.messages.registration import CArmCorrection
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFacts:
+    """What is known of a frame besides its picture; the angles are None when the image does not name them."""
+
+    image: ImageReference
+    case_id: str | None
+    case_revision: int
+    angles: CArmAngles | None
+    skipped: int
+    elapsed_ms: float
+
+
+class PictureTurn:
+    """Remembers how the picture is turned against the C-arm's axes, from views of a guide that stands still."""
+
+    def __init__(self) -> None:
+        self._seen: AngledView | None = None
+        self._turn_rad: float | None = None
+
+    def note(self, view: AngledView) -> None:
+        """Compare a view with an earlier one from at least two degrees away."""
+        if self._seen is None:
+            self._seen = view
+            return
+        turn = picture_turn_rad(self._seen, view)
+        if turn is not None:
+            self._seen, self._turn_rad = view, turn
+
+    def forget_the_guide(self) -> None:
+        """The guide may have been moved: the next view is compared with later ones only."""
+        self._seen = None
+
+    def positioner_turn(self, angles: CArmAngles, told: Advice) -> PositionerTurn | None:
+        """The correction in the C-arm's own angles; None as long as the picture's turn is not known."""
+        if self._turn_rad is None:
+            return None
+        then = angles_after(angles, told.correction, self._turn_rad)
+        return PositionerTurn(
+            orbital=then.orbital_deg - angles.orbital_deg,
+            angular=then.angular_deg - angles.angular_deg,
+            orbital_then=then.orbital_deg,
+            angular_then=then.angular_deg,
+        )
+
+
+def guidance_message(sight: Sight, facts: FrameFacts, picture: PictureTurn) -> Guidance:
+    """One frame's word; its view is noted in `picture` when it has angles and a guide."""
+    if facts.angles is not None and sight.camera_from_guide is not None:
+        picture.note(AngledView(facts.angles, sight.camera_from_guide))
+    told, margin = sight.advice, sight.margin
+    turn = None if told is None or facts.angles is None else picture.positioner_turn(facts.angles, told)
+    return Guidance(
+        verdict="rejected" if told is None else "accepted",
+        reasons=tuple(ReasonMessage.of(reason) for reason in sight.reasons),
+        origin=sight.origin.value,
+        image=facts.image,
+        case_id=facts.case_id,
+        case_revision=facts.case_revision,
+        holes=None if told is None else tuple(_hole(tilt) for tilt in told.tilts),
+        c_arm_correction_deg=None if told is None else _correction(told),
+        positioner_turn_deg=turn,
+        standard_uncertainty_deg=None if told is None else _uncertainty(told),
+        mirror_check=None if margin is None else _mirror_check(margin),
+        skipped=facts.skipped,
+        elapsed_ms=facts.elapsed_ms,
+    )
+
+
+def _hole(tilt: HoleTilt) -> GuidedHole:
+    return GuidedHole(
+        id=tilt.hole_id,
+        tilt_to_ray_deg=tilt.tilt_to_ray_deg,
+        about_image_x=tilt.about_x_deg,
+        about_image_y=tilt.about_y_deg,
+    )
+
+
+def _correction(told: Advice) -> CArmCorrection:
+    return CArmCorrection(about_image_x=told.correction.about_x_deg, about_image_y=told.correction.about_y_deg)
+
+
+def _uncertainty(told: Advice) -> GuidanceUncertainty:
+    return GuidanceUncertainty(about_image_x=told.about_x_sd_deg, about_image_y=told.about_y_sd_deg)
+
+
+def _mirror_check(margin: Margin) -> MirrorCheck:
+    return MirrorCheck(log_likelihood_ratio=margin.log_likelihood_ratio, frames_ago=margin.frames_ago)

@@ -1,0 +1,201 @@
+"""Guidance while fluoroscopy runs: every calibrated frame is followed, the newest first, none is waited for.
+
+A frame belongs to a run when it comes within `live_interval_s` of the one before it. Shots are localised in full, one
+by one; of a run only its newest frame is, and only when that is due: to begin with, when the track was lost, now and
+then as a check, and when the run has ended.
+"""
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from services.registration.core.c_arm_angles import CArmAngles
+from services.registration.core.localise import Parts
+from services.registration.core.tracking import (
+    Origin,
+    Sight,
+    Track,
+    begin_track,
+    disagree,
+    follow_frame,
+    localised_sight,
+)
+from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
+from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase, ReceivedFrame
+from services.registration.settings import RegistrationSettings
+from shared.bus.port import Bus
+from shared.errors import Reason, ReasonCode
+from shared.messages.base import encode
+from shared.messages.imaging import CalibrationMessage, ImageReference
+from shared.runtime.latest import LatestSlot
+from shared.runtime.lifecycle import Runtime
+
+_WAIT_S = 0.2
+_PIXELS_S = 0.5
+_CASE_S = 0.5
+_REMEMBERED = 64
+
+
+@dataclass(slots=True, eq=False)
+class _Run:
+    """A track with the case it belongs to, and what was said of the newest frames."""
+
+    setup: tuple[str | None, int]
+    track: Track | None
+    said: "OrderedDict[str, Sight]"
+
+
+class LiveGuidance:
+    """Follows frames on a thread of its own and publishes what each says.
+
+    Parameters
+    ----------
+    bus, runtime, settings, knowledge
+        As the service has them.
+    clock_s
+        Monotonic clock.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        runtime: Runtime,
+        settings: RegistrationSettings,
+        knowledge: Knowledge,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._runtime, self._settings, self._knowledge = runtime, settings, knowledge
+        self._clock_s = clock_s
+        # Not retained: a word that is delivered later would look like one of a frame that is there now.
+        self._publisher = bus.publisher(runtime.keys.guidance)
+        self._frames: LatestSlot[CalibrationMessage] = LatestSlot()
+        self._lock = threading.Lock()
+        self._run = _Run((None, 0), None, OrderedDict())
+        self._picture = PictureTurn()
+        self._last_received_ns = 0
+        self._skipped_before = 0
+        self._waiting: CalibrationMessage | None = None
+        self._newest_at_s = self._localised_at_s = float("-inf")
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Follow frames for as long as the context lasts."""
+        worker = threading.Thread(target=self._work, name="guidance", daemon=True)
+        worker.start()
+        try:
+            yield
+        finally:
+            self._frames.close()
+            worker.join(5.0)
+
+    def takes(self, message: CalibrationMessage) -> bool:
+        """Follow this frame; True when it belongs to a run, and need not be localised in full one by one."""
+        since_s = 1e-9 * (message.image.received_at_ns - self._last_received_ns)
+        self._last_received_ns = message.image.received_at_ns
+        in_run = 0.0 < since_s < self._settings.live_interval_s
+        with self._lock:
+            self._newest_at_s = self._clock_s()
+            self._waiting = message if in_run else None
+            known = self._run.track is not None
+        if in_run or known:
+            self._frames.put(message)
+        return in_run
+
+    def job(self) -> CalibrationMessage | None:
+        """The newest frame of a run, when it is due to be localised in full; handed out once."""
+        with self._lock:
+            message, now_s = self._waiting, self._clock_s()
+            lost = self._run.track is None or self._run.track.missed > 0
+            checked_s_ago = now_s - self._localised_at_s
+            ended = now_s - self._newest_at_s > self._settings.live_interval_s
+            if message is None or not (lost or ended or checked_s_ago > self._settings.live_check_every_s):
+                return None
+            self._waiting = None
+            return message
+
+    def note_localised(self, localised: LocalisedFrame) -> None:
+        """Begin anew from an image that was localised in full, and say what it says if nothing was said of it yet."""
+        if localised.calibration is None or localised.result is None:
+            return
+        frame, case, found = localised.frame, localised.case, localised.result
+        track = begin_track(frame.pixels, localised.calibration, case.parts, found)
+        sight = localised_sight(found, case.parts)
+        with self._lock:
+            run = self._run_of(case)
+            said = run.said.get(frame.header.sha256)
+            self._localised_at_s = self._clock_s()
+            if track is not None or (said is not None and said.advice is not None):
+                # An image that was followed and yet cannot be localised ends the track: one of the two is wrong.
+                run.track = track
+            self._picture.forget_the_guide()
+        if said is not None and disagree(said, sight):
+            self._runtime.log.warning("guidance disagreed with the full localisation", sha256=frame.header.sha256)
+        if said is None or said.advice is None:
+            self._publish(sight, localised.record.image, frame, case, localised.record.localisation.timing_ms.total)
+
+    def _run_of(self, case: OpenCase) -> _Run:
+        """The run of a case's present set-up: another set-up begins another, without a track."""
+        setup = (case.context.case_id, case.context.revision)
+        if self._run.setup != setup:
+            self._run = _Run(setup, None, OrderedDict())
+        return self._run
+
+    def _work(self) -> None:
+        while not self._runtime.stop.is_set():
+            message = self._frames.take(_WAIT_S)
+            if message is None:
+                continue
+            try:
+                self._follow(message)
+            except Exception as error:  # the border of a task: the next frame must not suffer from this one
+                self._runtime.log.exception("guidance fault", sha256=message.image.sha256)
+                self._runtime.degraded(f"a frame brought a fault: {error}; guidance goes on with the next one")
+
+    def _follow(self, message: CalibrationMessage) -> None:
+        began_s = self._clock_s()
+        case = self._knowledge.wait_for_case(message.case_id or "", message.case_revision, _CASE_S)
+        frame = self._knowledge.wait_for_frame(message.image.sha256, _PIXELS_S)
+        if case is None or frame is None:
+            return  # the set-up has changed, or newer frames have pushed this one out: there is nothing to tell of it
+        with self._lock:
+            before = self._run_of(case).track
+        sight, after = self._sight(message, frame, case.parts, before)
+        with self._lock:
+            run = self._run_of(case)
+            if run.track is before:  # else a full localisation has begun anew meanwhile
+                run.track = after
+            run.said[message.image.sha256] = sight
+            while len(run.said) > _REMEMBERED:
+                run.said.popitem(last=False)
+        self._publish(sight, message.image, frame, case, 1e3 * (self._clock_s() - began_s))
+
+    def _sight(
+        self, message: CalibrationMessage, frame: ReceivedFrame, parts: Parts, track: Track | None
+    ) -> tuple[Sight, Track | None]:
+        if message.values is None:
+            reasons = tuple(Reason(reason.code, reason.message) for reason in message.reasons)
+            return Sight(Origin.FOLLOWED, None, None, reasons, None), track
+        if track is None:
+            return Sight(Origin.FOLLOWED, None, None, (_NOT_YET,), None), None
+        return follow_frame(frame.pixels, message.values.calibration(), parts, track)
+
+    def _publish(
+        self, sight: Sight, image: ImageReference, frame: ReceivedFrame, case: OpenCase, elapsed_ms: float
+    ) -> None:
+        header = frame.header
+        primary, secondary = header.positioner_primary_angle_deg, header.positioner_secondary_angle_deg
+        angles = None if primary is None or secondary is None else CArmAngles(primary, secondary)
+        with self._lock:
+            skipped = self._frames.replaced - self._skipped_before
+            self._skipped_before = self._frames.replaced
+            facts = FrameFacts(image, case.context.case_id, case.context.revision, angles, skipped, elapsed_ms)
+            self._publisher.put(encode(guidance_message(sight, facts, self._picture)))
+
+
+_NOT_YET = Reason(
+    ReasonCode.NAIL_NOT_FOUND,
+    "the nail is still being searched for in an earlier frame (0 found, 1 needed); hold the C-arm still for a moment",
+)
