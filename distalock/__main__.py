@@ -56,6 +56,19 @@ def _verify(given: argparse.Namespace) -> int:
     return run(given)
 
 
+def _align_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "images", type=Path, nargs="+", metavar="IMAGE", help="frames in order: images, folders of them, videos"
+    )
+    add_image_arguments(parser)
+
+
+def _align(given: argparse.Namespace) -> int:
+    from distalock.align import run
+
+    return run(given)
+
+
 def _up_arguments(parser: argparse.ArgumentParser) -> None:
     hardware = parser.add_mutually_exclusive_group(required=True)
     hardware.add_argument("--simulate", action="store_true", help="run the virtual operating room too")
@@ -148,6 +161,7 @@ def _bench(given: argparse.Namespace) -> int:
 COMMANDS = (
     Command("locate", "the nail's hole axes from one X-ray image or several, or why not", _locate_arguments, _locate),
     Command("verify", "K-wires against the nail's hole axes, from one image or a pair", _verify_arguments, _verify),
+    Command("align", "how to turn the C-arm, from frames of running fluoroscopy", _align_arguments, _align),
     Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
     Command("virtual-or", "the virtual operating room alone", _room_arguments, _room),

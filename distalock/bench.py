@@ -14,6 +14,7 @@ BENCHMARKS: Final = {
     "ball_detection": "balls covered in part, beside OpenCV's detectors, correlation and the Cramér-Rao limit",
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
     "display": "the same pictures with other curves, edges, bit depths and compression",
+    "guidance": "how to turn the C-arm, frame by frame: speed, errors, and what is said when it cannot be told",
     "imaging_calibration": "C-arm calibration from 72 of 120 balls, beside OpenCV's models, polynomials and the limit",
     "imaging_fuzz": "damaged files and spoiled images: refused, or read and calibrated rightly",
     "imaging_identification": "the ring from 60 % of its balls, a thousand times at random, a thousand in patches",

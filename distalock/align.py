@@ -1,0 +1,161 @@
+"""`distalock align`: frames of running fluoroscopy in, how to turn the C-arm out, one JSON line per frame."""
+
+import argparse
+import hashlib
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from distalock.arguments import EXIT_BAD_INPUT
+from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, read_parts
+from services.imaging.core.following import calibrate_next
+from services.imaging.devices.image_file import read_image
+from services.imaging.devices.received_image import Acquisition
+from services.imaging.devices.video_source import grey_of
+from services.registration.core.c_arm_angles import CArmAngles
+from services.registration.core.localise import Method, Parts, localise
+from services.registration.core.tracking import Origin, Sight, Track, begin_track, follow_frame, localised_sight
+from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
+from shared.errors import ImageUnreadable, InputError, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.messages.base import encode
+from shared.messages.guidance import Guidance
+from shared.messages.imaging import ImageReference
+
+_VIDEOS = frozenset({".avi", ".mkv", ".mov", ".mp4", ".webm"})
+_IMAGES = frozenset({"", ".dcm", ".png", ".tif", ".tiff"})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One frame of a run.
+
+    Attributes
+    ----------
+    pixels
+        As received, darker is denser, shape (rows, columns).
+    sha256
+        Of the file, or of a video frame's pixels.
+    """
+
+    pixels: NDArray[np.float32]
+    sha256: str
+    acquisition: Acquisition
+
+
+def frames_of(places: Iterable[Path]) -> Iterator[Frame]:
+    """Frames of image files, folders of them (in the order of their names) and videos, one after another.
+
+    Raises
+    ------
+    ImageUnreadable
+        When a place is none of these, or cannot be read.
+    """
+    for place in places:
+        if place.is_dir():
+            files = sorted(file for file in place.iterdir() if file.is_file() and file.suffix.lower() in _IMAGES)
+            if not files:
+                raise ImageUnreadable(f"{place}: holds no PNG, TIFF or DICOM files (0 found, 1 needed)")
+            yield from frames_of(files)
+        elif place.suffix.lower() in _VIDEOS:
+            yield from _video_frames(place)
+        else:
+            yield _image_frame(place)
+
+
+def _image_frame(file: Path) -> Frame:
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise ImageUnreadable(f"{file}: cannot be read: {error.strerror or error}") from None
+    received = read_image(content, str(file))
+    return Frame(received.pixels, hashlib.sha256(content).hexdigest(), received.acquisition)
+
+
+def _video_frames(file: Path) -> Iterator[Frame]:
+    capture = cv2.VideoCapture(str(file))
+    try:
+        count = 0
+        while True:
+            there, picture = capture.read()
+            if not there or picture is None:
+                break
+            count += 1
+            pixels = grey_of(np.asarray(picture))
+            yield Frame(pixels, hashlib.sha256(pixels.tobytes()).hexdigest(), Acquisition())
+    finally:
+        capture.release()
+    if count == 0:
+        raise ImageUnreadable(f"{file}: no frame could be read (0 found, 1 needed); check that it is a video")
+
+
+class Guide:
+    """Says of one frame after another how to turn the C-arm.
+
+    A frame is localised in full when none before it could be; the others are followed.
+    """
+
+    def __init__(self, parts: Parts, nominal: NominalOptions) -> None:
+        self._parts, self._nominal = parts, nominal
+        self._picture = PictureTurn()
+        self._before: CArmCalibration | None = None
+        self._track: Track | None = None
+        self._count = 0
+
+    def told(self, frame: Frame) -> Guidance:
+        """What the next frame says."""
+        self._count += 1
+        geometry = self._nominal.geometry(frame.acquisition)
+        outcome = calibrate_next(frame.pixels, self._parts.ring, geometry, self._before)
+        began_s = time.perf_counter()
+        if isinstance(outcome, Rejected):
+            sight = Sight(Origin.FOLLOWED, None, None, outcome.reasons, None)
+        else:
+            self._before = outcome.value
+            sight = self._sight(frame.pixels, outcome.value)
+        facts = FrameFacts(
+            ImageReference(
+                sha256=frame.sha256, sop_instance_uid="", sequence=self._count, received_at_ns=time.time_ns()
+            ),
+            None,
+            0,
+            _angles(frame.acquisition),
+            0,
+            1e3 * (time.perf_counter() - began_s),
+        )
+        return guidance_message(sight, facts, self._picture)
+
+    def _sight(self, pixels: NDArray[np.float32], calibration: CArmCalibration) -> Sight:
+        if self._track is not None:
+            sight, self._track = follow_frame(pixels, calibration, self._parts, self._track)
+            return sight
+        found = localise(pixels, calibration, self._parts, Method.MODEL, lambda _: None)
+        self._track = begin_track(pixels, calibration, self._parts, found)
+        return localised_sight(found, self._parts)
+
+
+def _angles(acquisition: Acquisition) -> CArmAngles | None:
+    primary, secondary = acquisition.positioner_primary_angle_deg, acquisition.positioner_secondary_angle_deg
+    return None if primary is None or secondary is None else CArmAngles(primary, secondary)
+
+
+def run(given: argparse.Namespace) -> int:
+    """Run `distalock align`; returns the exit code of the last frame: 0 with advice, 3 without, 2 bad input."""
+    verdict = "rejected"
+    try:
+        parts = read_parts(given.ring, given.guide, given.nail)
+        guide = Guide(parts, NominalOptions(given.source_to_detector_mm, given.pixel_mm))
+        for frame in frames_of(given.images):
+            told = guide.told(frame)
+            verdict = told.verdict
+            print(encode(told).decode(), flush=True)
+    except InputError as error:
+        print(f"distalock align: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    return EXIT_ACCEPTED if verdict == "accepted" else EXIT_REJECTED
