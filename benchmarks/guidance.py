@@ -1,0 +1,324 @@
+"""Alignment guidance while fluoroscopy runs: `python -m benchmarks.guidance [SCENES]`.
+
+Random scenes (as in the accuracy benchmark: other ring, guide, nail, dose and display each time) are filmed: the C-arm
+turns and shifts, rests, and goes on. Each frame is calibrated after the one before it, as imaging does, and followed
+after a first frame that is localised in full. Some frames are localised in full as well, for comparison on the same
+image. Then the run is disturbed: the leg moves during an exposure, an instrument lies over a hole, the nail is not
+there, the view jumps. Tilts are compared with the truth about the image's x and y axes, at every hole; an answer is
+wrong when it is off by more than three of its own standard deviations and by more than half a degree. Times are those
+of one core.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.random_scenes import scene_of_seed
+from services.imaging.core.following import calibrate_next
+from services.imaging.core.nominal import NominalGeometry
+from services.registration.core.alignment import Advice, hole_tilts
+from services.registration.core.localise import Method, Parts, localise
+from services.registration.core.tracking import Sight, Track, begin_track, follow_frame, localised_sight
+from shared.errors import Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Room
+from shared.geometry.parts import NailPart
+from shared.geometry.transform import Transform
+from simulation.render.image import NO_FAULTS, ImageFaults, render_scene
+from simulation.scenario.values import Scenario
+from simulation.truth import ImageTruth
+from simulation.world import CArmAngles, WorldState, starting_state
+
+FloatImage = NDArray[np.float32]
+
+FRAMES, FULL_EVERY = 14, 5
+WRONG_DEVIATIONS, WRONG_DEG = 3.0, 0.5
+REPORT = Path(__file__).parents[1] / "docs" / "benchmarks" / "guidance.md"
+_TURN_DEG, _SHIFT_MM, _INERTIA = 0.35, 0.6, 0.7
+_REST_OF, _CYCLE = 3, 7
+_BLUR_PX = 14.0
+_JUMP_DEG, _JUMP_MM = 3.0, 30.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """Where the C-arm stands: its angles, and how far the patient lies from where he lay, in mm."""
+
+    orbital_deg: float
+    angular_deg: float
+    shift_mm: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One frame with its truth."""
+
+    pixels: FloatImage
+    truth: ImageTruth
+
+
+@dataclass(slots=True)
+class Tally:
+    """What was measured over all scenes."""
+
+    follow_s: list[float] = field(default_factory=list)
+    full_s: list[float] = field(default_factory=list)
+    calibrate_s: list[float] = field(default_factory=list)
+    followed_deg: list[float] = field(default_factory=list)
+    full_deg: list[float] = field(default_factory=list)
+    normalised: list[float] = field(default_factory=list)
+    full_normalised: list[float] = field(default_factory=list)
+    wrong: int = 0
+    answered: int = 0
+    silent: dict[str, int] = field(default_factory=dict)
+    good_frames: int = 0
+    not_begun: int = 0
+    events: dict[str, list[str]] = field(default_factory=dict)
+
+
+def path_of(start: WorldState, seed: int, count: int) -> Iterator[Pose]:
+    """A technician's way: turning and shifting smoothly, with rests."""
+    rng = np.random.default_rng([seed, *b"guidance"])
+    angles = np.array([start.angles.orbital_deg, start.angles.angular_deg])
+    shift, turn, drift = np.zeros(3), np.zeros(2), np.zeros(3)
+    for number in range(count):
+        yield Pose(float(angles[0]), float(angles[1]), shift.copy())
+        turn = _INERTIA * turn + rng.normal(0.0, _TURN_DEG, 2)
+        drift = _INERTIA * drift + rng.normal(0.0, _SHIFT_MM, 3)
+        if number % _CYCLE >= _REST_OF:
+            angles, shift = angles + turn, shift + drift
+
+
+def filmed(
+    scenario: Scenario, pose: Pose, number: int, faults: ImageFaults = NO_FAULTS, state: WorldState | None = None
+) -> Frame:
+    """One frame of a scene seen from a pose of the C-arm."""
+    placement = scenario.placement
+    shift: Transform[Room, Room] = Transform.from_rotvec(np.zeros(3), pose.shift_mm)
+    moved = shift @ placement.room_from_bone
+    shifted = replace(scenario, placement=replace(placement, room_from_bone=moved))
+    world = replace(state or starting_state(scenario), angles=CArmAngles(pose.orbital_deg, pose.angular_deg))
+    shot = render_scene(shifted, world, number, faults=faults)
+    return Frame(shot.pixels.astype(np.float32), shot.truth)
+
+
+def with_instrument(frame: Frame, nail: NailPart, calibration: CArmCalibration) -> Frame:
+    """The same frame with the shaft of a clamp, 9 mm wide, over the nail's first hole."""
+    pixels, truth = frame.pixels.copy(), frame.truth
+    assert truth.camera_from_nail is not None
+    middle = truth.camera_from_nail @ nail.holes[0].axis.point_mm
+    x, y = calibration.image_from_camera(middle)
+    if calibration.mirrored:
+        x = calibration.width_px - 1 - x
+    shaft = np.zeros(pixels.shape, dtype=np.float32)
+    half_px = 4.5 * calibration.camera.focal_length_px / float(middle[2])
+    cv2.line(shaft, (round(x), round(y)), (round(x) + 600, round(y) + 350), 1.0, max(1, round(2.0 * half_px)))
+    soft = np.asarray(cv2.GaussianBlur(shaft, (0, 0), 1.2), dtype=np.float32)
+    low = float(np.percentile(pixels, 1.0))
+    return Frame(np.asarray(low + (pixels - low) * (1.0 - 0.95 * soft), dtype=np.float32), truth)
+
+
+def errors_of(told: Advice, truth: ImageTruth, nail: NailPart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Errors of the tilts about x and y in degrees, and over their standard deviations, shape (H, 2) each."""
+    assert truth.camera_from_nail is not None
+    pairs = zip(told.tilts, hole_tilts(truth.camera_from_nail, nail), strict=True)
+    off = np.array([(a.about_x_deg - b.about_x_deg, a.about_y_deg - b.about_y_deg) for a, b in pairs])
+    return off, off / np.array([told.about_x_sd_deg, told.about_y_sd_deg])
+
+
+def film_scene(seed: int, tally: Tally) -> None:
+    """Follow one scene from its first frame to the disturbances at its end."""
+    scenario = scene_of_seed(seed)
+    scene = _Follower(scenario, tally)
+    pose = None
+    for number, pose in enumerate(path_of(starting_state(scenario), seed, FRAMES)):
+        frame = filmed(scenario, pose, number)
+        tally.good_frames += 1
+        if not scene.smooth(frame, number):
+            tally.not_begun += 1
+            return
+    assert pose is not None
+    scene.disturbances(pose)
+
+
+class _Follower:
+    """One scene on its way."""
+
+    def __init__(self, scenario: Scenario, tally: Tally) -> None:
+        c_arm, parts = scenario.c_arm, scenario.parts
+        self._scenario, self._tally = scenario, tally
+        self._parts = Parts(parts.ring, parts.guide, parts.nail)
+        self._nominal = NominalGeometry(c_arm.nominal_source_to_detector_mm, c_arm.nominal_pixel_mm)
+        self._before: CArmCalibration | None = None
+        self._track: Track | None = None
+
+    def smooth(self, frame: Frame, number: int) -> bool:
+        """A frame of the undisturbed run; False when guidance cannot begin in this scene."""
+        calibration = self._calibrated(frame)
+        if calibration is None:
+            self._silent("not calibrated")
+            return True
+        if self._track is None or number % FULL_EVERY == 0:
+            full, track = self._localised(frame, calibration)
+            if full.advice is not None:
+                self._tally.full_deg.append(self._off(full.advice, frame)[0])
+                self._tally.full_normalised.extend(self._off(full.advice, frame)[1])
+            if self._track is None:
+                self._track = track
+                return track is not None
+        sight = self._followed(frame, calibration)
+        if sight.advice is None:
+            self._silent(sight.reasons[0].code.value)
+            return True
+        self._count(sight.advice, frame)
+        return True
+
+    def disturbances(self, pose: Pose) -> None:
+        """Motion blur, a covered hole, no nail, a jump; an undisturbed frame after each."""
+        scenario, state = self._scenario, starting_state(self._scenario)
+        still = filmed(scenario, pose, 100)
+        calibration = self._calibrated(still)
+        blurred = filmed(scenario, pose, 101, ImageFaults(motion_blur_px=_BLUR_PX))
+        without_nail = filmed(scenario, pose, 103, state=replace(state, nail_present=False))
+        away = Pose(pose.orbital_deg + _JUMP_DEG, pose.angular_deg, pose.shift_mm + np.array([_JUMP_MM, 0.0, 0.0]))
+        jumped = filmed(scenario, away, 104)
+        if calibration is None:
+            return
+        covered = with_instrument(still, self._parts.nail, calibration)
+        for name, frame in (("motion blur", blurred), ("instrument", covered), ("no nail", without_nail)):
+            self._disturbed(name, frame)
+            self._disturbed("after it", filmed(scenario, pose, 105))
+        self._disturbed("view jumps", jumped)
+
+    def _disturbed(self, name: str, frame: Frame) -> None:
+        calibration = self._calibrated(frame)
+        said = self._tally.events.setdefault(name, [])
+        if calibration is None:
+            said.append("not calibrated")
+            return
+        if self._track is None:
+            said.append("waits for a full localisation")
+            return
+        sight = self._followed(frame, calibration)
+        if sight.advice is None:
+            said.append(sight.reasons[0].code.value)
+        elif frame.truth.camera_from_nail is None:
+            said.append("WRONG")
+        else:
+            said.append("WRONG" if self._wrong(sight.advice, frame) else "right answer")
+
+    def _calibrated(self, frame: Frame) -> CArmCalibration | None:
+        began = time.process_time()
+        outcome = calibrate_next(frame.pixels, self._parts.ring, self._nominal, self._before)
+        if isinstance(outcome, Rejected):
+            return None
+        if self._before is not None:
+            self._tally.calibrate_s.append(time.process_time() - began)
+        self._before = outcome.value
+        return outcome.value
+
+    def _localised(self, frame: Frame, calibration: CArmCalibration) -> tuple[Sight, Track | None]:
+        began = time.process_time()
+        found = localise(frame.pixels, calibration, self._parts, Method.MODEL, lambda _: None)
+        self._tally.full_s.append(time.process_time() - began)
+        return localised_sight(found, self._parts), begin_track(frame.pixels, calibration, self._parts, found)
+
+    def _followed(self, frame: Frame, calibration: CArmCalibration) -> Sight:
+        assert self._track is not None
+        began = time.process_time()
+        sight, self._track = follow_frame(frame.pixels, calibration, self._parts, self._track)
+        self._tally.follow_s.append(time.process_time() - began)
+        return sight
+
+    def _off(self, told: Advice, frame: Frame) -> tuple[float, list[float]]:
+        off, normalised = errors_of(told, frame.truth, self._parts.nail)
+        return float(np.linalg.norm(off, axis=1).max()), normalised.ravel().tolist()
+
+    def _wrong(self, told: Advice, frame: Frame) -> bool:
+        off, normalised = errors_of(told, frame.truth, self._parts.nail)
+        return bool(np.any((np.abs(normalised) > WRONG_DEVIATIONS) & (np.abs(off) > WRONG_DEG)))
+
+    def _count(self, told: Advice, frame: Frame) -> None:
+        off_deg, normalised = self._off(told, frame)
+        self._tally.answered += 1
+        self._tally.followed_deg.append(off_deg)
+        self._tally.normalised.extend(normalised)
+        self._tally.wrong += self._wrong(told, frame)
+
+    def _silent(self, code: str) -> None:
+        self._tally.silent[code] = self._tally.silent.get(code, 0) + 1
+
+
+def report(tally: Tally, scenes: int) -> str:
+    """The tables."""
+    follow, full, calibrate = (1e3 * float(np.median(t)) for t in (tally.follow_s, tally.full_s, tally.calibrate_s))
+    lines = [
+        _scenes_line(tally, scenes),
+        "",
+        "| on one core, median | ms | frames/s | full localisations |",
+        "|---|---|---|---|",
+        f"| full localisation | {full:.0f} | {1e3 / full:.1f} | 1 |",
+        f"| frame followed | {follow:.0f} | {1e3 / follow:.1f} | {follow / full:.3f} |",
+        f"| its calibration, on the other core | {calibrate:.0f} | {1e3 / calibrate:.1f} | {calibrate / full:.3f} |",
+        "",
+        "| error of the tilt at the worse hole | median | 95 % | worst | normalised, rms |",
+        "|---|---|---|---|---|",
+        _row("followed", tally.followed_deg, tally.normalised),
+        _row("localised in full", tally.full_deg, tally.full_normalised),
+        "",
+        _answers_line(tally),
+        "",
+        "| disturbance | what the frame said |",
+        "|---|---|",
+    ]
+    for name, said in tally.events.items():
+        lines.append(f"| {name} | {_listed({word: said.count(word) for word in sorted(set(said))})} |")
+    return "\n".join(lines)
+
+
+def _scenes_line(tally: Tally, scenes: int) -> str:
+    return (
+        f"{scenes} scenes, {tally.good_frames} undisturbed frames; in {tally.not_begun} scenes the first frame was "
+        "refused, and guidance waits there."
+    )
+
+
+def _answers_line(tally: Tally) -> str:
+    return (
+        f"Of {tally.answered} answers {tally.wrong} were wrong (off by more than {WRONG_DEVIATIONS:g} of their "
+        f"standard deviations and {WRONG_DEG:g}°). Undisturbed frames without an answer: {_listed(tally.silent)}."
+    )
+
+
+def _row(name: str, off_deg: list[float], normalised: list[float]) -> str:
+    middle, high = np.percentile(off_deg, [50, 95])
+    rms = float(np.sqrt(np.mean(np.square(normalised))))
+    return f"| {name} | {middle:.2f}° | {high:.2f}° | {max(off_deg):.2f}° | {rms:.2f} |"
+
+
+def _listed(counts: dict[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
+
+
+def main(scenes: int = 20) -> int:
+    cv2.setNumThreads(1)
+    tally = Tally()
+    for seed in range(1, scenes + 1):
+        film_scene(seed, tally)
+        print(f"scene {seed}: {tally.answered} answers, {tally.wrong} wrong", file=sys.stderr, flush=True)
+    text = report(tally, scenes)
+    print(text)
+    if scenes >= 20:
+        about = (__doc__ or "").split("\n", 2)[2].strip()
+        REPORT.write_text(f"# Guidance\n\nMade by `distalock bench guidance`. {about}\n\n{text}\n")
+    return 1 if tally.wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 20))
