@@ -215,7 +215,8 @@ def _posed(views: _Views, direction: int, pair: int, slopes: NDArray[np.float64]
     depth = (-(u @ v) + np.sqrt((u @ v) ** 2 - (u @ u) * (v @ v - length2))) / (u @ u)
     across, along = depth * u + v, (a - b)[:2]
     angle = np.arctan2(across[1], across[0]) - np.arctan2(along[1], along[0])
-    rotation = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
+    cos, sin = np.cos(angle), np.sin(angle)
+    rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     xy = slopes[0] * (depth + a[2]) - (rotation @ a)[:2]
     return RigidPose(rotation @ views.rotation[direction], np.array([xy[0], xy[1], depth]))
 
@@ -255,6 +256,6 @@ def _merged(found: list[GuideIdentity], new: list[GuideIdentity]) -> list[GuideI
 
 def _same(a: RigidPose, b: RigidPose, angle_deg: float, across_mm: float) -> bool:
     """Whether two poses differ by less than an angle and a distance across the beam."""
-    angle = Rotation.from_matrix(a.rotation.T @ b.rotation).magnitude()
+    cos_angle = 0.5 * (float(np.sum(a.rotation * b.rotation)) - 1.0)
     apart = np.linalg.norm((a.translation_mm - b.translation_mm)[:2])
-    return bool(np.degrees(angle) < angle_deg and apart < across_mm)
+    return bool(cos_angle > np.cos(np.radians(angle_deg)) and apart < across_mm)

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.pose_kernel import jacobian_row, refined
 from shared.geometry.camera import PinholeCamera
 
 _ITERATIONS = 30
 _CAUCHY_SIGMAS = 1.5
-_CONVERGED = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,20 +71,11 @@ def residuals_px(camera: PinholeCamera, pose: RigidPose, seen: Correspondences) 
 
 def projection_jacobian(camera: PinholeCamera, pose: RigidPose, body_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     """How projections move with the pose (see `RigidPose.moved`), shape (N, 2, 6), px per rad and px per mm."""
-    K = camera.intrinsic_matrix_px
-    X, Y, Z = pose.points(body_mm).T
-    by_camera = np.zeros((len(body_mm), 2, 3))
-    by_camera[:, 0, 0] = K[0, 0] / Z
-    by_camera[:, 0, 1] = K[0, 1] / Z
-    by_camera[:, 0, 2] = -(K[0, 0] * X + K[0, 1] * Y) / Z**2
-    by_camera[:, 1, 1] = K[1, 1] / Z
-    by_camera[:, 1, 2] = -K[1, 1] * Y / Z**2
-    by_body = by_camera @ pose.rotation
-    # a turn by w moves the body's point x by w x x, so its derivative is -[x]x: row by row x cross gradient
-    # (written out: the guide's search comes here thousands of times, and np.cross takes longer than all the rest)
-    x, y, z = (body_mm[:, i, None] for i in range(3))
-    a, b, c = (by_body[..., i] for i in range(3))
-    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a, a, b, c], axis=2)
+    jacobian = np.empty((len(body_mm), 2, 6))
+    for point_mm, at_camera_mm, rows in zip(body_mm, pose.points(body_mm), jacobian, strict=True):
+        for axis in range(2):
+            jacobian_row(camera.intrinsic_matrix_px, pose.rotation, at_camera_mm, point_mm, axis, rows[axis])
+    return jacobian
 
 
 def refine_pose(
@@ -95,35 +86,20 @@ def refine_pose(
     Levenberg-Marquardt on at least three points; the start must be near enough to project all points in front of the
     focal spot.
     """
-    pose, damping = start, 1e-3
-    cost = _cauchy_cost(residuals_px(camera, pose, seen), seen)
-    for _ in range(most_steps):
-        residual = residuals_px(camera, pose, seen)
-        weight = _cauchy_weights(residual, seen)
-        J = projection_jacobian(camera, pose, seen.body_mm)
-        normal = np.einsum("nik,n,nil->kl", J, weight, J)
-        gradient = np.einsum("nik,n,ni->k", J, weight, residual)
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
-        trial = pose.moved(step)
-        trial_cost = _cauchy_cost(residuals_px(camera, trial, seen), seen)
-        if trial_cost > cost:
-            damping *= 10.0
-            continue
-        converged = cost - trial_cost < _CONVERGED * (1.0 + cost)
-        pose, cost, damping = trial, trial_cost, max(damping * 0.1, 1e-12)
-        if converged:
-            break
-    return pose
+    rotation, translation_mm = refined(
+        camera.intrinsic_matrix_px,
+        (np.ascontiguousarray(start.rotation), np.ascontiguousarray(start.translation_mm)),
+        np.ascontiguousarray(seen.body_mm),
+        np.ascontiguousarray(seen.ideal_px),
+        _CAUCHY_SIGMAS * seen.standard_deviation_px,
+        most_steps,
+    )
+    return RigidPose(rotation, translation_mm)
 
 
 def _cauchy_weights(residual: NDArray[np.float64], seen: Correspondences) -> NDArray[np.float64]:
     ratio = np.sum(residual**2, axis=1) / (_CAUCHY_SIGMAS * seen.standard_deviation_px) ** 2
     return np.asarray(1.0 / ((1.0 + ratio) * seen.standard_deviation_px**2))
-
-
-def _cauchy_cost(residual: NDArray[np.float64], seen: Correspondences) -> float:
-    ratio = np.sum(residual**2, axis=1) / (_CAUCHY_SIGMAS * seen.standard_deviation_px) ** 2
-    return float(0.5 * _CAUCHY_SIGMAS**2 * np.sum(np.log1p(ratio)))
 
 
 def down_weighted(camera: PinholeCamera, pose: RigidPose, seen: Correspondences) -> Correspondences:

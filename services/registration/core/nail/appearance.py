@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.blur import Real, blurred_image
 from services.registration.core.nail.pixel_rays import SAMPLES_PX
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, rotation_and_translation
 from services.registration.core.nail.scene import NailScene
@@ -79,10 +79,10 @@ def render(scene: NailScene, traced: Paths) -> Appearance:
 
 
 def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray[np.bool_]) -> list[Appearance]:
-    """Derivatives of the appearance by the free parameters, in their order."""
+    """Derivatives of the appearance by the free parameters, in their order; in single precision, which is plenty."""
     display = _display(scene, traced.parameters)
     blurred = blurred_image(traced.passed, display.blur_px)
-    slope = display.slope(blurred)
+    slope = display.slope(blurred).astype(np.float32)
     pictures = [
         *(
             display.sharpened(slope * blurred_image(p, display.blur_px))
@@ -91,7 +91,7 @@ def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray
         *(_display_derivative(u, scene, traced, blurred) for u in _OF_DISPLAY if free[u]),
     ]
     unchanged = np.zeros_like(look.visible)
-    columns = [Appearance(scene.compared(picture), unchanged) for picture in pictures]
+    columns = [Appearance(visible, unchanged) for visible in scene.compared(np.stack(pictures))]
     if free[Unknown.DELRIN_PER_MM]:
         columns.append(Appearance(unchanged, -scene.body_mm * look.delrin))
     return columns
@@ -115,7 +115,7 @@ class _Display:
         rise = np.expm1(self.curve)
         return np.asarray(rise / (self.curve * (1.0 + rise * share)))
 
-    def sharpened(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sharpened(self, image: NDArray[Real]) -> NDArray[Real]:
         """Edge enhancement: what differs from the surroundings is enlarged."""
         return (1.0 + self.sharpening) * image - self.sharpening * blurred_image(image, self.width_px)
 
@@ -131,14 +131,14 @@ def _display(scene: NailScene, parameters: NDArray[np.float64]) -> _Display:
     )
 
 
-def _paths_derivatives(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> Iterator[NDArray[np.float64]]:
+def _paths_derivatives(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> Iterator[NDArray[np.float32]]:
     """Derivatives of the transmission map by the free parameters that act on the paths, in their order."""
     causes = np.zeros((len(_OF_PATHS), DERIVATIVES))
     motion = motion_by_parameters(traced.parameters[:POSE_SIZE], scene.camera, scene.anchors)
     causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
     causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
     causes[Unknown.CHAMFER_DEVIATIONS] *= _chamfer(scene.nail, traced.parameters)[1]
-    for values in causes[free[: len(_OF_PATHS)]] @ traced.by_cause.T:
+    for values in (causes[free[: len(_OF_PATHS)]] @ traced.by_cause.T).astype(np.float32):
         yield _on_rectangle(scene.window, values, 0.0)
 
 
@@ -147,7 +147,7 @@ def _display_derivative(
     scene: NailScene,
     traced: Paths,
     blurred: NDArray[np.float64],
-) -> NDArray[np.float64]:
+) -> NDArray[np.float32]:
     """Derivative of the visible share by one of the display's parameters: a central difference."""
     sides = []
     for by in (0.5 * _STEP, -0.5 * _STEP):
@@ -156,7 +156,7 @@ def _display_derivative(
         display = _display(scene, moved)
         share = blurred_image(traced.passed, display.blur_px) if unknown is Unknown.LOG_BLUR_PX else blurred
         sides.append(display.sharpened(display.bent(share)))
-    return np.asarray((sides[0] - sides[1]) / _STEP)
+    return np.asarray((sides[0] - sides[1]) / _STEP, dtype=np.float32)
 
 
 def _nail_shape(scene: NailScene, parameters: NDArray[np.float64]) -> NailShape:
@@ -189,8 +189,8 @@ def _bore_row(hole: Hole, excess_mm: float, widening_mm: float) -> tuple[float, 
     return (*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm)
 
 
-def _on_rectangle(window: Window, values: NDArray[np.float64], elsewhere: float) -> NDArray[np.float64]:
+def _on_rectangle(window: Window, values: NDArray[Real], elsewhere: float) -> NDArray[Real]:
     """Values of the support's pixels, shape (S,), on the whole rectangle, shape of it."""
-    out = np.full(window.shape, elsewhere)
+    out = np.full(window.shape, elsewhere, dtype=values.dtype)
     out.ravel()[window.support] = values
     return out

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from services.registration.core.nail.blur import Real
+
 _LAGS = 9
 _TAPER_PX = 8.0
 _FILTER_REACH_PX = 7.0
@@ -42,12 +44,14 @@ class Whitening:
     response: NDArray[np.float64]
     padded_shape: tuple[int, int]
 
-    def apply(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Filter an image, edge values repeated beyond its border."""
-        padded = np.pad(image, _PADDING, mode="edge")
-        out = fft.irfft2(fft.rfft2(padded, self.padded_shape) * self.response, self.padded_shape)
-        inner = out[_PADDING : _PADDING + image.shape[0], _PADDING : _PADDING + image.shape[1]]
-        return np.ascontiguousarray(inner)
+    def apply(self, images: NDArray[Real]) -> NDArray[Real]:
+        """Filter images, shape (..., rows, columns), edge values repeated beyond their border."""
+        rows, columns = images.shape[-2:]
+        around = [(0, 0)] * (images.ndim - 2) + [(_PADDING, _PADDING)] * 2
+        spectra = fft.rfft2(np.pad(images, around, mode="edge"), self.padded_shape)
+        spectra *= self.response.astype(images.dtype)
+        out = fft.irfft2(spectra, self.padded_shape)
+        return np.ascontiguousarray(out[..., _PADDING : _PADDING + rows, _PADDING : _PADDING + columns])
 
 
 def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]) -> Correlation:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.blur import Real, blurred_image
 from services.registration.core.nail.noise import Whitening
 from services.registration.core.nail.pose import POSE_SIZE, Anchors, pose_from_parameters
 from services.registration.core.nail.unknowns import USUAL_BLUR_PX
@@ -38,9 +38,12 @@ class NailScene:
     contrast: NDArray[np.float64]
     whitening: Whitening | None
 
-    def compared(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The strip's pixels of an image of the window, shape (N,), whitened when the scene says so."""
-        return _compared(self.window, self.whitening, image)
+    def compared(self, images: NDArray[Real]) -> NDArray[Real]:
+        """The strip's pixels of images of the window, shape (..., rows, columns), whitened when the scene says so.
+
+        The result has shape (..., N).
+        """
+        return _compared(self.window, self.whitening, images)
 
     @property
     def grey(self) -> NDArray[np.float64]:
@@ -62,9 +65,9 @@ def whitened_scene(scene: NailScene, whitening: Whitening) -> NailScene:
     return replace(scene, body_mm=_body_mm(scene.window, whitening), whitening=whitening)
 
 
-def _compared(window: Window, whitening: Whitening | None, image: NDArray[np.float64]) -> NDArray[np.float64]:
-    filtered = image if whitening is None else whitening.apply(image)
-    return filtered.ravel()[window.compared]
+def _compared(window: Window, whitening: Whitening | None, images: NDArray[Real]) -> NDArray[Real]:
+    filtered = images if whitening is None else whitening.apply(images)
+    return filtered.reshape(*images.shape[:-2], -1)[..., window.compared]
 
 
 def _body_mm(window: Window, whitening: Whitening | None) -> NDArray[np.float64]:

@@ -13,9 +13,10 @@ from services.registration.core.nail.unknowns import prior_mean, prior_precision
 
 _LEAST_RIDGE = 1e-9
 _LEAST_CURVATURE = 1e-3
-_DAMPING_START = 1e-3
+# Below the first of these, a step hardly depends on the damping; after a step that fails, less than the second would
+# only fail once more.
+_LEAST_DAMPING, _DAMPING_AFTER_FAILURE, _MOST_DAMPING = 1e-3, 0.1, 1e6
 _DAMPING_FACTOR = 10.0
-_DAMPING_LIMIT = 1e6
 # A step that promises less than this part of the tolerance is not worth tracing the rays for.
 _HOPELESS = 0.3
 
@@ -136,7 +137,7 @@ def _normal_equations(
 
 def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tolerance: float) -> Solution:
     """Levenberg-Marquardt on the free parameters until a step lowers the cost by less than `tolerance`."""
-    here, damping, converged, steps = solution_at(problem, start), _DAMPING_START, False, 0
+    here, damping, converged, steps = solution_at(problem, start), _LEAST_DAMPING, False, 0
     normal, gradient = _projected(problem, here)
     while steps < most_steps and not converged:
         steps += 1
@@ -160,7 +161,7 @@ def _step_down(
 ) -> tuple[Linear | None, float]:
     """Solution after a step that lowers the cost (None when none does by enough), and the damping for the next."""
     scale = np.diag(np.maximum(np.diag(normal), _LEAST_CURVATURE))
-    while damping <= _DAMPING_LIMIT:
+    while damping <= _MOST_DAMPING:
         step = np.linalg.solve(normal + damping * scale, gradient)
         if float(2.0 * gradient @ step - step @ normal @ step) < _HOPELESS * tolerance:
             break
@@ -168,8 +169,8 @@ def _step_down(
         trial[problem.free] += step
         below = solution_at(problem, within_reason(trial))
         if below.cost < here.cost:
-            return below, max(damping / _DAMPING_FACTOR, 1e-9)
-        damping *= _DAMPING_FACTOR
+            return below, max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
+        damping = max(damping * _DAMPING_FACTOR, _DAMPING_AFTER_FAILURE)
     return None, damping
 
 

@@ -1,0 +1,147 @@
+"""The inner loop of fitting a rigid pose to image points, compiled: the guide's search runs it hundreds of times."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.compiled import compiled
+
+_SMALL_ANGLE_RAD = 1e-8
+_CONVERGED = 1e-9
+_LEAST_DAMPING, _FIRST_DAMPING, _DAMPING_FACTOR = 1e-12, 1e-3, 10.0
+_LEAST_CURVATURE = 1e-12
+
+Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+@compiled
+def _turn(rotvec: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation matrix of a rotation vector (Rodrigues' formula), shape (3, 3)."""
+    angle = np.sqrt(np.sum(rotvec * rotvec))
+    x, y, z = rotvec[0], rotvec[1], rotvec[2]
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < _SMALL_ANGLE_RAD:
+        return np.asarray(np.eye(3) + cross)
+    half = np.sin(0.5 * angle) / (0.5 * angle)
+    return np.asarray(np.eye(3) + np.sin(angle) / angle * cross + 0.5 * half * half * (cross @ cross))
+
+
+@compiled
+def moved_by(pose: Pose, step: NDArray[np.float64]) -> Pose:
+    """A pose after a small motion in the body's own frame: rotation vector (rad) and translation (mm), shape (6,)."""
+    rotation, translation_mm = pose
+    return rotation @ _turn(step[:3]), translation_mm + rotation @ step[3:]
+
+
+@compiled
+def jacobian_row(
+    intrinsic: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+    at_camera_mm: NDArray[np.float64],
+    body_mm: NDArray[np.float64],
+    axis: int,
+    out: NDArray[np.float64],
+) -> None:
+    """How one coordinate of a point's image moves with the pose, shape (6,), px per rad and px per mm."""
+    x, y, z = at_camera_mm[0], at_camera_mm[1], at_camera_mm[2]
+    if axis == 0:
+        gx, gy, gz = intrinsic[0, 0] / z, intrinsic[0, 1] / z, -(intrinsic[0, 0] * x + intrinsic[0, 1] * y) / z**2
+    else:
+        gx, gy, gz = 0.0, intrinsic[1, 1] / z, -intrinsic[1, 1] * y / z**2
+    for i in range(3):
+        out[3 + i] = gx * rotation[0, i] + gy * rotation[1, i] + gz * rotation[2, i]
+    # a turn by w moves the body's point b by w x b, so its derivative is b x gradient
+    out[0] = body_mm[1] * out[5] - body_mm[2] * out[4]
+    out[1] = body_mm[2] * out[3] - body_mm[0] * out[5]
+    out[2] = body_mm[0] * out[4] - body_mm[1] * out[3]
+
+
+@compiled
+def _residual(
+    intrinsic: NDArray[np.float64], at_camera_mm: NDArray[np.float64], seen_px: NDArray[np.float64]
+) -> tuple[float, float]:
+    x, y = at_camera_mm[0] / at_camera_mm[2], at_camera_mm[1] / at_camera_mm[2]
+    return (
+        seen_px[0] - (intrinsic[0, 0] * x + intrinsic[0, 1] * y + intrinsic[0, 2]),
+        seen_px[1] - (intrinsic[1, 1] * y + intrinsic[1, 2]),
+    )
+
+
+@compiled
+def _cauchy_cost(
+    intrinsic: NDArray[np.float64],
+    pose: Pose,
+    body_mm: NDArray[np.float64],
+    seen_px: NDArray[np.float64],
+    scale_px: NDArray[np.float64],
+) -> float:
+    """Sum of ln(1 + (distance / scale)²)."""
+    rotation, translation_mm = pose
+    cost = 0.0
+    for n in range(body_mm.shape[0]):
+        across, down = _residual(intrinsic, rotation @ body_mm[n] + translation_mm, seen_px[n])
+        cost += np.log1p((across * across + down * down) / scale_px[n] ** 2)
+    return cost
+
+
+@compiled
+def _normal_equations(
+    intrinsic: NDArray[np.float64],
+    pose: Pose,
+    body_mm: NDArray[np.float64],
+    seen_px: NDArray[np.float64],
+    scale_px: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Normal matrix, shape (6, 6), and gradient, shape (6,), with Cauchy weights."""
+    rotation, translation_mm = pose
+    normal, gradient, row = np.zeros((6, 6)), np.zeros(6), np.empty(6)
+    for n in range(body_mm.shape[0]):
+        at_camera_mm = rotation @ body_mm[n] + translation_mm
+        residual = _residual(intrinsic, at_camera_mm, seen_px[n])
+        ratio = (residual[0] * residual[0] + residual[1] * residual[1]) / scale_px[n] ** 2
+        weight = 1.0 / ((1.0 + ratio) * scale_px[n] ** 2)
+        for axis in range(2):
+            jacobian_row(intrinsic, rotation, at_camera_mm, body_mm[n], axis, row)
+            gradient += weight * residual[axis] * row
+            for i in range(6):
+                normal[i] += weight * row[i] * row
+    return normal, gradient
+
+
+@compiled
+def refined(
+    intrinsic: NDArray[np.float64],
+    start: Pose,
+    body_mm: NDArray[np.float64],
+    seen_px: NDArray[np.float64],
+    scale_px: NDArray[np.float64],
+    most_steps: int,
+) -> Pose:
+    """Levenberg-Marquardt with Cauchy weights (see `pose.refine_pose`).
+
+    Parameters
+    ----------
+    intrinsic
+        Intrinsic matrix in px, shape (3, 3).
+    start
+        Rotation, shape (3, 3), and translation in mm, shape (3,).
+    body_mm, seen_px
+        Points of the body, shape (N, 3), and where they were seen, shape (N, 2).
+    scale_px
+        Distances at which weights have fallen to a half, shape (N,).
+    """
+    pose, damping = start, _FIRST_DAMPING
+    cost = _cauchy_cost(intrinsic, pose, body_mm, seen_px, scale_px)
+    normal, gradient = _normal_equations(intrinsic, pose, body_mm, seen_px, scale_px)
+    for _ in range(most_steps):
+        curvature = np.diag(normal) + _LEAST_CURVATURE
+        trial = moved_by(pose, np.linalg.solve(normal + damping * np.diag(curvature), gradient))
+        trial_cost = _cauchy_cost(intrinsic, trial, body_mm, seen_px, scale_px)
+        if trial_cost > cost:
+            damping *= _DAMPING_FACTOR
+            continue
+        converged = cost - trial_cost < _CONVERGED * (1.0 + cost)
+        pose, cost, damping = trial, trial_cost, max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
+        if converged:
+            break
+        normal, gradient = _normal_equations(intrinsic, pose, body_mm, seen_px, scale_px)
+    return pose
