@@ -15,9 +15,9 @@ from shared.messages.registration import Verification
 
 def verify_images(images: tuple[Path, ...], parts: Parts, nominal: NominalOptions) -> Verification:
     """Verify the wires in one image file or two of the same set-up; raises `ImageUnreadable`."""
-    located = [locate_image(image, parts, nominal) for image in images]
+    located = [(image.name, locate_image(image, parts, nominal)) for image in images]
     return verification_message(
-        tuple(VerifiedImage(one.pixels, one.calibration, one.result, one.message) for one in located), parts, None
+        tuple(VerifiedImage(name, one.pixels, one.calibration, one.result, one.message) for name, one in located), parts
     )
 
 

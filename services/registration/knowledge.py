@@ -176,18 +176,21 @@ class Knowledge:
         with self._changed:
             return self._localised.get(sha256)
 
-    def accepted_beside(self, frame: LocalisedFrame) -> LocalisedFrame | None:
-        """The newest accepted image with case and robot as they were for another one; None when there is none."""
+    def accepted_beside(self, frame: LocalisedFrame, apart_from: tuple[str, ...]) -> tuple[LocalisedFrame, ...]:
+        """Accepted images with case and robot as they were for another one, in order, without those named by hash."""
         robot, setup = frame.record.robot_pose, _name(frame.case)
         if robot is None:
-            return None
+            return ()
         with self._changed:
-            for other in reversed(self._localised.values()):
-                same = other.record.robot_pose == robot and _name(other.case) == setup
-                same = same and other.record.robot_boot_epoch == frame.record.robot_boot_epoch
-                if same and other.record.localisation.verdict == "accepted":
-                    return other
-        return None
+            return tuple(
+                other
+                for sha256, other in self._localised.items()
+                if sha256 not in apart_from
+                and other.record.robot_pose == robot
+                and _name(other.case) == setup
+                and other.record.robot_boot_epoch == frame.record.robot_boot_epoch
+                and other.record.localisation.verdict == "accepted"
+            )
 
     @property
     def case(self) -> OpenCase | None:

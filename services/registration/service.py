@@ -153,9 +153,9 @@ class RegistrationService:
                 f"'{request.case_id}' since registration started; take them again"
             )
             return Answer(encode(VerificationReply(code="unknown_image", message=message)))
-        images = tuple(VerifiedImage(f.frame.pixels, f.calibration, f.result, f.record.localisation) for f in known)
-        earlier = self._knowledge.accepted_beside(known[0])
-        verification = verification_message(images, case.parts, None if earlier is None else earlier.result)
+        earlier = self._knowledge.accepted_beside(known[0], request.image_sha256)
+        images, before = (tuple(_verified_image(frame) for frame in frames) for frames in (known, earlier))
+        verification = verification_message(images, case.parts, before)
         return Answer(encode(VerificationReply(verification=verification)))
 
     def _vouch(self) -> None:
@@ -252,3 +252,10 @@ def _located(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase) -> _
     calibration = job.values.calibration()
     result, message = timed_localisation(frame.pixels, calibration, case.parts, Method.MODEL, sha256, job.elapsed_ms)
     return _Located(calibration, result, message)
+
+
+def _verified_image(localised: LocalisedFrame) -> VerifiedImage:
+    record, frame = localised.record, localised.frame
+    return VerifiedImage(
+        record.image.sha256[:12], frame.pixels, localised.calibration, localised.result, record.localisation
+    )

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.fusion_localise import LocalisedImage
+from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.wires import AxisComparison, verify_wires
-from services.registration.core.wires_view import WireView
+from services.registration.core.wires_images import WiredImage, seen_set_up
 from services.registration.report import standard_uncertainty
+from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage
 from shared.messages.registration import Localisation, Verification, VerifiedGuideHole, VerifiedWire
@@ -20,18 +22,26 @@ class VerifiedImage:
 
     Attributes
     ----------
+    name
+        What it is called in sentences for people.
     pixels
         The image as received, darker is denser, shape (rows, columns).
     """
 
+    name: str
     pixels: NDArray[np.float32]
     calibration: CArmCalibration | None
     result: LocalisationResult | None
     localisation: Localisation
 
+    def localised(self) -> LocalisedImage:
+        """As the core takes it."""
+        reasons = tuple(Reason(reason.code, reason.message) for reason in self.localisation.reasons)
+        return LocalisedImage(self.name, self.calibration, self.result, reasons)
+
 
 def verification_message(
-    images: tuple[VerifiedImage, ...], parts: Parts, earlier: LocalisationResult | None
+    images: tuple[VerifiedImage, ...], parts: Parts, earlier: tuple[VerifiedImage, ...] = ()
 ) -> Verification:
     """Compare the wires in one image or two of the same set-up with the nail's hole axes.
 
@@ -40,42 +50,23 @@ def verification_message(
     Parameters
     ----------
     earlier
-        An accepted localisation with the guide in the same place, from before the wires were inserted. Wires cover the
-        holes: where the images themselves do not show the axes, these are taken.
+        Images with the guide in the same place, from before the wires were inserted: wires cover the holes.
     """
     hashes = tuple(image.localisation.image.sha256 for image in images)
-    reasons_of_images = tuple(reason for image in images for reason in image.localisation.reasons)
-    result = _axes(images, earlier)
-    if result is None or result.guide_from_nail is None or result.holes is None:
-        return Verification(verdict="rejected", reasons=reasons_of_images, images=hashes, wires=())
-    views = tuple(view for image in images if (view := _view(image)) is not None)
-    if not views:
-        return Verification(verdict="rejected", reasons=reasons_of_images, images=hashes, wires=())
-    verified = verify_wires(views, parts.guide, parts.nail, result.guide_from_nail, result.holes)
-    reasons = tuple(ReasonMessage.of(reason) for reason in verified.reasons)
-    if reasons and len(views) < len(images):
-        reasons += reasons_of_images
+    wired = tuple(WiredImage(image.pixels, image.localised()) for image in images)
+    seen = seen_set_up(wired, tuple(image.localised() for image in earlier), parts)
+    if seen.set_up is None:
+        reasons = tuple(ReasonMessage.of(reason) for reason in seen.reasons)
+        return Verification(verdict="rejected", reasons=reasons, images=hashes, wires=())
+    verified = verify_wires(seen.set_up, parts.guide, parts.nail)
+    told = verified.reasons + (seen.reasons if verified.reasons and seen.left_out else ())
     return Verification(
-        verdict="rejected" if reasons else "accepted",
-        reasons=reasons,
+        verdict="rejected" if told else "accepted",
+        reasons=tuple(ReasonMessage.of(reason) for reason in told),
         images=hashes,
         wires=tuple(_wire(comparison) for comparison in verified.wires),
         guide_holes=tuple(_guide_hole(comparison) for comparison in verified.guide_holes),
     )
-
-
-def _axes(images: tuple[VerifiedImage, ...], earlier: LocalisationResult | None) -> LocalisationResult | None:
-    """The first accepted localisation of the images, else the earlier one."""
-    accepted = (image.result for image in images if image.result is not None and image.result.accepted)
-    return next(accepted, earlier)
-
-
-def _view(image: VerifiedImage) -> WireView | None:
-    if image.calibration is None or image.result is None or image.result.guide is None:
-        return None
-    guide = image.result.guide
-    upright = unmirrored(image.pixels, image.calibration)
-    return WireView(upright, image.calibration, guide.camera_from_guide, guide.covariance)
 
 
 def _wire(comparison: AxisComparison) -> VerifiedWire:

@@ -38,6 +38,8 @@ class FusedPose:
         The pose.
     covariance
         Of a small motion of the nail in its own frame, as in `PoseEvidence`, shape (6, 6).
+    weights
+        How each image's error enters the joint one, shape (K, 6, 6).
     departures
         How far each image's pose is from the joint one, such motions, shape (K, 6).
     chi_square
@@ -46,6 +48,7 @@ class FusedPose:
 
     guide_from_nail: Transform[Guide, Nail]
     covariance: NDArray[np.float64]
+    weights: NDArray[np.float64]
     departures: NDArray[np.float64]
     chi_square: float
 
@@ -68,7 +71,7 @@ def fuse(evidence: tuple[PoseEvidence, ...]) -> FusedPose:
     departures = _departures(evidence, pose)
     chi_square = float(np.einsum("ki,kij,kj->", departures, information, departures))
     covariance = np.einsum("kij,kljm,lnm->in", weights, joint_covariance(evidence), weights)
-    return FusedPose(pose, read_only(covariance), read_only(departures), chi_square)
+    return FusedPose(pose, read_only(covariance), read_only(weights), read_only(departures), chi_square)
 
 
 def joint_covariance(evidence: tuple[PoseEvidence, ...]) -> NDArray[np.float64]:

@@ -132,7 +132,7 @@ def holes_at(
         axis = Line(guide_from_nail @ entry, guide_from_nail.directions(hole.axis.direction))
         offset = None
         if covariance is not None:
-            J = _offsets_by_motion(guide_from_nail, np.stack([entry, leaving]), axis)
+            J = offsets_by_motion(nail, hole.id, guide_from_nail)
             offset = AxisOffset(np.zeros(4), J @ covariance @ J.T, float(np.linalg.norm(leaving - entry)))
         exit_guide_mm = guide_from_nail @ leaving
         estimates.append(
@@ -141,12 +141,12 @@ def holes_at(
     return tuple(estimates)
 
 
-def _offsets_by_motion(
-    guide_from_nail: Transform[Guide, Nail], ends_nail_mm: NDArray[np.float64], axis_guide: Line
-) -> NDArray[np.float64]:
-    """How the axis moves across itself at both ends when the nail moves in its own frame, shape (4, 6).
+def offsets_by_motion(nail: NailPart, hole_id: str, guide_from_nail: Transform[Guide, Nail]) -> NDArray[np.float64]:
+    """How a hole's axis moves across itself at entry and exit when the nail moves in its own frame, shape (4, 6).
 
     A small motion (w, t) of a body in its own frame moves its point x by w x x + t.
     """
-    across = across_basis(axis_guide.direction) @ guide_from_nail.rotation
-    return np.vstack([across @ np.hstack([-cross_matrix(end), np.eye(3)]) for end in ends_nail_mm])
+    hole = next(hole for hole in nail.holes if hole.id == hole_id)
+    across = across_basis(guide_from_nail.directions(hole.axis.direction)) @ guide_from_nail.rotation
+    ends = hole_surface_points(nail, hole)
+    return np.vstack([across @ np.hstack([-cross_matrix(end), np.eye(3)]) for end in ends])

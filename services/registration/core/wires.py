@@ -1,8 +1,9 @@
 """Verify K-wires: their axes, as one image or a pair shows them, against the axes of the nail's holes.
 
-Images of a pair are tied together by the guide, which is found in each of them: everything is expressed in its frame.
-The lateral image shows the nail's holes, and the wires nearly end on, as stubs in the holes' openings. An oblique image
-shows the wires as bands: each gives a plane through the wire, and the lateral image what the plane leaves open.
+Images of a pair are tied together by the guide, which is found in each of them, and by the nail's outline: everything
+is expressed in the guide's frame (`SetUp`). The lateral image shows the nail's holes, and the wires nearly end on, as
+stubs in the holes' openings. An oblique image shows the wires as bands: each gives a plane through the wire, and the
+lateral image what the plane leaves open.
 """
 
 from dataclasses import dataclass
@@ -10,20 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.hole_axes import HoleEstimate
+from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.passing import AxisOffset, angle_deg, axis_offset_mm
-from services.registration.core.wires_fit import WireFit, fit_wire
+from services.registration.core.wires_fit import LEAST_SEEN_PX, LEAST_SEEN_SHARE, WireFit, fit_wire, seen_share
 from services.registration.core.wires_model import wire_model
-from services.registration.core.wires_view import PreparedView, WireView, prepare_view
+from services.registration.core.wires_set_up import SetUp
+from services.registration.core.wires_view import PreparedView, prepare_view
 from shared.errors import Reason, ReasonCode
-from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line
 from shared.geometry.parts import GuidePart, Hole, NailPart
-from shared.geometry.transform import Transform
 
 WIRE_DIAMETER_MM = 2.0
 LARGEST_OFFSET_MM, LARGEST_ANGLE_DEG = 1.0, 1.5
-_LEAST_SEEN_PX, _LEAST_SEEN_FRACTION, _LEAST_DARKNESS = 7.0, 0.6, 0.5
+_LEAST_DARKNESS = 0.5
 _DIFFERENCE_MM = 1e-4
 
 
@@ -67,65 +67,54 @@ class WireVerification:
     guide_holes: tuple[AxisComparison, ...]
 
 
-def verify_wires(
-    views: tuple[WireView, ...],
-    guide: GuidePart,
-    nail: NailPart,
-    guide_from_nail: Transform[Guide, Nail],
-    holes: tuple[HoleEstimate, ...],
-) -> WireVerification:
-    """Measure the wires in one image or more and compare them with the nail's holes.
-
-    Parameters
-    ----------
-    views
-        Images with the guide's pose in each; at least one.
-    guide_from_nail, holes
-        From an image in which the nail's holes are visible, with the guide in the same place on the bone. The errors of
-        the holes are taken as independent of the wires': where both come from the same image they share the guide's
-        error, and the result is on the safe side.
-    """
+def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerification:
+    """Measure the wires in one image or more and compare them with the nail's holes."""
+    holes = holes_at(nail, set_up.guide_from_nail, set_up.nail_covariance, set_up.camera_from_nail(0))
     pairs = _paired(guide, holes)
     if not pairs:
         message = "no hole of the guide has the id of a hole of the nail; check the guide and nail files"
         return WireVerification((Reason(ReasonCode.NAIL_MODEL_MISMATCH, message),), (), ())
-    prepared = tuple(prepare_view(view, guide, nail, guide_from_nail) for view in views)
+    prepared = tuple(prepare_view(view, guide, nail, set_up.guide_from_nail) for view in set_up.views)
     reasons: list[Reason] = []
     wires: list[AxisComparison] = []
     for guide_hole, hole in pairs:
-        fit = find_wire(prepared, guide, guide_hole, hole)
+        fit = find_wire(prepared, guide, guide_hole, hole, set_up)
         if isinstance(fit, Reason):
             reasons.append(fit)
             continue
-        wires.append(compare_wire(fit, hole))
-        reasons.extend(_too_uncertain(wires[-1], hole, len(views)))
-    guide_holes = tuple(_compare(guide_hole.axis, np.zeros((4, 4)), hole) for guide_hole, hole in pairs)
+        wires.append(compare_wire(fit, hole, offsets_by_motion(nail, hole.id, set_up.guide_from_nail)))
+        reasons.extend(_too_uncertain(wires[-1], len(prepared)))
+    guide_holes = tuple(_compare_guide_hole(guide_hole.axis, hole) for guide_hole, hole in pairs)
     return WireVerification(tuple(reasons), tuple(wires), guide_holes)
 
 
 def find_wire(
-    views: tuple[PreparedView, ...], guide: GuidePart, guide_hole: Hole, hole: HoleEstimate
+    views: tuple[PreparedView, ...], guide: GuidePart, guide_hole: Hole, hole: HoleEstimate, set_up: SetUp
 ) -> WireFit | Reason:
     """The wire through one guide hole, or why there is none to be seen."""
     along_mm = float((hole.entry_guide_mm - guide_hole.axis.point_mm) @ guide_hole.axis.direction)
-    fit = fit_wire(views, wire_model(guide, guide_hole, WIRE_DIAMETER_MM, along_mm))
+    fit = fit_wire(views, wire_model(guide, guide_hole, WIRE_DIAMETER_MM, along_mm), set_up.covariance)
     seen = sum(fit.seen_px)
-    # Every image that should show the wire must show it: otherwise the images contradict one another.
-    fractions = [s / f for s, f in zip(fit.seen_px, fit.free_px, strict=True) if f >= _LEAST_SEEN_PX]
-    fraction = min(fractions, default=0.0)
-    if seen >= _LEAST_SEEN_PX and fraction >= _LEAST_SEEN_FRACTION and fit.darkness >= _LEAST_DARKNESS:
+    fraction = seen_share(fit.seen_px, fit.free_px)
+    if seen >= LEAST_SEEN_PX and fraction >= LEAST_SEEN_SHARE and fit.darkness >= _LEAST_DARKNESS:
         return fit
     return Reason(
         ReasonCode.WIRE_NOT_FOUND,
         f"no wire was found through guide hole '{guide_hole.id}': {seen:.0f} px of its outline were seen (limit "
-        f"{_LEAST_SEEN_PX:.0f}), {100.0 * fraction:.0f} % of what is not hidden (limit "
-        f"{100.0 * _LEAST_SEEN_FRACTION:.0f} %), {100.0 * max(fit.darkness, 0.0):.0f} % as dark as the nail (limit "
+        f"{LEAST_SEEN_PX:.0f}), {100.0 * fraction:.0f} % of what is not hidden (limit "
+        f"{100.0 * LEAST_SEEN_SHARE:.0f} %), {100.0 * max(fit.darkness, 0.0):.0f} % as dark as the nail (limit "
         f"{100.0 * _LEAST_DARKNESS:.0f} %); insert the wire up to the nail, or take an oblique image",
     )
 
 
-def compare_wire(fit: WireFit, hole: HoleEstimate) -> AxisComparison:
-    """A fitted wire against a nail hole, with the uncertainties of both."""
+def compare_wire(fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.float64]) -> AxisComparison:
+    """A fitted wire against a nail hole, with the uncertainties of both.
+
+    Parameters
+    ----------
+    by_nail_motion
+        How the hole's axis moves across itself at entry and exit with the nail, shape (4, 6).
+    """
 
     def offset_mm(offsets_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         return axis_offset_mm(
@@ -134,17 +123,20 @@ def compare_wire(fit: WireFit, hole: HoleEstimate) -> AxisComparison:
 
     here = offset_mm(fit.offsets_mm)
     steps = np.eye(4) * _DIFFERENCE_MM
-    J = np.stack([(offset_mm(fit.offsets_mm + step) - here) / _DIFFERENCE_MM for step in steps], axis=-1)
-    return _compare(fit.line_guide, J @ fit.covariance_mm2 @ J.T, hole)
-
-
-def _compare(line_guide: Line, covariance_mm2: NDArray[np.float64], hole: HoleEstimate) -> AxisComparison:
-    mean_mm = axis_offset_mm(hole.axis_guide, line_guide, hole.entry_guide_mm, hole.exit_guide_mm)
+    by_wire = np.stack([(offset_mm(fit.offsets_mm + step) - here) / _DIFFERENCE_MM for step in steps], axis=-1)
+    J = np.hstack([by_wire, -by_nail_motion])
     length_mm = float(np.linalg.norm(hole.exit_guide_mm - hole.entry_guide_mm))
-    # A hole without an uncertainty is refused as such (`_too_uncertain`); here it adds nothing.
-    total = covariance_mm2 if hole.offset is None else covariance_mm2 + hole.offset.covariance_mm2
-    offset = AxisOffset(mean_mm, total, length_mm)
-    between_deg = angle_deg(hole.axis_guide, line_guide)
+    offset = AxisOffset(here - by_nail_motion @ fit.nail_motion, J @ fit.covariance @ J.T, length_mm)
+    slope = (offset.mean_mm[2:] - offset.mean_mm[:2]) / length_mm
+    between_deg = float(np.degrees(np.arctan(np.linalg.norm(slope))))
+    return AxisComparison(hole.id, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
+
+
+def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate) -> AxisComparison:
+    assert hole.offset is not None  # `verify_wires` gives the holes a covariance
+    mean_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
+    offset = AxisOffset(mean_mm, hole.offset.covariance_mm2, hole.offset.length_mm)
+    between_deg = angle_deg(hole.axis_guide, axis_guide)
     return AxisComparison(hole.id, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
 
 
@@ -153,13 +145,7 @@ def _paired(guide: GuidePart, holes: tuple[HoleEstimate, ...]) -> list[tuple[Hol
     return [(by_id[hole.id], hole) for hole in holes if hole.id in by_id]
 
 
-def _too_uncertain(comparison: AxisComparison, hole: HoleEstimate, image_count: int) -> list[Reason]:
-    if hole.offset is None:
-        message = (
-            f"the uncertainty of nail hole '{hole.id}' is not known (a limit of {LARGEST_OFFSET_MM} mm needs one); "
-            "locate the nail with the model method"
-        )
-        return [Reason(ReasonCode.UNCERTAINTY_TOO_LARGE, message)]
+def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]:
     bound_mm, bound_deg = comparison.offset.entry_bound_mm, comparison.offset.axis_bound_deg
     if bound_mm <= LARGEST_OFFSET_MM and bound_deg <= LARGEST_ANGLE_DEG:
         return []

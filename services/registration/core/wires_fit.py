@@ -2,9 +2,11 @@
 
 Besides the wire's own unknowns (`WireModel`), every image has an error of the wire's apparent radius and one of the
 guide's pose, each with its prior. What the images do not show stays as uncertain as its prior: one oblique image leaves
-the axis free within a plane, and the covariance says so.
+the axis free within a plane, and the covariance says so. The nail's place is carried along: its errors and the guide's
+belong together (`SetUp`), so that a wire that tells of the guide tells of the nail too.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +18,7 @@ from services.registration.core.wires_shape import PER_VIEW, Shape, shape_of, st
 from services.registration.core.wires_view import PreparedView
 from shared.geometry.lines import Line, read_only
 
+LEAST_SEEN_PX, LEAST_SEEN_SHARE = 7.0, 0.6
 _RADIUS_SD_PX = 0.3
 _EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
 _ROBUST_PX = 1.2
@@ -28,6 +31,10 @@ _SEEN_NATS, _MISSING_NATS, _TYPICAL_SHIFT_PX = 2.0, -1.3, 0.5
 _SAME_MM, _TEMPER = 0.15, 0.5
 _REACHES_PX = (6.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.5, 2.5, 2.5, 2.5)
 _SEEN_WITHIN_PX = 1.0
+_NAIL_SIZE = 6
+_NAIL = np.arange(-_NAIL_SIZE, 0)
+# What a fit tells of: the wire's four offsets, and the nail.
+_TOLD = np.concatenate([np.arange(4), _NAIL])
 _STEPS = np.array([1e-3] * (SHARED + 1) + [1e-5] * 3 + [1e-3] * 3)
 
 
@@ -39,8 +46,12 @@ class WireFit:
     ----------
     line_guide
         In the guide's frame, directed along drilling.
-    offsets_mm, covariance_mm2
-        Offsets across the guide hole's axis at the guide and at the nail (see `WireModel`), shapes (4,) and (4, 4).
+    offsets_mm
+        Offsets across the guide hole's axis at the guide and at the nail (see `WireModel`), shape (4,).
+    nail_motion
+        What the wire makes of the nail's place: a small motion of the nail in its own frame, shape (6,).
+    covariance
+        Of the offsets (mm) and the motion (rad, mm) together, shape (10, 10).
     seen_px, free_px
         Length of outline that was found in each image, and that is not hidden there, in pixels.
     darkness
@@ -50,7 +61,8 @@ class WireFit:
     model: WireModel
     line_guide: Line
     offsets_mm: NDArray[np.float64]
-    covariance_mm2: NDArray[np.float64]
+    nail_motion: NDArray[np.float64]
+    covariance: NDArray[np.float64]
     seen_px: tuple[float, ...]
     free_px: tuple[float, ...]
     darkness: float
@@ -69,6 +81,7 @@ class _Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _System:
+    prior: NDArray[np.float64]
     normal: NDArray[np.float64]
     gradient: NDArray[np.float64]
     mean_square: float
@@ -82,12 +95,20 @@ class _Solution:
     log_likelihood: float
 
     @property
-    def covariance_mm2(self) -> NDArray[np.float64]:
-        inverse = np.linalg.inv(self.system.normal)[:4, :4]
-        return np.asarray(inverse * max(1.0, self.system.mean_square), dtype=np.float64)
+    def seen_share(self) -> float:
+        """Share of the outline that was found, in the image where it is least."""
+        parts = [(_seen_px(rows), _free_px(rows)) for rows in self.system.rows]
+        return seen_share([seen for seen, _ in parts], [free for _, free in parts])
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Of offsets and nail, with what the outline says counted less when it fits worse than expected."""
+        observed = (self.system.normal - self.system.prior) / max(1.0, self.system.mean_square)
+        inverse = np.linalg.inv(self.system.prior + observed)
+        return np.asarray(inverse[np.ix_(_TOLD, _TOLD)], dtype=np.float64)
 
 
-def fit_wire(views: tuple[PreparedView, ...], model: WireModel) -> WireFit:
+def fit_wire(views: tuple[PreparedView, ...], model: WireModel, known: NDArray[np.float64]) -> WireFit:
     """Find a wire near its guide hole's axis and fit it in all views together.
 
     Axes on a grid of places at the nail (8 mm about the guide's axis) are ranked by how much outline lies on edges.
@@ -95,26 +116,45 @@ def fit_wire(views: tuple[PreparedView, ...], model: WireModel) -> WireFit:
     the one that then explains the images best is taken. Others that explain them nearly as well (a wire seen nearly end
     on looks much the same from its other end) widen the covariance by their distance, as likely as they are.
 
-    Whether what was found is a wire is for the caller to judge, by how much of its outline was seen.
+    Every image that should show the wire must show it: solutions that one image contradicts do not count if there is
+    another. Whether what was found is a wire is for the caller to judge, by how much of its outline was seen.
+
+    Parameters
+    ----------
+    known
+        Covariance of guide and nail, as `SetUp.covariance`, shape (6 V + 6, 6 V + 6).
     """
-    solutions = [_refined(views, model, start) for start in _starts(views, model)]
+    precision = np.asarray(np.linalg.inv(known), dtype=np.float64)
+    found = [_refined(views, model, precision, start) for start in _starts(views, model)]
+    solutions = [solution for solution in found if solution.seen_share >= LEAST_SEEN_SHARE] or found
     best = max(solutions, key=lambda solution: solution.log_likelihood)
-    covariance, total = np.zeros((4, 4)), 0.0
+    covariance, total = np.zeros((len(_TOLD), len(_TOLD))), 0.0
     for solution in _distinct(solutions, best):
         weight = float(np.exp(_TEMPER * (solution.log_likelihood - best.log_likelihood)))
-        apart = (solution.state - best.state)[:4]
-        covariance += weight * (solution.covariance_mm2 + np.outer(apart, apart))
+        apart = (solution.state - best.state)[_TOLD]
+        covariance += weight * (solution.covariance + np.outer(apart, apart))
         total += weight
     darkness = np.concatenate([rows.matches.darkness for rows in best.system.rows])
     return WireFit(
         model,
         model.line_guide(best.state[:4]),
         read_only(best.state[:4]),
+        read_only(best.state[_NAIL]),
         read_only(covariance / total),
         tuple(_seen_px(rows) for rows in best.system.rows),
-        tuple(float(rows.shape.length_px[rows.shape.free].sum()) for rows in best.system.rows),
+        tuple(_free_px(rows) for rows in best.system.rows),
         float(np.median(darkness)) if darkness.size else 0.0,
     )
+
+
+def seen_share(seen_px: Sequence[float], free_px: Sequence[float]) -> float:
+    """Least share of the outline that was found in any image in which enough of it could be seen; 0 when in none."""
+    shares = [seen / free for seen, free in zip(seen_px, free_px, strict=True) if free >= LEAST_SEEN_PX]
+    return min(shares, default=0.0)
+
+
+def _free_px(rows: _Rows) -> float:
+    return float(rows.shape.length_px[rows.shape.free].sum())
 
 
 def _distinct(solutions: list[_Solution], best: _Solution) -> list[_Solution]:
@@ -126,12 +166,14 @@ def _distinct(solutions: list[_Solution], best: _Solution) -> list[_Solution]:
     return chosen
 
 
-def _refined(views: tuple[PreparedView, ...], model: WireModel, start: NDArray[np.float64]) -> _Solution:
-    state = np.concatenate([start, np.zeros(PER_VIEW * len(views))])
+def _refined(
+    views: tuple[PreparedView, ...], model: WireModel, precision: NDArray[np.float64], start: NDArray[np.float64]
+) -> _Solution:
+    state = np.concatenate([start, np.zeros(PER_VIEW * len(views) + _NAIL_SIZE)])
     for reach_px in _REACHES_PX:
-        system = _linearised(views, model, state, reach_px)
+        system = _linearised(views, model, precision, state, reach_px)
         state = state + np.linalg.solve(system.normal, system.gradient)
-    system = _linearised(views, model, state, _REACHES_PX[-1])
+    system = _linearised(views, model, precision, state, _REACHES_PX[-1])
     deviation = state[:SHARED] - model.mean
     prior = -0.5 * float(deviation @ model.precision @ deviation)
     return _Solution(state, system, prior + sum(_log_likelihood(rows) for rows in system.rows))
@@ -181,21 +223,19 @@ def _evidence_px(view: PreparedView, model: WireModel, unknowns: NDArray[np.floa
 
 
 def _linearised(
-    views: tuple[PreparedView, ...], model: WireModel, state: NDArray[np.float64], reach_px: float
+    views: tuple[PreparedView, ...],
+    model: WireModel,
+    precision: NDArray[np.float64],
+    state: NDArray[np.float64],
+    reach_px: float,
 ) -> _System:
-    """Normal equations of all views and priors at a state."""
-    normal, gradient = np.zeros((state.size, state.size)), np.zeros(state.size)
-    normal[:SHARED, :SHARED] = model.precision
-    gradient[:SHARED] = model.precision @ (model.mean - state[:SHARED])
+    """Normal equations of all views and priors at a state: wire, then radius and guide of each view, then the nail."""
+    prior = _prior(model, precision, len(views))
+    mean = np.concatenate([model.mean, np.zeros(state.size - SHARED)])
+    normal, gradient = prior.copy(), prior @ (mean - state)
     all_rows = []
     for k, view in enumerate(views):
-        own = SHARED + k * PER_VIEW + np.arange(PER_VIEW)
-        prior = np.zeros((PER_VIEW, PER_VIEW))
-        prior[0, 0] = _RADIUS_SD_PX**-2
-        prior[1:, 1:] = np.linalg.inv(view.view.guide_covariance)
-        normal[np.ix_(own, own)] += prior
-        gradient[own] -= prior @ state[own]
-        columns = np.concatenate([np.arange(SHARED), own])
+        columns = np.concatenate([np.arange(SHARED), SHARED + k * PER_VIEW + np.arange(PER_VIEW)])
         rows = _rows(view, model, state[columns], reach_px)
         weighted = rows.weight[:, None] * rows.derivative
         normal[np.ix_(columns, columns)] += weighted.T @ rows.derivative
@@ -203,7 +243,19 @@ def _linearised(
         all_rows.append(rows)
     squares = sum(float(rows.weight @ rows.matches.shift_px**2) for rows in all_rows)
     count = sum(rows.effective_count for rows in all_rows)
-    return _System(normal, gradient, squares / max(count, 1.0), tuple(all_rows))
+    return _System(prior, normal, gradient, squares / max(count, 1.0), tuple(all_rows))
+
+
+def _prior(model: WireModel, precision: NDArray[np.float64], view_count: int) -> NDArray[np.float64]:
+    """Precision of all unknowns before the wire is looked at."""
+    size = SHARED + PER_VIEW * view_count + _NAIL_SIZE
+    prior = np.zeros((size, size))
+    prior[:SHARED, :SHARED] = model.precision
+    radius = SHARED + PER_VIEW * np.arange(view_count)
+    prior[radius, radius] = _RADIUS_SD_PX**-2
+    others = np.setdiff1d(np.arange(SHARED, size), radius)
+    prior[np.ix_(others, others)] = precision
+    return prior
 
 
 def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> _Rows:

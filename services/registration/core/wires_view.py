@@ -99,8 +99,8 @@ def prepare_view(
     slope_y = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=0.125), dtype=np.float32)
     pose = view.camera_from_guide
     metal = _metal(view, nail, pose @ guide_from_nail)
-    bright = _in_border(view.calibration)
-    free = bright & ~metal & ~_balls(view, guide)
+    bright = in_border(view.calibration)
+    free = bright & ~metal & ~balls_mask(view, guide)
     steepness = np.hypot(slope_x[free], slope_y[free])
     noise = float(np.median(steepness)) / _MEDIAN_OF_RAYLEIGH if steepness.size else 1.0
     metal_grey = float(np.percentile(smooth[metal & bright], 20)) if (metal & bright).any() else 0.0
@@ -155,7 +155,8 @@ def _inside(
     return np.where(hit, (-b - root) / a, 0.0), np.where(hit, (-b + root) / a, -1.0)
 
 
-def _balls(view: WireView, guide: GuidePart) -> NDArray[np.bool_]:
+def balls_mask(view: WireView, guide: GuidePart) -> NDArray[np.bool_]:
+    """Where balls of guide and ring hide what is behind them, shape (height, width)."""
     calibration = view.calibration
     mask = np.zeros((calibration.height_px, calibration.width_px), dtype=np.uint8)
     in_camera_mm = view.camera_from_guide.points(guide.balls.position_mm)
@@ -169,7 +170,8 @@ def _balls(view: WireView, guide: GuidePart) -> NDArray[np.bool_]:
     return np.asarray(mask > 0)
 
 
-def _in_border(calibration: CArmCalibration) -> NDArray[np.bool_]:
+def in_border(calibration: CArmCalibration) -> NDArray[np.bool_]:
+    """Where the image shows something, away from its border and aperture, shape (height, width)."""
     y, x = np.mgrid[0 : calibration.height_px, 0 : calibration.width_px]
     inside = (x >= _BORDER_PX) & (x <= calibration.width_px - 1 - _BORDER_PX)
     inside &= (y >= _BORDER_PX) & (y <= calibration.height_px - 1 - _BORDER_PX)
