@@ -1,0 +1,129 @@
+"""From localised images of one set-up to what is known before the wires are looked at.
+
+The images that show the nail's holes are fused, with earlier ones from before the wires if there are any. In the others
+the guide is found, with their help if it must be, and the nail's outline ties guide and nail together.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.fusion import fuse
+from services.registration.core.fusion_agreement import disagreement
+from services.registration.core.fusion_localise import LocalisedImage, usable_evidence
+from services.registration.core.guide import GuideFit
+from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.pose_evidence import PoseEvidence
+from services.registration.core.wires_companion import locate_guide_beside
+from services.registration.core.wires_nail_outline import with_outline
+from services.registration.core.wires_set_up import SetUp, set_up_of
+from services.registration.core.wires_view import WireView
+from shared.errors import Accepted, Reason, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Guide, Nail
+from shared.geometry.transform import Transform
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WiredImage:
+    """One image with wires.
+
+    Attributes
+    ----------
+    pixels
+        As received, darker is denser, shape (rows, columns).
+    found
+        What was found in it.
+    """
+
+    pixels: NDArray[np.float32]
+    found: LocalisedImage
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenSetUp:
+    """What the images give.
+
+    Attributes
+    ----------
+    set_up
+        None when no image shows the nail's holes, or none the guide, or they contradict one another.
+    reasons
+        Why there is no set-up, or why some image is not in it.
+    left_out
+        How many images are not in it.
+    """
+
+    set_up: SetUp | None
+    reasons: tuple[Reason, ...]
+    left_out: int
+
+
+def seen_set_up(images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts) -> SeenSetUp:
+    """Put everything together that images with wires, and earlier ones without, say of guide and nail.
+
+    Parameters
+    ----------
+    earlier
+        Of the same set-up, in the order in which they were taken.
+    """
+    all_images = (*earlier, *(image.found for image in images))
+    evidence = {id(one): told for one in all_images if (told := usable_evidence(one, parts)) is not None}
+    used = tuple(one for one in all_images if id(one) in evidence)
+    of_images = tuple(reason for image in images for reason in image.found.reasons)
+    if not used:
+        return SeenSetUp(None, of_images, len(images))
+    found = tuple(evidence[id(one)] for one in used)
+    against = _against(used, found, parts)
+    if against is not None:
+        return SeenSetUp(None, (against,), len(images))
+    joint = fuse(found)
+    views: list[WireView] = []
+    source: list[int | None] = []
+    reasons: list[Reason] = []
+    for image in images:
+        view = _view(image, parts, joint.guide_from_nail)
+        if isinstance(view, Rejected):
+            reasons.extend(view.reasons)
+            continue
+        views.append(view)
+        source.append(used.index(image.found) if id(image.found) in evidence else None)
+    if not views:
+        return SeenSetUp(None, tuple(reasons), len(images))
+    set_up = set_up_of(tuple(views), joint, tuple(source))
+    for k, image_index in enumerate(source):
+        if image_index is None:
+            set_up = with_outline(set_up, k, parts.guide, parts.nail)
+    return SeenSetUp(set_up, tuple(reasons), len(images) - len(views))
+
+
+def _against(used: tuple[LocalisedImage, ...], evidence: tuple[PoseEvidence, ...], parts: Parts) -> Reason | None:
+    newest = used[-1].result
+    assert newest is not None  # `usable_evidence` needs one
+    assert newest.nail is not None
+    return disagreement(evidence, tuple(one.name for one in used), parts.nail, newest.nail.camera_from_nail)
+
+
+def _view(image: WiredImage, parts: Parts, guide_from_nail: Transform[Guide, Nail]) -> WireView | Rejected:
+    """The guide in one image: as it was found there, else with the help of what the others say of the nail."""
+    calibration, result = image.found.calibration, image.found.result
+    if calibration is None:
+        return Rejected(image.found.reasons)
+    upright = unmirrored(image.pixels, calibration)
+    guide = _guide(upright, calibration, result, parts, guide_from_nail)
+    if isinstance(guide, Rejected):
+        return guide
+    return WireView(upright, calibration, guide.value.camera_from_guide, guide.value.covariance)
+
+
+def _guide(
+    upright: NDArray[np.float32],
+    calibration: CArmCalibration,
+    result: LocalisationResult | None,
+    parts: Parts,
+    guide_from_nail: Transform[Guide, Nail],
+) -> Accepted[GuideFit] | Rejected:
+    if result is not None and result.guide is not None:
+        return Accepted(result.guide)
+    return locate_guide_beside(upright, calibration, parts, guide_from_nail)
