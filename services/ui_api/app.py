@@ -12,6 +12,7 @@ from services.ui_api.routes import (
     events,
     health,
     images,
+    live,
     localisations,
     motions,
     parts,
@@ -57,7 +58,7 @@ def routed_app() -> FastAPI:
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
     api = APIRouter(prefix=PREFIX)
-    for resource in (cases, images, localisations, plans, motions, verifications, robot, events, parts):
+    for resource in (cases, images, localisations, plans, motions, verifications, robot, events, live, parts):
         api.include_router(resource.router)
     app.include_router(api)
     app.include_router(health.router)

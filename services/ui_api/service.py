@@ -14,6 +14,7 @@ from services.ui_api.desks.feed import Feed
 from services.ui_api.desks.images import ImageDesk
 from services.ui_api.desks.inbox import Inbox
 from services.ui_api.desks.leases import Leases
+from services.ui_api.desks.live import LiveDesk
 from services.ui_api.desks.planning import PlanningDesk
 from services.ui_api.desks.robot_view import RobotView
 from services.ui_api.desks.stop import StopDesk, record_stop
@@ -42,6 +43,7 @@ class Gateway:
     images: ImageDesk
     inbox: Inbox
     feed: Feed
+    live: LiveDesk
     clock: Clock
     link_up: Callable[[], bool]
 
@@ -63,10 +65,12 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
         context.announce()
         gateway.leases.start()
         gateway.inbox.start()
+        gateway.live.start()
         try:
             yield gateway
         finally:
             gateway.feed.close()
+            gateway.live.close()
             gateway.leases.close()
             gateway.commands.close()
             gateway.inbox.close()
@@ -96,6 +100,7 @@ def _assemble(
         images=ImageDesk(bus, keys, record, settings.images()),
         inbox=Inbox(bus, keys, record, view, commands, runtime.log),
         feed=feed,
+        live=LiveDesk(bus, keys, clock),
         clock=clock,
         link_up=bus.presence().link_up,
     )

@@ -8,7 +8,7 @@ from services.ui_api.desks.planning import localisation_of, localisation_stalene
 from services.ui_api.desks.refusals import unknown
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
-from services.ui_api.routes.result_views import AlignmentView, HoleTilt, LocalisationView, age_s
+from services.ui_api.routes.result_views import AlignmentView, GuidanceView, HoleTilt, LocalisationView, age_s
 from services.ui_api.service import Gateway
 from shared.messages.base import decode
 from shared.messages.registration import LocalisationRecord
@@ -51,7 +51,16 @@ def read_alignment(case_id: str, gateway: TheGateway) -> AlignmentView:
         age_s=age_s(found.image.received_at_ns),
         validity="current" if clause is None else "stale",
         stale_because=clause,
+        guidance=_guidance(gateway, case),
     )
+
+
+def _guidance(gateway: Gateway, case: Case) -> GuidanceView | None:
+    heard = gateway.live.guidance(case.case_id)
+    if heard is None:
+        return None
+    newest = case.images[-1].image_sha256 if case.images else None
+    return GuidanceView.of(heard.guidance, gateway.live.heard_s_ago(heard), newest)
 
 
 def _document(gateway: Gateway, measured: LocalisationReceived) -> LocalisationRecord:

@@ -8,10 +8,13 @@ from services.ui_api.core.event_data import LocalisationReceived
 from services.ui_api.desks.planning import localisation_staleness
 from services.ui_api.routes.views import View
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
+from shared.messages.guidance import Guidance
 from shared.messages.registration import CArmCorrection, Localisation, LocalisationRecord, Verification
 from shared.messages.robot import PlatformPoseMessage
 
 ResultValidity = Literal["current", "stale"]
+# Frames follow one another within half a second, or they are single shots.
+GUIDANCE_LASTS_S = 0.5
 
 
 class Provenance(View):
@@ -73,8 +76,38 @@ class HoleTilt(View):
     tilt_to_ray_deg: float
 
 
+class GuidanceView(Guidance):
+    """What the newest frame of running fluoroscopy said, with its age and whether it is about the moment.
+
+    It is current while its frame is the newest image, and for half a second after it was heard while newer frames are
+    on their way; never longer.
+    """
+
+    age_s: float
+    validity: ResultValidity
+    stale_because: str | None
+
+    @staticmethod
+    def of(guidance: Guidance, heard_s_ago: float, newest_image: str | None) -> "GuidanceView":
+        """From the word and the newest image that there is."""
+        overtaken = guidance.image.sha256 != newest_image and heard_s_ago > GUIDANCE_LASTS_S
+        clause = (
+            f"a newer image has come, and the last word of guidance is {heard_s_ago:.1f} s old (limit "
+            f"{GUIDANCE_LASTS_S} s); wait for the next one"
+        )
+        return GuidanceView(
+            **dict(guidance),
+            age_s=age_s(guidance.image.received_at_ns),
+            validity="stale" if overtaken else "current",
+            stale_because=clause if overtaken else None,
+        )
+
+
 class AlignmentView(View):
-    """How to turn the C-arm, from the newest localisation. Null where that one did not get so far."""
+    """How to turn the C-arm, from the newest localisation. Null where that one did not get so far.
+
+    While fluoroscopy runs, `guidance` is newer: it follows every frame, a localisation takes seconds.
+    """
 
     localisation: int
     image: Sha256
@@ -85,6 +118,7 @@ class AlignmentView(View):
     age_s: float
     validity: ResultValidity
     stale_because: str | None
+    guidance: GuidanceView | None
 
 
 class VerificationView(Verification):

@@ -1,0 +1,86 @@
+"""`WS /live`: the newest image and the newest guidance for a viewer. Nobody waits for a slow one: it misses frames."""
+
+import asyncio
+from typing import Literal
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+
+from services.ui_api.desks.live import HeardGuidance, LiveDesk, LiveFrame
+from services.ui_api.routes.result_views import GuidanceView, age_s
+from services.ui_api.routes.views import View
+from services.ui_api.service import Gateway
+from shared.messages.base import Identifier, Sha256, UnixNanoseconds
+
+router = APIRouter(tags=["live"])
+
+
+class LiveView(View):
+    """A text message. The picture follows it as a binary message, unless only the guidance is new (`picture` null).
+
+    `guidance` may be about an earlier image than the newest one: its `image` and `age_s` say which.
+    """
+
+    image: Sha256
+    sequence: int
+    received_at_ns: UnixNanoseconds
+    age_s: float
+    case_id: Identifier | None
+    picture: Literal["image/jpeg"] | None
+    guidance: GuidanceView | None
+
+
+@router.websocket("/live")
+async def watch(socket: WebSocket) -> None:
+    """Send every new frame that the viewer keeps up with: a text message (`LiveView`), then the picture as JPEG."""
+    gateway: Gateway = socket.app.state.gateway
+    await socket.accept()
+    loop, news = asyncio.get_running_loop(), asyncio.Event()
+    leaving = asyncio.create_task(_left(socket))
+    leaving.add_done_callback(lambda _: news.set())
+
+    def wake() -> None:
+        loop.call_soon_threadsafe(news.set)
+
+    with gateway.live.feed.listening(wake):
+        try:
+            await _send_on(socket, gateway.live, news, leaving)
+        except WebSocketDisconnect:
+            pass  # it left while something was sent
+        finally:
+            leaving.cancel()
+
+
+async def _send_on(socket: WebSocket, live: LiveDesk, news: asyncio.Event, leaving: "asyncio.Task[None]") -> None:
+    shown: tuple[LiveFrame | None, HeardGuidance | None] = (None, None)
+    while not (live.feed.closed or leaving.done()):
+        news.clear()
+        frame = live.frame
+        heard = None if frame is None else live.guidance(frame.header.case_id)
+        if frame is not None and (frame, heard) != shown:
+            fresh = frame is not shown[0]
+            await socket.send_text(_view(live, frame, heard, "image/jpeg" if fresh else None))
+            if fresh:
+                await socket.send_bytes(await asyncio.to_thread(frame.jpeg))
+            shown = (frame, heard)
+        else:
+            await news.wait()
+
+
+def _view(live: LiveDesk, frame: LiveFrame, heard: HeardGuidance | None, picture: Literal["image/jpeg"] | None) -> str:
+    header = frame.header
+    view = LiveView(
+        image=header.sha256,
+        sequence=header.sequence,
+        received_at_ns=header.received_at_ns,
+        age_s=age_s(header.received_at_ns),
+        case_id=header.case_id,
+        picture=picture,
+        guidance=None if heard is None else GuidanceView.of(heard.guidance, live.heard_s_ago(heard), header.sha256),
+    )
+    return view.model_dump_json(by_alias=True)
+
+
+async def _left(socket: WebSocket) -> None:
+    """Ends when the viewer leaves; what it sends is ignored."""
+    while (await socket.receive())["type"] != "websocket.disconnect":
+        pass
