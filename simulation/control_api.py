@@ -6,9 +6,11 @@ from simulation.control_models import (
     CArmBody,
     CArmTurnBody,
     DrillBody,
+    FluoroscopyBody,
     Health,
     PassageBody,
     PassagesBody,
+    RunBody,
     ScenarioBody,
     ShotBody,
     WiresBody,
@@ -22,7 +24,7 @@ from simulation.faults import NO_ROOM_FAULTS
 from simulation.faults_models import ControllerFault, FaultBody, FaultsBody, faults_body, with_fault
 from simulation.operating_room import OperatingRoom
 from simulation.problems import Problem, add_problem_handlers
-from simulation.shooting import FootPedal, TakenShot
+from simulation.shooting import FluoroscopyRun, FootPedal, TakenShot
 from simulation.truth_models import TruthBody, truth_body
 from simulation.world import CArmAngles
 
@@ -68,6 +70,14 @@ def _add_imaging(app: FastAPI, room: OperatingRoom, pedal: FootPedal) -> None:
     @app.post("/shots", status_code=201)
     def take_shot() -> ShotBody:
         return _shot_body(pedal.press())
+
+    @app.post("/fluoroscopy", status_code=201)
+    def hold_pedal(body: FluoroscopyBody) -> RunBody:
+        run = FluoroscopyRun(
+            body.images, body.images_per_s, body.places, body.about_image_x_deg, body.about_image_y_deg
+        )
+        held = pedal.hold(run)
+        return RunBody(images=body.images, seconds=held.seconds, late=held.late, last=_shot_body(held.last))
 
     @app.get("/shots/last.dcm", response_class=Response)
     def last_shot() -> Response:

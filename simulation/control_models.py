@@ -128,6 +128,28 @@ class ShotBody(Body):
     delivered_to: str | None
 
 
+class FluoroscopyBody(Body):
+    """Hold the pedal down: so many images at a rate, while the C-arm turns through some places on its way.
+
+    The way is that of the product's advice: about the image's x and y axes, right-handed, un-mirrored, in degrees.
+    """
+
+    images: int = Field(30, ge=1, le=120)
+    images_per_s: float = Field(10.0, gt=0.0, le=30.0)
+    places: int = Field(1, ge=1, le=60)
+    about_image_x_deg: Annotated[float, Field(allow_inf_nan=False, ge=-30.0, le=30.0)] = 0.0
+    about_image_y_deg: Annotated[float, Field(allow_inf_nan=False, ge=-30.0, le=30.0)] = 0.0
+
+
+class RunBody(Body):
+    """A run that was taken and sent. `late`: images that the target's slowness held up by more than an interval."""
+
+    images: int
+    seconds: float
+    late: int
+    last: ShotBody
+
+
 class WiresBody(Body):
     """Guide holes to push a wire through; all when left out."""
 

@@ -1,15 +1,15 @@
 """The room while a case goes on: C-arm, inserted wires, drilled holes and faults, behind one lock."""
 
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 from shared.geometry.frames import RobotBase, RobotTop
 from shared.geometry.transform import Transform
 from simulation.c_arm import ANGULAR_LIMIT_DEG, ORBITAL_LIMIT_DEG, turned_about_image
 from simulation.drilling import Passage, drill, drill_force_n, insert_wire
 from simulation.faults import NO_ROOM_FAULTS, RoomFaults
-from simulation.render.image import Shot, render_scene
+from simulation.render.image import Noise, Shot, exposed, render_scene, view_of
 from simulation.scenario.values import Scenario
 from simulation.world import CArmAngles, World, WorldState, starting_state, world_at
 
@@ -18,6 +18,15 @@ PlatformReader = Callable[[], Transform[RobotBase, RobotTop]]
 
 class OutOfReach(ValueError):
     """The C-arm cannot be turned that far."""
+
+
+def check_reach(angles: CArmAngles) -> None:
+    """Refuse angles that no C-arm has; raises `OutOfReach`."""
+    if abs(angles.orbital_deg) > ORBITAL_LIMIT_DEG or abs(angles.angular_deg) > ANGULAR_LIMIT_DEG:
+        raise OutOfReach(
+            f"the C-arm would stand at {angles.orbital_deg:.1f}° orbital and {angles.angular_deg:.1f}° angular, "
+            f"it reaches ±{ORBITAL_LIMIT_DEG:g}° and ±{ANGULAR_LIMIT_DEG:g}°; ask for smaller angles"
+        )
 
 
 @dataclass(slots=True)
@@ -79,11 +88,7 @@ class OperatingRoom:
 
     def turn_c_arm(self, angles: CArmAngles) -> CArmAngles:
         """Turn the C-arm; raises `OutOfReach`."""
-        if abs(angles.orbital_deg) > ORBITAL_LIMIT_DEG or abs(angles.angular_deg) > ANGULAR_LIMIT_DEG:
-            raise OutOfReach(
-                f"the C-arm would stand at {angles.orbital_deg:.1f}° orbital and {angles.angular_deg:.1f}° angular, "
-                f"it reaches ±{ORBITAL_LIMIT_DEG:g}° and ±{ANGULAR_LIMIT_DEG:g}°; ask for smaller angles"
-            )
+        check_reach(angles)
         with self._lock:
             self._changes.angles = angles
         return angles
@@ -98,6 +103,22 @@ class OperatingRoom:
             self._changes.shots += 1
             number, state, faults = self._changes.shots, self._state(), self._changes.faults
         return number, state.angles, render_scene(self.scenario, state, number, faults=faults.image)
+
+    def film(self, places: Sequence[CArmAngles], images: int) -> Iterator[tuple[int, CArmAngles, Shot]]:
+        """Running fluoroscopy: so many images, while the C-arm goes through these places; it stays at the last one.
+
+        All images show wires and faults as they were when the pedal was pressed.
+        """
+        with self._lock:
+            first, state, faults = self._changes.shots + 1, self._state(), self._changes.faults
+            self._changes.shots += images
+        seen: int | None = None
+        for k in range(images):
+            place = k * len(places) // images
+            if place != seen:
+                view, seen = view_of(self.scenario, replace(state, angles=places[place])), place
+            yield first + k, places[place], exposed(self.scenario, view, first + k, Noise.REAL, faults.image)
+        self.turn_c_arm(places[-1])
 
     def insert_wires(self, hole_ids: tuple[str, ...]) -> tuple[Passage, ...]:
         """Push wires through these holes of the guide (one that is already in one is replaced); `HoleUnknown`."""

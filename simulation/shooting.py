@@ -1,15 +1,17 @@
 """From the foot pedal to the delivered DICOM image."""
 
 import threading
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
 from pydicom.uid import generate_uid
 
-from simulation.c_arm import Acquisition, DicomShot, dicom_shot
+from simulation.c_arm import Acquisition, DicomShot, dicom_shot, turned_about_image
 from simulation.dicom_sender import DicomTarget, send
-from simulation.operating_room import OperatingRoom
+from simulation.operating_room import OperatingRoom, check_reach
+from simulation.render.image import Shot
 from simulation.truth import ImageTruth
 from simulation.world import CArmAngles
 
@@ -31,6 +33,44 @@ class TakenShot:
     angles: CArmAngles
     truth: ImageTruth
     delivered_to: DicomTarget | None
+
+
+@dataclass(frozen=True, slots=True)
+class FluoroscopyRun:
+    """The pedal held down.
+
+    Attributes
+    ----------
+    images, images_per_s
+        How many images, and how fast they are sent.
+    places
+        So many places the C-arm goes through, evenly on its way.
+    about_image_x_deg, about_image_y_deg
+        The whole way, as the product's advice puts it.
+    """
+
+    images: int
+    images_per_s: float
+    places: int
+    about_image_x_deg: float
+    about_image_y_deg: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunReport:
+    """How a run went.
+
+    Attributes
+    ----------
+    seconds
+        From the first image's sending to the last one's end.
+    late
+        Images that were sent later than a whole interval after their time, because the target was slow.
+    """
+
+    last: TakenShot
+    seconds: float
+    late: int
 
 
 @dataclass(slots=True)
@@ -60,16 +100,44 @@ class FootPedal:
             When the target does not take it. The shot stays available as `last`.
         """
         with self._one_at_a_time:
-            taken_at = self.clock()
-            number, angles, shot = self.room.shoot()
-            dicom = dicom_shot(
-                self.room.scenario,
-                angles,
-                shot.pixels,
-                Acquisition(taken_at, self._study_uid, self._series_uid, number),
-            )
-            self.last = TakenShot(number, taken_at, dicom, angles, shot.truth, None)
-            if self.target is not None:
-                send(dicom, self.target)
-                self.last = TakenShot(number, taken_at, dicom, angles, shot.truth, self.target)
-            return self.last
+            return self._delivered(self._taken(*self.room.shoot()))
+
+    def hold(self, run: FluoroscopyRun) -> RunReport:
+        """Take a run of images, and send them at their rate; all are made before the first is sent.
+
+        Raises
+        ------
+        ImageNotDelivered
+            When the target does not take one.
+        OutOfReach
+            When the C-arm does not reach the end of its way.
+        """
+        with self._one_at_a_time:
+            scenario, start = self.room.scenario, self.room.angles
+            shares = [(k + 1) / run.places for k in range(run.places)]
+            places = [
+                turned_about_image(scenario, start, s * run.about_image_x_deg, s * run.about_image_y_deg)
+                for s in shares
+            ]
+            check_reach(places[-1])
+            taken = [self._taken(*image) for image in self.room.film(places, run.images)]
+            interval_s, began_s, late = 1.0 / run.images_per_s, time.monotonic(), 0
+            for k, shot in enumerate(taken):
+                ahead_s = began_s + k * interval_s - time.monotonic()
+                late += ahead_s < -interval_s
+                time.sleep(max(ahead_s, 0.0))
+                self._delivered(shot)
+            return RunReport(taken[-1] if self.last is None else self.last, time.monotonic() - began_s, late)
+
+    def _taken(self, number: int, angles: CArmAngles, shot: Shot) -> TakenShot:
+        taken_at = self.clock()
+        acquisition = Acquisition(taken_at, self._study_uid, self._series_uid, number)
+        dicom = dicom_shot(self.room.scenario, angles, shot.pixels, acquisition)
+        return TakenShot(number, taken_at, dicom, angles, shot.truth, None)
+
+    def _delivered(self, shot: TakenShot) -> TakenShot:
+        self.last = shot
+        if self.target is not None:
+            send(shot.dicom, self.target)
+            self.last = replace(shot, delivered_to=self.target)
+        return self.last

@@ -97,16 +97,42 @@ def render_scene(
     Shot
         Grey values, shape (rows, columns), 8 or 16 bits, and the truth.
     """
+    return exposed(scenario, view_of(scenario, state), shot_number, noise, faults)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What every exposure from one place of the C-arm shares: all but noise and faults.
+
+    Attributes
+    ----------
+    primary
+        Primary radiation at each pixel, relative to the open beam, shape (rows, columns).
+    """
+
+    world: World
+    primary: Image
+    truth: ImageTruth
+
+
+def view_of(scenario: Scenario, state: WorldState) -> View:
+    """Trace the rays once; running fluoroscopy makes many exposures of them."""
     world = world_at(scenario, state)
     balls = balls_in_view(scenario, world)
     packed = pack_scene(scenario, world, balls)
+    window = detector.window(scenario.detector, scenario.c_arm.size_px)
+    truth = image_truth(scenario, world, balls, window, metal_behind_mm(packed, balls))
+    return View(world, trace_primary(scenario, world, packed), truth)
+
+
+def exposed(scenario: Scenario, view: View, shot_number: int, noise: Noise, faults: ImageFaults) -> Shot:
+    """One exposure of a view, as `render_scene`."""
     generator = np.random.default_rng([scenario.seed, shot_number, 0x5107])
-    signal = _signal(scenario, trace_primary(scenario, world, packed), noise, faults, generator)
+    signal = _signal(scenario, view.primary, noise, faults, generator)
     window = detector.window(scenario.detector, scenario.c_arm.size_px)
     shown = replace(scenario.display, white_level=scenario.display.white_level * faults.overexposure)
     grey = display.grey_values(shown, signal, window)
-    truth = image_truth(scenario, world, balls, window, metal_behind_mm(packed, balls))
-    return Shot(display.as_shown(shown, grey), truth, world)
+    return Shot(display.as_shown(shown, grey), view.truth, view.world)
 
 
 def detector_points_mm(scenario: Scenario, world: World, measured_px: Floats) -> Floats:
