@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset
 from services.registration.core.wires import AxisComparison, WireVerification, verify_wires
+from services.registration.core.wires_set_up import SetUp
 from services.registration.core.wires_view import WireView
 from shared.errors import ReasonCode
 from shared.geometry.frames import Camera, Guide, Nail
@@ -86,8 +88,14 @@ def estimates(nail: NailPart) -> tuple[HoleEstimate, ...]:
     return tuple(found)
 
 
+def set_up(*views: WireView) -> SetUp:
+    """Guide poses as wrong as their covariances say, and a nail in its place, independent of them."""
+    covariance = np.diag([1e-12] * 3 + [0.02**2] * 3)
+    return SetUp(views, GUIDE_FROM_NAIL, block_diag(*(view.guide_covariance for view in views), covariance))
+
+
 def verified(*views: WireView) -> WireVerification:
-    return verify_wires(views, guide_part(), nail_part(), GUIDE_FROM_NAIL, estimates(nail_part()))
+    return verify_wires(set_up(*views), guide_part(), nail_part())
 
 
 def true_offsets_mm(wires: Wired, hole_id: str) -> tuple[float, float]:
@@ -180,15 +188,8 @@ def test_the_guides_own_holes_are_compared_too() -> None:
         assert hole.offset.entry_sd_mm == pytest.approx(0.02 * np.sqrt(2.0))
 
 
-def test_a_nail_of_unknown_uncertainty_is_refused() -> None:
-    unknown = tuple(replace(hole, offset=None) for hole in estimates(nail_part()))
-    views = (view_of(LATERAL, ALONG_THE_GUIDE, seed=44), view_of(oblique(38.0), ALONG_THE_GUIDE, seed=45))
-    result = verify_wires(views, guide_part(), nail_part(), GUIDE_FROM_NAIL, unknown)
-    assert {reason.code for reason in result.reasons} == {ReasonCode.UNCERTAINTY_TOO_LARGE}
-    assert "model method" in result.reasons[0].message
-
-
 def test_holes_that_do_not_belong_together_are_refused() -> None:
-    others = tuple(replace(hole, id=f"other {hole.id}") for hole in estimates(nail_part()))
-    result = verify_wires((), guide_part(), nail_part(), GUIDE_FROM_NAIL, others)
+    nail = nail_part()
+    others = replace(nail, holes=tuple(replace(hole, id=f"other {hole.id}") for hole in nail.holes))
+    result = verify_wires(set_up(view_of(LATERAL, Wired({}), seed=44)), guide_part(), others)
     assert [reason.code for reason in result.reasons] == [ReasonCode.NAIL_MODEL_MISMATCH]
