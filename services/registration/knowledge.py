@@ -192,6 +192,22 @@ class Knowledge:
                 and other.record.localisation.verdict == "accepted"
             )
 
+    def accepted_elsewhere(self, frame: LocalisedFrame) -> tuple[LocalisedFrame, ...]:
+        """Accepted images of the same set-up for which the robot stood elsewhere than for another one, in order."""
+        here, setup = frame.record.robot_pose, _name(frame.case)
+        if here is None:
+            return ()
+        with self._changed:
+            return tuple(
+                other
+                for other in self._localised.values()
+                if other.record.localisation.verdict == "accepted"
+                and other.record.robot_boot_epoch == frame.record.robot_boot_epoch
+                and _name(other.case) == setup
+                and other.record.robot_pose is not None
+                and not same_place(other.record.robot_pose, here)
+            )
+
     @property
     def case(self) -> OpenCase | None:
         """The open case."""

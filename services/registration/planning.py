@@ -11,6 +11,7 @@ import numpy as np
 from services.registration.core.fusion_localise import LocalisedImage, fuse_localisations
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
+from services.registration.head_check import head_trouble
 from services.registration.knowledge import (
     POSE_TOLERANCE_DEG,
     POSE_TOLERANCE_MM,
@@ -61,7 +62,16 @@ def answer_plan_request(request: PlanRequest, knowledge: Knowledge) -> PlanReply
     axes = _axes((*earlier, localised))
     if isinstance(axes, PlanReply):
         return axes
-    return _unlike_set_up(localised, knowledge.robot, case) or _planned(request, localised, case, knowledge, axes)
+    return (
+        _unlike_set_up(localised, knowledge.robot, case)
+        or _wrongly_held(localised, knowledge)
+        or _planned(request, localised, case, knowledge, axes)
+    )
+
+
+def _wrongly_held(localised: LocalisedFrame, knowledge: Knowledge) -> PlanReply | None:
+    trouble = head_trouble(localised, knowledge)
+    return None if trouble is None else _refused(trouble.code.value, trouble.message)
 
 
 def _earlier(

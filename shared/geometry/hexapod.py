@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shared.geometry.frames import Guide, RobotBase, RobotTop
+from shared.geometry.hexapod_mount import MountPlace, usual_place
 from shared.geometry.lines import read_only
 from shared.geometry.transform import Transform
 
@@ -111,6 +112,8 @@ class HexapodPart:
         Of the file it was read from.
     leg_diameter_mm
         Thickness of a leg; 0 when the file does not say: then legs may come as near to one another as lines can.
+    mounts
+        Where its mounts hold it, as far as the file says.
     """
 
     name: str
@@ -129,6 +132,7 @@ class HexapodPart:
     top_from_guide_retracted: Transform[RobotTop, Guide]
     sha256: str
     leg_diameter_mm: float = 0.0
+    mounts: tuple[MountPlace, ...] = ()
 
     def __post_init__(self) -> None:
         if self.base_joints_mm.shape != (LEGS, 3) or self.top_joints_mm.shape != (LEGS, 3):
@@ -157,6 +161,10 @@ class HexapodPart:
         retracted = self.top_from_guide_retracted
         along_x = np.array([head_extension_mm, 0.0, 0.0])
         return Transform.from_rotation_translation(retracted.rotation, retracted.translation_mm + along_x)
+
+    def mount(self, name: str) -> MountPlace:
+        """Where a mount holds the base: as the file says, or what is known of any mount."""
+        return next((mount for mount in self.mounts if mount.name == name), usual_place(name))
 
 
 def rotation_of(uvw_deg: NDArray[np.float64]) -> NDArray[np.float64]:

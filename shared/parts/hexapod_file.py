@@ -11,6 +11,7 @@ from shared.errors import PartFileInvalid
 from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.hexapod import ZERO_POSE, HexapodPart, Interval, PlatformPose, SpeedLimits, Stiffness
 from shared.geometry.hexapod_limits import limit_violations
+from shared.geometry.hexapod_mount import MountPlace
 from shared.geometry.transform import Transform
 from shared.parts.files import Finite, Name, PartModel, Positive, Vector, parse_part, read_part_file, sha256_of
 
@@ -81,6 +82,33 @@ class HeadFile(PartModel):
     top_from_guide_translation_at_zero_mm: Vector
 
 
+class MountFile(PartModel):
+    """Where a mount holds the base on a patient, and how exactly: along the base's axes, and how far turned."""
+
+    base_from_nail_rotation: tuple[Vector, Vector, Vector]
+    base_from_nail_translation_mm: Vector
+    tolerance_mm: tuple[Positive, Positive, Positive]
+    tolerance_deg: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=45.0)]
+
+    def place(self, name: str) -> MountPlace:
+        """The mount as a value; raises `ValueError` when its rotation is not one."""
+        nail = np.eye(4)
+        nail[:3, :3], nail[:3, 3] = self.base_from_nail_rotation, self.base_from_nail_translation_mm
+        return MountPlace(name, Transform.from_matrix(nail), np.array(self.tolerance_mm), self.tolerance_deg)
+
+
+class MountsFile(PartModel):
+    """The mounts of which it is known where they hold the base."""
+
+    bone: MountFile | None = None
+    nail_head: MountFile | None = None
+
+    def places(self) -> tuple[MountPlace, ...]:
+        """As values; raises `ValueError` when a rotation is not one."""
+        given = (("bone", self.bone), ("nail_head", self.nail_head))
+        return tuple(mount.place(name) for name, mount in given if mount is not None)
+
+
 class HexapodFile(PartModel):
     """A hexapod with its head."""
 
@@ -99,6 +127,7 @@ class HexapodFile(PartModel):
     stiffness: StiffnessFile
     head: HeadFile
     leg_diameter_mm: Positive | None = None
+    mounts: MountsFile | None = None
 
     @model_validator(mode="after")
     def _leg_names(self) -> "HexapodFile":
@@ -153,6 +182,10 @@ def _hexapod(file: HexapodFile, source: str) -> HexapodPart:
         top_from_guide_retracted: Transform[RobotTop, Guide] = Transform.from_matrix(guide)
     except ValueError as error:
         raise PartFileInvalid(f"{source}: head.top_from_guide_rotation: {error}") from None
+    try:
+        mounts = () if file.mounts is None else file.mounts.places()
+    except ValueError as error:
+        raise PartFileInvalid(f"{source}: mounts: base_from_nail_rotation: {error}") from None
     return HexapodPart(
         name=file.name,
         leg_ids=tuple(leg.id for leg in file.legs),
@@ -170,6 +203,7 @@ def _hexapod(file: HexapodFile, source: str) -> HexapodPart:
         top_from_guide_retracted=top_from_guide_retracted,
         sha256=sha256_of(file.model_dump_json(by_alias=True, exclude_none=True).encode()),
         leg_diameter_mm=file.leg_diameter_mm or 0.0,
+        mounts=mounts,
     )
 
 

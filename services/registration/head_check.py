@@ -1,0 +1,46 @@
+"""Before a plan: is the guide held as the case says? From the newest image, and from those before the robot's moves."""
+
+from services.registration.core.head_motion import MotionView, check_motion
+from services.registration.core.head_place import HeadRefused, check_place
+from services.registration.knowledge import Knowledge, LocalisedFrame
+from shared.geometry.hexapod import PlatformPose
+from shared.messages.robot import PlatformPoseMessage
+
+
+def head_trouble(newest: LocalisedFrame, knowledge: Knowledge) -> HeadRefused | None:
+    """Why the guide seems to be held otherwise than the case says; None when nothing speaks against it."""
+    view = _view(newest)
+    if view is None:
+        return None
+    case = newest.case
+    extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
+    guide_from_nail = view.ring_from_guide.inverse() @ view.ring_from_nail
+    refused = check_place(hexapod, view.pose, extension_mm, guide_from_nail, case.context.mount)
+    for earlier in knowledge.accepted_elsewhere(newest):
+        before = _view(earlier)
+        if refused is None and before is not None:
+            refused = check_motion(hexapod, extension_mm, before, view)
+    return refused
+
+
+def _view(frame: LocalisedFrame) -> MotionView | None:
+    """What the checks need of an image; None when it was not all found, or the pose not known."""
+    pose, calibration, result = frame.record.robot_pose, frame.calibration, frame.result
+    if pose is None or calibration is None or result is None or result.guide is None or result.nail is None:
+        return None
+    if result.nail.covariance is None:
+        return None
+    ring_from_camera = calibration.camera_from_ring.inverse()
+    return MotionView(
+        pose=_pose(pose),
+        ring_from_guide=ring_from_camera @ result.guide.camera_from_guide,
+        guide_covariance=result.guide.covariance,
+        ring_from_nail=ring_from_camera @ result.nail.camera_from_nail,
+        nail_covariance=result.nail.covariance,
+        source_ring_mm=ring_from_camera.translation_mm,
+        source_covariance_mm2=calibration.source_covariance_mm2,
+    )
+
+
+def _pose(message: PlatformPoseMessage) -> PlatformPose:
+    return PlatformPose(message.x_mm, message.y_mm, message.z_mm, message.u_deg, message.v_deg, message.w_deg)
