@@ -1,10 +1,13 @@
 """Send images to the imaging service by DICOM C-STORE, as a C-arm does."""
 
 import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from pydicom.uid import ExplicitVRLittleEndian, XRayAngiographicImageStorage
 from pynetdicom import AE
+from pynetdicom.association import Association
 
 from shared.errors import DeviceError
 from simulation.c_arm import DicomShot
@@ -41,6 +44,13 @@ def send(shot: DicomShot, target: DicomTarget) -> None:
     ImageNotDelivered
         When the target does not answer, or refuses the association or the image; the sentence says which.
     """
+    with sending(target) as send_one:
+        send_one(shot)
+
+
+@contextmanager
+def sending(target: DicomTarget) -> Iterator[Callable[[DicomShot], None]]:
+    """Send images over one association, as a C-arm does with those of a run; raises as `send`."""
     _knock(target)
     entity = AE(ae_title=CALLING_TITLE)
     entity.add_requested_context(XRayAngiographicImageStorage, ExplicitVRLittleEndian)
@@ -50,9 +60,15 @@ def send(shot: DicomShot, target: DicomTarget) -> None:
         why = "refused the association" if association.is_rejected else "does not answer"
         raise ImageNotDelivered(_undelivered(target, why))
     try:
-        status = association.send_c_store(shot.dataset)
+        yield lambda shot: _store(association, shot, target)
     finally:
         association.release()
+
+
+def _store(association: Association, shot: DicomShot, target: DicomTarget) -> None:
+    if not association.is_established:
+        raise ImageNotDelivered(f"DICOM target {target} ended the association before the image; take it again")
+    status = association.send_c_store(shot.dataset)
     code = status.get("Status")
     if code is None:
         raise ImageNotDelivered(

@@ -2,20 +2,22 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
 from pydicom.uid import generate_uid
 
 from simulation.c_arm import Acquisition, DicomShot, dicom_shot, turned_about_image
-from simulation.dicom_sender import DicomTarget, send
+from simulation.dicom_sender import DicomTarget, sending
 from simulation.operating_room import OperatingRoom, check_reach
 from simulation.render.image import Shot
 from simulation.truth import ImageTruth
 from simulation.world import CArmAngles
 
 Clock = Callable[[], datetime]
+Send = Callable[[DicomShot], None]
 
 
 def now() -> datetime:
@@ -100,7 +102,10 @@ class FootPedal:
             When the target does not take it. The shot stays available as `last`.
         """
         with self._one_at_a_time:
-            return self._delivered(self._taken(*self.room.shoot()))
+            shot = self._taken(*self.room.shoot())
+            self.last = shot
+            with self._sender() as deliver:
+                return self._delivered(shot, deliver)
 
     def hold(self, run: FluoroscopyRun) -> RunReport:
         """Take a run of images, and send them at their rate; all are made before the first is sent.
@@ -122,12 +127,13 @@ class FootPedal:
             check_reach(places[-1])
             taken = [self._taken(*image) for image in self.room.film(places, run.images)]
             interval_s, began_s, late = 1.0 / run.images_per_s, time.monotonic(), 0
-            for k, shot in enumerate(taken):
-                ahead_s = began_s + k * interval_s - time.monotonic()
-                late += ahead_s < -interval_s
-                time.sleep(max(ahead_s, 0.0))
-                self._delivered(shot)
-            return RunReport(taken[-1] if self.last is None else self.last, time.monotonic() - began_s, late)
+            with self._sender() as deliver:
+                for k, shot in enumerate(taken):
+                    ahead_s = began_s + k * interval_s - time.monotonic()
+                    late += ahead_s < -interval_s
+                    time.sleep(max(ahead_s, 0.0))
+                    last = self._delivered(shot, deliver)
+            return RunReport(last, time.monotonic() - began_s, late)
 
     def _taken(self, number: int, angles: CArmAngles, shot: Shot) -> TakenShot:
         taken_at = self.clock()
@@ -135,9 +141,18 @@ class FootPedal:
         dicom = dicom_shot(self.room.scenario, angles, shot.pixels, acquisition)
         return TakenShot(number, taken_at, dicom, angles, shot.truth, None)
 
-    def _delivered(self, shot: TakenShot) -> TakenShot:
+    @contextmanager
+    def _sender(self) -> Iterator[Send | None]:
+        """How to send; None when there is no target."""
+        if self.target is None:
+            yield None
+            return
+        with sending(self.target) as send_one:
+            yield send_one
+
+    def _delivered(self, shot: TakenShot, deliver: Send | None) -> TakenShot:
         self.last = shot
-        if self.target is not None:
-            send(shot.dicom, self.target)
+        if deliver is not None:
+            deliver(shot.dicom)
             self.last = replace(shot, delivered_to=self.target)
         return self.last
