@@ -35,8 +35,7 @@ class Surprise:
 
 def reasons_against_frame(nail: FollowedNail, look: Look, surprise: Surprise) -> tuple[Reason, ...]:
     """Reasons against an answer from this frame; none means that it may be told."""
-    covered = _covered(nail)
-    return (*_blurred(nail, look), *covered, *_unexplained(nail), *_surprised(surprise), *_unsure(nail))
+    return (*_covered(nail), *_unexplained(nail), *_surprised(surprise), *_blurred(nail, look), *_unsure(nail))
 
 
 def reasons_against_margin(log_likelihood_ratio: float | None) -> tuple[Reason, ...]:
