@@ -15,6 +15,7 @@ BENCHMARKS: Final = {
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
     "display": "the same pictures with other curves, edges, bit depths and compression",
     "guidance": "how to turn the C-arm, frame by frame: speed, errors, and what is said when it cannot be told",
+    "fusion": "one, two and three images of one set-up: errors, what they share, and guides that moved unseen",
     "imaging_calibration": "C-arm calibration from 72 of 120 balls, beside OpenCV's models, polynomials and the limit",
     "imaging_fuzz": "damaged files and spoiled images: refused, or read and calibrated rightly",
     "imaging_identification": "the ring from 60 % of its balls, a thousand times at random, a thousand in patches",
@@ -28,6 +29,7 @@ BENCHMARKS: Final = {
     "robot_faults": "random faults, commands and events on the whole robot service",
     "stop_latency": "from a stop over REST to the stop byte on the controller's wire",
     "robot_noise": "one byte in a hundred wrong on the hexapod controller's line",
+    "verification": "K-wires from one image, from a pair, and with one from before the wires",
     "procedure": "twenty seeded procedures in the virtual operating room",
 }
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from services.registration.core.fusion_localise import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
-from services.registration.core.wires import AxisComparison, verify_wires
-from services.registration.core.wires_images import WiredImage, seen_set_up
+from services.registration.core.wires import AxisComparison
+from services.registration.core.wires_images import WiredImage, verify_images
 from services.registration.report import standard_uncertainty
 from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
@@ -54,15 +54,10 @@ def verification_message(
     """
     hashes = tuple(image.localisation.image.sha256 for image in images)
     wired = tuple(WiredImage(image.pixels, image.localised()) for image in images)
-    seen = seen_set_up(wired, tuple(image.localised() for image in earlier), parts)
-    if seen.set_up is None:
-        reasons = tuple(ReasonMessage.of(reason) for reason in seen.reasons)
-        return Verification(verdict="rejected", reasons=reasons, images=hashes, wires=())
-    verified = verify_wires(seen.set_up, parts.guide, parts.nail)
-    told = verified.reasons + (seen.reasons if verified.reasons and seen.left_out else ())
+    verified = verify_images(wired, tuple(image.localised() for image in earlier), parts)
     return Verification(
-        verdict="rejected" if told else "accepted",
-        reasons=tuple(ReasonMessage.of(reason) for reason in told),
+        verdict="rejected" if verified.reasons else "accepted",
+        reasons=tuple(ReasonMessage.of(reason) for reason in verified.reasons),
         images=hashes,
         wires=tuple(_wire(comparison) for comparison in verified.wires),
         guide_holes=tuple(_guide_hole(comparison) for comparison in verified.guide_holes),

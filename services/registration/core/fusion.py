@@ -7,9 +7,10 @@ independent; the covariance of the result does not:
 - what comes with an image (guide's balls, calibration, the nail's fit) is noise, which is new every time, and things
   that images from the same direction share, such as the bone's texture: the correlation falls with the angle between
   the directions;
-- the model's own errors are the same in all images, so that they never average out.
+- the model's own errors are mostly the same in all images, so that they hardly average out.
 
-Both were measured on set-ups that were seen several times (`docs/benchmarks/fusion.md`).
+The correlations were measured on set-ups that were seen several times, and are taken on the safe side of what was found
+(`docs/benchmarks/fusion.md`).
 """
 
 from dataclasses import dataclass
@@ -22,8 +23,9 @@ from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import angle_between_rad, read_only
 from shared.geometry.transform import Transform
 
-SHARED_FROM_ONE_DIRECTION = 0.8
+SHARED_FROM_ONE_DIRECTION = 0.7
 SHARED_WITHIN_DEG = 3.0
+SHARED_BY_THE_MODEL = 0.7
 _ITERATIONS = 10
 _CONVERGED = 1e-10
 
@@ -84,7 +86,7 @@ def joint_covariance(evidence: tuple[PoseEvidence, ...]) -> NDArray[np.float64]:
         for m in range(k):
             second = evidence[m]
             shared = image_correlation(first, second) * roots[k] @ roots[m]
-            blocks[k, m] = shared + first.model_loadings @ second.model_loadings.T
+            blocks[k, m] = shared + SHARED_BY_THE_MODEL * first.model_loadings @ second.model_loadings.T
             blocks[m, k] = blocks[k, m].T
     return blocks
 

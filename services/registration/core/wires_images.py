@@ -1,10 +1,10 @@
-"""From localised images of one set-up to what is known before the wires are looked at.
+"""From localised images of one set-up to its wires, by way of what is known before the wires are looked at.
 
 The images that show the nail's holes are fused, with earlier ones from before the wires if there are any. In the others
 the guide is found, with their help if it must be, and the nail's outline ties guide and nail together.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from services.registration.core.fusion_localise import LocalisedImage, usable_ev
 from services.registration.core.guide import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.pose_evidence import PoseEvidence
+from services.registration.core.wires import WireVerification, verify_wires
 from services.registration.core.wires_companion import locate_guide_beside
 from services.registration.core.wires_nail_outline import with_outline
 from services.registration.core.wires_set_up import SetUp, set_up_of
@@ -58,6 +59,19 @@ class SeenSetUp:
     set_up: SetUp | None
     reasons: tuple[Reason, ...]
     left_out: int
+
+
+def verify_images(
+    images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts
+) -> WireVerification:
+    """Measure the wires in one image or more; an image that is left out tells why when the others do not suffice."""
+    seen = seen_set_up(images, earlier, parts)
+    if seen.set_up is None:
+        return WireVerification(seen.reasons, (), ())
+    verified = verify_wires(seen.set_up, parts.guide, parts.nail)
+    if not verified.reasons or not seen.left_out:
+        return verified
+    return replace(verified, reasons=verified.reasons + seen.reasons)
 
 
 def seen_set_up(images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts) -> SeenSetUp:

@@ -1,0 +1,185 @@
+"""K-wires in seeded scenes, verified from one image and from a pair; writes docs/benchmarks/verification.md.
+
+Every seed has its own parts. In odd seeds the guide stands where it was put at first, a few millimetres off, so that
+the wires strike the nail; in even ones the robot has brought it onto the holes, to a third of a millimetre.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.random_scenes import root_mean_square
+from benchmarks.set_ups import SeenImage, SetUp
+from services.registration.core.fusion_localise import LocalisedImage
+from services.registration.core.hole_axes import HoleEstimate, holes_at
+from services.registration.core.passing import axis_offset_mm
+from services.registration.core.wires import LARGEST_ANGLE_DEG, LARGEST_OFFSET_MM, AxisComparison, WireVerification
+from services.registration.core.wires_images import WiredImage, verify_images
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.lines import Line
+from shared.geometry.transform import Transform
+from simulation.drilling import insert_wire
+from simulation.scenario.placement_sampling import aligned_guide
+from simulation.world import bone_from_guide, mapped, world_at
+
+FIRST_SEED, SCENES, PROCESSES = 8000, 30, 2
+REPORT = Path(__file__).resolve().parent.parent / "docs" / "benchmarks" / "verification.md"
+TARGET_MM, TARGET_DEG = 0.2, 0.3
+KINDS = ("lateral image alone", "lateral and oblique", "both, and one from before the wires")
+_LEFT_OVER_MM, _LEFT_OVER_DEG = 0.3, 0.2
+# From where true holes are looked at; their tilts against the rays do not matter here.
+_SOMEWHERE: Transform[Camera, Nail] = Transform.from_rotation_translation(np.eye(3), [0.0, 0.0, 700.0])
+
+
+@dataclass(frozen=True, slots=True)
+class WireErrors:
+    """Errors of one wire against its hole: offset at the entry and angle, and both over their predictions."""
+
+    entry_mm: float
+    angle_deg: float
+    normalised_entry: float
+    normalised_angle: float
+
+    @property
+    def too_large(self) -> bool:
+        """Larger than an accepted verification may be off."""
+        return not (self.entry_mm <= LARGEST_OFFSET_MM and self.angle_deg <= LARGEST_ANGLE_DEG)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One verification: codes of its refusal (none when accepted), and the errors of the wires that it found."""
+
+    codes: tuple[str, ...]
+    wires: tuple[WireErrors, ...]
+
+    @property
+    def wrong(self) -> bool:
+        """Accepted, and too far off."""
+        return not self.codes and any(wire.too_large for wire in self.wires)
+
+
+def main() -> int:
+    """Verify in all scenes and write the report; 0 when no wrong measurement was accepted."""
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        outcomes = list(pool.map(outcomes_of_seed, range(FIRST_SEED, FIRST_SEED + SCENES)))
+    text = report(outcomes)
+    REPORT.parent.mkdir(parents=True, exist_ok=True)
+    REPORT.write_text(text)
+    print(text)
+    return int(any(one.wrong for row in outcomes for one in row))
+
+
+def outcomes_of_seed(seed: int) -> tuple[Outcome, ...]:
+    """Verify by all three kinds of images."""
+    generator = np.random.default_rng([seed, *b"wires"])
+    bare = SetUp.of_seed(seed)
+    bare = _brought_onto_the_holes(bare, generator) if seed % 2 == 0 else bare
+    wired = _with_wires(bare)
+    azimuth, lean = generator.uniform(0.0, 2.0 * np.pi), generator.uniform(0.5, 4.0)
+    side, oblique = generator.choice([-1.0, 1.0]), generator.uniform(30.0, 45.0)
+    lateral = lean * np.array([np.cos(azimuth), np.sin(azimuth)])
+    before = bare.turned(*(lateral + generator.normal(0.0, 2.0, 2))).seen(0)
+    first = wired.turned(*lateral).seen(1)
+    second = wired.turned(side * oblique, generator.normal(0.0, 2.0)).seen(2)
+    looks = ((first,), ()), ((first, second), ()), ((first, second), (before,))
+    outcomes = tuple(_outcome(wired, images, earlier) for images, earlier in looks)
+    told = "; ".join(", ".join(one.codes) or "accepted" for one in outcomes)
+    print(f"{seed}: {told}; {[(round(w.entry_mm, 2), round(w.angle_deg, 2)) for w in outcomes[1].wires]}", flush=True)
+    return outcomes
+
+
+def _brought_onto_the_holes(set_up: SetUp, generator: np.random.Generator) -> SetUp:
+    """The platform where guide and nail axes nearly coincide."""
+    scenario, placement = set_up.scenario, set_up.scenario.placement
+    standoff_mm = float(world_at(scenario, set_up.state).guide_from_nail.translation_mm[2])
+    left_over: Transform[Guide, Guide] = Transform.from_rotvec(
+        np.radians(generator.normal(0.0, _LEFT_OVER_DEG, 3)), generator.normal(0.0, _LEFT_OVER_MM, 3)
+    )
+    bone_from_target = placement.bone_from_nail @ aligned_guide(scenario.parts, standoff_mm) @ left_over
+    head = scenario.parts.hexapod.top_from_guide(scenario.head_extension_mm)
+    platform = placement.bone_from_base.inverse() @ bone_from_target @ head.inverse()
+    return replace(set_up, state=replace(set_up.state, platform=platform))
+
+
+def _with_wires(set_up: SetUp) -> SetUp:
+    scenario, state = set_up.scenario, set_up.state
+    known = {hole.id for hole in scenario.parts.guide.holes}
+    rods = tuple(insert_wire(scenario, state, hole.id).rod for hole in scenario.parts.nail.holes if hole.id in known)
+    return replace(set_up, state=replace(state, wires=rods))
+
+
+def _outcome(set_up: SetUp, images: tuple[SeenImage, ...], earlier: tuple[SeenImage, ...]) -> Outcome:
+    wired = tuple(
+        WiredImage(one.shot.pixels.astype(np.float32), _localised(f"{k + 1}", one)) for k, one in enumerate(images)
+    )
+    before = tuple(_localised("before", one) for one in earlier if not one.reasons)
+    verified = verify_images(wired, before, set_up.parts)
+    return Outcome(tuple(reason.code.value for reason in verified.reasons), _errors(set_up, verified))
+
+
+def _localised(name: str, seen: SeenImage) -> LocalisedImage:
+    return LocalisedImage(name, seen.calibration, seen.result, seen.reasons)
+
+
+def _errors(set_up: SetUp, verified: WireVerification) -> tuple[WireErrors, ...]:
+    world = world_at(set_up.scenario, set_up.state)
+    truth: Transform[Guide, Nail] = world.guide_from_nail
+    guide_from_bone = bone_from_guide(set_up.scenario, set_up.state).inverse()
+    axes = {rod.hole_id: mapped(guide_from_bone, rod.axis) for rod in set_up.state.wires}
+    holes = {hole.id: hole for hole in holes_at(set_up.parts.nail, truth, None, _SOMEWHERE)}
+    return tuple(_wire_errors(wire, axes[wire.hole_id], holes[wire.hole_id]) for wire in verified.wires)
+
+
+def _wire_errors(wire: AxisComparison, axis_guide: Line, hole: HoleEstimate) -> WireErrors:
+    true_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
+    error_mm: NDArray[np.float64] = wire.offset.mean_mm - true_mm
+    entry_mm = float(np.linalg.norm(error_mm[:2]))
+    angle_deg = float(np.degrees(np.linalg.norm(error_mm[2:] - error_mm[:2]) / wire.offset.length_mm))
+    return WireErrors(entry_mm, angle_deg, entry_mm / wire.offset.entry_sd_mm, angle_deg / wire.offset.axis_sd_deg)
+
+
+def report(outcomes: Sequence[tuple[Outcome, ...]]) -> str:
+    """The page."""
+    rows = [_row(name, [row[k] for row in outcomes]) for k, name in enumerate(KINDS)]
+    return (
+        "# Wires against the nail's holes\n\n"
+        f"Made by `distalock bench verification`: {len(outcomes)} scenes of the virtual operating room from seed "
+        f"{FIRST_SEED}, each with its own ball patterns and nail and two K-wires. In every other scene the guide "
+        "stands a few millimetres off and the wires strike the nail. The oblique image is turned by 30-45° about the "
+        "nail; it often shows half of the guide. Errors of accepted verifications, as vectors: offset at the hole's entry and "
+        "angle, median / 95 % / worst. Wrong: accepted, off by more than "
+        f"{LARGEST_OFFSET_MM:g} mm or {LARGEST_ANGLE_DEG:g}°. Target for a pair: {TARGET_MM} mm and {TARGET_DEG}° at "
+        "95 %. The images come from this project's own renderer.\n\n"
+        "| images | accepted | wires | entry mm | angle ° | normalised entry, angle | wrong | refused because |\n"
+        "|---|---|---|---|---|---|---|---|\n" + "\n".join(rows) + "\n"
+    )
+
+
+def _row(name: str, outcomes: Sequence[Outcome]) -> str:
+    accepted = [one for one in outcomes if not one.codes]
+    wires = [wire for one in accepted for wire in one.wires]
+    codes = Counter(code for one in outcomes for code in sorted(set(one.codes)))
+    why = ", ".join(f"{code} {count}" for code, count in sorted(codes.items())) or "-"
+    entry, angle = _quantiles([w.entry_mm for w in wires]), _quantiles([w.angle_deg for w in wires])
+    return (
+        f"| {name} | {len(accepted)} of {len(outcomes)} | {len(wires)} | {entry} | {angle} "
+        f"| {root_mean_square(w.normalised_entry for w in wires):.2f}, "
+        f"{root_mean_square(w.normalised_angle for w in wires):.2f} | {sum(one.wrong for one in outcomes)} | {why} |"
+    )
+
+
+def _quantiles(values: Sequence[float]) -> str:
+    if not values:
+        return "-"
+    return " / ".join(f"{v:.3f}" for v in (np.median(values), np.percentile(values, 95), np.max(values)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
