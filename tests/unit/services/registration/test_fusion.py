@@ -1,0 +1,235 @@
+"""Several images of one set-up: the joint pose against drawn errors, and contradictions told for what they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
+
+from services.registration.core.alignment import c_arm_correction_deg
+from services.registration.core.fusion import fuse, joint_covariance
+from services.registration.core.fusion_agreement import disagreement, leave_one_out
+from services.registration.core.fusion_localise import LocalisedImage, fuse_localisations
+from services.registration.core.hole_axes import NailEstimate, hole_estimates
+from services.registration.core.localise import LocalisationResult, Method, Parts
+from services.registration.core.pose_evidence import (
+    PoseEvidence,
+    model_covariance,
+    motion_between,
+    motion_of_nail,
+    moved_by,
+)
+from shared.errors import Reason, ReasonCode
+from shared.geometry.frames import Guide, Nail
+from shared.geometry.transform import Transform
+from tests.unit.services.registration.rendered_case import rendered_parts
+from tests.unit.services.registration.test_hole_axes import GUIDE_POSE, KNOWN_SOURCE, NAIL_POSE, guide_fit
+from tests.unit.services.registration.xray_scene import guide_part, nail_part
+
+POSE: Transform[Guide, Nail] = Transform.from_rotvec(np.radians([1.0, -2.0, 1.5]), [1.0, -2.0, 115.0])
+SIGMAS = np.concatenate([np.radians([0.12, 0.10, 0.02]), [0.03, 0.03]])
+DEPTH_SD_MM = 0.5
+FROM_ABOVE = (0.0, 0.0)
+
+
+def evidence(lean_deg: tuple[float, float] = FROM_ABOVE, pose: Transform[Guide, Nail] = POSE) -> PoseEvidence:
+    """An image whose beam leans against the nail's z axis: good across its ray, weak along it."""
+    ray = Rotation.from_rotvec(np.radians([*lean_deg, 0.0])).apply([0.0, 0.0, 1.0])
+    covariance = np.diag(np.concatenate([SIGMAS, [0.03]]) ** 2)
+    covariance[3:, 3:] += DEPTH_SD_MM**2 * np.outer(ray, ray)
+    return PoseEvidence(pose, ray, covariance, np.diag(np.radians([0.04, 0.04, 0.02, 0.0, 0.0, 0.0])))
+
+
+def shifted(one: PoseEvidence, motion: NDArray[np.float64]) -> PoseEvidence:
+    return replace(one, guide_from_nail=moved_by(one.guide_from_nail, motion))
+
+
+def across_mm(x: float, y: float) -> NDArray[np.float64]:
+    return np.array([0.0, 0.0, 0.0, x, y, 0.0])
+
+
+def test_motions_of_the_guide_are_motions_of_the_nail() -> None:
+    motion = np.array([1e-5, -2e-5, 3e-5, 0.001, 0.002, -0.003])
+    step: Transform[Guide, Guide] = Transform.from_rotvec(motion[:3], motion[3:])
+    assert motion_between(POSE, step @ POSE) == pytest.approx(motion_of_nail(POSE) @ motion, abs=1e-7)
+    assert motion_between(POSE, moved_by(POSE, motion)) == pytest.approx(motion, abs=1e-12)
+
+
+def test_one_image_says_what_it_said() -> None:
+    one = evidence()
+    joint = fuse((one,))
+    assert joint.guide_from_nail.matrix == pytest.approx(POSE.matrix)
+    assert joint.covariance == pytest.approx(one.covariance)
+    assert (joint.chi_square, joint.degrees_of_freedom) == (pytest.approx(0.0), 0)
+
+
+def test_two_directions_show_the_depth() -> None:
+    lateral, oblique = evidence(), evidence((38.0, 0.0))
+    alone, joint = fuse((lateral,)), fuse((lateral, oblique))
+    assert np.sqrt(alone.covariance[5, 5]) == pytest.approx(DEPTH_SD_MM, rel=0.01)
+    # across the oblique ray the nail is known to 0.03 mm: seen from there, that is depth over the angle's sine
+    assert np.sqrt(joint.covariance[5, 5]) < 2.0 * 0.03 / np.sin(np.radians(38.0))
+    moved = shifted(lateral, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.8]))
+    found = fuse((moved, oblique)).guide_from_nail
+    assert abs(motion_between(POSE, found)[5]) < 0.05
+
+
+def test_images_from_one_direction_share_most_of_their_errors() -> None:
+    same, apart = fuse((evidence(), evidence())), fuse((evidence(), evidence((0.0, 9.0))))
+    alone = evidence().covariance
+    assert np.sqrt(same.covariance[0, 0] / alone[0, 0]) == pytest.approx(np.sqrt((1.0 + 0.7) / 2.0), abs=0.01)
+    assert np.sqrt(apart.covariance[0, 0] / alone[0, 0]) < 0.8
+
+
+def test_the_models_own_errors_hardly_average_out() -> None:
+    only_model = tuple(
+        replace(evidence((0.0, lean)), image_covariance=np.eye(6) * 1e-10) for lean in (0.0, 5.0, 10.0, 15.0)
+    )
+    ratio = fuse(only_model).covariance[0, 0] / only_model[0].covariance[0, 0]
+    assert ratio == pytest.approx(0.7 + 0.3 / 4.0, abs=0.01)
+
+
+def test_errors_are_as_large_as_predicted_when_images_share_as_assumed() -> None:
+    seed = 20261
+    rng = np.random.default_rng(seed)
+    images = (evidence((2.0, 0.0)), evidence((2.0, 1.0)), evidence((-5.0, 1.0)))
+    root = np.linalg.cholesky(joint_covariance(images).transpose(0, 2, 1, 3).reshape(18, 18))
+    normalised = []
+    for _ in range(300):
+        errors = (root @ rng.standard_normal(18)).reshape(3, 6)
+        joint = fuse(tuple(shifted(image, error) for image, error in zip(images, errors, strict=True)))
+        normalised.append(motion_between(POSE, joint.guide_from_nail) / np.sqrt(np.diag(joint.covariance)))
+    rms = np.sqrt(np.mean(np.square(normalised), axis=0))
+    print(f"seed {seed}, normalised rms {np.round(rms, 2)}")
+    assert np.all((rms > 0.88) & (rms < 1.12))
+
+
+def told(images: tuple[PoseEvidence, ...]) -> Reason | None:
+    names = tuple(f"{k + 1}" for k in range(len(images)))
+    return disagreement(images, names, nail_part(), NAIL_POSE)
+
+
+def message(images: tuple[PoseEvidence, ...]) -> str:
+    reason = told(images)
+    assert reason is not None
+    assert reason.code is ReasonCode.IMAGES_DISAGREE
+    assert "limit" in reason.message
+    return reason.message
+
+
+AGREEING = (evidence((2.0, 0.0)), evidence((-4.0, 1.0)), evidence((0.0, 6.0)), evidence((3.0, 3.0)))
+MOVED = across_mm(1.1, -0.4)
+
+
+def test_images_within_their_errors_agree() -> None:
+    assert told(AGREEING) is None
+    assert told((AGREEING[0], shifted(AGREEING[1], across_mm(0.05, 0.0)))) is None
+    assert told(AGREEING[:1]) is None
+
+
+def test_depth_along_the_ray_may_differ_by_what_one_image_cannot_tell() -> None:
+    assert told((evidence(), shifted(evidence((0.0, 5.0)), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.6])))) is None
+
+
+def test_two_images_cannot_tell_which_is_wrong() -> None:
+    words = message((AGREEING[0], shifted(AGREEING[1], MOVED)))
+    assert "two images cannot tell which" in words
+    assert "differs by 1.17 mm at its entry" in words
+    assert "take one more image" in words
+
+
+def test_the_image_in_the_middle_is_the_odd_one() -> None:
+    words = message((AGREEING[0], shifted(AGREEING[1], MOVED), *AGREEING[2:]))
+    assert words.startswith("image 2 is the odd one")
+    assert "leave it out" in words
+
+
+def test_the_last_image_is_odd_or_the_guide_moved_before_it() -> None:
+    words = message((*AGREEING[:2], shifted(AGREEING[2], MOVED)))
+    assert words.startswith("image 3, taken after all others, is the odd one")
+    assert "between it and image 2" in words
+
+
+def test_the_first_image_is_odd_or_the_guide_moved_after_it() -> None:
+    words = message((shifted(AGREEING[0], MOVED), *AGREEING[1:3]))
+    assert words.startswith("image 1, taken before all others, is the odd one")
+    assert "between it and image 2" in words
+
+
+def test_a_guide_that_moved_parts_the_images_in_time() -> None:
+    words = message((*AGREEING[:2], *(shifted(image, MOVED) for image in AGREEING[2:])))
+    assert words.startswith("the guide moved on the bone between images 2 and 3")
+    assert "use only the images after it" in words
+
+
+def test_a_loose_guide_lets_no_images_agree() -> None:
+    places = (across_mm(0.0, 0.0), across_mm(1.5, 0.0), across_mm(0.0, 1.5), across_mm(-1.5, 0.5))
+    words = message(tuple(shifted(image, place) for image, place in zip(AGREEING, places, strict=True)))
+    assert "no images of the 4 agree" in words
+
+
+def test_the_odd_one_raises_chi_square_most() -> None:
+    influence = leave_one_out((AGREEING[0], shifted(AGREEING[1], MOVED), AGREEING[2]))
+    assert int(np.argmax(influence)) == 1
+
+
+PARTS = Parts(rendered_parts().ring, guide_part(), nail_part())
+
+
+def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: Reason) -> LocalisedImage:
+    """An image by a known camera; the nail moved across the beam, and its fit's standard deviations spread."""
+    fit_covariance = block_diag(np.eye(3) * np.radians(0.05) ** 2, np.diag([0.02, 0.02, 0.2]) ** 2) * spread**2
+    step: Transform[Nail, Nail] = Transform.from_rotvec(np.zeros(3), [moved_mm, 0.0, 0.0])
+    pose = NAIL_POSE @ step
+    guide = guide_fit(GUIDE_POSE, np.eye(6) * 1e-8)
+    nail = NailEstimate(pose, fit_covariance + model_covariance(PARTS.nail, pose), 100.0, None)
+    holes = hole_estimates(KNOWN_SOURCE, PARTS.guide, PARTS.nail, guide, nail)
+    correction = c_arm_correction_deg(pose, PARTS.nail)
+    guide_from_nail = GUIDE_POSE.inverse() @ pose
+    result = LocalisationResult(Method.MODEL, reasons, guide, nail, guide_from_nail, holes, correction)
+    return LocalisedImage(name, KNOWN_SOURCE, result, reasons)
+
+
+UNCERTAIN = Reason(ReasonCode.UNCERTAINTY_TOO_LARGE, "too uncertain; more dose")
+AMBIGUOUS = Reason(ReasonCode.MIRROR_AMBIGUOUS, "two tilts; turn the C-arm")
+NOTHING = LocalisedImage("empty", None, None, (Reason(ReasonCode.RING_NOT_FOUND, "no ring; show it"),))
+
+
+def test_good_images_are_joined_and_the_newest_is_shown() -> None:
+    fused = fuse_localisations((localised("a"), localised("b", 0.02)), PARTS)
+    assert fused is not None
+    assert fused.result.accepted
+    assert fused.shown == 1
+    assert [share.used for share in fused.shares] == [True, True]
+    assert fused.result.guide_from_nail is not None
+    between = motion_between(GUIDE_POSE.inverse() @ NAIL_POSE, fused.result.guide_from_nail)
+    assert between[3] == pytest.approx(0.01, abs=1e-3)
+    assert 0.0 < fused.chi_square < fused.chi_square_limit
+
+
+def test_uncertain_images_are_used_and_others_are_not() -> None:
+    images = (localised("a", 0.0, 1.0, UNCERTAIN), NOTHING, localised("b", 0.0, 1.0, AMBIGUOUS), localised("c"))
+    fused = fuse_localisations(images, PARTS)
+    assert fused is not None
+    assert [share.used for share in fused.shares] == [True, False, False, True]
+    assert fused.shown == 3
+    assert fused.result.accepted
+
+
+def test_images_too_uncertain_together_stay_refused() -> None:
+    fused = fuse_localisations((localised("a", 0.0, 30.0), localised("b", 0.0, 30.0)), PARTS)
+    assert fused is not None
+    assert {reason.code for reason in fused.result.reasons} == {ReasonCode.UNCERTAINTY_TOO_LARGE}
+
+
+def test_contradicting_images_keep_the_newest_but_refuse_it() -> None:
+    fused = fuse_localisations((localised("a"), localised("b", 2.0)), PARTS)
+    assert fused is not None
+    assert [reason.code for reason in fused.result.reasons] == [ReasonCode.IMAGES_DISAGREE]
+    assert "images a and b" in fused.result.reasons[0].message
+
+
+def test_no_usable_image_leaves_nothing_to_join() -> None:
+    assert fuse_localisations((NOTHING, localised("b", 0.0, 1.0, AMBIGUOUS)), PARTS) is None
