@@ -76,6 +76,7 @@ class LiveGuidance:
         self._run = _Run((None, 0), None, OrderedDict())
         self._picture = PictureTurn()
         self._last_received_ns = 0
+        self._last_said_ns = 0
         self._skipped_before = 0
         self._waiting: CalibrationMessage | None = None
         self._newest_at_s = self._localised_at_s = float("-inf")
@@ -117,7 +118,7 @@ class LiveGuidance:
             return message
 
     def note_localised(self, localised: LocalisedFrame) -> None:
-        """Begin anew from an image that was localised in full, and say what it says if nothing was said of it yet."""
+        """Begin anew from an image that was localised in full; say what it says if it is still the newest."""
         if localised.calibration is None or localised.result is None:
             return
         frame, case, found = localised.frame, localised.case, localised.result
@@ -131,9 +132,10 @@ class LiveGuidance:
                 # An image that was followed and yet cannot be localised ends the track: one of the two is wrong.
                 run.track = track
             self._picture.forget_the_guide()
+            overtaken = self._last_said_ns > localised.record.image.received_at_ns
         if said is not None and disagree(said, sight):
             self._runtime.log.warning("guidance disagreed with the full localisation", sha256=frame.header.sha256)
-        if said is None or said.advice is None:
+        if not overtaken and (said is None or said.advice is None):
             self._publish(sight, localised.record.image, frame, case, localised.record.localisation.timing_ms.total)
 
     def _run_of(self, case: OpenCase) -> _Run:
@@ -191,6 +193,7 @@ class LiveGuidance:
         with self._lock:
             skipped = self._frames.replaced - self._skipped_before
             self._skipped_before = self._frames.replaced
+            self._last_said_ns = image.received_at_ns
             facts = FrameFacts(image, case.context.case_id, case.context.revision, angles, skipped, elapsed_ms)
             self._publisher.put(encode(guidance_message(sight, facts, self._picture)))
 

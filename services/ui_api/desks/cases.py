@@ -8,6 +8,7 @@ from services.ui_api.core.case import STEPS_THAT_CHANGE_THE_SETUP, Case
 from services.ui_api.core.event_data import CaseOpened, CaseSetup, PartUse, SetupChanged, Step, StepRecorded
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
+from services.ui_api.desks.head_calibration import calibrated_hexapod, is_head_calibration
 from services.ui_api.desks.parts import JsonObject, PartFile, PartKind, resolve_part
 from services.ui_api.desks.refusals import conflict, invalid, unknown
 from services.ui_api.record.record import CaseRecord
@@ -140,7 +141,10 @@ def _changed_setup(unit: Unit, setup: CaseSetup, request: SetupRequest) -> CaseS
     parts = {kind: resolve_part(kind, part) for kind, part in given.items() if part is not None}
     calibrated = setup.guide_calibrated and "guide" not in parts
     if request.guide_calibration is not None:
-        parts["guide"] = _calibrated_guide(parts.get("guide"), setup.guide, request.guide_calibration)
+        if is_head_calibration(request.guide_calibration):
+            parts["hexapod"] = calibrated_hexapod(parts.get("hexapod"), request.guide_calibration)
+        else:
+            parts["guide"] = _calibrated_guide(parts.get("guide"), setup.guide, request.guide_calibration)
         calibrated = True
     for part in parts.values():
         unit.put_document(part.content)

@@ -87,6 +87,12 @@ class LiveDesk:
     def _on_guidance(self, sample: Sample) -> None:
         heard = HeardGuidance(decode(Guidance, sample.payload), self._clock.monotonic_s())
         with self._lock:
+            before = self._guidance
+            overtaken = (
+                before is not None and before.guidance.image.received_at_ns > heard.guidance.image.received_at_ns
+            )
+            if overtaken:
+                return  # the word of an older frame, which took longer
             self._guidance = heard
         self.feed.wake()
 

@@ -41,7 +41,9 @@ class CaseBody(Body):
     hexapod: Part = DEFAULT_HEXAPOD
     head_extension_mm: HeadExtension
     guide_calibration: PartObject | None = Field(
-        None, description="Guide file of this very guide as measured; it takes the place of the nominal guide file."
+        None,
+        description="What `distalock robot calibrate-guide` printed: the hexapod's head is then as found. Or the guide "
+        "file of this very guide as measured, in place of the nominal one.",
     )
     nominal_source_to_detector_mm: SourceToDetector | None = None
     nominal_pixel_mm: PixelSize | None = None

@@ -15,6 +15,7 @@ from shared.messages.robot import PlatformPoseMessage
 ResultValidity = Literal["current", "stale"]
 # Frames follow one another within half a second, or they are single shots.
 GUIDANCE_LASTS_S = 0.5
+OLDEST_FRAME_S = 1.0
 
 
 class Provenance(View):
@@ -79,8 +80,8 @@ class HoleTilt(View):
 class GuidanceView(Guidance):
     """What the newest frame of running fluoroscopy said, with its age and whether it is about the moment.
 
-    It is current while its frame is the newest image, and for half a second after it was heard while newer frames are
-    on their way; never longer.
+    It is current while its frame is the newest image. While newer ones are on their way it is current for half a second
+    after it was heard, and only if the frame itself is no older than a second.
     """
 
     age_s: float
@@ -90,16 +91,18 @@ class GuidanceView(Guidance):
     @staticmethod
     def of(guidance: Guidance, heard_s_ago: float, newest_image: str | None) -> "GuidanceView":
         """From the word and the newest image that there is."""
-        overtaken = guidance.image.sha256 != newest_image and heard_s_ago > GUIDANCE_LASTS_S
+        age = age_s(guidance.image.received_at_ns)
+        newest = guidance.image.sha256 == newest_image
+        current = newest or (heard_s_ago <= GUIDANCE_LASTS_S and age <= OLDEST_FRAME_S)
         clause = (
-            f"a newer image has come, and the last word of guidance is {heard_s_ago:.1f} s old (limit "
-            f"{GUIDANCE_LASTS_S} s); wait for the next one"
+            f"newer images have come; this word is about one that is {age:.1f} s old (limit {OLDEST_FRAME_S:g} s) and "
+            f"was heard {heard_s_ago:.1f} s ago (limit {GUIDANCE_LASTS_S:g} s); wait for the next one"
         )
         return GuidanceView(
             **dict(guidance),
-            age_s=age_s(guidance.image.received_at_ns),
-            validity="stale" if overtaken else "current",
-            stale_because=clause if overtaken else None,
+            age_s=age,
+            validity="current" if current else "stale",
+            stale_because=None if current else clause,
         )
 
 
