@@ -133,7 +133,7 @@ def _printed(taken: _Set, calibration: GuideCalibration, reasons: tuple[GuideRef
 
 def write_hexapod(file: Path, hexapod_json: bytes, calibration: GuideCalibration, head_extension_mm: float) -> None:
     """Write the hexapod file again, with its head as found at an extension; raises `InputError` when it cannot be."""
-    content = hexapod_json_with_head(hexapod_json, calibration.top_from_guide, head_extension_mm)
+    content = hexapod_json_with_head(hexapod_json, calibration.top_from_guide.matrix, head_extension_mm)
     try:
         file.write_bytes(content)
     except OSError as error:

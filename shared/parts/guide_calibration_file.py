@@ -3,10 +3,10 @@
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from shared.errors import PartFileInvalid
-from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.transform import Transform
 from shared.parts.files import Finite, PartModel, parse_part
 
@@ -71,12 +71,14 @@ class GuideCalibrationFile(PartModel):
     check: CheckPose
     head: HeadSetting
 
-    def transform(self) -> Transform[RobotTop, Guide]:
-        """`top_from_guide` as a value; raises `PartFileInvalid` when the matrix is not a rigid one."""
+    def matrix(self) -> NDArray[np.float64]:
+        """`top_from_guide`, shape (4, 4), as it stands there; raises `PartFileInvalid` when it is not a rigid one."""
+        matrix = np.array(self.top_from_guide)
         try:
-            return Transform.from_matrix(np.array(self.top_from_guide))
+            Transform.from_matrix(matrix)
         except ValueError as error:
             raise PartFileInvalid(f"guide calibration: top_from_guide: {error}") from None
+        return matrix
 
 
 def guide_calibration_from_json(content: bytes, source: str = "guide calibration") -> GuideCalibrationFile:

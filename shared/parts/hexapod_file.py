@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from shared.errors import PartFileInvalid
@@ -158,19 +159,19 @@ def hexapod_from_json(content: bytes, source: str = "hexapod file") -> HexapodPa
     return hexapod
 
 
-def hexapod_json_with_head(
-    content: bytes, top_from_guide: Transform[RobotTop, Guide], head_extension_mm: float
-) -> bytes:
+def hexapod_json_with_head(content: bytes, top_from_guide: NDArray[np.float64], head_extension_mm: float) -> bytes:
     """A hexapod file's content again, with its head as it holds the guide at an extension.
 
     Parameters
     ----------
     content
         Of a valid file: see `hexapod_from_json`.
+    top_from_guide
+        A rigid transform as a matrix of shape (4, 4): the same numbers make the same file, to the last digit.
     """
     parsed = json.loads(content)
-    retracted_mm = top_from_guide.translation_mm - np.array([head_extension_mm, 0.0, 0.0])
-    parsed["head"]["top_from_guide_rotation"] = top_from_guide.rotation.tolist()
+    retracted_mm = top_from_guide[:3, 3] - np.array([head_extension_mm, 0.0, 0.0])
+    parsed["head"]["top_from_guide_rotation"] = top_from_guide[:3, :3].tolist()
     parsed["head"]["top_from_guide_translation_at_zero_mm"] = retracted_mm.tolist()
     return (json.dumps(parsed, indent=1) + "\n").encode()
 

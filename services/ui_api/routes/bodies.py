@@ -124,6 +124,9 @@ class PlanBody(Body):
         default_factory=list,
         description="Localisations of the same set-up to fuse with it: same revision, robot in the same place.",
     )
+    verification: Annotated[int, Field(ge=1)] | None = Field(
+        None, description="The last verification, of the localisation's image: its wires are brought onto the holes."
+    )
 
 
 class ApprovalBody(Body):

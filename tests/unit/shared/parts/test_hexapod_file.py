@@ -99,6 +99,6 @@ def test_another_head_is_written_and_read_again() -> None:
     hexapod = default_hexapod()
     off: Transform[Guide, Guide] = Transform.from_rotvec([0.01, -0.02, 0.005], [0.3, -0.2, 0.5])
     found = hexapod.top_from_guide(65.0) @ off
-    written = hexapod_from_json(hexapod_json_with_head(DEFAULT_HEXAPOD.read_bytes(), found, 65.0))
+    written = hexapod_from_json(hexapod_json_with_head(DEFAULT_HEXAPOD.read_bytes(), found.matrix, 65.0))
     np.testing.assert_allclose(written.top_from_guide(65.0).matrix, found.matrix, atol=1e-12)
     np.testing.assert_allclose(written.top_from_guide(45.0).translation_mm, found.translation_mm - [20.0, 0.0, 0.0])
