@@ -7,7 +7,7 @@ from pathlib import Path
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, locate_image, read_parts
 from services.registration.core.localise import Parts
-from services.registration.verification import VerifiedImage, verification_message
+from services.registration.verification import VerifiedImage, verification_message, verified_images
 from shared.errors import InputError
 from shared.messages.base import encode
 from shared.messages.registration import Verification
@@ -16,9 +16,8 @@ from shared.messages.registration import Verification
 def verify_images(images: tuple[Path, ...], parts: Parts, nominal: NominalOptions) -> Verification:
     """Verify the wires in one image file or two of the same set-up; raises `ImageUnreadable`."""
     located = [(image.name, locate_image(image, parts, nominal)) for image in images]
-    return verification_message(
-        tuple(VerifiedImage(name, one.pixels, one.calibration, one.result, one.message) for name, one in located), parts
-    )
+    given = tuple(VerifiedImage(name, one.pixels, one.calibration, one.result, one.message) for name, one in located)
+    return verification_message(given, verified_images(given, parts))
 
 
 def run(given: argparse.Namespace) -> int:

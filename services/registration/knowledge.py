@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.localise import LocalisationResult, Parts
+from services.registration.core.wires import WireVerification
 from services.registration.parts import parts_from_json
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import HexapodPart
@@ -100,6 +101,7 @@ class Knowledge:
         self._newest_sha256: str | None = None
         self._frames: OrderedDict[str, ReceivedFrame] = OrderedDict()
         self._localised: OrderedDict[str, LocalisedFrame] = OrderedDict()
+        self._verified: tuple[frozenset[str], WireVerification] | None = None
 
     def open_case(self, case: OpenCase | None) -> None:
         """Note the open case, or that none is open; another case or revision begins a new registration epoch."""
@@ -207,6 +209,17 @@ class Knowledge:
                 and other.record.robot_pose is not None
                 and not same_place(other.record.robot_pose, here)
             )
+
+    def note_verified(self, sha256s: tuple[str, ...], verified: WireVerification) -> None:
+        """Note what the last verification found."""
+        with self._changed:
+            self._verified = (frozenset(sha256s), verified)
+
+    def verified(self, sha256s: tuple[str, ...]) -> WireVerification | None:
+        """What the last verification found, if it was of these images."""
+        with self._changed:
+            last = self._verified
+            return last[1] if last is not None and last[0] == frozenset(sha256s) else None
 
     @property
     def case(self) -> OpenCase | None:

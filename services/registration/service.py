@@ -14,7 +14,7 @@ from services.registration.overlay import overlay_png
 from services.registration.planning import answer_plan_request
 from services.registration.report import MeasuredTimes, uncalibrated_message
 from services.registration.settings import RegistrationSettings
-from services.registration.verification import VerifiedImage, verification_message
+from services.registration.verification import VerifiedImage, verification_message, verified_images
 from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import BusError, InputError, Reason
 from shared.geometry.calibration import CArmCalibration
@@ -155,7 +155,9 @@ class RegistrationService:
             return Answer(encode(VerificationReply(code="unknown_image", message=message)))
         earlier = self._knowledge.accepted_beside(known[0], request.image_sha256)
         images, before = (tuple(_verified_image(frame) for frame in frames) for frames in (known, earlier))
-        verification = verification_message(images, case.parts, before)
+        verified = verified_images(images, case.parts, before)
+        self._knowledge.note_verified(request.image_sha256, verified)
+        verification = verification_message(images, verified)
         return Answer(encode(VerificationReply(verification=verification)))
 
     def _vouch(self) -> None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.fusion_localise import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
-from services.registration.core.wires import AxisComparison
+from services.registration.core.wires import AxisComparison, WireVerification
 from services.registration.core.wires_images import WiredImage, verify_images
 from services.registration.report import standard_uncertainty
 from shared.errors import Reason
@@ -40,9 +40,9 @@ class VerifiedImage:
         return LocalisedImage(self.name, self.calibration, self.result, reasons)
 
 
-def verification_message(
+def verified_images(
     images: tuple[VerifiedImage, ...], parts: Parts, earlier: tuple[VerifiedImage, ...] = ()
-) -> Verification:
+) -> WireVerification:
     """Compare the wires in one image or two of the same set-up with the nail's hole axes.
 
     An image in which the guide was not found is left out; its reasons are told when the others do not suffice.
@@ -52,13 +52,16 @@ def verification_message(
     earlier
         Images with the guide in the same place, from before the wires were inserted: wires cover the holes.
     """
-    hashes = tuple(image.localisation.image.sha256 for image in images)
     wired = tuple(WiredImage(image.pixels, image.localised()) for image in images)
-    verified = verify_images(wired, tuple(image.localised() for image in earlier), parts)
+    return verify_images(wired, tuple(image.localised() for image in earlier), parts)
+
+
+def verification_message(images: tuple[VerifiedImage, ...], verified: WireVerification) -> Verification:
+    """What was found in some images, as a message."""
     return Verification(
         verdict="rejected" if verified.reasons else "accepted",
         reasons=tuple(ReasonMessage.of(reason) for reason in verified.reasons),
-        images=hashes,
+        images=tuple(image.localisation.image.sha256 for image in images),
         wires=tuple(_wire(comparison) for comparison in verified.wires),
         guide_holes=tuple(_guide_hole(comparison) for comparison in verified.guide_holes),
     )

@@ -190,6 +190,9 @@ class PlanRequest(Message):
     earlier_image_sha256: tuple[Sha256, ...] = Field(
         (), description="Earlier images of the same set-up to fuse with it, in the order in which they were taken."
     )
+    verified_image_sha256: tuple[Sha256, ...] = Field(
+        (), description="Images verified last, this one among them: the wires' axes are brought onto the nail's."
+    )
 
 
 class PredictedHoleError(WireModel):
@@ -224,6 +227,9 @@ class Plan(Message):
     axial_shift_mm: Finite = Field(description="Free travel along the drilling axis that was used to stay in reach.")
     predicted: tuple[PredictedHoleError, ...]
     fusion: Fusion | None = Field(None, description="What it rests on when that is more than one image.")
+    verified_image_sha256: tuple[Sha256, ...] = Field(
+        (), description="Images of the verification whose residual it corrects; empty for a plan from localisations."
+    )
 
     def sha256(self) -> str:
         """Hash of the plan's canonical JSON: what an approval quotes."""

@@ -33,6 +33,8 @@ class AxisComparison:
 
     Attributes
     ----------
+    axis_guide
+        The axis that is compared, in the guide's frame.
     offset
         Where the axis passes the nail hole's entry and exit, across the nail hole's axis, with the covariance.
     angle_deg
@@ -42,6 +44,7 @@ class AxisComparison:
     """
 
     hole_id: str
+    axis_guide: Line
     offset: AxisOffset
     angle_deg: float
     chance_to_pass: float
@@ -60,11 +63,14 @@ class WireVerification:
         Those that were found, in the order of the nail's holes, also when there are reasons.
     guide_holes
         The guide's own holes: what a drill will follow.
+    holes
+        The nail's holes as the images show them together; none when they could not be compared.
     """
 
     reasons: tuple[Reason, ...]
     wires: tuple[AxisComparison, ...]
     guide_holes: tuple[AxisComparison, ...]
+    holes: tuple[HoleEstimate, ...] = ()
 
 
 def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerification:
@@ -85,7 +91,7 @@ def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerific
         wires.append(compare_wire(fit, hole, offsets_by_motion(nail, hole.id, set_up.guide_from_nail)))
         reasons.extend(_too_uncertain(wires[-1], len(prepared)))
     guide_holes = tuple(_compare_guide_hole(guide_hole.axis, hole) for guide_hole, hole in pairs)
-    return WireVerification(tuple(reasons), tuple(wires), guide_holes)
+    return WireVerification(tuple(reasons), tuple(wires), guide_holes, holes)
 
 
 def find_wire(
@@ -129,7 +135,7 @@ def compare_wire(fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.fl
     offset = AxisOffset(here - by_nail_motion @ fit.nail_motion, J @ fit.covariance @ J.T, length_mm)
     slope = (offset.mean_mm[2:] - offset.mean_mm[:2]) / length_mm
     between_deg = float(np.degrees(np.arctan(np.linalg.norm(slope))))
-    return AxisComparison(hole.id, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
+    return AxisComparison(hole.id, fit.line_guide, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
 
 
 def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate) -> AxisComparison:
@@ -137,7 +143,7 @@ def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate) -> AxisComparison:
     mean_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
     offset = AxisOffset(mean_mm, hole.offset.covariance_mm2, hole.offset.length_mm)
     between_deg = angle_deg(hole.axis_guide, axis_guide)
-    return AxisComparison(hole.id, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
+    return AxisComparison(hole.id, axis_guide, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
 
 
 def _paired(guide: GuidePart, holes: tuple[HoleEstimate, ...]) -> list[tuple[Hole, HoleEstimate]]:

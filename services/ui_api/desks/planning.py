@@ -32,6 +32,30 @@ class MotionRequest:
     who: str
 
 
+@dataclass(frozen=True, slots=True)
+class PlanBasis:
+    """What a plan is to rest on.
+
+    Attributes
+    ----------
+    localisation
+        The newest, by its number.
+    others
+        Localisations of the same set-up to fuse with it; it may be among them.
+    verification
+        The last verification, whose residual is to be corrected; None to bring the guide's own holes onto the nail's.
+    """
+
+    localisation: int
+    others: tuple[int, ...] = ()
+    verification: int | None = None
+
+    @property
+    def earlier(self) -> tuple[int, ...]:
+        """The others, in order, without the newest."""
+        return tuple(sorted(set(self.others) - {self.localisation}))
+
+
 class PlanningDesk:
     """From an accepted localisation to a motion, one checked step after another."""
 
@@ -39,25 +63,18 @@ class PlanningDesk:
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._commands = view, commands
 
-    def ask_for_plan(
-        self, case: Case, localisation: int, hole_ids: tuple[str, ...], others: tuple[int, ...] = ()
-    ) -> PlanReply:
-        """Have registration plan from a localisation; raises `Refused` or `NoReply`. Moves and records nothing.
-
-        Parameters
-        ----------
-        others
-            Localisations of the same set-up, by number, to fuse with it; it may be among them.
-        """
+    def ask_for_plan(self, case: Case, basis: PlanBasis, hole_ids: tuple[str, ...]) -> PlanReply:
+        """Have registration plan from a localisation; raises `Refused` or `NoReply`. Moves and records nothing."""
         _require_ready_for_moves(case)
         require_known_holes(case, hole_ids)
-        earlier = tuple(sorted(set(others) - {localisation}))
-        measured = _usable_localisation(case, localisation) if not earlier else _newest(case, localisation)
+        alone = not basis.earlier and basis.verification is None
+        measured = (_usable_localisation if alone else _newest)(case, basis.localisation)
         request = PlanRequest(
             case_id=case.case_id,
             image_sha256=measured.image_sha256,
             hole_ids=hole_ids,
-            earlier_image_sha256=tuple(localisation_of(case, number).image_sha256 for number in earlier),
+            earlier_image_sha256=tuple(localisation_of(case, number).image_sha256 for number in basis.earlier),
+            verified_image_sha256=() if basis.verification is None else _verified_images(case, basis.verification),
         )
         answer = self._bus.query(self._keys.plan_request, encode(request), PLAN_TIMEOUT_S)
         reply = decode(PlanReply, answer.payload)
@@ -187,6 +204,16 @@ def _newest(case: Case, number: int) -> LocalisationReceived:
     if clause is not None:
         raise conflict("localisation_stale", f"localisation {number} is stale: {clause}; plan from the newest")
     return measured
+
+
+def _verified_images(case: Case, number: int) -> tuple[str, ...]:
+    """The images of the last verification; raises `Refused`."""
+    if not 1 <= number <= len(case.verifications):
+        raise unknown("verification", str(number), f"case {case.case_id} has {len(case.verifications)}")
+    if number != len(case.verifications):
+        newest = len(case.verifications)
+        raise conflict("verification_stale", f"verification {newest} is newer than {number}; plan from the newest")
+    return case.verifications[number - 1].images
 
 
 def _require_open(case: Case) -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Request, Response
 
 from services.ui_api.core.case import Case, PlanEntry
-from services.ui_api.desks.planning import plan_of
+from services.ui_api.desks.planning import PlanBasis, plan_of
 from services.ui_api.desks.refusals import RefusalKind, Refused
 from services.ui_api.record.unit import Answer, Unit
 from services.ui_api.routes.access import TheGateway, TheIdempotency
@@ -32,10 +32,11 @@ def make_plan(
     idempotency: TheIdempotency,
 ) -> Response:
     """Plan the move that brings guide and nail axes together; moves nothing."""
-    hole_ids, others = tuple(body.hole_ids), tuple(body.localisations)
+    hole_ids = tuple(body.hole_ids)
+    basis = PlanBasis(body.localisation, tuple(body.localisations), body.verification)
 
     def ask() -> PlanReply:
-        return gateway.planning.ask_for_plan(gateway.cases.case(case_id), body.localisation, hole_ids, others)
+        return gateway.planning.ask_for_plan(gateway.cases.case(case_id), basis, hole_ids)
 
     def act(unit: Unit, reply: PlanReply) -> Answer:
         number = gateway.planning.keep_plan(unit, case_id, body.localisation, hole_ids, reply)
