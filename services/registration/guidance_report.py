@@ -30,11 +30,14 @@ class FrameFacts:
 
 
 class PictureTurn:
-    """Remembers how the picture is turned against the C-arm's axes, from views of a guide that stands still."""
+    """Remembers how the picture is turned against the C-arm's axes, from views of a guide that stands still.
+
+    `turn_rad` is None until the C-arm was turned by two degrees.
+    """
 
     def __init__(self) -> None:
         self._seen: AngledView | None = None
-        self._turn_rad: float | None = None
+        self.turn_rad: float | None = None
 
     def note(self, view: AngledView) -> None:
         """Compare a view with an earlier one from at least two degrees away."""
@@ -43,7 +46,7 @@ class PictureTurn:
             return
         turn = picture_turn_rad(self._seen, view)
         if turn is not None:
-            self._seen, self._turn_rad = view, turn
+            self._seen, self.turn_rad = view, turn
 
     def forget_the_guide(self) -> None:
         """The guide may have been moved: the next view is compared with later ones only."""
@@ -51,9 +54,9 @@ class PictureTurn:
 
     def positioner_turn(self, angles: CArmAngles, told: Advice) -> PositionerTurn | None:
         """The correction in the C-arm's own angles; None as long as the picture's turn is not known."""
-        if self._turn_rad is None:
+        if self.turn_rad is None:
             return None
-        then = angles_after(angles, told.correction, self._turn_rad)
+        then = angles_after(angles, told.correction, self.turn_rad)
         return PositionerTurn(
             orbital=then.orbital_deg - angles.orbital_deg,
             angular=then.angular_deg - angles.angular_deg,

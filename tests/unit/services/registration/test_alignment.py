@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.alignment import CArmTurn, c_arm_correction_deg, hole_tilts, turned
+from services.registration.core.alignment import CArmTurn, advice, c_arm_correction_deg, hole_tilts, turned
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.xray_scene import nail_part
@@ -68,3 +68,13 @@ def test_a_turn_moves_the_nail_the_other_way_in_the_cameras_frame() -> None:
 def test_a_nail_without_tilt_needs_no_correction() -> None:
     turn = c_arm_correction_deg(nail_pose(Rotation.identity(), (0.0, 0.0, 700.0)), nail_part())
     assert (turn.about_x_deg, turn.about_y_deg) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_the_advice_tells_how_sure_it_is_about_the_images_axes() -> None:
+    # The nail lies along the image's y axis: what is uncertain about its own x axis is so about the image's y axis.
+    pose = nail_pose(Rotation.from_euler("z", 90.0, degrees=True), (0.0, 0.0, 700.0))
+    covariance = np.diag([*np.radians([0.3, 0.1, 5.0]) ** 2, 1.0, 1.0, 9.0])
+    told = advice(pose, covariance, nail_part())
+    assert (told.about_x_sd_deg, told.about_y_sd_deg) == pytest.approx((0.1, 0.3), abs=1e-6)
+    assert told.tilts == hole_tilts(pose, nail_part())
+    assert told.correction == c_arm_correction_deg(pose, nail_part())
