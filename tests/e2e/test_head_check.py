@@ -1,0 +1,96 @@
+"""A head extension entered 10 mm wrong is refused from the first image, over REST, where the mount is known."""
+
+import json
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+import pytest
+
+from distalock.case_client import CaseClient
+from distalock.installation import Installation, Ports
+from distalock.rest_client import JsonObject, RequestRefused, RestClient
+from distalock.room_client import RoomClient
+from shared.parts.hexapod_file import DEFAULT_HEXAPOD
+from simulation.scenario.sampling import scenario_of_seed
+from tests.e2e.conftest import SEED
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
+
+@dataclass(frozen=True, slots=True)
+class MountedRoom:
+    """A running installation whose hexapod file knows the mount on the nail's head."""
+
+    url: str
+    rest: RestClient
+    room: RoomClient
+
+    def open_case(self, **changes: object) -> CaseClient:
+        set_up: JsonObject = {**self.room.scenario().set_up, **changes}
+        return CaseClient(self.rest, set_up)
+
+
+def hexapod_with_mount() -> JsonObject:
+    """The shipped robot, with the mount that the seed's room has, to 3 mm and 5 degrees."""
+    placement = scenario_of_seed(SEED).placement
+    base_from_nail = placement.bone_from_base.inverse() @ placement.bone_from_nail
+    mount = {
+        "base_from_nail_rotation": base_from_nail.rotation.tolist(),
+        "base_from_nail_translation_mm": base_from_nail.translation_mm.tolist(),
+        "tolerance_mm": [3.0, 3.0, 3.0],
+        "tolerance_deg": 5.0,
+    }
+    content = json.loads(DEFAULT_HEXAPOD.read_bytes())
+    assert isinstance(content, dict)
+    return {**content, "mounts": {"nail_head": mount}}
+
+
+@pytest.fixture
+def mounted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[MountedRoom]:
+    print(f"scenario seed {SEED}")
+    hexapod, scenario = tmp_path / "hexapod.json", tmp_path / "scenario.json"
+    hexapod.write_text(json.dumps(hexapod_with_mount()))
+    scenario.write_text(
+        json.dumps(
+            {
+                "schema": "distalock/scenario/1",
+                "units": "mm",
+                "seed": SEED,
+                "mount": "nail_head",
+                "hexapod": "hexapod.json",
+            }
+        )
+    )
+    monkeypatch.setenv("DISTALOCK_ROBOT_HEXAPOD_FILE", str(hexapod))
+    installation = Installation(Ports.any_free(), tmp_path / "state", scenario_arguments=("--scenario", str(scenario)))
+    with (
+        installation.fleet(threading.Event()),
+        RestClient(installation.ports.rest_url) as rest,
+        RestClient(installation.ports.control_url) as control,
+    ):
+        yield MountedRoom(installation.ports.rest_url, rest, RoomClient(control))
+
+
+def test_a_wrong_extension_is_refused_before_the_first_plan_and_a_right_one_is_not(mounted: MountedRoom) -> None:
+    scenario = mounted.room.scenario()
+    true_mm = float(str(scenario.set_up["head_extension_mm"]))
+    entered_mm = true_mm - 10.0 if true_mm >= 50.0 else true_mm + 10.0
+    case = mounted.open_case(head_extension_mm=entered_mm)
+    for operation in case.make_robot_ready():
+        assert operation.status == "succeeded", operation.detail
+    seen = case.localisation_of(mounted.room.take_shot())
+    assert seen.accepted, seen.summary
+    with pytest.raises(RequestRefused) as refused:
+        case.plan(seen.number, scenario.hole_ids)
+    print(refused.value)
+    assert refused.value.problem_code == "head_extension"
+    assert f"entered as {entered_mm:g} mm, {true_mm:.0f} mm would fit" in str(refused.value)
+
+    corrected = httpx.patch(f"{mounted.url}/api/v1/cases/{case.id}", json={"head_extension_mm": true_mm})
+    assert corrected.status_code == httpx.codes.OK, corrected.text
+    seen = case.localisation_of(mounted.room.take_shot())
+    assert seen.accepted, seen.summary
+    assert case.plan(seen.number, scenario.hole_ids).plan.travel_mm > 0.0
