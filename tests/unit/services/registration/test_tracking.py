@@ -87,7 +87,8 @@ def deviations(sight: Sight, shown: Shown) -> NDArray[np.float64]:
     assert shown.nail is not None
     sd = np.array([sight.advice.about_x_sd_deg, sight.advice.about_y_sd_deg])
     pairs = zip(sight.advice.tilts, hole_tilts(shown.nail, PARTS.nail), strict=True)
-    return np.array([(a.about_x_deg - b.about_x_deg, a.about_y_deg - b.about_y_deg) for a, b in pairs]) / sd
+    off = np.array([(a.about_x_deg - b.about_x_deg, a.about_y_deg - b.about_y_deg) for a, b in pairs])
+    return np.asarray(off / sd)
 
 
 def test_a_turned_and_shifted_view_is_followed() -> None:

@@ -1,0 +1,157 @@
+"""Guidance on an in-memory bus: every frame of a run speaks, and only its newest is localised in full."""
+
+import queue
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.registration.knowledge import Knowledge
+from services.registration.service import RegistrationService
+from services.registration.settings import RegistrationSettings
+from shared.bus.keys import Keys
+from shared.bus.memory_bus import MemoryRouter
+from shared.bus.port import Bus
+from shared.errors import ReasonCode
+from shared.geometry.calibration import CArmCalibration
+from shared.messages.base import ReasonMessage, decode, encode
+from shared.messages.cases import CaseContext
+from shared.messages.guidance import Guidance
+from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader, ImageReference
+from shared.messages.registration import LocalisationRecord
+from shared.parts.files import sha256_of
+from shared.runtime.lifecycle import open_service
+from tests.unit.services.registration.rendered_case import (
+    GUIDE_JSON,
+    HEXAPOD_JSON,
+    NAIL_JSON,
+    RING_JSON,
+    SIZE_PX,
+    Shown,
+    rendered,
+)
+
+PATIENCE_S = 120.0
+KEYS = Keys("or1")
+BLANK = np.ones((SIZE_PX, SIZE_PX), dtype=np.float32)
+
+
+@dataclass
+class CArm:
+    """Imaging as registration hears it, and what registration says."""
+
+    bus: Bus
+    words: "queue.Queue[Guidance]"
+    records: "queue.Queue[LocalisationRecord]"
+    sequence: int = 0
+
+    def shows(self, pixels: NDArray[np.float32], calibration: CArmCalibration | None, at_s: float) -> int:
+        """An image arrives with its calibration; its number."""
+        self.sequence += 1
+        sha256, received_ns = sha256_of(str(self.sequence).encode()), int(1e9 * at_s)
+        header = FrameHeader(
+            sha256=sha256,
+            sop_instance_uid="1.2.3",
+            sequence=self.sequence,
+            boot_epoch="imaging-1",
+            received_at_ns=received_ns,
+            width_px=SIZE_PX,
+            height_px=SIZE_PX,
+            bits_stored=16,
+            case_id="case-1",
+            case_revision=1,
+            nominal_source_to_detector_mm=1000.0,
+            nominal_pixel_mm=0.235,
+            positioner_primary_angle_deg=85.0,
+            positioner_secondary_angle_deg=3.0,
+        )
+        message = CalibrationMessage(
+            image=ImageReference(
+                sha256=sha256, sop_instance_uid="1.2.3", sequence=self.sequence, received_at_ns=received_ns
+            ),
+            case_id="case-1",
+            case_revision=1,
+            ring_sha256=sha256_of(RING_JSON.encode()),
+            software_version="0",
+            verdict="rejected" if calibration is None else "accepted",
+            reasons=() if calibration else (ReasonMessage(code=ReasonCode.RING_NOT_FOUND, message="no ring; show it"),),
+            values=None if calibration is None else CalibrationValues.of(calibration),
+            elapsed_ms=10.0,
+        )
+        self.bus.publisher(KEYS.frame).put(np.ascontiguousarray(pixels, dtype="<f4").tobytes(), encode(header))
+        self.bus.retained_publisher(KEYS.calibration).put(encode(message))
+        return self.sequence
+
+    def next_word(self) -> Guidance:
+        return self.words.get(timeout=PATIENCE_S)
+
+
+@pytest.fixture
+def c_arm() -> Iterator[CArm]:
+    router = MemoryRouter()
+    settings = RegistrationSettings(live_check_every_s=600.0)
+    knowledge = Knowledge("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
+    with router.open() as bus:
+        seen = CArm(bus, queue.Queue(), queue.Queue())
+        bus.subscribe(KEYS.guidance, lambda s: seen.words.put(decode(Guidance, s.payload)))
+        bus.subscribe(KEYS.localisation, lambda s: seen.records.put(decode(LocalisationRecord, s.payload)))
+        context = CaseContext(
+            case_id="case-1",
+            revision=1,
+            ring_json=RING_JSON,
+            guide_json=GUIDE_JSON,
+            nail_json=NAIL_JSON,
+            hexapod_json=HEXAPOD_JSON,
+        )
+        bus.retained_publisher(KEYS.case_context).put(encode(context))
+        with (
+            open_service("registration", settings, lambda _: router.open()) as (own, runtime),
+            RegistrationService(own, runtime, settings, knowledge).running(),
+        ):
+            yield seen
+            runtime.stop.set()
+
+
+def test_a_shot_is_localised_and_the_frames_after_it_are_followed(c_arm: CArm) -> None:
+    pixels, calibration = rendered(Shown(), seed=1)
+    shot = c_arm.shows(pixels, calibration, at_s=10.0)
+    word = c_arm.next_word()
+    assert (word.image.sequence, word.origin, word.verdict) == (shot, "localised", "accepted")
+    assert c_arm.records.get(timeout=PATIENCE_S).image.sequence == shot
+
+    for number in range(3):
+        frame = c_arm.shows(pixels, calibration, at_s=10.1 + 0.1 * number)
+        word = c_arm.next_word()
+        assert (word.image.sequence, word.origin, word.verdict) == (frame, "followed", "accepted"), word.reasons
+        assert word.holes is not None
+        assert {hole.id for hole in word.holes} == {"distal", "proximal"}
+        assert word.standard_uncertainty_deg is not None
+        assert word.mirror_check is not None
+        assert word.mirror_check.frames_ago == number + 1
+
+    # the run has ended: its last frame, and none of those before, is localised in full
+    assert c_arm.records.get(timeout=PATIENCE_S).image.sequence == frame
+    assert c_arm.records.empty()
+
+
+def test_a_frame_that_could_not_be_calibrated_repeats_nothing_of_the_one_before(c_arm: CArm) -> None:
+    pixels, calibration = rendered(Shown(), seed=1)
+    c_arm.shows(pixels, calibration, at_s=10.0)
+    assert c_arm.next_word().verdict == "accepted"
+    frame = c_arm.shows(BLANK, None, at_s=10.1)
+    word = c_arm.next_word()
+    assert (word.image.sequence, word.verdict) == (frame, "rejected")
+    assert [reason.code for reason in word.reasons] == [ReasonCode.RING_NOT_FOUND]
+    assert (word.holes, word.c_arm_correction_deg, word.standard_uncertainty_deg) == (None, None, None)
+
+
+def test_a_run_without_a_key_says_that_it_waits(c_arm: CArm) -> None:
+    c_arm.shows(BLANK, None, at_s=10.0)
+    assert c_arm.records.get(timeout=PATIENCE_S).localisation.verdict == "rejected"
+    _, calibration = rendered(Shown(), seed=1)
+    frame = c_arm.shows(BLANK, calibration, at_s=10.1)
+    word = c_arm.next_word()
+    assert (word.image.sequence, word.verdict) == (frame, "rejected")
+    assert "hold the C-arm still" in word.reasons[0].message
