@@ -50,6 +50,31 @@ def test_an_image_without_a_ring_is_rejected(files: dict[str, Path], capsys: pyt
     assert printed["timing_ms"]["total"] >= printed["timing_ms"]["ring"]
 
 
+def test_several_images_make_one_object_that_tells_of_each(
+    files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.png"
+    cv2.imwrite(str(other), np.flipud(_image()))
+    words = locate(files)
+    assert main([*words[:2], str(other), *words[2:]]) == EXIT_REJECTED
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["schema"] == "distalock/localisation/1"
+    assert [image["used"] for image in printed["fusion"]["images"]] == [False, False]
+    told = [reason["message"] for reason in printed["reasons"]]
+    assert any(message.startswith("image image.png: ") for message in told)
+    assert any(message.startswith("image other.png: ") for message in told)
+
+
+def test_one_image_given_twice_is_bad_input(
+    files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = tmp_path / "copy.png"
+    copy.write_bytes(files["image"].read_bytes())
+    words = locate(files)
+    assert main([*words[:2], str(copy), *words[2:]]) == EXIT_BAD_INPUT
+    assert "copy.png: is the same image as" in one_sentence(capsys)
+
+
 def test_a_rejected_image_is_drawn_too(files: dict[str, Path], tmp_path: Path) -> None:
     drawn = tmp_path / "drawn.png"
     assert main(locate(files, "--overlay", str(drawn))) == EXIT_REJECTED

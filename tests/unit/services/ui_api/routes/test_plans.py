@@ -104,6 +104,38 @@ def test_no_plan_is_made_from_an_older_localisation(room: Room) -> None:
     assert (answer.status_code, answer.json()["code"]) == (409, "localisation_stale")
 
 
+def test_a_plan_may_rest_on_several_localisations(room: Room) -> None:
+    case_id = room.open_case()
+    for name, reasons in (("one", ()), ("two", ()), ("three", (ReasonCode.UNCERTAINTY_TOO_LARGE,))):
+        room.image(name, case_id, *reasons)
+    body = {"localisation": 3, "hole_ids": ["distal"], "localisations": [2, 1, 3]}
+    answer = room.post(f"/cases/{case_id}/plans", body)
+    assert answer.status_code == 201, answer.text
+    request = room.registration.plan_requests[0]
+    assert request.image_sha256 == samples.sha("three")
+    assert request.earlier_image_sha256 == (samples.sha("one"), samples.sha("two"))
+    assert request.verified_image_sha256 == ()
+    unknown = room.post(f"/cases/{case_id}/plans", body | {"localisations": [4]})
+    assert (unknown.status_code, unknown.json()["code"]) == (404, "localisation_not_found")
+    stale = room.post(f"/cases/{case_id}/plans", body | {"localisation": 2})
+    assert (stale.status_code, stale.json()["code"]) == (409, "localisation_stale")
+
+
+def test_a_plan_may_correct_what_the_last_verification_found(room: Room) -> None:
+    room.image("image", case_id := room.open_case())
+    images = [samples.sha("image")]
+    for _ in range(2):
+        assert room.post(f"/cases/{case_id}/verifications", {"images": images}).status_code == 201
+    body = {"localisation": 1, "hole_ids": ["distal"], "verification": 2}
+    assert room.post(f"/cases/{case_id}/plans", body).status_code == 201
+    assert room.registration.plan_requests[0].verified_image_sha256 == tuple(images)
+    older = room.post(f"/cases/{case_id}/plans", body | {"verification": 1})
+    assert (older.status_code, older.json()["code"]) == (409, "verification_stale")
+    assert "verification 2 is newer than 1" in older.json()["detail"]
+    unknown = room.post(f"/cases/{case_id}/plans", body | {"verification": 3})
+    assert (unknown.status_code, unknown.json()["code"]) == (404, "verification_not_found")
+
+
 def test_a_refusal_by_registration_is_told_and_recorded(room: Room) -> None:
     room.image("image", case_id := room.open_case())
     room.registration.refusal = ("out_of_reach", "leg 3 would be 54.2 mm long (limit 53.0 mm); move the mount")
