@@ -1,137 +1,169 @@
-"""Seeded X-ray scenes with random parts, localised and compared with the truth; writes docs/benchmarks/accuracy.md.
+"""Seeded X-ray scenes with random parts, localised by every method and compared with the truth; writes a report.
+
+usage: distalock bench accuracy [--count 1000] [--seed 5000] [--rows FILE] [--limit-every 10] [--processes 2]
+       [--report FILE]
 
 Every scene has its own ring and guide pattern and its own nail, so that nothing can be tuned to them. Beside the model
-stands the paper's fronto-parallel method on the same images.
+stand the paper's method whole, and its axis rule alone, on the same images. With `--rows`, what came out for each scene
+is written to a file as soon as it is known, and a run that was interrupted continues where it ended; rows of another
+revision of the sources are told in the report. The report, docs/benchmarks/accuracy.md with its pictures, is written
+when all scenes are there.
 """
 
+import argparse
+import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import TypeAlias
 
+import cv2
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
-from benchmarks.random_scenes import (
-    LARGEST_AXIS_ERROR_DEG,
-    LARGEST_ENTRY_ERROR_MM,
-    AxisErrors,
-    SceneResult,
-    localised_scene,
-    root_mean_square,
-)
+from benchmarks.accuracy_plots import write_plots
+from benchmarks.accuracy_report import report
+from benchmarks.capture import Capture
+from benchmarks.random_scenes import SceneRow, model_row, normalised, scene_row, scene_row_with_limit
+from benchmarks.statistics_of import Quantiles, quantiles
 
-FIRST_SEED, SCENES = 5000, 100
-PROCESSES = 2
-LEAST_ACCEPTED_SHARE = 0.9
-Quantiles: TypeAlias = tuple[float, float, float]
 REPORT = Path(__file__).resolve().parent.parent / "docs" / "benchmarks" / "accuracy.md"
+FIRST_SEED, SCENES, LIMIT_EVERY, PROCESSES = 5000, 1000, 10, 2
+LEAST_ACCEPTED_SHARE = 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRow:
+    """A row with the revision of the sources that made it."""
+
+    revision: str
+    row: SceneRow
 
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """Counts and error quantiles (median, 95 %, worst) of many scenes."""
+    """Counts and error quantiles (median, 95 %, worst) of our own method over the scenes that it accepted.
+
+    `ended_wrong` counts the searches that ended at a wrong optimum, refused or not.
+    """
 
     scenes: int
     accepted: int
     wrong: int
     refused_by_code: dict[str, int]
+    ended_wrong: int
     entry_mm: Quantiles
     axis_deg: Quantiles
     normalised_entry: float
     normalised_axis: float
-    fronto_parallel_found: int
-    fronto_parallel_entry_mm: Quantiles
-    fronto_parallel_axis_deg: Quantiles
 
 
-def main() -> int:
-    """Run all scenes and write the report; 0 when nothing is wrong and nine in ten are accepted."""
-    results = []
-    with ProcessPoolExecutor(PROCESSES) as pool:
-        for result in pool.map(localised_scene, range(FIRST_SEED, FIRST_SEED + SCENES)):
-            results.append(result)
-            print(_row(result), flush=True)
-    found = summary_of(results)
-    text = _report(results, found)
-    REPORT.parent.mkdir(parents=True, exist_ok=True)
-    REPORT.write_text(text)
-    print(text.rpartition("\n## ")[2])
+def main(arguments: Sequence[str] = ()) -> int:
+    """Run what is missing and write the report; 0 when nothing is wrong and nine in ten are accepted."""
+    given = _options(arguments)
+    seeds = range(given.seed, given.seed + given.count)
+    stored = _read(given.rows) if given.rows is not None else []
+    known = {one.row.seed: one for one in stored if one.row.seed in seeds}
+    missing = [seed for seed in seeds if seed not in known]
+    print(f"{len(known)} of {len(seeds)} scenes are known, {len(missing)} are to be run", flush=True)
+    limited = frozenset(seed for seed in seeds if given.limit_every and (seed - given.seed) % given.limit_every == 0)
+    for one in _run(missing, limited, given.processes):
+        known[one.row.seed] = one
+        if given.rows is not None:
+            with given.rows.open("a") as file:
+                file.write(_STORED.dump_json(one).decode() + "\n")
+        print(_line(one.row), flush=True)
+    rows = [known[seed].row for seed in seeds]
+    revisions = sorted({known[seed].revision for seed in seeds})
+    pictures = write_plots(rows, given.report.parent)
+    given.report.write_text(report(rows, revisions, pictures))
+    print(given.report.read_text())
+    found = summary_of(rows)
     return 0 if found.wrong == 0 and found.accepted >= LEAST_ACCEPTED_SHARE * found.scenes else 1
 
 
+_STORED = TypeAdapter(StoredRow)
+
+
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="distalock bench accuracy", description="random scenes, all methods")
+    parser.add_argument("--count", type=int, default=SCENES, help=f"number of scenes ({SCENES})")
+    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"seed of the first ({FIRST_SEED})")
+    parser.add_argument("--rows", type=Path, help="file for what came out of each scene; a run continues from it")
+    parser.add_argument(
+        "--limit-every", type=int, default=LIMIT_EVERY, help=f"limit for every so many scenes ({LIMIT_EVERY}; 0: none)"
+    )
+    parser.add_argument("--report", type=Path, default=REPORT, help="file for the tables; pictures go beside it")
+    parser.add_argument("--processes", type=int, default=PROCESSES, help=f"at once ({PROCESSES})")
+    return parser.parse_args(list(arguments))
+
+
+def _read(file: Path) -> list[StoredRow]:
+    """Rows that are there; a last line that was cut off in the middle is run again."""
+    if not file.exists():
+        return []
+    rows = []
+    for line in file.read_text().splitlines():
+        try:
+            rows.append(_STORED.validate_json(line))
+        except ValidationError:
+            print(f"{file}: a line that is no row is left out: {line[:60]}", flush=True)
+    return rows
+
+
+def _run(seeds: Sequence[int], limited: frozenset[int], processes: int) -> Iterable[StoredRow]:
+    """Rows in the order in which they are done."""
+    with ProcessPoolExecutor(processes, initializer=_one_thread) as pool:
+        jobs = [pool.submit(scene_row_with_limit if seed in limited else scene_row, seed) for seed in seeds]
+        for job in as_completed(jobs):
+            yield StoredRow(_revision(), job.result())
+
+
+def _one_thread() -> None:
+    """Two processes fill two cores: OpenCV must not start threads of its own."""
+    cv2.setNumThreads(1)
+
+
+@lru_cache(maxsize=1)
+def _revision() -> str:
+    """Commit of the sources, with a plus when something is not committed."""
+    asked = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+", "--exclude=*"]
+    answer = subprocess.run(asked, capture_output=True, text=True, check=False)
+    return answer.stdout.strip() or "unknown"
+
+
+def _line(row: SceneRow) -> str:
+    """One scene for people who watch."""
+    verdict = "WRONG" if row.wrong else ", ".join(row.model.codes) or "accepted"
+    error = "-" if row.model.holes is None else f"{row.model.entry_mm:.3f} mm {row.model.axis_deg:.3f}°"
+    return f"{row.seed} tilt {row.kind.tilt_deg:.1f}° {row.kind.material}: {verdict}, {error}, search {row.capture}"
+
+
 def statistics(seeds: Iterable[int]) -> Statistics:
-    """Localise the scenes of some seeds, one after another."""
-    return summary_of([localised_scene(seed) for seed in seeds])
+    """Localise the scenes of some seeds by our own method, one after another."""
+    return summary_of([model_row(seed) for seed in seeds])
 
 
-def summary_of(results: Sequence[SceneResult]) -> Statistics:
-    """Counts and quantiles; those of the model over what it accepted."""
-    accepted = [r for r in results if r.accepted and r.model is not None]
-    model = [r.model for r in accepted if r.model is not None]
-    paper = [r.fronto_parallel for r in accepted if r.fronto_parallel is not None]
+def summary_of(rows: Sequence[SceneRow]) -> Statistics:
+    """Counts and quantiles of our own method."""
+    accepted = [row.model for row in rows if row.model.accepted]
+    entry, axis = normalised(accepted)
     return Statistics(
-        scenes=len(results),
-        accepted=sum(r.accepted for r in results),
-        wrong=sum(r.wrong for r in results),
-        refused_by_code=dict(Counter(code for r in results for code in sorted(set(r.codes)))),
-        entry_mm=_quantiles([e.entry_mm for e in model]),
-        axis_deg=_quantiles([e.axis_deg for e in model]),
-        normalised_entry=root_mean_square([e.normalised_entry for e in model]),
-        normalised_axis=root_mean_square([e.normalised_axis for e in model]),
-        fronto_parallel_found=len(paper),
-        fronto_parallel_entry_mm=_quantiles([e.entry_mm for e in paper]),
-        fronto_parallel_axis_deg=_quantiles([e.axis_deg for e in paper]),
+        scenes=len(rows),
+        accepted=len(accepted),
+        wrong=sum(row.wrong for row in rows),
+        refused_by_code=dict(Counter(code for row in rows for code in row.model.codes)),
+        ended_wrong=sum(row.capture is Capture.WRONG for row in rows),
+        entry_mm=quantiles(one.entry_mm for one in accepted),
+        axis_deg=quantiles(one.axis_deg for one in accepted),
+        normalised_entry=entry,
+        normalised_axis=axis,
     )
-
-
-def _quantiles(values: Sequence[float]) -> Quantiles:
-    if not values:
-        return (float("nan"),) * 3
-    return float(np.median(values)), float(np.percentile(values, 95)), float(np.max(values))
-
-
-def _row(result: SceneResult) -> str:
-    verdict = "accepted" if result.accepted else ", ".join(result.codes)
-    if result.wrong:
-        verdict = "WRONG"
-    return (
-        f"| {result.seed} | {result.nail} | {result.tilt_deg:.1f} | {verdict} | {_pair(result.model)} "
-        f"| {_pair(result.fronto_parallel)} |"
-    )
-
-
-def _pair(errors: AxisErrors | None) -> str:
-    return "-" if errors is None else f"{errors.entry_mm:.3f} mm, {errors.axis_deg:.3f}°"
-
-
-def _report(results: Sequence[SceneResult], found: Statistics) -> str:
-    refused = ", ".join(f"{code} {count}" for code, count in sorted(found.refused_by_code.items())) or "none"
-    return (
-        "# Accuracy on random scenes\n\n"
-        f"Made by `distalock bench accuracy`: {found.scenes} scenes of the virtual operating room from seed "
-        f"{FIRST_SEED}, each with its own ball patterns and nail, tilts up to 10°. Errors: the worse hole's.\n"
-        "The images come from this project's own renderer; see the tests for independent ones.\n\n"
-        "| seed | nail | tilt ° | verdict | model | fronto-parallel |\n|---|---|---|---|---|---|\n"
-        + "\n".join(_row(result) for result in results)
-        + "\n\n## Summary\n\n"
-        f"{found.accepted} of {found.scenes} accepted, {found.wrong} of them wrong (an axis off by more than "
-        f"{LARGEST_ENTRY_ERROR_MM:g} mm or {LARGEST_AXIS_ERROR_DEG:g}°). Refusals by code: {refused}.\n\n"
-        "| of the accepted: median / 95 % / worst | entry mm | axis ° |\n|---|---|---|\n"
-        f"| model | {_triple(found.entry_mm)} | {_triple(found.axis_deg)} |\n"
-        f"| the paper's fronto-parallel method, {found.fronto_parallel_found} views round enough for it "
-        f"| {_triple(found.fronto_parallel_entry_mm)} "
-        f"| {_triple(found.fronto_parallel_axis_deg)} |\n\n"
-        f"Error over predicted standard uncertainty, rms: entry {found.normalised_entry:.2f}, "
-        f"axis {found.normalised_axis:.2f}.\n"
-    )
-
-
-def _triple(quantiles: Quantiles) -> str:
-    return " / ".join(f"{value:.3f}" for value in quantiles)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    np.seterr(all="warn")
+    sys.exit(main(sys.argv[1:]))

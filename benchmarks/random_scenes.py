@@ -1,32 +1,38 @@
-"""Seeded X-ray scenes with random parts: rendered, localised by both methods, compared with the truth.
+"""Seeded X-ray scenes with random parts: rendered, localised by every method, compared with the truth.
 
 Every scene has its own ring and guide pattern and its own nail, so that nothing can be tuned to them.
 """
 
 import tempfile
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
+from benchmarks.capture import Capture, capture_of
+from benchmarks.cramer_rao import AxisLimit, axis_limits
+from benchmarks.methods import (
+    ModelRun,
+    Outcome,
+    peer_seconds,
+    run_model,
+    run_paper,
+    run_paper_rule,
+)
 from benchmarks.varied_parts import write_parts
-from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
-from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.localise import LocalisationResult, Method, Parts, localise
-from shared.errors import Reason, Rejected
-from shared.geometry.lines import Line, angle_between_rad
-from simulation.render.image import render_scene
+from services.registration.core.localise import Parts
+from simulation.render.image import Shot, render_scene
 from simulation.scenario.files import ScenarioFile
+from simulation.scenario.imaging_values import Intensifier
 from simulation.scenario.sampling import scenario_from_file
 from simulation.scenario.values import Scenario
-from simulation.truth import HoleTruth, ImageTruth
+from simulation.truth import ImageTruth
 from simulation.world import starting_state
 
-LARGEST_ENTRY_ERROR_MM, LARGEST_AXIS_ERROR_DEG = 1.0, 1.5
 # Tilts up to the ten degrees at which a good image must still be accepted; more doses and displays than a case has.
 RANGES: dict[str, JsonValue] = {
     "placement": {"start_tilt_deg": [0.3, 10.0]},
@@ -34,6 +40,73 @@ RANGES: dict[str, JsonValue] = {
     "exposure": {"photons_per_px": [200.0, 1400.0]},
     "display": {"mirrored_probability": 0.4, "eight_bits_probability": 0.3},
 }
+_RIM_REACH = 1.15
+
+
+@dataclass(frozen=True, slots=True)
+class SceneKind:
+    """What may make a scene hard.
+
+    Attributes
+    ----------
+    tilt_deg
+        Largest angle between a hole's axis and the ray through it.
+    photons_per_px
+        Dose.
+    balls_on_holes
+        Balls of ring and guide whose shadows touch a hole's opening.
+    guide_balls_lost
+        Share of the guide's balls over metal, under another ball or out of view.
+    material, diameter_mm, cannulated, hole_diameter_mm
+        Of the nail.
+    texture_contrast, spongy_share
+        Of the bone.
+    distortion_px
+        Largest displacement of a ball in view by the detector, its mean taken out; 0 for a flat panel.
+    """
+
+    tilt_deg: float
+    photons_per_px: float
+    balls_on_holes: int
+    guide_balls_lost: float
+    material: str
+    diameter_mm: float
+    cannulated: bool
+    hole_diameter_mm: float
+    texture_contrast: float
+    spongy_share: float
+    distortion_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRow:
+    """What came out for one scene.
+
+    Attributes
+    ----------
+    model, paper, paper_rule
+        What each method made of it; None where it could not begin, because our own method found no ring or no guide.
+    capture
+        Where the search for the nail ended before any refusal.
+    limits
+        Smallest error that any unbiased method can have, hole by hole; None where it was not worked out.
+    peer_seconds
+        Time of OpenCV's search for circles on the same image, in the same process.
+    """
+
+    seed: int
+    kind: SceneKind
+    model: Outcome
+    paper: Outcome | None
+    paper_rule: Outcome | None
+    capture: Capture
+    limits: tuple[AxisLimit, ...] | None
+    peer_seconds: float
+
+    @property
+    def wrong(self) -> bool:
+        """Accepted although an axis is off by more than it may be."""
+        return self.model.accepted and (self.model.holes is None or self.model.off)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,34 +121,12 @@ class AxisErrors:
 
 @dataclass(frozen=True, slots=True)
 class SceneResult:
-    """What came out for one scene.
-
-    Attributes
-    ----------
-    tilt_deg
-        Largest angle between a hole's axis and the ray through it.
-    codes
-        Why it was refused; empty when accepted.
-    model, fronto_parallel
-        Errors of the axes that each method found; None where it found none.
-    """
+    """What our own method made of one picture: why it was refused (empty when accepted), and its errors."""
 
     seed: int
-    nail: str
-    tilt_deg: float
     codes: tuple[str, ...]
     model: AxisErrors | None
-    fronto_parallel: AxisErrors | None
-
-    @property
-    def accepted(self) -> bool:
-        """Whether a robot would be moved by it."""
-        return not self.codes
-
-    @property
-    def wrong(self) -> bool:
-        """Accepted although an axis is off by more than it may be."""
-        return self.accepted and (self.model is None or _too_far_off(self.model))
+    wrong: bool
 
 
 def scene_of_seed(seed: int) -> Scenario:
@@ -87,57 +138,113 @@ def scene_of_seed(seed: int) -> Scenario:
         return scenario_from_file(file, folder)
 
 
-def localised_scene(seed: int) -> SceneResult:
-    """Render the scene of a seed, localise by both methods and compare with the truth."""
+def scene_row(seed: int) -> SceneRow:
+    """Render the scene of a seed, and let every method have it."""
+    return _row(seed, scene_of_seed(seed), limits=None)
+
+
+def scene_row_with_limit(seed: int) -> SceneRow:
+    """The same, with the smallest possible errors."""
+    scenario = scene_of_seed(seed)
+    return _row(seed, scenario, axis_limits(scenario))
+
+
+def model_row(seed: int) -> SceneRow:
+    """The same, by our own method alone."""
     scenario = scene_of_seed(seed)
     shot = render_scene(scenario, starting_state(scenario))
-    return compared(seed, scenario, shot.pixels.astype(np.float32), shot.truth)
+    return _model_row(seed, scenario, shot)[0]
+
+
+def _model_row(seed: int, scenario: Scenario, shot: Shot) -> tuple[SceneRow, ModelRun]:
+    pixels, truth = shot.pixels.astype(np.float32), shot.truth
+    parts = parts_of(scenario)
+    run = run_model(pixels, nominal_of(scenario), parts, truth.holes)
+    assert truth.camera_from_nail is not None
+    capture = capture_of(pixels, run, parts, truth.camera_from_ring.inverse() @ truth.camera_from_nail)
+    return SceneRow(seed, _kind(scenario, shot), run.outcome, None, None, capture, None, peer_seconds(pixels)), run
+
+
+def _row(seed: int, scenario: Scenario, limits: tuple[AxisLimit, ...] | None) -> SceneRow:
+    shot = render_scene(scenario, starting_state(scenario))
+    row, run = _model_row(seed, scenario, shot)
+    pixels, parts, holes = shot.pixels.astype(np.float32), parts_of(scenario), shot.truth.holes
+    return replace(
+        row,
+        paper=None if run.calibration is None else run_paper(pixels, run.calibration, parts, holes),
+        paper_rule=run_paper_rule(pixels, run, parts, holes),
+        limits=limits,
+    )
+
+
+def parts_of(scenario: Scenario) -> Parts:
+    """The part files that a localisation gets."""
+    return Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail)
+
+
+def nominal_of(scenario: Scenario) -> NominalGeometry:
+    """What the C-arm says of itself."""
+    return NominalGeometry(scenario.c_arm.nominal_source_to_detector_mm, scenario.c_arm.nominal_pixel_mm)
+
+
+def _kind(scenario: Scenario, shot: Shot) -> SceneKind:
+    nail, truth = scenario.parts.nail, shot.truth
+    guide_balls = [ball for ball in truth.balls if ball.id in set(scenario.parts.guide.balls.ids)]
+    lost = [ball for ball in guide_balls if ball.over_metal or ball.touches_ball or not ball.in_view]
+    return SceneKind(
+        tilt_deg=max(hole.tilt_to_ray_deg for hole in truth.holes),
+        photons_per_px=scenario.exposure.photons_per_px,
+        balls_on_holes=_balls_on_holes(scenario, truth),
+        guide_balls_lost=len(lost) / len(guide_balls),
+        material=nail.material,
+        diameter_mm=nail.diameter_mm,
+        cannulated=nail.cannulation_diameter_mm > 0.0,
+        hole_diameter_mm=nail.holes[0].diameter_mm,
+        texture_contrast=scenario.anatomy.texture_contrast,
+        spongy_share=scenario.anatomy.spongy_share,
+        distortion_px=_distortion_px(truth) if isinstance(scenario.detector, Intensifier) else 0.0,
+    )
+
+
+def _balls_on_holes(scenario: Scenario, truth: ImageTruth) -> int:
+    """Balls that touch an opening, in undistorted pixels."""
+    assert truth.camera_from_nail is not None
+    count = 0
+    for hole in scenario.parts.nail.holes:
+        homogeneous = truth.intrinsic_matrix_px @ (truth.camera_from_nail @ hole.axis.point_mm)
+        radius = _RIM_REACH * 0.5 * hole.diameter_mm * truth.intrinsic_matrix_px[0, 0] / homogeneous[2]
+        for ball in truth.balls:
+            apart = np.hypot(*(np.array(ball.undistorted_px) - homogeneous[:2] / homogeneous[2]))
+            count += bool(apart < radius + ball.radius_px)
+    return count
+
+
+def _distortion_px(truth: ImageTruth) -> float:
+    seen = [ball for ball in truth.balls if ball.in_view]
+    moved = np.array([ball.image_px for ball in seen]) - np.array([ball.undistorted_px for ball in seen])
+    return float(np.hypot(*(moved - moved.mean(axis=0)).T).max())
 
 
 def compared(seed: int, scenario: Scenario, pixels: NDArray[np.float32], truth: ImageTruth) -> SceneResult:
-    """Localise in an image of a scene by both methods."""
-    nail = scenario.parts.nail
-    name = f"{nail.material} {nail.diameter_mm:g}/{nail.cannulation_diameter_mm:g}, {nail.holes[0].diameter_mm:g} mm"
-    tilt = max(hole.tilt_to_ray_deg for hole in truth.holes)
-    c_arm = scenario.c_arm
-    nominal = NominalGeometry(c_arm.nominal_source_to_detector_mm, c_arm.nominal_pixel_mm)
-    calibrated = calibrate_image(pixels, scenario.parts.ring, nominal)
-    if isinstance(calibrated, Rejected):
-        return SceneResult(seed, name, tilt, _codes(calibrated.reasons), None, None)
-    parts = Parts(scenario.parts.ring, scenario.parts.guide, nail)
-    model, paper = (
-        localise(pixels, calibrated.value, parts, method, lambda _: None)
-        for method in (Method.MODEL, Method.FRONTO_PARALLEL)
-    )
-    truths = truth.holes
-    return SceneResult(seed, name, tilt, _codes(model.reasons), _errors(model, truths), _errors(paper, truths))
+    """Localise in a picture of a scene by our own method."""
+    run = run_model(pixels, nominal_of(scenario), parts_of(scenario), truth.holes)
+    return SceneResult(seed, run.outcome.codes, _errors(run), run.outcome.accepted and run.outcome.off)
 
 
-def _codes(reasons: Iterable[Reason]) -> tuple[str, ...]:
-    return tuple(reason.code.value for reason in reasons)
-
-
-def _errors(result: LocalisationResult, truths: Sequence[HoleTruth]) -> AxisErrors | None:
-    """Errors of the worse hole; None when the method found none."""
-    if result.holes is None:
+def _errors(run: ModelRun) -> AxisErrors | None:
+    """Errors of the worse hole; None when none was found."""
+    outcome = run.outcome
+    if outcome.entry_mm is None or outcome.axis_deg is None:
         return None
-    found = {hole.id: hole for hole in result.holes}
-    errors = np.array([_hole_errors(found[truth.id], truth) for truth in truths])
-    entry_mm, axis_deg = errors[:, :2].max(axis=0)
-    return AxisErrors(float(entry_mm), float(axis_deg), root_mean_square(errors[:, 2]), root_mean_square(errors[:, 3]))
+    return AxisErrors(outcome.entry_mm, outcome.axis_deg, *normalised([outcome]))
 
 
-def _hole_errors(hole: HoleEstimate, truth: HoleTruth) -> tuple[float, float, float, float]:
-    """Entry (mm), axis (degrees), and both over their predicted standard uncertainty (NaN where none is predicted)."""
-    entry_mm = Line(truth.entry_point_guide_mm, truth.axis_guide).distance_mm(hole.entry_guide_mm)
-    axis_deg = float(np.degrees(angle_between_rad(truth.axis_guide, hole.axis_guide.direction)))
-    if hole.offset is None:
-        return entry_mm, axis_deg, np.nan, np.nan
-    return entry_mm, axis_deg, entry_mm / hole.offset.entry_sd_mm, axis_deg / hole.offset.axis_sd_deg
-
-
-def _too_far_off(errors: AxisErrors) -> bool:
-    return not (errors.entry_mm <= LARGEST_ENTRY_ERROR_MM and errors.axis_deg <= LARGEST_AXIS_ERROR_DEG)
+def normalised(outcomes: Iterable[Outcome]) -> tuple[float, float]:
+    """Errors of all holes over what was predicted, rms: entry, axis."""
+    holes = [hole for outcome in outcomes for hole in outcome.holes or ()]
+    entry = [h.entry_mm / h.entry_sd_mm for h in holes if h.entry_sd_mm]
+    axis = [h.axis_deg / h.axis_sd_deg for h in holes if h.axis_sd_deg]
+    return root_mean_square(entry), root_mean_square(axis)
 
 
 def root_mean_square(values: Iterable[float]) -> float:

@@ -1,0 +1,93 @@
+"""The smallest error that any unbiased method can have in a scene: the Cramér-Rao limit with texture.
+
+Known to the limit, as they are to a perfect method: parts, C-arm, guide, where the balls are, noise, and the spectra of
+the background. Unknown: the nail's pose (6), the radii of holes and nail, the chamfers, the metal's attenuation, the
+blur, a floor that varies linearly, the display's curve (3) and edge enhancement (2); those with a width in `PRIORS` are
+known to that width, as they are to our own fit. The background is a random field that multiplies the signal:
+trabecular texture with the spectrum that the renderer has (measured on renders of the same bone with other texture and
+without metal), and soft tissue and bone as a smooth field of 20 % and 12 mm.
+
+With the derivatives J of the expected signal (differences of renders) and the covariance C of noise and background, the
+information is J' C⁻¹ J. C has the quanta and the texture, both correlated by the detector's blur, white noise, and the
+rounding of the grey values. Taken to be so: over the few pixels of the blur, brightness changes the size of noise and
+texture, not their correlation; the two holes' backgrounds are independent; only pixels within 3 mm of a hole count.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.linalg import cho_factor, cho_solve
+
+from benchmarks.cramer_rao_images import SceneImages, scene_images
+from shared.geometry.parts import Hole, NailPart, hole_surface_points
+from simulation.scenario.values import Scenario
+
+Floats = NDArray[np.float64]
+_SMOOTH_SHARE, _SMOOTH_MM = 0.2, 12.0
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLimit:
+    """Smallest rms error of one hole's axis (degrees) and of its entry point across the axis (mm)."""
+
+    hole_id: str
+    axis_deg: float
+    entry_mm: float
+
+
+def axis_limits(scenario: Scenario) -> tuple[AxisLimit, ...]:
+    """Limits of all holes in the scene's first image."""
+    images = scene_images(scenario)
+    information = np.diag(images.prior_precision)
+    for counted in images.counted:
+        columns = images.derivatives[:, counted]
+        factor = cho_factor(_covariance(images, counted), lower=True, overwrite_a=True, check_finite=False)
+        information += columns @ cho_solve(factor, columns.T, check_finite=False)
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)[:6, :6]
+    return tuple(_limit(scenario.parts.nail, hole, covariance) for hole in scenario.parts.nail.holes)
+
+
+def _limit(nail: NailPart, hole: Hole, covariance: Floats) -> AxisLimit:
+    """From the covariance of a small motion (rad, mm) of the nail in its own frame."""
+    direction = hole.axis.direction
+    across = np.linalg.svd(direction[None])[2][1:]
+    entry, _ = hole_surface_points(nail, hole)
+    turned = across @ np.hstack([-_cross(direction), np.zeros((3, 3))])
+    moved = across @ np.hstack([-_cross(entry), np.eye(3)])
+    axis, place = (float(np.sqrt(np.trace(J @ covariance @ J.T))) for J in (turned, moved))
+    return AxisLimit(hole.id, float(np.degrees(axis)), place)
+
+
+def _cross(v: Floats) -> Floats:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def _covariance(images: SceneImages, counted: NDArray[np.bool_]) -> Floats:
+    """Of the signal at the counted pixels, shape (N, N)."""
+    shape = (2 * counted.shape[0], 2 * counted.shape[1])
+    blur2 = images.blur_transfer(shape) ** 2
+    smooth = _smooth_spectrum(shape, _SMOOTH_MM * images.px_per_mm) * _SMOOTH_SHARE**2
+    background = _spectrum(images.texture_samples, shape) + smooth
+    rows, columns = np.nonzero(counted)
+    lag = (np.mod(rows[:, None] - rows, shape[0]), np.mod(columns[:, None] - columns, shape[1]))
+    deviation, gain = np.sqrt(images.quanta[counted]), images.gain[counted]
+    covariance = fft.irfft2(blur2, shape)[lag] * deviation[:, None] * deviation
+    covariance += fft.irfft2(background * blur2, shape)[lag] * gain[:, None] * gain
+    covariance[np.diag_indices(len(rows))] += images.white[counted]
+    return np.asarray(covariance)
+
+
+def _spectrum(samples: Floats, shape: tuple[int, int]) -> Floats:
+    """Power spectrum of fields, shape (S, rows, columns), from their tapered transforms."""
+    rows, columns = samples.shape[1:]
+    taper = np.hanning(rows + 2)[1:-1, None] * np.hanning(columns + 2)[None, 1:-1]
+    power = np.mean(np.abs(fft.rfft2(samples * taper, shape, axes=(1, 2))) ** 2, axis=0)
+    return np.asarray(power / np.sum(taper**2))
+
+
+def _smooth_spectrum(shape: tuple[int, int], length_px: float) -> Floats:
+    """Power spectrum of a field of unit variance with the correlation exp(-d²/2l²)."""
+    frequency2 = np.fft.fftfreq(shape[0])[:, None] ** 2 + np.fft.rfftfreq(shape[1])[None, :] ** 2
+    return np.asarray(2.0 * np.pi * length_px**2 * np.exp(-2.0 * (np.pi * length_px) ** 2 * frequency2))
