@@ -139,3 +139,28 @@ def test_what_is_wrong_is_a_problem_document(
     assert answer.status_code == answer.json()["status"] == status
     assert answer.json()["code"] == code
     assert detail in answer.json()["detail"]
+
+
+def test_running_fluoroscopy_turns_the_c_arm_on_its_way(client: Client) -> None:
+    before = client.ask("GET", "/c-arm").json()
+    body = {"images": 4, "images_per_s": 30.0, "places": 2, "about_image_x_deg": 2.0}
+    run = client.ask("POST", "/fluoroscopy", body)
+    assert run.status_code == 201
+    assert (run.json()["images"], run.json()["last"]["number"]) == (4, 4)
+    after = client.ask("GET", "/c-arm").json()
+    assert run.json()["last"]["c_arm"] == after
+    turned = [abs(after[name] - before[name]) for name in ("orbital_deg", "angular_deg")]
+    assert 1.5 < sum(turned) < 3.0
+    assert client.ask("POST", "/shots").json()["number"] == 5
+
+
+def test_a_run_beyond_the_c_arms_reach_is_refused_before_it_begins(client: Client) -> None:
+    refused = []
+    for x, y in ((3.0, 0.0), (-3.0, 0.0), (0.0, 3.0), (0.0, -3.0)):  # one of them leads beyond 80° angular
+        client.ask("PUT", "/c-arm", {"orbital_deg": 0.0, "angular_deg": 79.5})
+        answer = client.ask("POST", "/fluoroscopy", {"images": 1, "about_image_x_deg": x, "about_image_y_deg": y})
+        if answer.status_code == 422:
+            refused.append(answer.json()["code"])
+            assert client.ask("GET", "/c-arm").json()["angular_deg"] == 79.5
+    assert refused
+    assert set(refused) == {"c_arm_out_of_reach"}

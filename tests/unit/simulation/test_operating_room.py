@@ -69,3 +69,13 @@ def test_shots_are_counted_and_differ_in_noise() -> None:
     (first, _, one), (second, _, two) = shooting.shoot(), shooting.shoot()
     assert (first, second) == (1, 2)
     assert not np.array_equal(one.pixels, two.pixels)
+
+
+def test_images_of_a_film_differ_by_their_noise_and_look_like_shots() -> None:
+    place = room().angles
+    filmed = list(room().film([place], 2))
+    assert [number for number, _, _ in filmed] == [1, 2]
+    first, second = (shot.pixels.astype(float) for _, _, shot in filmed)
+    assert not np.array_equal(first, second)
+    _, _, shot = room().shoot()
+    assert np.array_equal(first, shot.pixels)

@@ -81,6 +81,7 @@ class FakeRegistration(OnTheBus):
     def __init__(self, router: MemoryRouter, keys: Keys) -> None:
         super().__init__(router, keys)
         self._localisations = self.bus.retained_publisher(keys.localisation)
+        self._guidance = self.bus.publisher(keys.guidance)
         self.count = 0
         self.plan_requests: list[PlanRequest] = []
         self.refusal: tuple[str, str] | None = None
@@ -96,6 +97,10 @@ class FakeRegistration(OnTheBus):
         record = samples.localisation_record(header, f"registration-1.{self.count}", *reasons)
         self._localisations.put(encode(record))
         return record
+
+    def guide(self, header: FrameHeader, about_image_x_deg: float) -> None:
+        """Say how to turn the C-arm, from one frame."""
+        self._guidance.put(encode(samples.guidance(header, about_image_x_deg)))
 
     def repeat(self, record: LocalisationRecord) -> None:
         """Publish the same record again, as the bus does for late joiners."""

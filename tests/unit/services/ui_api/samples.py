@@ -8,6 +8,7 @@ import numpy as np
 from services.ui_api.core.event_data import CaseSetup, PartUse
 from shared.errors import ReasonCode
 from shared.messages.base import ReasonMessage
+from shared.messages.guidance import Guidance, GuidanceUncertainty, GuidedHole, MirrorCheck
 from shared.messages.imaging import FrameHeader, ImageReference
 from shared.messages.registration import (
     CArmCorrection,
@@ -162,6 +163,24 @@ def localisation(image_sha256: str, *reasons: ReasonCode) -> Localisation:
         holes=(hole, hole.model_copy(update={"id": "proximal"})),
         c_arm_correction_deg=CArmCorrection(about_image_x=-1.2, about_image_y=0.4),
         timing_ms=Timing(total=640.0),
+    )
+
+
+def guidance(header: FrameHeader, about_image_x_deg: float) -> Guidance:
+    return Guidance(
+        verdict="accepted",
+        reasons=(),
+        origin="followed",
+        image=reference(header),
+        case_id=header.case_id,
+        case_revision=header.case_revision,
+        holes=(GuidedHole(id="distal", tilt_to_ray_deg=1.5, about_image_x=about_image_x_deg, about_image_y=0.0),),
+        c_arm_correction_deg=CArmCorrection(about_image_x=about_image_x_deg, about_image_y=0.0),
+        positioner_turn_deg=None,
+        standard_uncertainty_deg=GuidanceUncertainty(about_image_x=0.2, about_image_y=0.2),
+        mirror_check=MirrorCheck(log_likelihood_ratio=90.0, frames_ago=3),
+        skipped=0,
+        elapsed_ms=60.0,
     )
 
 

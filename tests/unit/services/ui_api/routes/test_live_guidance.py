@@ -1,0 +1,102 @@
+"""Guidance over REST and over `WS /live`: the newest word with its age, never an older one in its place."""
+
+import asyncio
+import json
+import threading
+from collections.abc import Callable
+
+from starlette.types import Message
+
+from services.ui_api.app import make_app
+from tests.unit.services.ui_api.fakes import PATIENCE_S
+from tests.unit.services.ui_api.room import Room
+
+
+def heard(room: Room, say: Callable[[], None]) -> None:
+    """Wait until the gateway has noticed something live."""
+    noticed = threading.Event()
+    with room.gateway.live.feed.listening(noticed.set):
+        say()
+        assert noticed.wait(PATIENCE_S)
+
+
+def test_alignment_tells_the_newest_word_and_its_frame(room: Room) -> None:
+    case_id = room.open_case()
+    image = room.image("one", case_id)
+    assert room.get(f"/cases/{case_id}/alignment").json()["guidance"] is None
+    heard(room, lambda: room.registration.guide(image, 1.5))
+    guidance = room.get(f"/cases/{case_id}/alignment").json()["guidance"]
+    assert guidance["image"]["sha256"] == image.sha256
+    assert guidance["c_arm_correction_deg"] == {"about_image_x": 1.5, "about_image_y": 0.0}
+    assert guidance["validity"] == "current"
+    assert guidance["age_s"] > 1.0  # the sample's clock stands in 1970: age is that of the frame, not of the word
+
+
+def test_a_word_about_an_old_frame_is_stale_as_soon_as_there_is_a_newer_image(room: Room) -> None:
+    case_id = room.open_case()
+    image = room.image("one", case_id)
+    heard(room, lambda: room.registration.guide(image, 1.5))
+    room.image("two", case_id)
+    guidance = room.get(f"/cases/{case_id}/alignment").json()["guidance"]
+    assert guidance["validity"] == "stale"
+    assert "newer images have come" in guidance["stale_because"]
+
+
+def test_an_older_frame_that_took_longer_does_not_replace_a_newer_one(room: Room) -> None:
+    case_id = room.open_case()
+    first, second = room.image("one", case_id), room.image("two", case_id)
+    live, told, last = room.gateway.live, list[float](), threading.Event()
+
+    def note() -> None:
+        word = live.guidance(case_id)
+        assert word is not None
+        assert word.guidance.holes is not None
+        told.append(word.guidance.holes[0].about_image_x)
+        if told[-1] == 0.4:
+            last.set()
+
+    with live.feed.listening(note):
+        for image, about_image_x_deg in ((second, 0.3), (first, 1.5), (second, 0.4)):
+            room.registration.guide(image, about_image_x_deg)
+        assert last.wait(PATIENCE_S)
+    assert told == [0.3, 0.4]
+
+
+def test_a_viewer_gets_the_newest_image_with_guidance_and_may_leave(room: Room) -> None:
+    case_id = room.open_case()
+    image = room.image("one", case_id)
+    heard(room, lambda: room.registration.guide(image, 1.5))
+    accepted, text, picture = asyncio.run(_watched(room))
+    assert accepted["type"] == "websocket.accept"
+    view = json.loads(text["text"])
+    assert (view["image"], view["case_id"], view["picture"]) == (image.sha256, case_id, "image/jpeg")
+    assert view["guidance"]["c_arm_correction_deg"]["about_image_x"] == 1.5
+    assert picture["bytes"].startswith(b"\xff\xd8")
+
+
+async def _watched(room: Room) -> list[Message]:
+    """Connect, take three messages, leave; the application must end by itself then."""
+    sent: asyncio.Queue[Message] = asyncio.Queue()
+    enough = asyncio.Event()
+    incoming: list[Message] = [{"type": "websocket.connect"}]
+
+    async def receive() -> Message:
+        if incoming:
+            return incoming.pop()
+        await enough.wait()
+        return {"type": "websocket.disconnect", "code": 1000}
+
+    scope = {
+        "type": "websocket",
+        "path": "/api/v1/live",
+        "raw_path": b"/api/v1/live",
+        "query_string": b"",
+        "headers": [],
+        "subprotocols": [],
+        "scheme": "ws",
+    }
+    served = asyncio.create_task(make_app(room.gateway)(scope, receive, sent.put))
+    messages = [await asyncio.wait_for(sent.get(), PATIENCE_S) for _ in range(3)]
+    enough.set()
+    await asyncio.wait_for(served, PATIENCE_S)
+    return messages
