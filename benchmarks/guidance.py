@@ -11,14 +11,14 @@ of one core.
 
 import sys
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.guidance_film import Camera, Frame, Pose, path_of, with_instrument
 from benchmarks.random_scenes import scene_of_seed
 from services.imaging.core.following import calibrate_next
 from services.imaging.core.nominal import NominalGeometry
@@ -27,40 +27,17 @@ from services.registration.core.localise import Method, Parts, localise
 from services.registration.core.tracking import Sight, Track, begin_track, follow_frame, localised_sight
 from shared.errors import Rejected
 from shared.geometry.calibration import CArmCalibration
-from shared.geometry.frames import Room
 from shared.geometry.parts import NailPart
-from shared.geometry.transform import Transform
-from simulation.render.image import NO_FAULTS, ImageFaults, render_scene
+from simulation.render.image import ImageFaults
 from simulation.scenario.values import Scenario
 from simulation.truth import ImageTruth
-from simulation.world import CArmAngles, WorldState, starting_state
+from simulation.world import starting_state
 
-FloatImage = NDArray[np.float32]
-
-FRAMES, FULL_EVERY = 14, 5
+SCENES, FRAMES, FULL_EVERY = 8, 15, 5
 WRONG_DEVIATIONS, WRONG_DEG = 3.0, 0.5
 REPORT = Path(__file__).parents[1] / "docs" / "benchmarks" / "guidance.md"
-_TURN_DEG, _SHIFT_MM, _INERTIA = 0.35, 0.6, 0.7
-_REST_OF, _CYCLE = 3, 7
 _BLUR_PX = 14.0
 _JUMP_DEG, _JUMP_MM = 3.0, 30.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Pose:
-    """Where the C-arm stands: its angles, and how far the patient lies from where he lay, in mm."""
-
-    orbital_deg: float
-    angular_deg: float
-    shift_mm: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Frame:
-    """One frame with its truth."""
-
-    pixels: FloatImage
-    truth: ImageTruth
 
 
 @dataclass(slots=True)
@@ -82,48 +59,6 @@ class Tally:
     events: dict[str, list[str]] = field(default_factory=dict)
 
 
-def path_of(start: WorldState, seed: int, count: int) -> Iterator[Pose]:
-    """A technician's way: turning and shifting smoothly, with rests."""
-    rng = np.random.default_rng([seed, *b"guidance"])
-    angles = np.array([start.angles.orbital_deg, start.angles.angular_deg])
-    shift, turn, drift = np.zeros(3), np.zeros(2), np.zeros(3)
-    for number in range(count):
-        yield Pose(float(angles[0]), float(angles[1]), shift.copy())
-        turn = _INERTIA * turn + rng.normal(0.0, _TURN_DEG, 2)
-        drift = _INERTIA * drift + rng.normal(0.0, _SHIFT_MM, 3)
-        if number % _CYCLE >= _REST_OF:
-            angles, shift = angles + turn, shift + drift
-
-
-def filmed(
-    scenario: Scenario, pose: Pose, number: int, faults: ImageFaults = NO_FAULTS, state: WorldState | None = None
-) -> Frame:
-    """One frame of a scene seen from a pose of the C-arm."""
-    placement = scenario.placement
-    shift: Transform[Room, Room] = Transform.from_rotvec(np.zeros(3), pose.shift_mm)
-    moved = shift @ placement.room_from_bone
-    shifted = replace(scenario, placement=replace(placement, room_from_bone=moved))
-    world = replace(state or starting_state(scenario), angles=CArmAngles(pose.orbital_deg, pose.angular_deg))
-    shot = render_scene(shifted, world, number, faults=faults)
-    return Frame(shot.pixels.astype(np.float32), shot.truth)
-
-
-def with_instrument(frame: Frame, nail: NailPart, calibration: CArmCalibration) -> Frame:
-    """The same frame with the shaft of a clamp, 9 mm wide, over the nail's first hole."""
-    pixels, truth = frame.pixels.copy(), frame.truth
-    assert truth.camera_from_nail is not None
-    middle = truth.camera_from_nail @ nail.holes[0].axis.point_mm
-    x, y = calibration.image_from_camera(middle)
-    if calibration.mirrored:
-        x = calibration.width_px - 1 - x
-    shaft = np.zeros(pixels.shape, dtype=np.float32)
-    half_px = 4.5 * calibration.camera.focal_length_px / float(middle[2])
-    cv2.line(shaft, (round(x), round(y)), (round(x) + 600, round(y) + 350), 1.0, max(1, round(2.0 * half_px)))
-    soft = np.asarray(cv2.GaussianBlur(shaft, (0, 0), 1.2), dtype=np.float32)
-    low = float(np.percentile(pixels, 1.0))
-    return Frame(np.asarray(low + (pixels - low) * (1.0 - 0.95 * soft), dtype=np.float32), truth)
-
-
 def errors_of(told: Advice, truth: ImageTruth, nail: NailPart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Errors of the tilts about x and y in degrees, and over their standard deviations, shape (H, 2) each."""
     assert truth.camera_from_nail is not None
@@ -135,16 +70,13 @@ def errors_of(told: Advice, truth: ImageTruth, nail: NailPart) -> tuple[NDArray[
 def film_scene(seed: int, tally: Tally) -> None:
     """Follow one scene from its first frame to the disturbances at its end."""
     scenario = scene_of_seed(seed)
-    scene = _Follower(scenario, tally)
-    pose = None
+    scene, camera = _Follower(scenario, tally), Camera(scenario)
     for number, pose in enumerate(path_of(starting_state(scenario), seed, FRAMES)):
-        frame = filmed(scenario, pose, number)
         tally.good_frames += 1
-        if not scene.smooth(frame, number):
+        if not scene.smooth(camera.frame(pose), number):
             tally.not_begun += 1
             return
-    assert pose is not None
-    scene.disturbances(pose)
+    scene.disturbances(camera, pose)
 
 
 class _Follower:
@@ -172,29 +104,31 @@ class _Follower:
             if self._track is None:
                 self._track = track
                 return track is not None
+        began = time.process_time()
         sight = self._followed(frame, calibration)
+        self._tally.follow_s.append(time.process_time() - began)
         if sight.advice is None:
             self._silent(sight.reasons[0].code.value)
             return True
         self._count(sight.advice, frame)
         return True
 
-    def disturbances(self, pose: Pose) -> None:
-        """Motion blur, a covered hole, no nail, a jump; an undisturbed frame after each."""
-        scenario, state = self._scenario, starting_state(self._scenario)
-        still = filmed(scenario, pose, 100)
+    def disturbances(self, camera: Camera, pose: Pose) -> None:
+        """Motion blur, a covered hole, no nail, a jump; undisturbed frames between them."""
+        still = camera.frame(pose)
         calibration = self._calibrated(still)
-        blurred = filmed(scenario, pose, 101, ImageFaults(motion_blur_px=_BLUR_PX))
-        without_nail = filmed(scenario, pose, 103, state=replace(state, nail_present=False))
-        away = Pose(pose.orbital_deg + _JUMP_DEG, pose.angular_deg, pose.shift_mm + np.array([_JUMP_MM, 0.0, 0.0]))
-        jumped = filmed(scenario, away, 104)
         if calibration is None:
             return
+        blurred = camera.frame(pose, faults=ImageFaults(motion_blur_px=_BLUR_PX))
         covered = with_instrument(still, self._parts.nail, calibration)
+        without_nail = camera.frame(pose, nail_present=False)
         for name, frame in (("motion blur", blurred), ("instrument", covered), ("no nail", without_nail)):
             self._disturbed(name, frame)
-            self._disturbed("after it", filmed(scenario, pose, 105))
-        self._disturbed("view jumps", jumped)
+            self._disturbed("the frame after these", still)
+        x, y, z = pose.shift_mm
+        away = Pose(pose.orbital_deg + _JUMP_DEG, pose.angular_deg, (x + _JUMP_MM, y, z))
+        self._disturbed("the view jumps", camera.frame(away))
+        self._disturbed("the frame after the jump", camera.frame(away))
 
     def _disturbed(self, name: str, frame: Frame) -> None:
         calibration = self._calibrated(frame)
@@ -231,9 +165,7 @@ class _Follower:
 
     def _followed(self, frame: Frame, calibration: CArmCalibration) -> Sight:
         assert self._track is not None
-        began = time.process_time()
         sight, self._track = follow_frame(frame.pixels, calibration, self._parts, self._track)
-        self._tally.follow_s.append(time.process_time() - began)
         return sight
 
     def _off(self, told: Advice, frame: Frame) -> tuple[float, list[float]]:
@@ -306,19 +238,19 @@ def _listed(counts: dict[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
 
 
-def main(scenes: int = 20) -> int:
+def main(scenes: int = SCENES) -> int:
     cv2.setNumThreads(1)
     tally = Tally()
     for seed in range(1, scenes + 1):
         film_scene(seed, tally)
-        print(f"scene {seed}: {tally.answered} answers, {tally.wrong} wrong", file=sys.stderr, flush=True)
+        print(f"scene {seed}: {_answers_line(tally)}", file=sys.stderr, flush=True)
     text = report(tally, scenes)
     print(text)
-    if scenes >= 20:
+    if scenes >= SCENES:
         about = (__doc__ or "").split("\n", 2)[2].strip()
         REPORT.write_text(f"# Guidance\n\nMade by `distalock bench guidance`. {about}\n\n{text}\n")
     return 1 if tally.wrong else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 20))
+    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else SCENES))

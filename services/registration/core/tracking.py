@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import Advice, advice
+from services.registration.core.guide import locate_guide
 from services.registration.core.guide_following import FollowedGuide, follow_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
@@ -22,7 +23,7 @@ from services.registration.core.tracking_judgement import (
     reasons_against_frame,
     reasons_against_margin,
 )
-from shared.errors import Reason, ReasonCode, Rejected
+from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
@@ -149,6 +150,8 @@ def follow_frame(
         Of the same image.
     """
     guide = follow_guide(calibration, parts.guide, track.camera_from_guide)
+    if isinstance(guide, Rejected) and track.missed:
+        guide = _found_anew(pixels, calibration, parts)
     if isinstance(guide, Rejected):
         return _refused(guide.reasons, None), _missed(track)
     at = guide.value.camera_from_guide
@@ -176,6 +179,17 @@ def disagree(followed: Sight, localised: Sight) -> bool:
     ]
     variance = np.diag(first.covariance_deg2) + np.diag(second.covariance_deg2)
     return bool(np.any(np.abs(apart) > _DISAGREEMENT * np.sqrt(variance)))
+
+
+def _found_anew(
+    pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts
+) -> Accepted[FollowedGuide] | Rejected:
+    """The guide from nothing, wherever the view has jumped: takes several times as long as following it."""
+    found = locate_guide(unmirrored(pixels, calibration), calibration, parts.ring, parts.guide)
+    if isinstance(found, Rejected):
+        return found
+    fit = found.value
+    return Accepted(FollowedGuide(fit.camera_from_guide, fit.covariance, fit.balls_found, fit.reprojection_rms_px))
 
 
 def _answered(nail: FollowedNail, parts: Parts, track: Track) -> tuple[Sight, Track | None]:
