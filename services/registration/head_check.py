@@ -2,7 +2,9 @@
 
 from services.registration.core.head_motion import MotionView, check_motion
 from services.registration.core.head_place import HeadRefused, check_place
+from services.registration.core.localise import LocalisationResult
 from services.registration.knowledge import Knowledge, LocalisedFrame
+from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.robot import PlatformPoseMessage
 
@@ -24,15 +26,19 @@ def head_trouble(newest: LocalisedFrame, knowledge: Knowledge) -> HeadRefused | 
 
 
 def _view(frame: LocalisedFrame) -> MotionView | None:
-    """What the checks need of an image; None when it was not all found, or the pose not known."""
-    pose, calibration, result = frame.record.robot_pose, frame.calibration, frame.result
-    if pose is None or calibration is None or result is None or result.guide is None or result.nail is None:
+    pose = frame.record.robot_pose
+    if pose is None or frame.calibration is None or frame.result is None:
         return None
-    if result.nail.covariance is None:
+    return motion_view(_pose(pose), frame.calibration, frame.result)
+
+
+def motion_view(pose: PlatformPose, calibration: CArmCalibration, result: LocalisationResult) -> MotionView | None:
+    """What the checks need of an image; None when guide or nail were not found, or without their errors."""
+    if result.guide is None or result.nail is None or result.nail.covariance is None:
         return None
     ring_from_camera = calibration.camera_from_ring.inverse()
     return MotionView(
-        pose=_pose(pose),
+        pose=pose,
         ring_from_guide=ring_from_camera @ result.guide.camera_from_guide,
         guide_covariance=result.guide.covariance,
         ring_from_nail=ring_from_camera @ result.nail.camera_from_nail,
