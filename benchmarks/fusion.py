@@ -13,9 +13,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.fusion_peers import (
+    Weighing,
+    as_independent,
+    as_shipped,
+    by_correlated_weights,
+    by_covariance_intersection,
+    joined,
+)
 from benchmarks.random_scenes import root_mean_square
 from benchmarks.set_ups import SetUp
-from services.registration.core.fusion import SHARED_BY_THE_MODEL, SHARED_FROM_ONE_DIRECTION, SHARED_WITHIN_DEG, fuse
+from services.registration.core.fusion import SHARED_BY_THE_MODEL, SHARED_FROM_ONE_DIRECTION, SHARED_WITHIN_DEG
 from services.registration.core.fusion_agreement import disagreement
 from services.registration.core.hole_axes import HoleEstimate, evidence_of, holes_at
 from services.registration.core.passing import angle_deg, axis_offset_mm
@@ -31,6 +39,13 @@ COMBINATIONS = {
     "two from one direction (A, A')": (0, 1),
     "two from two directions (A, B)": (0, 2),
     "three directions (A, B, C)": (0, 2, 3),
+}
+_PAIRS = {"A, A'": (0, 1), "A, B": (0, 2)}
+_WAYS = {
+    "as shipped": as_shipped,
+    "covariance of independent images": as_independent,
+    "weights from the correlated covariance": by_correlated_weights,
+    "covariance intersection": by_covariance_intersection,
 }
 _SHIFTS_MM = (0.2, 0.4, 0.7, 1.0)
 
@@ -118,12 +133,12 @@ def refused(seen: SeenSetUp, images: tuple[int, ...]) -> bool:
     return evidence is not None and _disagree(seen, evidence)
 
 
-def errors_of(seen: SeenSetUp, images: tuple[int, ...]) -> Errors | None:
+def errors_of(seen: SeenSetUp, images: tuple[int, ...], weighing: Weighing = as_shipped) -> Errors | None:
     """What some images together make of the axes."""
     evidence = chosen(seen, images)
     if evidence is None:
         return None
-    joint = fuse(evidence)
+    joint = joined(evidence, weighing)
     found = holes_at(seen.nail, joint.guide_from_nail, joint.covariance, seen.camera_from_nail)
     true = holes_at(seen.nail, seen.truth, None, seen.camera_from_nail)
     rows = np.array([_hole_errors(a, b) for a, b in zip(found, true, strict=True)])
@@ -154,7 +169,12 @@ def report(seen: Sequence[SeenSetUp]) -> str:
         "with new noise (A'), from 5-11° away on the other side of the axis (B), and from 3-7° away across (C). "
         "Errors: the worse hole's, median / 95 % / worst. The images come from this project's own renderer.\n\n"
         "| images | set-ups | entry mm | axis ° | depth mm | normalised entry, axis | wrongly called contradictory |\n"
-        "|---|---|---|---|---|---|---|\n" + "\n".join(rows) + "\n\n" + _correlations(seen) + _moved_guides(seen)
+        "|---|---|---|---|---|---|---|\n"
+        + "\n".join(rows)
+        + "\n\n"
+        + _correlations(seen)
+        + _peers(seen)
+        + _moved_guides(seen)
     )
 
 
@@ -192,6 +212,22 @@ def _correlations(seen: Sequence[SeenSetUp]) -> str:
         "| images | about x | about y | about z | x | y | z |\n|---|---|---|---|---|---|---|\n"
         + "\n".join(rows)
         + "\n\n"
+    )
+
+
+def _peers(seen: Sequence[SeenSetUp]) -> str:
+    """The same images joined in other ways."""
+    rows = []
+    for name, weighing in _WAYS.items():
+        for pair in ("A, A'", "A, B"):
+            errors = [e for s in seen if (e := errors_of(s, _PAIRS[pair], weighing)) is not None]
+            entry, axis = _quantiles([e.entry_mm for e in errors]), _quantiles([e.axis_deg for e in errors])
+            rated = [(e.normalised_entry, e.normalised_axis) for e in errors]
+            normalised = [root_mean_square(v) for v in zip(*rated, strict=True)]
+            rows.append(f"| {name} | {pair} | {entry} | {axis} | {normalised[0]:.2f}, {normalised[1]:.2f} |")
+    return (
+        "## Other ways to join them\n\n"
+        "| | images | entry mm | axis ° | normalised entry, axis |\n|---|---|---|---|---|\n" + "\n".join(rows) + "\n\n"
     )
 
 

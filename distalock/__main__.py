@@ -47,6 +47,14 @@ def _locate(given: argparse.Namespace) -> int:
 def _verify_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("image", type=Path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
     parser.add_argument("second_image", type=Path, nargs="?", metavar="image2", help="from another direction")
+    parser.add_argument(
+        "--before",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="IMAGE",
+        help="from before the wires, with the guide in the same place: wires cover the holes",
+    )
     add_image_arguments(parser)
 
 

@@ -123,15 +123,20 @@ def locate_images(
     located = tuple(locate_image(image, parts, nominal, method) for image in images)
     if len(located) == 1:
         return located[0]
-    hashes = [one.message.image.sha256 for one in located]
-    for k, sha256 in enumerate(hashes):
-        if sha256 in hashes[:k]:
-            raise InputError(f"{images[k]}: is the same image as {images[hashes.index(sha256)]}; give each image once")
+    require_different(images, located)
     names = tuple(image.name for image in images)
     fused = fuse_localisations(tuple(_localised(*one) for one in zip(names, located, strict=True)), parts)
     message = message_of_several(fused, tuple(one.message for one in located), names)
     shown = located[-1 if fused is None else fused.shown]
     return LocatedImage(shown.pixels, shown.calibration, shown.result if fused is None else fused.result, message)
+
+
+def require_different(images: tuple[Path, ...], located: tuple[LocatedImage, ...]) -> None:
+    """Refuse an image that is given twice: it would count as two; raises `InputError`."""
+    hashes = [one.message.image.sha256 for one in located]
+    for k, sha256 in enumerate(hashes):
+        if sha256 in hashes[:k]:
+            raise InputError(f"{images[k]}: is the same image as {images[hashes.index(sha256)]}; give each image once")
 
 
 def _localised(name: str, located: LocatedImage) -> LocalisedImage:

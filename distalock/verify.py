@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from distalock.arguments import EXIT_BAD_INPUT
-from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, locate_image, read_parts
+from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, locate_image, read_parts, require_different
 from services.registration.core.localise import Parts
 from services.registration.verification import VerifiedImage, verification_message, verified_images
 from shared.errors import InputError
@@ -13,11 +13,29 @@ from shared.messages.base import encode
 from shared.messages.registration import Verification
 
 
-def verify_images(images: tuple[Path, ...], parts: Parts, nominal: NominalOptions) -> Verification:
-    """Verify the wires in one image file or two of the same set-up; raises `ImageUnreadable`."""
-    located = [(image.name, locate_image(image, parts, nominal)) for image in images]
-    given = tuple(VerifiedImage(name, one.pixels, one.calibration, one.result, one.message) for name, one in located)
-    return verification_message(given, verified_images(given, parts))
+def verify_images(
+    images: tuple[Path, ...], parts: Parts, nominal: NominalOptions, before: tuple[Path, ...] = ()
+) -> Verification:
+    """Verify the wires in one image file or two of the same set-up.
+
+    Parameters
+    ----------
+    before
+        Images of the same set-up from before the wires were inserted.
+
+    Raises
+    ------
+    InputError
+        When a file is not an image that can be measured, or one image is given twice.
+    """
+    located = tuple(locate_image(image, parts, nominal) for image in (*before, *images))
+    require_different((*before, *images), located)
+    given = tuple(
+        VerifiedImage(file.name, one.pixels, one.calibration, one.result, one.message)
+        for file, one in zip((*before, *images), located, strict=True)
+    )
+    earlier, wired = given[: len(before)], given[len(before) :]
+    return verification_message(wired, verified_images(wired, parts, earlier))
 
 
 def run(given: argparse.Namespace) -> int:
@@ -25,7 +43,8 @@ def run(given: argparse.Namespace) -> int:
     images = (given.image,) if given.second_image is None else (given.image, given.second_image)
     try:
         parts = read_parts(given.ring, given.guide, given.nail)
-        message = verify_images(images, parts, NominalOptions(given.source_to_detector_mm, given.pixel_mm))
+        nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
+        message = verify_images(images, parts, nominal, tuple(given.before))
     except InputError as error:
         print(f"distalock verify: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
