@@ -136,6 +136,17 @@ def test_a_track_ends_when_too_many_frames_in_a_row_were_silent() -> None:
     assert after is None
 
 
+def test_a_jump_is_said_first_and_found_by_the_frame_after_it() -> None:
+    now = picture(turned(1.0, 0.0, (-32.0, 0.0)), 12)
+    said, lost = follow_frame(now.pixels, now.calibration, PARTS, begun()[2])
+    assert [reason.code for reason in said.reasons] == [ReasonCode.GUIDE_NOT_FOUND]
+    assert lost is not None
+    sight, found = follow_frame(now.pixels, now.calibration, PARTS, lost)
+    assert np.abs(deviations(sight, now.shown)).max() < 4.0
+    assert found is not None
+    assert found.missed == 0
+
+
 def test_a_covered_hole_is_not_answered() -> None:
     now = still()
     middle = CAMERA_FROM_NAIL @ PARTS.nail.holes[0].axis.point_mm
