@@ -25,7 +25,7 @@ from shared.geometry.transform import Transform
 
 SHARED_FROM_ONE_DIRECTION = 0.7
 SHARED_WITHIN_DEG = 3.0
-SHARED_BY_THE_MODEL = 0.7
+SHARED_BY_THE_MODEL = 0.5
 _ITERATIONS = 10
 _CONVERGED = 1e-10
 

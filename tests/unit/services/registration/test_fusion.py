@@ -89,7 +89,7 @@ def test_the_models_own_errors_hardly_average_out() -> None:
         replace(evidence((0.0, lean)), image_covariance=np.eye(6) * 1e-10) for lean in (0.0, 5.0, 10.0, 15.0)
     )
     ratio = fuse(only_model).covariance[0, 0] / only_model[0].covariance[0, 0]
-    assert ratio == pytest.approx(0.7 + 0.3 / 4.0, abs=0.01)
+    assert ratio == pytest.approx(0.5 + 0.5 / 4.0, abs=0.01)
 
 
 def test_errors_are_as_large_as_predicted_when_images_share_as_assumed() -> None:
