@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.pose import POSE_SIZE
 from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.solver import Problem, Solution, minimise
+from services.registration.core.nail.solver import Problem, Solution, minimise, minimise_from
 from services.registration.core.nail.unknowns import PARAMETERS, Unknown, prior_mean
 from shared.geometry.lines import angle_between_rad
 
 _FURTHER_TILTS_RAD = np.radians([(6.0, 6.0), (6.0, -6.0), (-6.0, 6.0), (-6.0, -6.0)])
 _DISTINCT_RAD = float(np.radians(1.5))
-_MOST_STEPS = 10
+_SCREENING_STEPS, _MOST_STEPS = 4, 10
 _TOLERANCE = 2.0
 POSE_ONLY = np.arange(PARAMETERS) < POSE_SIZE
 ANCHORS_ONLY = np.arange(PARAMETERS) < Unknown.PITCH_RAD
@@ -39,11 +39,13 @@ def distinct_optima(problem: Problem, start: NDArray[np.float64]) -> list[Optimu
     start
         Pose parameters, shape (6,): tried as it is, with either tilt or both reflected, and with tilts of ±6°.
     """
-    found = [_optimum(problem, _with_tilt(start, tilt)) for tilt in _starting_tilts(start)]
+    under_way = [_optimum(problem, _with_tilt(start, tilt), _SCREENING_STEPS) for tilt in _starting_tilts(start)]
+    # ways that have met go on as one
+    found = [_carried_on(problem, optimum) for optimum in without_repetition(under_way)]
     best = min(found, key=lambda o: o.solution.cost)
     reflected = best.solution.parameters.copy()
     reflected[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]] *= -1.0
-    found.append(_optimum(problem, reflected))
+    found.append(_optimum(problem, reflected, _MOST_STEPS))
     return without_repetition(found)
 
 
@@ -75,5 +77,12 @@ def _with_tilt(start: NDArray[np.float64], tilt: NDArray[np.float64]) -> NDArray
     return parameters
 
 
-def _optimum(problem: Problem, start: NDArray[np.float64]) -> Optimum:
-    return optimum_of(problem.scene, minimise(problem, start, _MOST_STEPS, _TOLERANCE))
+def _optimum(problem: Problem, start: NDArray[np.float64], most_steps: int) -> Optimum:
+    return optimum_of(problem.scene, minimise(problem, start, most_steps, _TOLERANCE))
+
+
+def _carried_on(problem: Problem, optimum: Optimum) -> Optimum:
+    if optimum.solution.converged:
+        return optimum
+    solution = minimise_from(problem, optimum.solution.linear.traced, _MOST_STEPS - _SCREENING_STEPS, _TOLERANCE)
+    return optimum_of(problem.scene, solution)

@@ -20,7 +20,7 @@ from services.registration.core.nail.judgement import (
 )
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.rivals import Winner, find_winner
-from services.registration.core.nail.solver import Problem, Solution, minimise, solution_at
+from services.registration.core.nail.solver import Problem, Solution, minimise_from, solution_at
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
@@ -135,9 +135,9 @@ def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise
     here = solution_at(problem, winner.parameters)
     problem = with_contrast(problem, here)
     problem = whitened(problem, here, noise_of(problem, here))
-    solution = minimise(problem, winner.parameters, _FIRST_STEPS, _TOLERANCE)
+    solution = minimise_from(problem, here.traced, _FIRST_STEPS, _TOLERANCE)
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
-    solution = minimise(problem, solution.parameters, _LAST_STEPS, _TOLERANCE)
+    solution = minimise_from(problem, solution.linear.traced, _LAST_STEPS, _TOLERANCE)
     return problem, solution, noise_of(problem, solution.linear)
 
 

@@ -14,7 +14,7 @@ from services.registration.core.nail.capture import (
     without_repetition,
 )
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
-from services.registration.core.nail.solver import Problem, minimise
+from services.registration.core.nail.solver import Problem, minimise, minimise_from
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
@@ -82,7 +82,7 @@ def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | No
     problem = problem_for(scene, detail, EVERYTHING)
     first = minimise(problem, _from_pose(problem, poses[0]), _WEIGHING_STEPS, _LOOSE)
     problem = reweighted(problem, first.linear, noise_of(problem, first.linear))
-    optima = [optimum_of(scene, minimise(problem, first.parameters, _MIDDLE_STEPS, _TIGHT))]
+    optima = [optimum_of(scene, minimise_from(problem, first.linear.traced, _MIDDLE_STEPS, _TIGHT))]
     for rival in poses[1:2]:
         start = first.parameters.copy()
         start[:POSE_SIZE] = parameters_from_pose(rival, scene.camera, scene.anchors)

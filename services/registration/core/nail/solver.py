@@ -137,7 +137,12 @@ def _normal_equations(
 
 def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tolerance: float) -> Solution:
     """Levenberg-Marquardt on the free parameters until a step lowers the cost by less than `tolerance`."""
-    here, damping, converged, steps = solution_at(problem, start), _LEAST_DAMPING, False, 0
+    return minimise_from(problem, paths(problem.scene, start), most_steps, tolerance)
+
+
+def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: float) -> Solution:
+    """The same where the start's rays have been traced already."""
+    here, damping, converged, steps = solution_for(problem, traced), _LEAST_DAMPING, False, 0
     normal, gradient = _projected(problem, here)
     while steps < most_steps and not converged:
         steps += 1
