@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] = ()) -> int:
     """Run what is missing and write the report; 0 when nothing is wrong and nine in ten are accepted."""
     given = _options(arguments)
     seeds = range(given.seed, given.seed + given.count)
-    stored = _read(given.rows) if given.rows is not None else []
+    stored = read_rows(given.rows) if given.rows is not None else []
     known = {one.row.seed: one for one in stored if one.row.seed in seeds}
     missing = [seed for seed in seeds if seed not in known]
     print(f"{len(known)} of {len(seeds)} scenes are known, {len(missing)} are to be run", flush=True)
@@ -73,8 +73,7 @@ def main(arguments: Sequence[str] = ()) -> int:
     for one in _run(missing, limited, given.processes):
         known[one.row.seed] = one
         if given.rows is not None:
-            with given.rows.open("a") as file:
-                file.write(_STORED.dump_json(one).decode() + "\n")
+            write_row(given.rows, one)
         print(_line(one.row), flush=True)
     rows = [known[seed].row for seed in seeds]
     revisions = sorted({known[seed].revision for seed in seeds})
@@ -101,8 +100,15 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(list(arguments))
 
 
-def _read(file: Path) -> list[StoredRow]:
-    """Rows that are there; a last line that was cut off in the middle is run again."""
+def write_row(file: Path, row: StoredRow) -> None:
+    """Append a row, on a line of its own even after a line that was cut off."""
+    cut_off = file.exists() and not file.read_bytes().endswith(b"\n")
+    with file.open("a") as lines:
+        lines.write("\n" * cut_off + _STORED.dump_json(row).decode() + "\n")
+
+
+def read_rows(file: Path) -> list[StoredRow]:
+    """Rows that are there; a line that was cut off in the middle is left out."""
     if not file.exists():
         return []
     rows = []

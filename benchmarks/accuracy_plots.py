@@ -44,13 +44,16 @@ def _errors(rows: Sequence[SceneRow]) -> Figure:
         axes.set(xscale="log", xlabel=unit, ylabel="share of the accepted images", ylim=(0.0, 1.0))
     axis.legend(frameon=False, loc="lower right", fontsize=8)
     _over_tilt(tilt, rows)
+    for scale in (entry.xaxis, axis.xaxis, tilt.yaxis):
+        scale.set_major_formatter("{x:g}")
     return figure
 
 
 def _spread(axes: Axes, values: Sequence[float | None], method: Compared, label: str) -> None:
     known = np.sort([value for value in values if value is not None])
     if len(known):
-        axes.plot(known, (np.arange(len(known)) + 1.0) / len(known), color=_COLOURS[method], label=label)
+        share = np.linspace(0.0, 1.0, len(known) + 1)
+        axes.step([known[0], *known], share, color=_COLOURS[method], label=label, where="post")
 
 
 def _over_tilt(axes: Axes, rows: Sequence[SceneRow]) -> None:
@@ -69,6 +72,8 @@ def _honesty(rows: Sequence[SceneRow]) -> Figure:
     _normalised(spread, accepted)
     _predicted(size, accepted)
     _over_limit(limit, rows)
+    for scale in (size.xaxis, size.yaxis):
+        scale.set_major_formatter("{x:g}")
     return figure
 
 

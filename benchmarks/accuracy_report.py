@@ -36,7 +36,6 @@ _LIMIT = """## Cramér-Rao limit with texture
 
 Worked out for {count} of the scenes (`benchmarks/cramer_rao.py` says what is known and what is not). It is the nail's
 alone: guide and calibration are taken to be without error.
-
 """
 
 
@@ -51,7 +50,8 @@ def report(rows: Sequence[SceneRow], revisions: Sequence[str], pictures: Sequenc
     )
     tables = head + methods_table({m: outcomes(rows, m) for m in Compared}, [row.peer_seconds for row in rows])
     shown = "\n## Pictures\n\n" + "\n\n".join(f"![{name}]({name})" for name in pictures) + "\n"
-    return tables + "\n".join([*_refusals(rows), *_capture(rows)]) + _limits(rows) + "\n".join(_strata(rows)) + shown
+    parts = [*_refusals(rows), *_capture(rows), *_limits(rows), *_strata(rows)]
+    return tables + "\n".join(parts) + shown
 
 
 def outcomes(rows: Iterable[SceneRow], method: Compared) -> list[Outcome]:
@@ -125,12 +125,12 @@ def _capture(rows: Sequence[SceneRow]) -> list[str]:
     return [*lines, ""]
 
 
-def _limits(rows: Sequence[SceneRow]) -> str:
-    """Errors of accepted scenes over the limit, hole by hole."""
+def _limits(rows: Sequence[SceneRow]) -> list[str]:
+    """Errors of accepted scenes over the limit."""
     limited = [row for row in rows if row.limits is not None]
     ratios = limit_ratios(limited)
     if not ratios:
-        return ""
+        return []
     pairs = [pair for row in limited if row.model.accepted for pair in _holes_and_limits(row)]
     predicted = [hole.axis_sd_deg / limit.axis_deg for hole, limit in pairs if hole.axis_sd_deg is not None]
     low, high = np.percentile(_resampled(ratios), [2.5, 97.5])
@@ -138,11 +138,11 @@ def _limits(rows: Sequence[SceneRow]) -> str:
         "| | axis |",
         "|---|---|",
         f"| limit: median / 95 % / worst | {text_of(quantiles(limit.axis_deg for _, limit in pairs))}° |",
-        f"| error over limit, rms over {len(ratios)} holes | {root_mean_square(ratios):.2f} |",
+        f"| error over limit, rms over {len(ratios)} accepted scenes | {root_mean_square(ratios):.2f} |",
         f"| 95 % of what other scenes would give | {low:.2f} to {high:.2f} |",
         f"| predicted uncertainty over limit, median | {np.median(predicted):.2f} |",
     ]
-    return _LIMIT.format(count=len(limited)) + "\n".join([*lines, "", ""])
+    return [_LIMIT.format(count=len(limited)), *lines, ""]
 
 
 def _holes_and_limits(row: SceneRow) -> list[tuple[HoleError, AxisLimit]]:
@@ -150,9 +150,9 @@ def _holes_and_limits(row: SceneRow) -> list[tuple[HoleError, AxisLimit]]:
 
 
 def limit_ratios(rows: Sequence[SceneRow]) -> list[float]:
-    """Axis error over limit of every hole of accepted scenes for which the limit was worked out."""
+    """Axis error over limit of accepted scenes for which the limit was worked out: rms over the holes of each."""
     accepted = [row for row in rows if row.limits is not None and row.model.accepted]
-    return [hole.axis_deg / limit.axis_deg for row in accepted for hole, limit in _holes_and_limits(row)]
+    return [root_mean_square(h.axis_deg / limit.axis_deg for h, limit in _holes_and_limits(row)) for row in accepted]
 
 
 def _resampled(ratios: Sequence[float]) -> list[float]:

@@ -8,7 +8,7 @@ from benchmarks.random_scenes import SceneRow
 
 Stratum = tuple[str, Callable[[SceneRow], bool]]
 # Share of mineral times contrast of the texture: about the middle of what the scenes have.
-_MIDDLE_TEXTURE = 0.05
+_MIDDLE_TEXTURE = 0.052
 _TILTS_DEG = ((0, 2), (2, 4), (4, 6), (6, 8))
 _DOSES = ((200, 400), (400, 700), (700, 1400))
 _DIAMETERS_MM = (("9-10 mm", 9.0, 10.25), ("10.5-11.5 mm", 10.25, 11.75), ("12-13 mm", 11.75, 14.0))
@@ -56,7 +56,7 @@ STRATA: dict[str, tuple[Stratum, ...]] = {
     ),
     "distortion": (
         ("flat panel", lambda row: row.kind.distortion_px == 0.0),
-        ("below 15 px", lambda row: 0.0 < row.kind.distortion_px < 15.0),
-        ("15 px and more", lambda row: row.kind.distortion_px >= 15.0),
+        ("below 23 px", lambda row: 0.0 < row.kind.distortion_px < 23.0),
+        ("23 px and more", lambda row: row.kind.distortion_px >= 23.0),
     ),
 }

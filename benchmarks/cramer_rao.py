@@ -11,9 +11,12 @@ With the derivatives J of the expected signal (differences of renders) and the c
 information is J' C⁻¹ J. C has the quanta and the texture, both correlated by the detector's blur, white noise, and the
 rounding of the grey values. Taken to be so: over the few pixels of the blur, brightness changes the size of noise and
 texture, not their correlation; the two holes' backgrounds are independent; only pixels within 3 mm of a hole count.
+
+usage: python -m benchmarks.cramer_rao [SEED]   (what the limit is made of, in one of the random scenes)
 """
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +28,8 @@ from shared.geometry.parts import Hole, NailPart, hole_surface_points
 from simulation.scenario.values import Scenario
 
 Floats = NDArray[np.float64]
-_SMOOTH_SHARE, _SMOOTH_MM = 0.2, 12.0
+SMOOTH_SHARE, _SMOOTH_MM = 0.2, 12.0
+_KNOWN = 1e12
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +43,19 @@ class AxisLimit:
 
 def axis_limits(scenario: Scenario) -> tuple[AxisLimit, ...]:
     """Limits of all holes in the scene's first image."""
-    images = scene_images(scenario)
+    return limits_of(scene_images(scenario), scenario.parts.nail)
+
+
+def limits_of(images: SceneImages, nail: NailPart, smooth_share: float = SMOOTH_SHARE) -> tuple[AxisLimit, ...]:
+    """Limits of all holes, from what shaped the image; `smooth_share` is the size of the background's smooth field."""
     information = np.diag(images.prior_precision)
     for counted in images.counted:
         columns = images.derivatives[:, counted]
-        factor = cho_factor(_covariance(images, counted), lower=True, overwrite_a=True, check_finite=False)
+        covariance = pixel_covariance(images, counted, smooth_share)
+        factor = cho_factor(covariance, lower=True, overwrite_a=True, check_finite=False)
         information += columns @ cho_solve(factor, columns.T, check_finite=False)
-    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)[:6, :6]
-    return tuple(_limit(scenario.parts.nail, hole, covariance) for hole in scenario.parts.nail.holes)
+    of_pose = np.asarray(np.linalg.inv(information), dtype=np.float64)[:6, :6]
+    return tuple(_limit(nail, hole, of_pose) for hole in nail.holes)
 
 
 def _limit(nail: NailPart, hole: Hole, covariance: Floats) -> AxisLimit:
@@ -64,11 +73,11 @@ def _cross(v: Floats) -> Floats:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def _covariance(images: SceneImages, counted: NDArray[np.bool_]) -> Floats:
+def pixel_covariance(images: SceneImages, counted: NDArray[np.bool_], smooth_share: float) -> Floats:
     """Of the signal at the counted pixels, shape (N, N)."""
     shape = (2 * counted.shape[0], 2 * counted.shape[1])
     blur2 = images.blur_transfer(shape) ** 2
-    smooth = _smooth_spectrum(shape, _SMOOTH_MM * images.px_per_mm) * _SMOOTH_SHARE**2
+    smooth = _smooth_spectrum(shape, _SMOOTH_MM * images.px_per_mm) * smooth_share**2
     background = _spectrum(images.texture_samples, shape) + smooth
     rows, columns = np.nonzero(counted)
     lag = (np.mod(rows[:, None] - rows, shape[0]), np.mod(columns[:, None] - columns, shape[1]))
@@ -90,4 +99,34 @@ def _spectrum(samples: Floats, shape: tuple[int, int]) -> Floats:
 def _smooth_spectrum(shape: tuple[int, int], length_px: float) -> Floats:
     """Power spectrum of a field of unit variance with the correlation exp(-d²/2l²)."""
     frequency2 = np.fft.fftfreq(shape[0])[:, None] ** 2 + np.fft.rfftfreq(shape[1])[None, :] ** 2
-    return np.asarray(2.0 * np.pi * length_px**2 * np.exp(-2.0 * (np.pi * length_px) ** 2 * frequency2))
+    power = np.exp(-2.0 * (np.pi * length_px) ** 2 * frequency2)
+    return np.asarray(power / fft.irfft2(power, shape)[0, 0])
+
+
+def main(seed: int) -> int:
+    """Print the limit in one scene, and what it would be if more were known."""
+    from benchmarks.random_scenes import scene_of_seed  # which needs this module
+
+    scenario = scene_of_seed(seed)
+    images, nail = scene_images(scenario), scenario.parts.nail
+    plain = replace(images, texture_samples=1e-3 * images.texture_samples)
+    shapes, all_else = images.prior_precision.copy(), images.prior_precision.copy()
+    shapes[6:9], all_else[6:] = _KNOWN, _KNOWN
+    texture = float(images.texture_samples[:, images.counted.any(axis=0)].std())
+    dose = scenario.exposure.photons_per_px
+    print(
+        f"scene {seed}: {nail.material}, {dose:.0f} quanta a pixel, texture {100.0 * texture:.1f} % of the background"
+    )
+    for name, limits in (
+        ("as it is", limits_of(images, nail)),
+        ("without texture", limits_of(plain, nail)),
+        ("on a flat background", limits_of(plain, nail, 1e-3)),
+        ("radii and chamfers known", limits_of(replace(images, prior_precision=shapes), nail)),
+        ("all but the pose known", limits_of(replace(images, prior_precision=all_else), nail)),
+    ):
+        print(f"| {name} | {max(limit.axis_deg for limit in limits):.4f}° |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 5003))
