@@ -58,8 +58,10 @@ def open_port(url: str, baud: int) -> Port:
     DeviceError
         When it cannot be opened.
     """
+    # pyserial's RFC 2217 refuses a time-out for writing: its socket's own, of some seconds, has to do.
+    write_timeout_s = None if url.startswith("rfc2217://") else WRITE_TIMEOUT_S
     try:
-        port = serial.serial_for_url(url, baudrate=baud, timeout=READ_POLL_S, write_timeout=WRITE_TIMEOUT_S)
+        port = serial.serial_for_url(url, baudrate=baud, timeout=READ_POLL_S, write_timeout=write_timeout_s)
     except (serial.SerialException, OSError, ValueError) as error:
         raise DeviceError(
             f"the hexapod controller at '{url}' cannot be reached: {error}; check power and cable"
