@@ -5,8 +5,6 @@ per size of ball, found from the circles themselves; and its reference for the f
 algebraic circle fit to the points where the shadow reaches half its depth, repeated without the points that do not fit.
 """
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +23,6 @@ _STEP_PX = 0.25
 _LEAST_SEEN = 0.4
 _FIT_ROUNDS = 4
 _CENTRE_SD_PX = 0.15
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Template:
-    """Mean look of the salient circles of one size: `shade`, shape (2h + 1, 2h + 1), and their radius."""
-
-    shade: NDArray[np.float32]
-    radius_px: float
 
 
 def find_balls(pixels: NDArray[np.float32], usable: NDArray[np.bool_], radii_px: tuple[float, float]) -> BallCandidates:
@@ -56,10 +46,10 @@ def find_balls(pixels: NDArray[np.float32], usable: NDArray[np.bool_], radii_px:
     templates = _templates(shade, radii_px)
     if not templates:
         return _candidates([])
-    correlation, best = _correlation(shade, templates)
+    correlation = _correlation(shade, templates)
     level = _LEAST_SHADE * float(np.percentile(shade[usable], _SHADE_QUANTILE))
     places = _local_maxima(correlation, (shade > level) & usable, radii_px[0])
-    return _candidates(_fitted(shade, places, [templates[k] for k in best[tuple(places.T)]]))
+    return _candidates(_fitted(shade, places, radii_px))
 
 
 def _shade(pixels: NDArray[np.float32], usable: NDArray[np.bool_], largest_px: float) -> NDArray[np.float32]:
@@ -72,7 +62,7 @@ def _shade(pixels: NDArray[np.float32], usable: NDArray[np.bool_], largest_px: f
     return np.asarray(closed - smooth, dtype=np.float32)
 
 
-def _templates(shade: NDArray[np.float32], radii_px: tuple[float, float]) -> list[_Template]:
+def _templates(shade: NDArray[np.float32], radii_px: tuple[float, float]) -> list[NDArray[np.float32]]:
     """Templates of the sizes of which there are enough salient circles."""
     white = float(np.percentile(shade, _SHADE_QUANTILE))
     eight_bits = np.clip(255.0 * shade / max(white, 1e-9), 0.0, 255.0).astype(np.uint8)
@@ -94,7 +84,7 @@ def _templates(shade: NDArray[np.float32], radii_px: tuple[float, float]) -> lis
     for radius in range(least, most + 1):
         own = circles[np.abs(circles[:, 2] - radius) <= 0.5]
         if len(own) >= _LEAST_SALIENT:
-            templates.append(_Template(_mean_patch(shade, own[:, :2], radius), float(radius)))
+            templates.append(_mean_patch(shade, own[:, :2], radius))
     return templates
 
 
@@ -105,17 +95,14 @@ def _mean_patch(shade: NDArray[np.float32], centre_px: NDArray[np.float64], radi
     return np.asarray(np.median(np.stack(patches), axis=0), dtype=np.float32)
 
 
-def _correlation(
-    shade: NDArray[np.float32], templates: list[_Template]
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Largest normalised correlation with any template, and with which, shape of the image each."""
-    scores = []
+def _correlation(shade: NDArray[np.float32], templates: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Largest normalised correlation with any template, shape of the image."""
+    highest = np.full(shade.shape, -1.0, dtype=np.float32)
     for template in templates:
-        half = template.shade.shape[0] // 2
+        half = template.shape[0] // 2
         padded = cv2.copyMakeBorder(shade, half, half, half, half, cv2.BORDER_REPLICATE)
-        scores.append(cv2.matchTemplate(padded, template.shade, cv2.TM_CCOEFF_NORMED))
-    stack = np.stack(scores)
-    return np.asarray(stack.max(axis=0), dtype=np.float32), np.asarray(stack.argmax(axis=0), dtype=np.int64)
+        highest = np.maximum(highest, cv2.matchTemplate(padded, template, cv2.TM_CCOEFF_NORMED))
+    return np.asarray(highest, dtype=np.float32)
 
 
 def _local_maxima(correlation: NDArray[np.float32], allowed: NDArray[np.bool_], apart_px: float) -> NDArray[np.int64]:
@@ -128,14 +115,12 @@ def _local_maxima(correlation: NDArray[np.float32], allowed: NDArray[np.bool_], 
 
 
 def _fitted(
-    shade: NDArray[np.float32],
-    places: NDArray[np.int64],
-    templates: list[_Template],
+    shade: NDArray[np.float32], places: NDArray[np.int64], radii_px: tuple[float, float]
 ) -> list[tuple[float, float, float, float]]:
     """Circles (x, y, radius, shade) that could be fitted about the places, no two of them about the same ball."""
     kept: list[tuple[float, float, float, float]] = []
-    for (row, column), template in zip(places, templates, strict=True):
-        circle = _circle_about(shade, np.array([column, row], dtype=np.float64), template.radius_px)
+    for row, column in places:
+        circle = _circle_about(shade, np.array([column, row], dtype=np.float64), radii_px)
         if circle is None:
             continue
         x, y, radius = circle
@@ -145,25 +130,25 @@ def _fitted(
 
 
 def _circle_about(
-    shade: NDArray[np.float32], centre_px: NDArray[np.float64], radius_px: float
+    shade: NDArray[np.float32], centre_px: NDArray[np.float64], radii_px: tuple[float, float]
 ) -> tuple[float, float, float] | None:
     """Circle through the points about a place where the shade is half of what it is there; None when few are found."""
     angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
-    distances = np.arange(0.0, 1.7 * radius_px, _STEP_PX)
+    distances = np.arange(0.0, 1.4 * radii_px[1], _STEP_PX)
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     where = (centre_px + rays[:, None] * distances[None, :, None]).astype(np.float32)
     profile = cv2.remap(shade, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    half = 0.5 * float(np.percentile(profile[:, distances < 0.5 * radius_px], 75))
-    below = (profile < half) & (distances > 0.3 * radius_px)
+    half = 0.5 * float(np.percentile(profile[:, distances < 0.5 * radii_px[0]], 75))
+    below = (profile < half) & (distances > 0.3 * radii_px[0])
     row = np.flatnonzero(below.any(axis=1))
     column = np.maximum(np.argmax(below[row], axis=1), 1)
     before, after = profile[row, column - 1], profile[row, column]
     share = np.clip((before - half) / np.maximum(before - after, 1e-9), 0.0, 1.0)
     points = centre_px + rays[row] * ((column - 1 + share) * _STEP_PX)[:, None]
-    return _trimmed_circle(points, radius_px)
+    return _trimmed_circle(points, radii_px)
 
 
-def _trimmed_circle(points_px: NDArray[np.float64], radius_px: float) -> tuple[float, float, float] | None:
+def _trimmed_circle(points_px: NDArray[np.float64], radii_px: tuple[float, float]) -> tuple[float, float, float] | None:
     used = np.ones(len(points_px), dtype=bool)
     circle = np.zeros(3)
     for _ in range(_FIT_ROUNDS):
@@ -172,7 +157,7 @@ def _trimmed_circle(points_px: NDArray[np.float64], radius_px: float) -> tuple[f
         circle = _algebraic_circle(points_px[used])
         off = np.abs(np.hypot(*(points_px - circle[:2]).T) - circle[2])
         used = off < max(0.3, 2.5 * float(np.median(off[used])))
-    if not 0.6 * radius_px < circle[2] < 1.5 * radius_px:
+    if not 0.7 * radii_px[0] < circle[2] < 1.2 * radii_px[1]:
         return None
     return float(circle[0]), float(circle[1]), float(circle[2])
 

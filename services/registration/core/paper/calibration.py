@@ -22,7 +22,7 @@ from shared.geometry.transform import Transform
 from shared.xray.aperture import find_usable_area
 
 _SAME_BALL_PX = 2.5
-_RADII_SEARCHED = (0.8, 1.35)
+_RADII_SEARCHED, _USUAL_RADII = (0.8, 1.35), (5.0, 95.0)
 _LEAST_ON_PLATE = 12
 _OUTLIER_ROUNDS = 3
 _OUTLIER_DEVIATIONS = 4.0
@@ -101,7 +101,8 @@ def calibrate_by_plates(
 
 def _found_again(upright: NDArray[np.float32], named: CArmCalibration) -> BallCandidates:
     radius = named.balls.radius_px[named.balls.ring_index != NOT_OF_THE_RING]
-    searched = (_RADII_SEARCHED[0] * float(radius.min()), _RADII_SEARCHED[1] * float(radius.max()))
+    usual = np.percentile(radius, _USUAL_RADII) if len(radius) else np.ones(2)
+    searched = (_RADII_SEARCHED[0] * float(usual[0]), _RADII_SEARCHED[1] * float(usual[1]))
     return find_balls(upright, find_usable_area(upright).mask, searched)
 
 
