@@ -59,11 +59,18 @@ class Tally:
     events: dict[str, list[str]] = field(default_factory=dict)
 
 
-def errors_of(told: Advice, truth: ImageTruth, nail: NailPart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Errors of the tilts about x and y in degrees, and over their standard deviations, shape (H, 2) each."""
+def errors_of(
+    told: Advice, truth: ImageTruth, calibration: CArmCalibration, nail: NailPart
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Errors of the tilts about x and y in degrees, and over their standard deviations, shape (H, 2) each.
+
+    The true camera's frame is turned to that of the calibration by the ring: an image intensifier turns its picture a
+    little, and nobody can tell that from a turned camera.
+    """
     assert truth.camera_from_nail is not None
-    pairs = zip(told.tilts, hole_tilts(truth.camera_from_nail, nail), strict=True)
-    off = np.array([(a.about_x_deg - b.about_x_deg, a.about_y_deg - b.about_y_deg) for a, b in pairs])
+    seen_from_true = calibration.camera_from_ring.rotation @ truth.camera_from_ring.rotation.T
+    true = np.array([(t.about_x_deg, t.about_y_deg, 0.0) for t in hole_tilts(truth.camera_from_nail, nail)])
+    off = np.array([(t.about_x_deg, t.about_y_deg) for t in told.tilts]) - (true @ seen_from_true.T)[:, :2]
     return off, off / np.array([told.about_x_sd_deg, told.about_y_sd_deg])
 
 
@@ -99,8 +106,8 @@ class _Follower:
         if self._track is None or number % FULL_EVERY == 0:
             full, track = self._localised(frame, calibration)
             if full.advice is not None:
-                self._tally.full_deg.append(self._off(full.advice, frame)[0])
-                self._tally.full_normalised.extend(self._off(full.advice, frame)[1])
+                self._tally.full_deg.append(self._off(full.advice, frame, calibration)[0])
+                self._tally.full_normalised.extend(self._off(full.advice, frame, calibration)[1])
             if self._track is None:
                 self._track = track
                 return track is not None
@@ -110,7 +117,7 @@ class _Follower:
         if sight.advice is None:
             self._silent(sight.reasons[0].code.value)
             return True
-        self._count(sight.advice, frame)
+        self._count(sight.advice, frame, calibration)
         return True
 
     def disturbances(self, camera: Camera, pose: Pose) -> None:
@@ -145,7 +152,7 @@ class _Follower:
         elif frame.truth.camera_from_nail is None:
             said.append("WRONG")
         else:
-            said.append("WRONG" if self._wrong(sight.advice, frame) else "right answer")
+            said.append("WRONG" if self._wrong(sight.advice, frame, calibration) else "right answer")
 
     def _calibrated(self, frame: Frame) -> CArmCalibration | None:
         began = time.process_time()
@@ -168,20 +175,21 @@ class _Follower:
         sight, self._track = follow_frame(frame.pixels, calibration, self._parts, self._track)
         return sight
 
-    def _off(self, told: Advice, frame: Frame) -> tuple[float, list[float]]:
-        off, normalised = errors_of(told, frame.truth, self._parts.nail)
+    def _off(self, told: Advice, frame: Frame, calibration: CArmCalibration) -> tuple[float, list[float]]:
+        off, normalised = errors_of(told, frame.truth, calibration, self._parts.nail)
         return float(np.linalg.norm(off, axis=1).max()), normalised.ravel().tolist()
 
-    def _wrong(self, told: Advice, frame: Frame) -> bool:
-        off, normalised = errors_of(told, frame.truth, self._parts.nail)
+    def _wrong(self, told: Advice, frame: Frame, calibration: CArmCalibration) -> bool:
+        off, normalised = errors_of(told, frame.truth, calibration, self._parts.nail)
         return bool(np.any((np.abs(normalised) > WRONG_DEVIATIONS) & (np.abs(off) > WRONG_DEG)))
 
-    def _count(self, told: Advice, frame: Frame) -> None:
-        off_deg, normalised = self._off(told, frame)
+    def _count(self, told: Advice, frame: Frame, calibration: CArmCalibration) -> None:
+        off_deg, normalised = self._off(told, frame, calibration)
+        print(f"  {off_deg:.2f} deg, normalised {np.round(normalised, 1)}", file=sys.stderr, flush=True)
         self._tally.answered += 1
         self._tally.followed_deg.append(off_deg)
         self._tally.normalised.extend(normalised)
-        self._tally.wrong += self._wrong(told, frame)
+        self._tally.wrong += self._wrong(told, frame, calibration)
 
     def _silent(self, code: str) -> None:
         self._tally.silent[code] = self._tally.silent.get(code, 0) + 1

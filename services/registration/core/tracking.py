@@ -1,8 +1,9 @@
 """Alignment guidance from frame to frame: a key image in full, the frames after it followed, and honest about both.
 
-A key is an image that was localised in full. Every later frame is measured by itself: the guide from where it was, the
-nail from where the guide puts it. A frame answers only when all of this holds in this very frame; otherwise it says
-what is wrong, and nothing of an earlier frame is repeated.
+A key is an image that was localised in full. In every later frame the guide is measured from where it was, and the nail
+from where guide and key put it; what is told is the mean of that place and the measured one, weighed by their errors.
+A frame answers only when all of this holds in this very frame; otherwise it says what is wrong, and nothing of an
+earlier frame is repeated.
 """
 
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import Advice, advice
+from services.registration.core.frame_weighing import covariance_in_nail, weighed
 from services.registration.core.guide import locate_guide
 from services.registration.core.guide_following import FollowedGuide, follow_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
@@ -161,11 +163,13 @@ def follow_frame(
     nail = follow_nail(given, track.key.look, predicted)
     if isinstance(nail, Rejected):
         return _refused(nail.reasons, at), _missed(track)
-    surprise = _surprise(track.key, guide.value, nail.value, predicted)
-    reasons = reasons_against_frame(nail.value, track.key.look, surprise)
+    key = track.key
+    expected = key.covariance + covariance_in_nail(key.guide_from_nail, guide.value.covariance)
+    reasons = reasons_against_frame(nail.value, key.look, _surprise(nail.value, predicted, expected))
     if reasons:
         return _refused(reasons, at), _missed(track)
-    return _answered(nail.value, parts, track)
+    pose, covariance = weighed(predicted, expected, nail.value.camera_from_nail, nail.value.covariance)
+    return _answered(nail.value, advice(pose, covariance, parts.nail), track)
 
 
 def disagree(followed: Sight, localised: Sight) -> bool:
@@ -192,15 +196,14 @@ def _found_anew(
     return Accepted(FollowedGuide(fit.camera_from_guide, fit.covariance, fit.balls_found, fit.reprojection_rms_px))
 
 
-def _answered(nail: FollowedNail, parts: Parts, track: Track) -> tuple[Sight, Track | None]:
-    """Advice, after a look at the mirrored tilt when it is due."""
+def _answered(nail: FollowedNail, told: Advice, track: Track) -> tuple[Sight, Track | None]:
+    """The advice, after a look at the mirrored tilt when it is due."""
     margin = replace(track.margin, frames_ago=track.margin.frames_ago + 1)
     if margin.frames_ago >= CHECK_EVERY or track.missed:
         margin = Margin(mirror_margin(nail), 0)
         reasons = reasons_against_margin(margin.log_likelihood_ratio)
         if reasons:
             return _refused(reasons, track.camera_from_guide), None
-    told = advice(nail.camera_from_nail, nail.covariance, parts.nail)
     sight = Sight(Origin.FOLLOWED, told, margin, (), track.camera_from_guide)
     return sight, replace(track, margin=margin, missed=0)
 
@@ -221,14 +224,12 @@ def _given(
     return Given(unmirrored(pixels, calibration), calibration, parts.nail, occluders)
 
 
-def _surprise(key: Key, guide: FollowedGuide, nail: FollowedNail, predicted: Transform[Camera, Nail]) -> Surprise:
+def _surprise(nail: FollowedNail, predicted: Transform[Camera, Nail], expected: NDArray[np.float64]) -> Surprise:
     """How far the nail lies from where guide and key put it, and how far it may."""
     apart = predicted.inverse() @ nail.camera_from_nail
-    to_nail = key.guide_from_nail.rotation.T
-    of_guide = to_nail @ guide.covariance[:3, :3] @ to_nail.T
-    rotation = nail.covariance[:3, :3] + key.covariance[:3, :3] + of_guide
+    rotation = nail.covariance[:2, :2] + expected[:2, :2]
     return Surprise(
         tuple(np.degrees(apart.rotation_vector_rad[:2]).tolist()),
-        tuple(np.degrees(np.sqrt(np.diag(rotation)[:2])).tolist()),
+        tuple(np.degrees(np.sqrt(np.diag(rotation))).tolist()),
         float(np.linalg.norm(apart.translation_mm[:2])),
     )
