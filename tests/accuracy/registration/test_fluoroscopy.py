@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from distalock.locate import NominalOptions, locate_image, read_parts
+from services.registration.core.localise import Method
 
 FOLDER = Path(os.environ.get("DISTALOCK_FLUOROSCOPY", Path(__file__).parents[4] / "shared" / "fluoroscopy"))
 pytestmark = [
@@ -24,11 +25,11 @@ def entry_of(name: str) -> dict[str, object]:
     return next(entry for entry in manifest["images"] if entry["image"] == name)
 
 
-def located(name: str) -> tuple[str, list[str], dict[str, tuple[float, float]]]:
+def located(name: str, method: Method = Method.MODEL) -> tuple[str, list[str], dict[str, tuple[float, float]]]:
     """Verdict, reason codes, and per hole the errors in mm and degrees."""
     entry = entry_of(name)
     parts = read_parts(FOLDER / "ring.json", FOLDER / "guide.json", FOLDER / str(entry["nail"]))
-    message = locate_image(FOLDER / name, parts, NominalOptions(1000.0, 0.235)).message
+    message = locate_image(FOLDER / name, parts, NominalOptions(1000.0, 0.235), method).message
     truth = {h["id"]: h for h in json.loads((FOLDER / str(entry["truth"])).read_text())["holes"]}
     errors = {}
     for hole in message.holes or ():
@@ -69,3 +70,18 @@ def test_wires_over_the_holes_are_left_out_of_the_fit() -> None:
 def test_a_side_view_is_refused_or_right() -> None:
     verdict, _, errors = located("dev11.png")
     assert verdict == "rejected" or all(mm < 1.0 and deg < 1.5 for mm, deg in errors.values())
+
+
+def test_the_papers_method_finds_axes_in_a_round_view_but_moves_nothing() -> None:
+    verdict, codes, errors = located("dev00.png", Method.FRONTO_PARALLEL)
+    print("dev00.png", errors)
+    assert verdict == "rejected"
+    assert set(codes) == {"uncertainty_too_large"}
+    for across_mm, axis_deg in errors.values():
+        assert across_mm < 0.5
+        assert axis_deg < 1.5
+
+
+def test_the_papers_method_refuses_holes_that_do_not_look_round() -> None:
+    verdict, codes, errors = located("dev04.png", Method.FRONTO_PARALLEL)
+    assert (verdict, codes, errors) == ("rejected", ["tilt_too_large"], {})
