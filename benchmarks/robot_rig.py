@@ -14,8 +14,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from benchmarks.robot_still_bus import StillBus
-from services.robot.core.guard import GuardLimits
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.situation import GuardLimits
 from services.robot.core.status import DriveStatus
 from services.robot.devices.gcs_controller import GcsController
 from services.robot.drive import Drive

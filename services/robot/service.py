@@ -7,9 +7,10 @@ from typing import Self
 
 from services.robot import translate
 from services.robot.core.envelope import CommandLedger, Envelope, Repeat
-from services.robot.core.guard import GuardLimits, PermittedMove, Situation, check_move, check_supervision
+from services.robot.core.guard import PermittedMove, check_move, check_supervision
 from services.robot.core.plans import PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.situation import GuardLimits, Situation
 from services.robot.core.status import UNDER_WAY, DriveStatus
 from services.robot.drive import Drive
 from services.robot.gateway_watch import GatewayWatch

@@ -5,8 +5,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from services.robot.core.guard import GuardLimits
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.situation import GuardLimits
 from services.robot.core.stop_button import StopButton
 from services.robot.devices.gcs_controller import Encoders
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD

@@ -10,65 +10,14 @@ from typing import assert_never
 
 import numpy as np
 
-from services.robot.core.plans import PlannedMove, RegistrationView
-from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
+from services.robot.core.plan_checks import hardware_refusals, reach_refusals, start_refusals, target_refusals
+from services.robot.core.plans import PlannedMove
 from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.situation import Situation
 from services.robot.core.stop_button import StopButton
-from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
-from shared.geometry.hexapod_limits import path_violations
-from shared.geometry.hexapod_screw import screw_violations
+from shared.geometry.hexapod import HexapodPart, PlatformPose
 
-LEG_LENGTH_TOLERANCE_MM = 0.001
-TARGET_TOLERANCE = Deviation(0.01, 0.01)
-PIVOT_TOLERANCE_MM = 1e-6
 SLOWEST_MM_PER_S = 0.01
-
-
-@dataclass(frozen=True, slots=True)
-class GuardLimits:
-    """What a single move may be, and how old what it rests on.
-
-    Attributes
-    ----------
-    step
-        Greatest move: the pivot's displacement and the angle of rotation.
-    plan_lifetime_s
-        Longest time from the arrival of a plan to its execution.
-    heartbeat_deadline_s
-        Longest silence of the gateway, before and during a move.
-    registration_deadline_s
-        Longest silence of registration before a move: nobody else knows whether a newer image has arrived.
-    """
-
-    step: Deviation
-    plan_lifetime_s: float
-    heartbeat_deadline_s: float
-    registration_deadline_s: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Situation:
-    """All that the robot service knows at the moment of decision.
-
-    Attributes
-    ----------
-    now_s, heartbeat_s, connected_s
-        Own monotonic clock: now, when the gateway was last heard, when the controller was connected.
-    executed
-        Hashes of the plans that were begun.
-    """
-
-    boot_epoch: str
-    now_s: float
-    hexapod: HexapodPart
-    limits: GuardLimits
-    registration: RegistrationView
-    reading: ControllerReading | None
-    connected_s: float
-    heartbeat_s: float | None
-    link_up: bool
-    executed: frozenset[str]
-    stop_button: StopButton = StopButton.CLEAR
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +48,10 @@ def _refusals(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterat
     yield from _stop_button(now)
     yield from _approval(plan, approved_sha256, now)
     yield from _freshness(plan, now)
-    yield from _hardware(plan, now)
-    yield from _start(plan, now)
-    yield from _target(plan, now.hexapod)
-    yield from _reach(plan, now)
+    yield from hardware_refusals(plan, now)
+    yield from start_refusals(plan, now)
+    yield from target_refusals(plan, now.hexapod)
+    yield from reach_refusals(plan, now)
 
 
 def _supervision(now: Situation) -> Iterator[Refusal]:
@@ -193,95 +142,6 @@ def _vouched(now: Situation) -> Iterator[Refusal]:
             f"registration {heard} (limit {now.limits.registration_deadline_s:g} s), so nobody vouches that no newer "
             "image has arrived; see that it runs and ask again",
         )
-
-
-def _hardware(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
-    if plan.robot_boot_epoch != now.boot_epoch:
-        yield Refusal(
-            RefusalCode.WRONG_BOOT_EPOCH,
-            "the robot service was restarted after the plan's image; take an image and plan again",
-        )
-    if plan.hexapod_sha256 != now.hexapod.sha256:
-        yield Refusal(
-            RefusalCode.PLAN_FOR_ANOTHER_ROBOT,
-            f"the plan was made with hexapod file {plan.hexapod_sha256[:12]}, this robot is "
-            f"{now.hexapod.sha256[:12]}; give registration the file of this robot",
-        )
-    apart_mm = float(np.abs(plan.pivot_mm - now.hexapod.pivot_mm).max())
-    if not apart_mm <= PIVOT_TOLERANCE_MM:
-        yield Refusal(
-            RefusalCode.PIVOT_MISMATCH,
-            f"the plan's pivot {plan.pivot_mm.tolist()} mm is {apart_mm:.3g} mm from this robot's "
-            f"{now.hexapod.pivot_mm.tolist()} mm; plan with the pivot of the hexapod file",
-        )
-    if not now.hexapod.head_extension_mm.contains(plan.head_extension_mm):
-        yield Refusal(
-            RefusalCode.HEAD_EXTENSION,
-            f"the plan's head extension is {plan.head_extension_mm:g} mm, the head can be set from "
-            f"{now.hexapod.head_extension_mm.minimum:g} to {now.hexapod.head_extension_mm.maximum:g} mm; "
-            "read its scale again and correct the case",
-        )
-
-
-def _start(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
-    if now.reading is None:
-        yield Refusal(RefusalCode.POSE_UNKNOWN, "the controller has not said where the robot stands; check its cable")
-        return
-    if not now.reading.referenced:
-        yield Refusal(RefusalCode.NOT_REFERENCED, "the axes are not referenced; ask for reference first")
-    if now.reading.moving or not now.reading.locked:
-        yield Refusal(
-            RefusalCode.NOT_LOCKED, "the robot is not locked at rest, as it must be before a move; stop it and look"
-        )
-    off = deviation(plan.start_pose, now.reading.pose)
-    if off.exceeds(READ_BACK_TOLERANCE):
-        yield Refusal(
-            RefusalCode.START_POSE_DIFFERS,
-            f"the robot stands {off} from where the plan starts, the limits are {READ_BACK_TOLERANCE}; "
-            "take an image and plan again",
-        )
-
-
-def _target(plan: PlannedMove, hexapod: HexapodPart) -> Iterator[Refusal]:
-    if not np.isfinite([plan.start_pose.as_array(), plan.target_pose.as_array()]).all():
-        yield Refusal(RefusalCode.TARGET_INCONSISTENT, "the plan's poses are not finite numbers; plan again")
-        return
-    off = deviation(_target_by_own_reckoning(plan, hexapod), plan.target_pose)
-    if off.exceeds(TARGET_TOLERANCE):
-        yield Refusal(
-            RefusalCode.TARGET_INCONSISTENT,
-            f"the plan's target is {off} from where its own guide correction leads, the limits are "
-            f"{TARGET_TOLERANCE}; compare the hexapod files and versions of the services",
-        )
-    lengths = leg_lengths_mm(hexapod, plan.target_pose.as_array(), plan.pivot_mm)
-    off_mm = float(np.abs(lengths - plan.target_leg_lengths_mm).max())
-    if not off_mm <= LEG_LENGTH_TOLERANCE_MM:
-        yield Refusal(
-            RefusalCode.LEG_LENGTHS_INCONSISTENT,
-            f"the plan's leg lengths differ from this robot's own by {off_mm:.4f} mm (limit "
-            f"{LEG_LENGTH_TOLERANCE_MM:g} mm); compare the hexapod files and versions of the services",
-        )
-
-
-def _target_by_own_reckoning(plan: PlannedMove, hexapod: HexapodPart) -> PlatformPose:
-    top_from_guide = hexapod.top_from_guide(plan.head_extension_mm)
-    base_from_guide = base_from_top(hexapod, plan.start_pose, plan.pivot_mm) @ top_from_guide
-    base_from_target_top = base_from_guide @ plan.guide_from_target_guide @ top_from_guide.inverse()
-    return platform_pose(hexapod, base_from_target_top, plan.pivot_mm)
-
-
-def _reach(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
-    step = deviation(plan.start_pose, plan.target_pose)
-    if step.exceeds(now.limits.step):
-        yield Refusal(
-            RefusalCode.STEP_TOO_LARGE,
-            f"the move is {step}, the limits of one move are {now.limits.step}; bring the guide nearer by hand",
-        )
-    # Straight, as our controllers move, and along the screw, as one would that interpolates in space.
-    way = (now.hexapod, plan.start_pose, plan.target_pose, plan.pivot_mm)
-    violations = path_violations(*way) or screw_violations(*way)
-    if violations:
-        yield Refusal(RefusalCode.OUT_OF_REACH, violations[0].message)
 
 
 def _permitted(plan: PlannedMove, hexapod: HexapodPart) -> PermittedMove:

@@ -1,17 +1,69 @@
-"""A piece of `distalock bench guide_calibration`: the guide on the head from eight rendered images."""
+"""`distalock robot calibrate-guide` as a user calls it: rendered images in files, and what comes of it in a case."""
 
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import cv2
+import numpy as np
 import pytest
 
-from benchmarks.guide_calibration import rendered_result
+from benchmarks.guide_calibration import IMAGES, calibration_poses
+from benchmarks.guide_rooms import EXTENSION_MM, made_head, rendered_images, room_with_head
+from distalock.__main__ import main
+from services.ui_api.desks.head_calibration import calibrated_hexapod
+from services.ui_api.desks.parts import resolve_part
+from shared.parts.hexapod_file import default_hexapod, hexapod_from_json
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+SEED = 601
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-def test_eight_images_tell_how_the_head_holds_the_guide() -> None:
-    seed = 600
-    result = rendered_result(seed)
-    print(result)
-    assert result.reasons == ()
-    assert result.error_mm < 0.25
-    assert result.error_deg < 0.15
-    assert result.normalised < 4.0
+def poses_file(folder: Path) -> tuple[Path, list[str]]:
+    """Nine images in files with their poses, and the options that name the room's parts and its C-arm."""
+    hexapod = default_hexapod()
+    head = made_head(hexapod, SEED)
+    scenario = room_with_head(hexapod, head, SEED)
+    listed = []
+    for number, image in enumerate(rendered_images(hexapod, head, calibration_poses(), SEED), 1):
+        assert cv2.imwrite(str(folder / f"{number}.png"), image.pixels.astype(np.uint16))
+        listed.append({"image": f"{number}.png", "pose": asdict(image.pose)})
+    file = folder / "poses.json"
+    file.write_text(json.dumps({"schema": "distalock/guide-poses/1", "units": "mm", "images": listed}))
+    options = []
+    for kind in ("ring", "guide"):
+        (folder / f"{kind}.json").write_bytes(getattr(scenario.sources, kind).content)
+        options += [f"--{kind}", str(folder / f"{kind}.json")]
+    c_arm = scenario.c_arm
+    options += ["--source-to-detector-mm", f"{c_arm.nominal_source_to_detector_mm}"]
+    return file, [*options, "--pixel-mm", f"{c_arm.nominal_pixel_mm}"]
+
+
+def test_nine_images_in_files_become_a_case_that_knows_its_head(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print(f"seed {SEED}")
+    file, options = poses_file(tmp_path)
+    command = ["robot", "calibrate-guide", str(file), *options, "--out", str(tmp_path / "calibrated.json")]
+    assert main(command) == 0
+    printed = json.loads(capsys.readouterr().out)
+    print({**printed, "covariance": "..."})
+    assert (printed["verdict"], printed["reasons"]) == ("accepted", [])
+
+    hexapod = default_hexapod()
+    written = hexapod_from_json((tmp_path / "calibrated.json").read_bytes())
+    off = written.top_from_guide(EXTENSION_MM).inverse() @ made_head(hexapod, SEED)
+    error = np.concatenate([off.rotation_vector_rad, off.translation_mm])
+    print(error)
+    assert np.linalg.norm(error[3:]) < 0.2
+    assert np.degrees(np.linalg.norm(error[:3])) < 0.15
+    assert error @ np.linalg.solve(np.array(printed["covariance"]), error) / 6.0 < 4.0
+
+    in_case = hexapod_from_json(calibrated_hexapod(resolve_part("hexapod", "hexapod-h70"), printed).content)
+    assert in_case.sha256 == written.sha256, "the robot service and the case must have the same file"
+
+    assert len(json.loads(file.read_text())["images"]) == IMAGES + 1
+    assert main([*command[:3], *options, "--head-extension-mm", "50"]) == 3
+    refused = json.loads(capsys.readouterr().out)
+    assert [reason["code"] for reason in refused["reasons"]] == ["head_extension"]
+    assert "entered as 50 mm, the images say 6" in refused["reasons"][0]["message"]

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.robot.core.guard import GuardLimits
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.situation import GuardLimits
 from services.robot.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from shared.bus.keys import Keys

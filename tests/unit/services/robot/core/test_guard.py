@@ -10,10 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from services.robot.core import guard
-from services.robot.core.guard import GuardLimits, PermittedMove, Situation, check_move
+from services.robot.core.guard import PermittedMove, check_move
 from services.robot.core.plans import EpochWord, PlannedMove, RegistrationView
 from services.robot.core.readings import ControllerReading, Deviation
 from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.situation import GuardLimits, Situation
 from services.robot.core.stop_button import StopButton
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import (
