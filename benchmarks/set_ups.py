@@ -1,21 +1,32 @@
 """One patient and one position of the guide, seen from several directions: for benchmarks of several images."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.random_scenes import scene_of_seed
+from benchmarks.random_scenes import RANGES, scene_of_seed
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.localise import LocalisationResult, Method, Parts, localise
 from shared.errors import Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Room
 from shared.geometry.lines import unit
+from shared.geometry.transform import Transform
 from simulation.render.image import Shot, render_scene
+from simulation.scenario.files import ScenarioFile
+from simulation.scenario.sampling import scenario_from_file
 from simulation.scenario.values import Scenario
-from simulation.world import WorldState, angles_of_beam, c_arm_rotation, starting_state
+from simulation.world import WorldState, angles_of_beam, c_arm_rotation, starting_state, world_at
+
+
+def catalogue_scene_of_seed(seed: int) -> Scenario:
+    """The same ranges with parts of the catalogue, whose guide and nails have their holes the same distance apart."""
+    file = ScenarioFile.model_validate({"schema": "distalock/scenario/1", "seed": seed, "ranges": RANGES})
+    return scenario_from_file(file, Path())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +67,15 @@ class SetUp:
         now: NDArray[np.float64] = c_arm_rotation(self.state.angles, self.scenario.c_arm.roll_deg)[:, 2]
         direction = direction * np.sign(float(direction @ now))
         return replace(self, state=replace(self.state, angles=angles_of_beam(unit(direction))))
+
+    def centred_towards_the_guide(self, share: float) -> "SetUp":
+        """The C-arm pushed along until a place between nail (0) and guide (1) lies on the axis of its beam."""
+        world = world_at(self.scenario, self.state)
+        place_mm = share * world.beam_from_guide.translation_mm + (1.0 - share) * world.beam_from_nail.translation_mm
+        aside_mm = world.room_from_beam.rotation @ np.array([place_mm[0], place_mm[1], 0.0])
+        pushed: Transform[Room, Room] = Transform.from_rotvec(np.zeros(3), -aside_mm)
+        placement = replace(self.scenario.placement, room_from_bone=pushed @ self.scenario.placement.room_from_bone)
+        return replace(self, scenario=replace(self.scenario, placement=placement))
 
     def seen(self, shot_number: int) -> SeenImage:
         """Take an image and localise in it."""

@@ -155,7 +155,11 @@ def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]
     bound_mm, bound_deg = comparison.offset.entry_bound_mm, comparison.offset.axis_bound_deg
     if bound_mm <= LARGEST_OFFSET_MM and bound_deg <= LARGEST_ANGLE_DEG:
         return []
-    remedy = "add an image from another direction" if image_count == 1 else "take both images again with more dose"
+    remedy = (
+        "add an image from another direction"
+        if image_count == 1
+        else "take both again with more dose, and the lateral one so that the wire shows in the nail's hole"
+    )
     message = (
         f"wire '{comparison.hole_id}' is known to {bound_mm:.2f} mm and {bound_deg:.2f} degrees at 95 % (limits "
         f"{LARGEST_OFFSET_MM} mm and {LARGEST_ANGLE_DEG} degrees); {remedy}"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.wires_model import SHARED, START, TIP, WireModel
 from services.registration.core.wires_outline import EdgeMatches, match_edges
+from services.registration.core.wires_search import search_starts
 from services.registration.core.wires_shape import PER_VIEW, Shape, shape_of, stacks_of
 from services.registration.core.wires_view import PreparedView
 from shared.geometry.lines import Line, read_only
@@ -22,15 +23,11 @@ LEAST_SEEN_PX, LEAST_SEEN_SHARE = 7.0, 0.6
 _RADIUS_SD_PX = 0.3
 _EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
 _ROBUST_PX = 1.2
-_SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
-_OTHER_TIPS_MM = (-12.0, 8.0)
-_SEARCH_DISCS = 40
-_CANDIDATES, _STARTS, _STARTS_APART_MM = 40, 5, 1.0
-_PENALTY_OF_MISSING = 0.5
 _SEEN_NATS, _MISSING_NATS, _TYPICAL_SHIFT_PX = 2.0, -1.3, 0.5
 _SAME_MM, _TEMPER = 0.15, 0.5
 _REACHES_PX = (6.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.5, 2.5, 2.5, 2.5)
 _SEEN_WITHIN_PX = 1.0
+_SCAN_SIGMAS = np.linspace(-2.5, 2.5, 21)
 _NAIL_SIZE = 6
 _NAIL = np.arange(-_NAIL_SIZE, 0)
 # What a fit tells of: the wire's four offsets, and the nail.
@@ -125,8 +122,8 @@ def fit_wire(views: tuple[PreparedView, ...], model: WireModel, known: NDArray[n
         Covariance of guide and nail, as `SetUp.covariance`, shape (6 V + 6, 6 V + 6).
     """
     precision = np.asarray(np.linalg.inv(known), dtype=np.float64)
-    found = [_refined(views, model, precision, start) for start in _starts(views, model)]
-    solutions = [solution for solution in found if solution.seen_share >= LEAST_SEEN_SHARE] or found
+    found = [_refined(views, model, precision, start) for start in search_starts(views, model)]
+    solutions = _uncontradicted(found) or _uncontradicted(_along_the_weak(views, model, precision, found)) or found
     best = max(solutions, key=lambda solution: solution.log_likelihood)
     covariance, total = np.zeros((len(_TOLD), len(_TOLD))), 0.0
     for solution in _distinct(solutions, best):
@@ -157,6 +154,21 @@ def _free_px(rows: _Rows) -> float:
     return float(rows.shape.length_px[rows.shape.free].sum())
 
 
+def _uncontradicted(solutions: list[_Solution]) -> list[_Solution]:
+    return [solution for solution in solutions if solution.seen_share >= LEAST_SEEN_SHARE]
+
+
+def _along_the_weak(
+    views: tuple[PreparedView, ...], model: WireModel, precision: NDArray[np.float64], found: list[_Solution]
+) -> list[_Solution]:
+    """The best solution moved along what is least certain: where an image that should show the wire may hide it."""
+    best = max(found, key=lambda solution: solution.log_likelihood)
+    covariance = np.linalg.inv(best.system.normal)
+    values, vectors = np.linalg.eigh(covariance[:4, :4])
+    one_sigma = covariance[:, :4] @ vectors[:, -1] / np.sqrt(values[-1])
+    return [_judged(views, model, precision, best.state + sigmas * one_sigma) for sigmas in _SCAN_SIGMAS]
+
+
 def _distinct(solutions: list[_Solution], best: _Solution) -> list[_Solution]:
     """The best solution and those that differ from it and from one another by more than the fit's own rest."""
     chosen = [best]
@@ -173,6 +185,12 @@ def _refined(
     for reach_px in _REACHES_PX:
         system = _linearised(views, model, precision, state, reach_px)
         state = state + np.linalg.solve(system.normal, system.gradient)
+    return _judged(views, model, precision, state)
+
+
+def _judged(
+    views: tuple[PreparedView, ...], model: WireModel, precision: NDArray[np.float64], state: NDArray[np.float64]
+) -> _Solution:
     system = _linearised(views, model, precision, state, _REACHES_PX[-1])
     deviation = state[:SHARED] - model.mean
     prior = -0.5 * float(deviation @ model.precision @ deviation)
@@ -184,42 +202,6 @@ def _log_likelihood(rows: _Rows) -> float:
     nats = np.full(len(rows.shape.free), _MISSING_NATS)
     nats[rows.matches.index] = _SEEN_NATS - np.log1p((rows.matches.shift_px / _TYPICAL_SHIFT_PX) ** 2)
     return float((nats * rows.shape.length_px)[rows.shape.free].sum()) / _EDGE_CORRELATION_PX
-
-
-def _starts(views: tuple[PreparedView, ...], model: WireModel) -> list[NDArray[np.float64]]:
-    """Best axes of a grid through the middle of the guide hole, apart from one another, for a few places of the tip."""
-    steps = np.arange(-_SEARCH_REACH_MM, _SEARCH_REACH_MM + 1e-9, _SEARCH_STEP_MM)
-    scored = _ranked(views, model, [(x, y, 0.0) for x in steps for y in steps])[:_CANDIDATES]
-    others = [(x, y, tip) for _, (x, y, _) in scored for tip in _OTHER_TIPS_MM]
-    chosen: list[tuple[float, float, float]] = []
-    for _, place in sorted(scored + _ranked(views, model, others), reverse=True):
-        if all(np.hypot(place[0] - x, place[1] - y) > _STARTS_APART_MM for x, y, _ in chosen):
-            chosen.append(place)
-    return [_unknowns_at(model, place) for place in chosen[:_STARTS]]
-
-
-def _ranked(
-    views: tuple[PreparedView, ...], model: WireModel, places: list[tuple[float, float, float]]
-) -> list[tuple[float, tuple[float, float, float]]]:
-    """Scores of places at the nail (two offsets, and how far the tip is past its usual place, in mm), best first."""
-    scored = []
-    for place in places:
-        unknowns = _unknowns_at(model, place)
-        deviation = unknowns - model.mean
-        prior = -0.5 * float(deviation @ model.precision @ deviation)
-        scored.append((prior + sum(_evidence_px(view, model, unknowns) for view in views), place))
-    return sorted(scored, reverse=True)
-
-
-def _unknowns_at(model: WireModel, place: tuple[float, float, float]) -> NDArray[np.float64]:
-    return np.asarray(model.mean + np.array([0.0, 0.0, place[0], place[1], 0.0, place[2]]))
-
-
-def _evidence_px(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> float:
-    shape = shape_of(view, model, np.concatenate([unknowns, np.zeros(PER_VIEW)]), _SEARCH_DISCS)
-    matches = match_edges(view, shape.stack, shape.outline, _SEARCH_REACH_PX)
-    seen = matches.index[shape.free[matches.index]]
-    return float(shape.length_px[seen].sum() - _PENALTY_OF_MISSING * shape.length_px[shape.free].sum())
 
 
 def _linearised(
