@@ -11,7 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.robot_rig import Rig, SentCommand, random_target
+from benchmarks.robot_plans import random_target
+from benchmarks.robot_rig import Rig, SentCommand
 from services.robot.core.motion import MotionState
 from shared.messages.robot import CommandReply
 

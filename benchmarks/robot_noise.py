@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.robot_rig import HEXAPOD, MemoryPort, random_target
+from benchmarks.robot_memory_port import MemoryPort
+from benchmarks.robot_plans import HEXAPOD, random_target
 from services.robot.core.readings import READ_BACK_TOLERANCE, deviation
 from services.robot.devices.controller import ControllerSilent
 from services.robot.devices.gcs_controller import GcsController

@@ -6,13 +6,11 @@ does the same again, as long as the machine answers within the driver's (short) 
 
 import hashlib
 import random
-import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-import numpy as np
-
+from benchmarks.robot_memory_port import MemoryPort
+from benchmarks.robot_plans import HEXAPOD, plan_between, pose_value
 from benchmarks.robot_still_bus import StillBus
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
 from services.robot.core.situation import GuardLimits
@@ -22,10 +20,8 @@ from services.robot.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from shared.bus.keys import Keys
 from shared.bus.port import Sample
-from shared.geometry.frames import Guide
-from shared.geometry.hexapod import PlatformPose, base_from_top, leg_lengths_mm
-from shared.geometry.transform import Transform
-from shared.messages.base import decode, encode, matrix4, vector3
+from shared.geometry.hexapod import PlatformPose
+from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.presence import Heartbeat
 from shared.messages.registration import Plan, RegistrationEpoch
@@ -35,75 +31,18 @@ from shared.messages.robot import (
     CommandReply,
     MoveCommand,
     PlainCommand,
-    PlatformPoseMessage,
     RobotState,
     StopCommand,
     Verb,
 )
-from shared.parts.hexapod_file import default_hexapod
-from simulation.controller.gcs_protocol import Assembler
 from simulation.controller.virtual_controller import VirtualController
 
-HEXAPOD = default_hexapod()
 KEYS = Keys("or1")
-EXTENSION_MM = 60.0
 REPLY_TIMEOUT_S = 0.015
-READ_WAIT_S = 0.005
 TICK_S = 0.1
 LIMITS = GuardLimits(Deviation(20.0, 12.0), 600.0, 0.2, 1.0)
 QUERY_TIMEOUT_S = 1.0
-NO_SHA = "d" * 64
 PlainVerb: TypeAlias = Literal["reference", "acknowledge_stop", "reset"]
-
-
-class MemoryPort:
-    """A line to the virtual controller within the process; the controller acts at once.
-
-    Parameters
-    ----------
-    sent
-        Where every `MOV` line is noted, before the line can spoil it.
-    carry
-        What the line does to bytes, going either way; what the virtual controller's faults do when not given.
-    """
-
-    def __init__(
-        self, virtual: VirtualController, sent: list[str], carry: Callable[[bytes], bytes] | None = None
-    ) -> None:
-        self._carry = carry or virtual.carried
-        self._virtual = virtual
-        self._sent = sent
-        self._assembler = Assembler()
-        self._ready = threading.Condition()
-        self._output = bytearray()
-        self._late = bytearray()
-
-    def read(self, size: int = 1, /) -> bytes:
-        """As pyserial reads."""
-        with self._ready:
-            if not self._output:
-                self._ready.wait(READ_WAIT_S)
-            received = bytes(self._output[:size])
-            del self._output[:size]
-            return received
-
-    def write(self, data: bytes, /) -> int:
-        """As pyserial writes. Answers that are late come with the next thing that is written."""
-        self._sent += [line for line in data.decode("ascii").splitlines() if line.startswith("MOV ")]
-        with self._ready:
-            self._output += self._late
-            self._late.clear()
-            for command in self._assembler.feed(self._carry(data)):
-                reply = self._carry(self._virtual.receive(command))
-                if self._virtual.reply_delay_s() > 0.0:
-                    self._late += reply
-                else:
-                    self._output += reply
-            self._ready.notify_all()
-        return len(data)
-
-    def close(self) -> None:
-        """Nothing to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,48 +209,3 @@ class Rig:
     def status(self) -> DriveStatus:
         """What the drive knows."""
         return self.drive.status
-
-
-def plan_between(
-    start: PlatformPose, target: PlatformPose, epoch: str, robot_boot_epoch: str, case: tuple[str, int]
-) -> Plan:
-    """A plan as registration would make it, for a case of this id and revision."""
-    top_from_guide = HEXAPOD.top_from_guide(EXTENSION_MM)
-    here = base_from_top(HEXAPOD, start, HEXAPOD.pivot_mm) @ top_from_guide
-    there = base_from_top(HEXAPOD, target, HEXAPOD.pivot_mm) @ top_from_guide
-    correction: Transform[Guide, Guide] = here.inverse() @ there
-    a, b, c, d, e, f = (float(v) for v in leg_lengths_mm(HEXAPOD, target.as_array(), HEXAPOD.pivot_mm))
-    return Plan(
-        case_id=case[0],
-        case_revision=case[1],
-        image_sha256=NO_SHA,
-        registration_epoch=epoch,
-        robot_boot_epoch=robot_boot_epoch,
-        hexapod_sha256=HEXAPOD.sha256,
-        hole_ids=("distal",),
-        head_extension_mm=EXTENSION_MM,
-        guide_from_target_guide=matrix4(correction),
-        start_pose=_message(start),
-        target_pose=_message(target),
-        pivot_mm=vector3(HEXAPOD.pivot_mm),
-        target_leg_lengths_mm=(a, b, c, d, e, f),
-        travel_mm=float(np.linalg.norm(target.as_array()[:3] - start.as_array()[:3])),
-        travel_deg=0.0,
-        axial_shift_mm=0.0,
-        predicted=(),
-    )
-
-
-def pose_value(message: PlatformPoseMessage) -> PlatformPose:
-    """A pose from the wire."""
-    return PlatformPose(message.x_mm, message.y_mm, message.z_mm, message.u_deg, message.v_deg, message.w_deg)
-
-
-def _message(pose: PlatformPose) -> PlatformPoseMessage:
-    x, y, z, u, v, w = (float(value) for value in pose.as_array())
-    return PlatformPoseMessage(x_mm=x, y_mm=y, z_mm=z, u_deg=u, v_deg=v, w_deg=w)
-
-
-def random_target(source: random.Random, size: float) -> PlatformPose:
-    """A pose within `size` (mm and degrees) of the middle on every axis, to a micrometre as people would give it."""
-    return PlatformPose(*(round(source.uniform(-size, size), 3) for _ in range(6)))

@@ -1,0 +1,62 @@
+"""Plans and targets for those who stand in for registration."""
+
+import random
+
+import numpy as np
+
+from shared.geometry.frames import Guide
+from shared.geometry.hexapod import PlatformPose, base_from_top, leg_lengths_mm
+from shared.geometry.transform import Transform
+from shared.messages.base import matrix4, vector3
+from shared.messages.registration import Plan
+from shared.messages.robot import PlatformPoseMessage
+from shared.parts.hexapod_file import default_hexapod
+
+HEXAPOD = default_hexapod()
+EXTENSION_MM = 60.0
+NO_SHA = "d" * 64
+
+
+def plan_between(
+    start: PlatformPose, target: PlatformPose, epoch: str, robot_boot_epoch: str, case: tuple[str, int]
+) -> Plan:
+    """A plan as registration would make it, for a case of this id and revision."""
+    top_from_guide = HEXAPOD.top_from_guide(EXTENSION_MM)
+    here = base_from_top(HEXAPOD, start, HEXAPOD.pivot_mm) @ top_from_guide
+    there = base_from_top(HEXAPOD, target, HEXAPOD.pivot_mm) @ top_from_guide
+    correction: Transform[Guide, Guide] = here.inverse() @ there
+    a, b, c, d, e, f = (float(v) for v in leg_lengths_mm(HEXAPOD, target.as_array(), HEXAPOD.pivot_mm))
+    return Plan(
+        case_id=case[0],
+        case_revision=case[1],
+        image_sha256=NO_SHA,
+        registration_epoch=epoch,
+        robot_boot_epoch=robot_boot_epoch,
+        hexapod_sha256=HEXAPOD.sha256,
+        hole_ids=("distal",),
+        head_extension_mm=EXTENSION_MM,
+        guide_from_target_guide=matrix4(correction),
+        start_pose=_message(start),
+        target_pose=_message(target),
+        pivot_mm=vector3(HEXAPOD.pivot_mm),
+        target_leg_lengths_mm=(a, b, c, d, e, f),
+        travel_mm=float(np.linalg.norm(target.as_array()[:3] - start.as_array()[:3])),
+        travel_deg=0.0,
+        axial_shift_mm=0.0,
+        predicted=(),
+    )
+
+
+def pose_value(message: PlatformPoseMessage) -> PlatformPose:
+    """A pose from the wire."""
+    return PlatformPose(message.x_mm, message.y_mm, message.z_mm, message.u_deg, message.v_deg, message.w_deg)
+
+
+def _message(pose: PlatformPose) -> PlatformPoseMessage:
+    x, y, z, u, v, w = (float(value) for value in pose.as_array())
+    return PlatformPoseMessage(x_mm=x, y_mm=y, z_mm=z, u_deg=u, v_deg=v, w_deg=w)
+
+
+def random_target(source: random.Random, size: float) -> PlatformPose:
+    """A pose within `size` (mm and degrees) of the middle on every axis, to a micrometre as people would give it."""
+    return PlatformPose(*(round(source.uniform(-size, size), 3) for _ in range(6)))
