@@ -33,6 +33,8 @@ from shared.geometry.transform import Transform
 CHECK_EVERY = 8
 MOST_MISSED = 20
 _DISAGREEMENT = 4.0
+# Single images are held to normalised errors of 1.25 at most; a key's error stays in all frames that follow it.
+_HELD_TO = 1.25
 # With these reasons a localisation is too far off or too unsure to move a robot, and yet good enough to start from.
 _GOOD_ENOUGH_TO_START = frozenset({ReasonCode.TILT_TOO_LARGE, ReasonCode.UNCERTAINTY_TOO_LARGE})
 
@@ -164,7 +166,7 @@ def follow_frame(
     if isinstance(nail, Rejected):
         return _refused(nail.reasons, at), _missed(track)
     key = track.key
-    expected = key.covariance + covariance_in_nail(key.guide_from_nail, guide.value.covariance)
+    expected = _HELD_TO**2 * key.covariance + covariance_in_nail(key.guide_from_nail, guide.value.covariance)
     reasons = reasons_against_frame(nail.value, key.look, _surprise(nail.value, predicted, expected))
     if reasons:
         return _refused(reasons, at), _missed(track)
