@@ -1,10 +1,12 @@
 """The `distalock` command: arguments in, exit code out. The work is done by the modules beside this one."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
 from distalock.arguments import (
+    EXIT_UNREAD,
     Command,
     add_c_arm_arguments,
     add_image_arguments,
@@ -184,7 +186,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; bad usage is one line on stderr and exit code 2."""
     words = sys.argv[1:] if arguments is None else arguments
     given = parser_of(COMMANDS, words).parse_args(words)
-    return int(given.run(given))
+    try:
+        code = int(given.run(given))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever read the output has left, as `head` does; the interpreter must not find that out again when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_UNREAD
+    return code
 
 
 if __name__ == "__main__":

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 EXIT_BAD_INPUT: Final = 2
+# What a shell reports of a program that SIGPIPE ended.
+EXIT_UNREAD: Final = 141
 
 Run = Callable[[argparse.Namespace], int]
 

@@ -1,8 +1,13 @@
-"""Bad usage of the command: one line on stderr, exit code 2."""
+"""Bad usage of the command: one line on stderr, exit code 2; and output that nobody reads."""
+
+import os
+import subprocess
+import sys
 
 import pytest
 
 from distalock.__main__ import main
+from distalock.arguments import EXIT_UNREAD
 
 
 @pytest.mark.parametrize(
@@ -27,3 +32,13 @@ def test_bad_usage_is_one_line(words: list[str], expected: str, capsys: pytest.C
     assert printed.out == ""
     assert printed.err.count("\n") == 1
     assert expected in printed.err
+
+
+def test_a_reader_that_left_is_no_traceback() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    words = [sys.executable, "-m", "distalock", "robot", "calibration-poses"]
+    ended = subprocess.run(words, stdout=writing, stderr=subprocess.PIPE, check=False, text=True)
+    os.close(writing)
+    assert ended.returncode == EXIT_UNREAD
+    assert ended.stderr == ""
