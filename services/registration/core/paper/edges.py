@@ -30,12 +30,15 @@ class EdgeImage:
         Edge elements to a fraction of a pixel, shape (N, 2).
     outward
         Unit direction of each element's gradient, towards the brighter side, shape (N, 2).
+    strength
+        Size of each element's gradient, shape (N,).
     """
 
     grey: NDArray[np.float32]
     usable: NDArray[np.bool_]
     place_px: NDArray[np.float64]
     outward: NDArray[np.float64]
+    strength: NDArray[np.float64]
 
     def grey_at(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Grey values at points, shape (N, 2), linearly interpolated, shape (N,)."""
@@ -56,8 +59,7 @@ def edge_image(upright: NDArray[np.float32], calibration: CArmCalibration, balls
     usable = cv2.erode(inside, np.ones((2 * _RIM_PX + 1,) * 2, np.uint8), borderValue=0) > 0
     usable &= ~_over_balls(upright.shape, calibration, balls_px)
     grey = np.asarray(cv2.GaussianBlur(dewarped, (0, 0), _SMOOTHING_PX), dtype=np.float32)
-    place, outward = _edges(grey, usable)
-    return EdgeImage(grey, usable, place, outward)
+    return EdgeImage(grey, usable, *_edges(grey, usable))
 
 
 def _source_pixels(shape: tuple[int, ...], calibration: CArmCalibration) -> tuple[NDArray[np.float32], ...]:
@@ -92,8 +94,10 @@ def _over_balls(
     return covered > 0
 
 
-def _edges(grey: NDArray[np.float32], usable: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Canny; places and directions."""
+def _edges(
+    grey: NDArray[np.float32], usable: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Canny; places, directions and strengths."""
     dx, dy = (cv2.Sobel(grey, cv2.CV_32F, 1 - k, k) for k in range(2))
     size = np.hypot(dx, dy)
     scale = 20000.0 / max(float(size.max()), 1e-9)
@@ -106,7 +110,8 @@ def _edges(grey: NDArray[np.float32], usable: NDArray[np.bool_]) -> tuple[NDArra
     before, here, after = (_sampled(size, place + k * outward) for k in (-1.0, 0.0, 1.0))
     bend = before - 2.0 * here + after
     shift = np.where(bend < -1e-9, 0.5 * (before - after) / np.minimum(bend, -1e-9), 0.0)
-    return place + np.clip(shift, -0.7, 0.7)[:, None] * outward, outward.astype(np.float64)
+    place = place + np.clip(shift, -0.7, 0.7)[:, None] * outward
+    return place, outward.astype(np.float64), size[found].astype(np.float64)
 
 
 def _sampled(image: NDArray[np.float32], points_px: NDArray[np.float64]) -> NDArray[np.float64]:

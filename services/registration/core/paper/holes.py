@@ -2,8 +2,9 @@
 
 "The algorithm finds the two locations containing the maximal number of edge elements. It then fits an ellipse to the
 edge elements at these locations." The nail's file says how far apart the holes are: the locations are those of the
-whole pattern, for any number of holes. Only elements whose far side from the window's middle is darker are counted,
-for an opening is brighter than the metal about it; elements that the ellipse does not explain are left out in turn.
+whole pattern, for any number of holes. Elements much weaker than those of the nail's own edges are noise and do not
+count. The ellipse takes those whose far side from its middle is darker, for an opening is brighter than the metal about
+it; elements that it does not explain are left out in turn.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from services.registration.core.paper.edges import EdgeImage
 from shared.geometry.parts import NailPart
 
 _INSIDE_SHARE = 0.42
+_ON_LINE_PX, _LEAST_STRENGTH = 1.5, 0.35
 _SCALES = np.linspace(0.96, 1.06, 6)
 _FACING = 0.5
 _WINDOW_SHARE = 0.62
@@ -54,7 +56,10 @@ def find_holes(image: EdgeImage, band: Band, nail: NailPart, distal: NDArray[np.
     sign = 1.0 if float(band.along @ distal) >= 0.0 else -1.0
     offset = image.place_px @ band.across - band.middle_px
     along = image.place_px @ band.along
-    inside = (np.abs(offset) < _INSIDE_SHARE * band.width_px) & (along > band.reach_px[0]) & (along < band.reach_px[1])
+    seen = (along > band.reach_px[0]) & (along < band.reach_px[1])
+    on_lines = seen & (np.abs(np.abs(offset) - 0.5 * band.width_px) < _ON_LINE_PX)
+    strong = image.strength > _LEAST_STRENGTH * float(np.median(image.strength[on_lines]))
+    inside = seen & strong & (np.abs(offset) < _INSIDE_SHARE * band.width_px)
     place, outward = image.place_px[inside], image.outward[inside]
     if not len(place):
         return [None] * len(nail.holes)
