@@ -19,7 +19,7 @@ from benchmarks.random_scenes import root_mean_square
 from benchmarks.set_ups import SeenImage, SetUp, catalogue_scene_of_seed
 from services.registration.core.fusion_localise import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.passing import axis_offset_mm
+from services.registration.core.passing import across_basis
 from services.registration.core.wires import LARGEST_ANGLE_DEG, LARGEST_OFFSET_MM, AxisComparison, WireVerification
 from services.registration.core.wires_images import WiredImage, verify_images
 from shared.geometry.frames import Camera, Guide, Nail
@@ -140,15 +140,24 @@ def _errors(set_up: SetUp, verified: WireVerification) -> tuple[WireErrors, ...]
     truth: Transform[Guide, Nail] = world.guide_from_nail
     guide_from_bone = bone_from_guide(set_up.scenario, set_up.state).inverse()
     axes = {rod.hole_id: mapped(guide_from_bone, rod.axis) for rod in set_up.state.wires}
-    holes = {hole.id: hole for hole in holes_at(set_up.parts.nail, truth, None, _SOMEWHERE)}
-    return tuple(_wire_errors(wire, axes[wire.hole_id], holes[wire.hole_id]) for wire in verified.wires)
+    true = {hole.id: hole for hole in holes_at(set_up.parts.nail, truth, None, _SOMEWHERE)}
+    found = {hole.id: hole for hole in verified.holes}
+    return tuple(
+        _wire_errors(wire, found[wire.hole_id], _offsets_mm(axes[wire.hole_id], true[wire.hole_id]))
+        for wire in verified.wires
+    )
 
 
-def _wire_errors(wire: AxisComparison, axis_guide: Line, hole: HoleEstimate) -> WireErrors:
-    true_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
-    error_mm: NDArray[np.float64] = wire.offset.mean_mm - true_mm
-    entry_mm = float(np.linalg.norm(error_mm[:2]))
-    angle_deg = float(np.degrees(np.linalg.norm(error_mm[2:] - error_mm[:2]) / wire.offset.length_mm))
+def _offsets_mm(axis_guide: Line, hole: HoleEstimate) -> NDArray[np.float64]:
+    """From the hole's axis to another at entry and exit, in the guide's frame, shape (2, 3)."""
+    direction = hole.axis_guide.direction
+    return np.stack([axis_guide.at_plane(end, direction) - end for end in (hole.entry_guide_mm, hole.exit_guide_mm)])
+
+
+def _wire_errors(wire: AxisComparison, found: HoleEstimate, true_mm: NDArray[np.float64]) -> WireErrors:
+    error_mm = wire.offset.mean_mm.reshape(2, 2) @ across_basis(found.axis_guide.direction) - true_mm
+    entry_mm = float(np.linalg.norm(error_mm[0]))
+    angle_deg = float(np.degrees(np.linalg.norm(error_mm[1] - error_mm[0]) / wire.offset.length_mm))
     return WireErrors(entry_mm, angle_deg, entry_mm / wire.offset.entry_sd_mm, angle_deg / wire.offset.axis_sd_deg)
 
 
