@@ -24,12 +24,20 @@ from services.registration.core.tracking import (
     localised_sight,
 )
 from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
-from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase, ReceivedFrame
+from services.registration.knowledge import (
+    Knowledge,
+    LocalisedFrame,
+    OpenCase,
+    ReceivedFrame,
+    pose_at_rest,
+    same_place,
+)
 from services.registration.settings import RegistrationSettings
 from shared.bus.port import Bus
 from shared.errors import Reason, ReasonCode
 from shared.messages.base import encode
 from shared.messages.imaging import CalibrationMessage, ImageReference
+from shared.messages.robot import PlatformPoseMessage
 from shared.runtime.latest import LatestSlot
 from shared.runtime.lifecycle import Runtime
 
@@ -41,10 +49,11 @@ _REMEMBERED = 64
 
 @dataclass(slots=True, eq=False)
 class _Run:
-    """A track with the case it belongs to, and what was said of the newest frames."""
+    """A track with the case and the robot's pose that it belongs to, and what was said of the newest frames."""
 
     setup: tuple[str | None, int]
     track: Track | None
+    robot_pose: PlatformPoseMessage | None
     said: "OrderedDict[str, Sight]"
 
 
@@ -73,11 +82,11 @@ class LiveGuidance:
         self._publisher = bus.publisher(runtime.keys.guidance)
         self._frames: LatestSlot[CalibrationMessage] = LatestSlot()
         self._lock = threading.Lock()
-        self._run = _Run((None, 0), None, OrderedDict())
+        self._run = _Run((None, 0), None, None, OrderedDict())
         self._picture = PictureTurn()
         self._last_received_ns = 0
         self._last_said_ns = 0
-        self._skipped_before = 0
+        self._skipped_before = self._unseen = 0
         self._waiting: CalibrationMessage | None = None
         self._newest_at_s = self._localised_at_s = float("-inf")
 
@@ -130,7 +139,7 @@ class LiveGuidance:
             self._localised_at_s = self._clock_s()
             if track is not None or (said is not None and said.advice is not None):
                 # An image that was followed and yet cannot be localised ends the track: one of the two is wrong.
-                run.track = track
+                run.track, run.robot_pose = track, localised.record.robot_pose
             self._picture.forget_the_guide()
             overtaken = self._last_said_ns > localised.record.image.received_at_ns
         if said is not None and disagree(said, sight):
@@ -142,7 +151,7 @@ class LiveGuidance:
         """The run of a case's present set-up: another set-up begins another, without a track."""
         setup = (case.context.case_id, case.context.revision)
         if self._run.setup != setup:
-            self._run = _Run(setup, None, OrderedDict())
+            self._run = _Run(setup, None, None, OrderedDict())
         return self._run
 
     def _work(self) -> None:
@@ -161,9 +170,13 @@ class LiveGuidance:
         case = self._knowledge.wait_for_case(message.case_id or "", message.case_revision, _CASE_S)
         frame = self._knowledge.wait_for_frame(message.image.sha256, _PIXELS_S)
         if case is None or frame is None:
-            return  # the set-up has changed, or newer frames have pushed this one out: there is nothing to tell of it
+            self._unseen += 1  # the set-up has changed, or newer frames have pushed this one out
+            return
         with self._lock:
-            before = self._run_of(case).track
+            run = self._run_of(case)
+            if not _same_pose(run.robot_pose, pose_at_rest(self._knowledge.robot)):
+                run.track = None  # the guide was moved against the nail
+            before = run.track
         sight, after = self._sight(message, frame, case.parts, before)
         with self._lock:
             run = self._run_of(case)
@@ -191,11 +204,18 @@ class LiveGuidance:
         primary, secondary = header.positioner_primary_angle_deg, header.positioner_secondary_angle_deg
         angles = None if primary is None or secondary is None else CArmAngles(primary, secondary)
         with self._lock:
-            skipped = self._frames.replaced - self._skipped_before
-            self._skipped_before = self._frames.replaced
+            passed_over = self._frames.replaced + self._unseen
+            skipped, self._skipped_before = passed_over - self._skipped_before, passed_over
             self._last_said_ns = image.received_at_ns
             facts = FrameFacts(image, case.context.case_id, case.context.revision, angles, skipped, elapsed_ms)
             self._publisher.put(encode(guidance_message(sight, facts, self._picture)))
+
+
+def _same_pose(key: PlatformPoseMessage | None, now: PlatformPoseMessage | None) -> bool:
+    """Whether the robot stands where it stood for the key; where it stood is unknown while it moves."""
+    if key is None or now is None:
+        return key is now
+    return same_place(key, now)
 
 
 _NOT_YET = Reason(

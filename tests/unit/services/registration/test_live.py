@@ -21,6 +21,7 @@ from shared.messages.cases import CaseContext
 from shared.messages.guidance import Guidance
 from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader, ImageReference
 from shared.messages.registration import LocalisationRecord
+from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
 from shared.parts.files import sha256_of
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.registration.rendered_case import (
@@ -32,6 +33,7 @@ from tests.unit.services.registration.rendered_case import (
     Shown,
     rendered,
 )
+from tests.unit.services.registration.test_service import eventually
 
 PATIENCE_S = 120.0
 KEYS = Keys("or1")
@@ -45,6 +47,7 @@ class CArm:
     bus: Bus
     words: "queue.Queue[Guidance]"
     records: "queue.Queue[LocalisationRecord]"
+    knowledge: Knowledge
     sequence: int = 0
 
     def shows(self, pixels: NDArray[np.float32], calibration: CArmCalibration | None, at_s: float) -> int:
@@ -84,6 +87,24 @@ class CArm:
         self.bus.retained_publisher(KEYS.calibration).put(encode(message))
         return self.sequence
 
+    def robot_rests_at(self, x_mm: float) -> None:
+        """The robot is heard of, and stands somewhere."""
+        state = RobotState(
+            boot_epoch="robot-1",
+            sequence=1,
+            sent_at_ns=0,
+            state=MotionState.LOCKED,
+            stop=StopLatch.CLEAR,
+            locked=True,
+            referenced=True,
+            pose=PlatformPoseMessage(x_mm=x_mm, y_mm=0.0, z_mm=0.0, u_deg=0.0, v_deg=0.0, w_deg=0.0),
+            leg_lengths_mm=None,
+            pivot_mm=(0.0, 0.0, 0.0),
+            hexapod_sha256=sha256_of(HEXAPOD_JSON.encode()),
+        )
+        self.bus.retained_publisher(KEYS.robot_state).put(encode(state))
+        eventually(lambda: self.knowledge.robot == state)
+
     def next_word(self) -> Guidance:
         return self.words.get(timeout=PATIENCE_S)
 
@@ -94,7 +115,7 @@ def c_arm() -> Iterator[CArm]:
     settings = RegistrationSettings(live_check_every_s=600.0)
     knowledge = Knowledge("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
     with router.open() as bus:
-        seen = CArm(bus, queue.Queue(), queue.Queue())
+        seen = CArm(bus, queue.Queue(), queue.Queue(), knowledge)
         bus.subscribe(KEYS.guidance, lambda s: seen.words.put(decode(Guidance, s.payload)))
         bus.subscribe(KEYS.localisation, lambda s: seen.records.put(decode(LocalisationRecord, s.payload)))
         context = CaseContext(
@@ -154,4 +175,15 @@ def test_a_run_without_a_key_says_that_it_waits(c_arm: CArm) -> None:
     frame = c_arm.shows(BLANK, calibration, at_s=10.1)
     word = c_arm.next_word()
     assert (word.image.sequence, word.verdict) == (frame, "rejected")
+    assert "hold the C-arm still" in word.reasons[0].message
+
+
+def test_a_key_is_worth_nothing_once_the_robot_has_moved(c_arm: CArm) -> None:
+    pixels, calibration = rendered(Shown(), seed=1)
+    c_arm.shows(pixels, calibration, at_s=10.0)
+    assert c_arm.next_word().verdict == "accepted"
+    c_arm.robot_rests_at(x_mm=0.3)
+    c_arm.shows(pixels, calibration, at_s=10.1)
+    word = c_arm.next_word()
+    assert (word.verdict, word.origin) == ("rejected", "followed")
     assert "hold the C-arm still" in word.reasons[0].message
