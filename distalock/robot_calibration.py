@@ -20,6 +20,7 @@ from services.robot.core.guide_sightings import GuideSighting, views_of_one_c_ar
 from shared.errors import ImageUnreadable, InputError
 from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose
+from shared.geometry.hexapod_limits import limit_violations
 from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
 from shared.parts.files import PartModel, guide_from_json, parse_part, read_part_file, ring_from_json
@@ -83,7 +84,10 @@ def _read(given: argparse.Namespace) -> _Set:
     hexapod_json = read_part_file(given.hexapod)
     hexapod = hexapod_from_json(hexapod_json, str(given.hexapod))
     _nominal_head(hexapod, given.head_extension_mm)
+    if given.out is not None and not given.out.parent.is_dir():
+        raise InputError(f"{given.out}: there is no folder {given.out.parent}; make it, or name another file")
     file = parse_part(GuidePosesFile, read_part_file(given.poses), str(given.poses))
+    _require_within_reach(hexapod, file, str(given.poses))
     ring = ring_from_json(read_part_file(given.ring), str(given.ring))
     guide = guide_from_json(read_part_file(given.guide), str(given.guide))
     options = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
@@ -91,6 +95,17 @@ def _read(given: argparse.Namespace) -> _Set:
         _sighting(given.poses.parent / seen.image, seen.pose.pose(), ring, guide, options) for seen in file.images
     ]
     return _Set(hexapod_json, hexapod, guide, given.head_extension_mm, views_of_one_c_arm(sightings))
+
+
+def _require_within_reach(hexapod: HexapodPart, file: GuidePosesFile, source: str) -> None:
+    """Refuse poses in which the robot cannot have stood: mixed-up units, or another robot's."""
+    for number, seen in enumerate(file.images, 1):
+        violations = limit_violations(hexapod, seen.pose.pose(), hexapod.pivot_mm)
+        if violations:
+            raise InputError(
+                f"{source}: the robot cannot have stood in the pose of image {number} ('{seen.image}'): "
+                f"{violations[0].message}; give X Y Z in mm and U V W in degrees, as the controller says them"
+            )
 
 
 def _sighting(

@@ -85,10 +85,11 @@ def judge_calibration(
     check
         A view that the calibration does not rest on.
     """
+    # What follows from numbers that mean nothing would only mislead.
     return (
-        *_spread(views),
-        *_agreement(hexapod, calibration, check),
-        *_head(head_finding(hexapod, calibration.top_from_guide), head_extension_mm),
+        _spread(views)
+        or _agreement(hexapod, calibration, check)
+        or _head(head_finding(hexapod, calibration.top_from_guide), head_extension_mm)
     )
 
 
@@ -110,16 +111,16 @@ def _spread(views: Sequence[GuideView]) -> tuple[GuideRefusal, ...]:
 
 
 def _agreement(hexapod: HexapodPart, calibration: GuideCalibration, check: GuideView) -> tuple[GuideRefusal, ...]:
-    found = []
     if calibration.normalised_rms > LARGEST_NORMALISED_RMS:
-        found.append(
+        return (
             GuideRefusal(
                 GuideTrouble.VIEWS_DISAGREE,
                 f"the images disagree {calibration.normalised_rms:.1f} times more than their errors explain (limit "
-                f"{LARGEST_NORMALISED_RMS:g}); the C-arm, the mount or the guide moved between them: fix them, begin "
-                "again",
-            )
+                f"{LARGEST_NORMALISED_RMS:g}); see that each image has its own pose, fix C-arm, mount and guide, and "
+                "begin again",
+            ),
         )
+    found = []
     off_mm, off_deg = view_residual(hexapod, calibration, check)
     if off_mm > LARGEST_CHECK_MM or off_deg > LARGEST_CHECK_DEG:
         found.append(

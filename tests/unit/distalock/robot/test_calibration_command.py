@@ -33,6 +33,13 @@ def poses_file(folder: Path, count: int, **changes: object) -> Path:
         (4, {}, [], "images: Tuple should have at least 5 items"),
         (5, {"units": "inch"}, [], "units: Input should be 'mm'"),
         (5, {}, [], "0.png: cannot be read: No such file"),
+        (5, {}, ["--out", "nowhere/h.json"], "nowhere/h.json: there is no folder nowhere"),
+        (
+            5,
+            {"images": [{"image": f"{i}.png", "pose": ZERO | {"z_mm": 40.0}} for i in range(5)]},
+            [],
+            "the robot cannot have stood in the pose of image 1 ('0.png'): leg",
+        ),
         (5, {}, ["--head-extension-mm", "90"], "head extension is 90 mm, the head of 'distalock H70' can be set"),
     ],
 )
