@@ -95,13 +95,12 @@ def pose_on_axes(
     flat = balls_mm[:, :2] - balls_mm[:, :2].mean(axis=0)
     seen = ideal_px - ideal_px.mean(axis=0)
     seen_from_flat = np.linalg.lstsq(flat, seen, rcond=None)[0].T
-    side = np.diag([1.0, np.sign(np.linalg.det(seen_from_flat)), 1.0])
     axes_flat, axes_seen = (np.linalg.eigh(points.T @ points)[1][:, ::-1] for points in (flat, seen))
     # a principal axis has no sign: the one that the names of the balls demand
     axes_seen = axes_seen * np.sign(np.sum((seen_from_flat @ axes_flat) * axes_seen, axis=0))
-    turn = np.eye(3)
-    turn[:2, :2] = axes_seen @ (side[:2, :2] @ axes_flat).T
-    rotation = turn @ side
+    # a guide seen from behind looks reflected: then the third axis points the other way
+    rotation = np.eye(3)
+    rotation[:2, :2] = axes_seen @ axes_flat.T
     rotation[2, 2] = np.linalg.det(rotation[:2, :2])
     middle = camera.rays(ideal_px.mean(axis=0)[None])[0]
     return RigidPose(rotation, middle * (depth_mm / middle[2]) - rotation @ balls_mm.mean(axis=0))

@@ -58,6 +58,8 @@ def find_holes(image: EdgeImage, band: Band, nail: NailPart, distal: NDArray[np.
     along = image.place_px @ band.along
     seen = (along > band.reach_px[0]) & (along < band.reach_px[1])
     on_lines = seen & (np.abs(np.abs(offset) - 0.5 * band.width_px) < _ON_LINE_PX)
+    if not on_lines.any():
+        return [None] * len(nail.holes)
     strong = image.strength > _LEAST_STRENGTH * float(np.median(image.strength[on_lines]))
     inside = seen & strong & (np.abs(offset) < _INSIDE_SHARE * band.width_px)
     place, outward = image.place_px[inside], image.outward[inside]

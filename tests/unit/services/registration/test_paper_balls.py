@@ -28,9 +28,9 @@ def test_balls_are_found_where_they_are() -> None:
     assert (found.ring_index == -1).all()
 
 
-def test_half_covered_balls_are_fitted_by_what_is_seen_of_them() -> None:
+def test_overlapped_balls_are_fitted_by_what_is_seen_of_them() -> None:
     view, balls = calibration(SIZE_PX), grid_of_balls()
-    neighbour = balls[12] + np.array([2.0, 0.6, 0.0, 0.0])
+    neighbour = balls[12] + np.array([1.65, 0.3, 0.0, 0.0])
     found = find_balls(render(Scene(SIZE_PX, balls=np.vstack([balls, neighbour])), view, seed=4), EVERYWHERE, RADII_PX)
     true_px = view.image_from_camera(np.vstack([balls[12, :3], neighbour[:3]]))
     off = np.linalg.norm(true_px[:, None] - found.centre_px[None], axis=-1).min(axis=1)
