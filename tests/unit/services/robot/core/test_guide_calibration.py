@@ -67,12 +67,12 @@ def test_without_noise_the_head_is_found_exactly() -> None:
 
 
 def test_with_noise_the_covariance_is_honest() -> None:
-    heads = {seed: made_head(HEXAPOD, seed) for seed in range(640, 664)}
+    heads = {seed: made_head(HEXAPOD, seed) for seed in range(640, 652)}
     results = [result_of(HEXAPOD, h, numerical_views(HEXAPOD, h, POSES, s), s) for s, h in heads.items()]
     for result in results:
         print(result)
     normalised = float(np.mean([r.normalised for r in results]))
-    assert 0.7 < normalised < 1.4
+    assert 0.6 < normalised < 1.5
     assert np.median([r.error_mm for r in results]) < 0.1
     assert np.median([r.error_deg for r in results]) < 0.1
 
