@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from services.registration.core.guide import GuideFit, Named, guide_identities, measured_guide
 from services.registration.core.guide_search import GuideIdentity
 from services.registration.core.localise import Parts
+from services.registration.core.wires_view import in_border
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import unit
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
-from shared.xray.aperture import find_usable_area
 
 LEAST_BALLS = 7
 LEAST_BAND, LEAST_BAND_MARGIN = 0.55, 0.2
@@ -61,7 +61,7 @@ def _band(
     x = np.arange(min(along) - _PROXIMAL_OF_HOLES_MM, nail.tip_x_mm - nail.radius_mm, _STEP_MM)
     ray_nail = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
     aside = unit(np.cross([1.0, 0.0, 0.0], ray_nail))
-    usable = find_usable_area(pixels).mask
+    usable = in_border(calibration)
     dark, light = np.percentile(pixels[usable], [2.0, 90.0]) if usable.any() else (0.0, 0.0)
     on_axis = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1)
     hits, seen = 0, 0

@@ -1,0 +1,154 @@
+"""Guide and nail from images with wires: the nail's outline ties them together, and names a guide half out of view."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from services.registration.core.fusion import fuse
+from services.registration.core.fusion_localise import LocalisedImage
+from services.registration.core.guide import locate_guide
+from services.registration.core.pose_evidence import PoseEvidence, motion_of_nail
+from services.registration.core.wires_companion import locate_guide_beside
+from services.registration.core.wires_images import WiredImage, seen_set_up
+from services.registration.core.wires_nail_outline import edge_view, match_outline, nail_outline, with_outline
+from services.registration.core.wires_set_up import SetUp, set_up_of
+from services.registration.core.wires_view import WireView
+from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.transform import Transform
+from shared.xray.detection import detect_balls
+from tests.unit.services.registration.rendered_case import CAMERA_FROM_GUIDE, CAMERA_FROM_NAIL
+from tests.unit.services.registration.rendered_case import SIZE_PX as CASE_SIZE_PX
+from tests.unit.services.registration.rendered_case import rendered_parts as parts_of_the_case
+from tests.unit.services.registration.test_fusion import PARTS as FUSION_PARTS
+from tests.unit.services.registration.test_fusion import localised
+from tests.unit.services.registration.test_wires import (
+    ALONG_THE_GUIDE,
+    GUIDE_COVARIANCE,
+    GUIDE_FROM_NAIL,
+    oblique,
+    view_of,
+)
+from tests.unit.services.registration.xray_scene import Scene, calibration, guide_part, nail_part, render
+
+OBLIQUE = oblique(38.0)
+NAIL_COVARIANCE = np.diag([np.radians(0.2) ** 2, np.radians(0.2) ** 2, np.radians(0.02) ** 2, 0.03**2, 0.03**2, 0.5**2])
+
+
+def blank_view() -> WireView:
+    view = calibration(CASE_SIZE_PX)
+    return WireView(np.zeros((8, 8), np.float32), view, OBLIQUE, GUIDE_COVARIANCE)
+
+
+def believed(view: WireView, error_mm: tuple[float, float, float]) -> WireView:
+    """The view with its guide elsewhere than it is."""
+    step: Transform[Guide, Guide] = Transform.from_rotvec(np.zeros(3), error_mm)
+    return replace(view, camera_from_guide=view.camera_from_guide @ step)
+
+
+def alone(view: WireView) -> SetUp:
+    return SetUp((view,), GUIDE_FROM_NAIL, block_diag(view.guide_covariance * 9.0, NAIL_COVARIANCE))
+
+
+def at_the_nail(set_up: SetUp, true_pose: Transform[Camera, Guide]) -> tuple[float, float]:
+    """How far the nail is off in the image's plane, across its axis (mm), and what is predicted of that."""
+    true = true_pose @ GUIDE_FROM_NAIL
+    across = np.cross(true.directions(np.array([1.0, 0.0, 0.0])), [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    believed_nail = set_up.camera_from_nail(0)
+    J = across @ believed_nail.rotation @ np.hstack([np.zeros((3, 3)), np.eye(3)])
+    chained = np.hstack([motion_of_nail(set_up.guide_from_nail), np.eye(6)])
+    sd_mm = float(np.sqrt(J @ chained @ set_up.covariance @ chained.T @ J))
+    return abs(float(across @ (believed_nail.translation_mm - true.translation_mm))), sd_mm
+
+
+def test_the_outline_is_where_the_image_has_the_nails_edges() -> None:
+    view = view_of(OBLIQUE, ALONG_THE_GUIDE, seed=51)
+    outline = nail_outline(view, nail_part(), OBLIQUE @ GUIDE_FROM_NAIL)
+    match = match_outline(edge_view(view, guide_part()), outline, 4.0)
+    assert match.share > 0.85
+    for side in (0, 1):
+        assert abs(float(np.median(match.shift_px[outline.side[match.index] == side]))) < 0.5
+
+
+def test_the_outline_corrects_a_guide_that_is_believed_elsewhere() -> None:
+    view = believed(view_of(OBLIQUE, ALONG_THE_GUIDE, seed=52), (0.0, 0.35, 0.0))
+    before_mm, before_sd_mm = at_the_nail(alone(view), OBLIQUE)
+    after_mm, after_sd_mm = at_the_nail(with_outline(alone(view), 0, guide_part(), nail_part()), OBLIQUE)
+    print(f"off by {before_mm:.3f} ({before_sd_mm:.3f}) mm before, {after_mm:.3f} ({after_sd_mm:.3f}) mm after")
+    assert before_mm > 0.2
+    assert after_mm < 0.06
+    assert after_sd_mm < 0.06 < before_sd_mm
+
+
+def test_what_an_image_said_of_the_nail_has_its_guides_error_in_it() -> None:
+    guide_covariance = GUIDE_COVARIANCE
+    by_guide = motion_of_nail(GUIDE_FROM_NAIL)
+    evidence = PoseEvidence(
+        GUIDE_FROM_NAIL, np.array([0.0, 0.0, 1.0]), by_guide @ guide_covariance @ by_guide.T, np.zeros((6, 6))
+    )
+    view = blank_view()
+    set_up = set_up_of((view,), fuse((evidence,)), (0,))
+    chained = np.hstack([by_guide, np.eye(6)])
+    # all of the nail's error is the guide's: together they leave none in the image
+    assert np.abs(chained @ set_up.covariance @ chained.T).max() < 1e-12
+    apart = set_up_of((view,), fuse((evidence,)), (None,))
+    assert np.abs(chained @ apart.covariance @ chained.T).max() > 1e-3
+
+
+def test_a_covariance_of_the_wrong_size_is_refused() -> None:
+    view = blank_view()
+    with pytest.raises(ValueError, match="expected a covariance of shape"):
+        SetUp((view,), GUIDE_FROM_NAIL, np.eye(6))
+
+
+TRUE_GUIDE_FROM_NAIL: Transform[Guide, Nail] = CAMERA_FROM_GUIDE.inverse() @ CAMERA_FROM_NAIL
+
+
+def with_few_balls(count: int) -> tuple[NDArray[np.float32], CArmCalibration]:
+    """The nail, and the first few of the guide's balls: the others are out of view."""
+    parts, view = parts_of_the_case(), calibration(CASE_SIZE_PX)
+    pattern = parts.guide.balls
+    balls = np.column_stack([CAMERA_FROM_GUIDE.points(pattern.position_mm), pattern.diameter_mm])[:count]
+    pixels = render(Scene(CASE_SIZE_PX, parts.nail, CAMERA_FROM_NAIL, balls=balls), view, 61)
+    return pixels, replace(view, balls=detect_balls(pixels, np.ones(pixels.shape, dtype=bool), (3.5, 9.0)))
+
+
+def test_a_guide_that_shows_few_balls_is_named_by_where_it_puts_the_nail() -> None:
+    pixels, view = with_few_balls(10)
+    parts = parts_of_the_case()
+    assert isinstance(locate_guide(pixels, view, parts.ring, parts.guide), Rejected)
+    found = locate_guide_beside(pixels, view, parts, TRUE_GUIDE_FROM_NAIL)
+    assert isinstance(found, Accepted), found
+    assert 7 <= found.value.balls_found <= 10
+    between = found.value.camera_from_guide.inverse() @ CAMERA_FROM_GUIDE
+    assert float(np.linalg.norm(between.translation_mm[:2])) < 0.1
+
+
+def test_a_nail_said_to_be_elsewhere_names_no_guide() -> None:
+    pixels, view = with_few_balls(10)
+    away: Transform[Guide, Guide] = Transform.from_rotvec(np.radians([0.0, 0.0, 60.0]), np.zeros(3))
+    found = locate_guide_beside(pixels, view, parts_of_the_case(), away @ TRUE_GUIDE_FROM_NAIL)
+    assert isinstance(found, Rejected)
+    assert [reason.code for reason in found.reasons] == [ReasonCode.GUIDE_NOT_FOUND]
+    assert "% of the nail on metal (limit 55 %)" in found.reasons[0].message
+
+
+def test_images_that_show_no_axes_make_no_set_up() -> None:
+    blank = np.ones((8, 8), np.float32)
+    lost = (Reason(ReasonCode.RING_NOT_FOUND, "no ring; show it"),)
+    seen = seen_set_up((WiredImage(blank, LocalisedImage("a", None, None, lost)),), (), parts_of_the_case())
+    assert seen.set_up is None
+    assert seen.reasons == lost
+
+
+def test_an_earlier_image_that_contradicts_is_told() -> None:
+    blank = np.ones((8, 8), np.float32)
+    seen = seen_set_up((WiredImage(blank, localised("wired", 2.0)),), (localised("before"),), FUSION_PARTS)
+    assert seen.set_up is None
+    assert [reason.code for reason in seen.reasons] == [ReasonCode.IMAGES_DISAGREE]
+    assert "images before and wired" in seen.reasons[0].message
