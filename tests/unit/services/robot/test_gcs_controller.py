@@ -1,14 +1,11 @@
-"""The GCS driver against a small controller at the other end of the port."""
+"""The GCS driver against a small controller at the other end of the port: commands, locking, stops."""
 
 import threading
-from collections.abc import Iterator
 
 import pytest
 
 from services.robot.devices.controller import ControllerSilent, StopInForce
-from services.robot.devices.gcs_codec import ReplyGarbled
 from services.robot.devices.gcs_controller import STOP_AND_LOCK, Encoders, GcsController
-from services.robot.devices.gcs_line import open_port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod
@@ -17,25 +14,6 @@ from tests.unit.services.robot.fake_gcs import FakeGcs
 HEXAPOD = default_hexapod()
 TARGET = PlatformPose(1.0, -2.0, 0.5, 1.0, -1.0, 0.25)
 SHORT_S = 0.05
-
-
-@pytest.fixture
-def gcs() -> FakeGcs:
-    return FakeGcs()
-
-
-@pytest.fixture
-def controller(gcs: FakeGcs) -> Iterator[GcsController]:
-    gcs.referenced = dict.fromkeys(gcs.referenced, 1)
-    connected = GcsController(gcs, HEXAPOD)
-    yield connected
-    connected.close()
-
-
-@pytest.fixture
-def released(controller: GcsController) -> GcsController:
-    controller.release_stop()
-    return controller
 
 
 def test_connecting_stops_and_locks_before_anything_is_asked(gcs: FakeGcs) -> None:
@@ -230,94 +208,3 @@ def test_the_controllers_own_stop_button_holds_a_move_back(gcs: FakeGcs, release
     with pytest.raises(StopInForce, match="the controller's stop button is pressed"):
         released.move(TARGET, 1.0)
     assert gcs.locked
-
-
-def test_silence_is_told_with_the_question_and_the_limit(gcs: FakeGcs, controller: GcsController) -> None:
-    gcs.mute = True
-    with pytest.raises(ControllerSilent, match=r"silent: no answer to 'BRA\? X Y Z U V W' within 0\.25 s"):
-        controller.read()
-
-
-def test_a_late_answer_is_not_taken_for_the_next_one(gcs: FakeGcs) -> None:
-    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
-    gcs.mute = True
-    with pytest.raises(ControllerSilent):
-        controller.read()
-    gcs.mute = False
-    gcs.say(b"X=0 \nY=0 \nZ=0 \nU=0 \nV=0 \nW=0\n")  # the answer to BRA?, late: as if all brakes were off
-    assert controller.read().locked
-    controller.close()
-
-
-def test_one_garbled_answer_is_asked_for_again(gcs: FakeGcs, controller: GcsController) -> None:
-    spoiled = iter([True])
-    gcs.spoil = lambda q, a: a.replace(b"Z=", b"") if q == b"POS?" and next(spoiled, False) else a
-    gcs.position["Y"] = 2.5
-    assert controller.read().pose.y_mm == 2.5
-
-
-def test_an_answer_without_its_end_does_not_spoil_the_next(gcs: FakeGcs) -> None:
-    controller = GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
-    gcs.spoil = lambda q, a: a[:-7] if q == b"POS?" else a
-    with pytest.raises(ControllerSilent, match=r"no answer to 'POS\?"):
-        controller.read()
-    gcs.spoil = lambda _, a: a
-    assert controller.read().locked
-    controller.close()
-
-
-def test_lasting_garbage_is_told(gcs: FakeGcs, controller: GcsController) -> None:
-    gcs.spoil = lambda q, a: b"\xff" + a if q == b"POS?" else a
-    with pytest.raises(ReplyGarbled, match="which is not an answer to it; check the cable"):
-        controller.read()
-
-
-def test_a_garbled_error_code_is_never_asked_for_again(gcs: FakeGcs, controller: GcsController) -> None:
-    gcs.error = 7
-    gcs.spoil = lambda q, a: b"x" + a if q == b"ERR?" else a
-    with pytest.raises(ReplyGarbled):
-        controller.read()
-
-
-def test_a_broken_line_is_told_and_a_stop_on_it_does_not_raise(gcs: FakeGcs, controller: GcsController) -> None:
-    gcs.broken = OSError("cable pulled")
-    with pytest.raises(ControllerSilent, match="the line"):
-        controller.read()
-    controller.stop_now()
-
-
-@pytest.mark.parametrize(
-    ("attribute", "value", "sentence"),
-    [
-        ("axes", ("X", "Y", "Z"), "the controller has the axes X Y Z, a hexapod has X Y Z U V W"),
-        ("syntax", "1.0", r"speaks GCS 1, this driver speaks GCS 2\.0"),
-        ("identity", "\x07", "which is not an answer"),
-        ("mute", True, "silent"),
-        ("brakes_hold", False, "does not lock"),
-    ],
-)
-def test_what_is_no_hexapod_controller_is_refused(gcs: FakeGcs, attribute: str, value: object, sentence: str) -> None:
-    gcs.brake = dict.fromkeys(gcs.brake, 0)
-    setattr(gcs, attribute, value)
-    with pytest.raises(DeviceError, match=sentence):
-        GcsController(gcs, HEXAPOD, reply_timeout_s=SHORT_S)
-    assert gcs.closed
-
-
-def test_a_port_that_cannot_be_opened_is_told() -> None:
-    with pytest.raises(DeviceError, match=r"the hexapod controller at 'socket://127\.0\.0\.1:1' cannot be reached"):
-        open_port("socket://127.0.0.1:1", 115200)
-    with pytest.raises(DeviceError, match="cannot be reached"):
-        open_port("/dev/no-such-device", 115200)
-
-
-def test_a_digit_that_the_line_changed_is_not_believed(gcs: FakeGcs, controller: GcsController) -> None:
-    answers = iter(range(100))
-
-    def change_a_digit(question: bytes, answer: bytes) -> bytes:
-        return answer.replace(b"X=0", b"X=7") if question == b"POS?" and next(answers) == 0 else answer
-
-    gcs.spoil = change_a_digit
-    with pytest.raises(ReplyGarbled, match=r"said twice where the robot rests, 7.000 mm and 0.000° apart"):
-        controller.read()
-    assert controller.read().pose.x_mm == 0.0

@@ -1,0 +1,190 @@
+"""The drive, one round of work at a time: faults, silence, and leaving."""
+
+from dataclasses import replace
+
+import pytest
+
+from services.robot.core.motion import MotionState
+from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.status import DriveStatus
+from shared.geometry.hexapod import PlatformPose
+from tests.unit.services.robot.drive_bench import Bench
+
+
+def test_lost_supervision_stops_a_move_and_nothing_else(bench: Bench) -> None:
+    bench.make_ready()
+    bench.drive.supervision_lost("the gateway was silent")
+    assert bench.has(MotionState.LOCKED)
+    assert not bench.controller.stopped
+    assert bench.begin_move() is None
+    bench.work(1)
+    bench.drive.supervision_lost("the gateway was silent")
+    assert bench.has(MotionState.STOPPED)
+    assert bench.controller.reading.locked
+    assert bench.drive.status.detail == "the gateway was silent"
+
+
+def test_silence_during_a_move_stops_and_is_a_fault(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.failures = ["the hexapod controller is silent"]
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+    assert bench.controller.stopped
+    assert bench.controller.reading.locked
+
+
+def test_in_fault_the_robot_is_locked_again_until_it_is(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.brakes_hold = False
+    bench.controller.failures = ["the hexapod controller is silent"]
+    bench.work(3)
+    assert bench.has(MotionState.FAULT)
+    bench.controller.brakes_hold = True
+    bench.work(2)
+    assert bench.controller.reading.locked
+
+
+def test_a_fault_is_left_by_connecting_anew_and_acknowledging(bench: Bench) -> None:
+    bench.make_ready()
+    bench.controller.failures = ["the hexapod controller is silent"]
+    bench.work()
+    assert bench.begin_move() is not None
+    refusal = bench.drive.acknowledge_stop()
+    assert refusal is not None
+    assert refusal.code is RefusalCode.IN_FAULT
+    bench.now_s += 5.0
+    assert bench.drive.reset() is None
+    bench.work()
+    assert bench.controller.closed
+    assert bench.has(MotionState.STOPPED)
+    assert bench.drive.status.connected_s == bench.now_s
+
+
+def test_a_brake_that_lets_go_at_rest_is_a_fault_and_is_locked_again(bench: Bench) -> None:
+    bench.make_ready()
+    bench.controller.reading = replace(bench.controller.reading, locked=False)
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+    assert "the guide is not held" in bench.drive.status.detail
+    bench.work(1)
+    assert bench.controller.reading.locked
+
+
+def test_a_robot_that_cannot_be_locked_is_a_fault(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.brakes_hold = False
+    bench.drive.stop("test")
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+    assert "does not lock" in bench.drive.status.detail
+
+
+def test_a_stop_by_the_controllers_own_button_is_noticed(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.stop_now()
+    bench.work(1)
+    assert bench.has(MotionState.STOPPED)
+    assert "not by this service: the controller was stopped by a command" in bench.drive.status.detail
+
+
+def test_reference_that_moves_an_absolute_robot_is_a_fault(bench: Bench) -> None:
+    bench.work()
+    bench.drive.acknowledge_stop()
+    bench.work()
+    assert bench.drive.begin_reference("r1") is None
+    bench.controller.reading = replace(bench.controller.reading, pose=PlatformPose(1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+    assert "reference moved the robot by 1.000 mm" in bench.drive.status.detail
+
+
+def test_a_move_that_takes_too_long_is_a_fault(bench: Bench) -> None:
+    bench.start_move()
+    bench.now_s += 4.6
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+    assert "has taken 4.6 s (limit 4.5 s)" in bench.drive.status.detail
+
+
+def test_the_guard_sees_the_present_and_may_refuse(bench: Bench) -> None:
+    bench.make_ready()
+    seen: list[DriveStatus] = []
+
+    def guard(status: DriveStatus) -> Refusal:
+        seen.append(status)
+        return Refusal(RefusalCode.PLAN_STALE, "stale")
+
+    outcome = bench.drive.begin_move("m1", guard)
+    assert outcome is not None
+    assert outcome.code is RefusalCode.PLAN_STALE
+    assert seen[0].fresh_reading(bench.now_s) is not None
+    bench.work()
+    assert bench.controller.motions == []
+
+
+def test_a_reading_older_than_half_a_second_does_not_count(bench: Bench) -> None:
+    bench.work()
+    bench.now_s += 0.6
+    refusal = bench.drive.acknowledge_stop()
+    assert refusal is not None
+    assert refusal.code is RefusalCode.POSE_UNKNOWN
+
+
+def test_leaving_stops_locks_and_disconnects(bench: Bench) -> None:
+    bench.start_move()
+    bench.drive.leave()
+    assert bench.controller.reading.locked
+    while bench.drive.step():
+        pass
+    assert bench.controller.closed
+    assert bench.has(MotionState.DISCONNECTED)
+    assert bench.outcome == "stopped"
+
+
+def test_leaving_while_connecting_leaves_the_controller_locked_and_closed(bench: Bench) -> None:
+    bench.drive.leave()
+    bench.drive.step()
+    assert bench.has(MotionState.DISCONNECTED)
+
+
+def test_a_fault_of_the_program_stops_the_robot_and_is_told() -> None:
+    bench = Bench()
+    bench.start_move()
+
+    def crash() -> None:
+        raise ZeroDivisionError("a bug")
+
+    bench.controller.read = crash  # type: ignore[assignment,method-assign]
+    with pytest.raises(ZeroDivisionError):
+        bench.drive.work()
+    assert bench.has(MotionState.FAULT)
+    assert bench.controller.reading.locked
+    assert bench.crashes == ["ZeroDivisionError: a bug"]
+
+
+def test_a_controller_that_is_slow_at_rest_is_asked_again(bench: Bench) -> None:
+    bench.make_ready()
+    bench.controller.silent = True
+    bench.now_s += 0.9
+    bench.work(1)
+    assert bench.has(MotionState.LOCKED)
+    assert bench.drive.status.reading is None, "what is not known must not be told"
+    bench.controller.silent = False
+    bench.work(1)
+    assert bench.drive.status.reading is not None
+
+
+def test_a_controller_that_stays_silent_at_rest_is_a_fault(bench: Bench) -> None:
+    bench.make_ready()
+    bench.controller.silent = True
+    bench.now_s += 1.1
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+
+
+def test_a_controller_that_is_silent_in_a_move_is_a_fault_at_once(bench: Bench) -> None:
+    bench.start_move()
+    bench.controller.silent = True
+    bench.work(1)
+    assert bench.has(MotionState.FAULT)
+    assert bench.controller.stopped

@@ -1,0 +1,156 @@
+"""The robot service on an in-memory bus: stops, silence of others, and faults."""
+
+import time
+from dataclasses import replace
+
+import pytest
+
+from shared.geometry.hexapod import PlatformPose
+from shared.messages.base import encode
+from shared.messages.robot import (
+    MotionState,
+    PlainCommand,
+    StopButton,
+    StopCommand,
+    StopLatch,
+)
+from tests.unit.services.robot.room import KEYS, Room, wait_for
+
+
+def test_a_stop_during_a_move_locks_within_a_fifth_of_a_second(room: Room) -> None:
+    room.begin_move()
+    asked_s = time.monotonic()
+    reply = room.ask("stop", encode(StopCommand(client="console", reason="pressed")))
+    locked_s = time.monotonic() - asked_s
+    assert room.controller.reading.locked
+    assert locked_s < 0.2
+    assert (reply.verdict, reply.state) == ("accepted", MotionState.STOPPED)
+    state = room.wait(lambda s: s.state is MotionState.STOPPED and s.locked and s.pose is not None)
+    assert state.outcome == "stopped"
+    assert state.detail == "'console' asked for a stop: pressed"
+
+
+def test_a_stop_that_cannot_be_read_stops_all_the_same(room: Room) -> None:
+    room.begin_move()
+    assert room.ask("stop", b"\xff\x00").verdict == "accepted"
+    assert room.controller.reading.locked
+
+
+def test_a_stop_waits_for_no_other_command(room: Room) -> None:
+    room.begin_move()
+    # As if another command were being decided on and never ended.
+    with room.service._lock:
+        reply = room.ask("stop", encode(StopCommand(client="console")))
+    assert reply.verdict == "accepted"
+    assert room.controller.reading.locked
+
+
+def test_a_gateway_that_falls_silent_stops_the_move(room: Room) -> None:
+    room.begin_move()
+    room.clock_offset_s += 1.1
+    state = room.wait(lambda s: s.state is MotionState.STOPPED)
+    assert "the gateway was silent for" in state.detail
+    assert room.controller.reading.locked
+
+
+def test_a_gateway_that_restarts_stops_the_move(room: Room) -> None:
+    room.begin_move()
+    room.heartbeat("gateway2")
+    assert "restarted" in room.wait(lambda s: s.state is MotionState.STOPPED).detail
+
+
+def test_a_gateway_whose_token_vanishes_stops_the_move(room: Room) -> None:
+    token = room.bus.declare_alive(KEYS.alive("ui_api"))
+    room.begin_move()
+    token.close()
+    assert "token vanished" in room.wait(lambda s: s.state is MotionState.STOPPED).detail
+
+
+def test_repeated_heartbeats_are_no_sign_of_life(room: Room) -> None:
+    room.begin_move()
+    for _ in range(100):
+        room.heartbeats -= 1
+        room.heartbeat()
+        time.sleep(0.01)  # as a bus would repeat one, while the robot's clock runs six times as fast
+        room.clock_offset_s += 0.05
+        if room.state.state is MotionState.STOPPED:
+            break
+    else:
+        pytest.fail("the same heartbeat over and over kept the robot moving for six seconds")
+    assert "silent" in room.state.detail
+
+
+def test_a_lost_router_stops_the_move(room: Room) -> None:
+    room.begin_move()
+    room.router.cut()
+    wait_for(lambda: room.controller.stopped)
+    assert room.controller.reading.locked
+    room.router.restore()
+    state = room.wait(lambda s: s.state is MotionState.STOPPED)
+    assert "link to the router was lost" in state.detail or "token vanished" in state.detail
+
+
+def test_a_silent_controller_is_a_fault_that_a_person_resets(room: Room) -> None:
+    room.make_ready()
+    room.controller.failures = ["the hexapod controller is silent"]
+    state = room.wait(lambda s: s.state is MotionState.FAULT)
+    assert "silent" in state.detail
+    reply = room.ask("reset", encode(PlainCommand(verb="reset", envelope=room.envelope())))
+    assert reply.verdict == "accepted"
+    room.wait(lambda s: s.state is MotionState.STOPPED)
+
+
+def test_a_plan_from_before_a_reconnection_is_refused(room: Room) -> None:
+    plan_json = room.ready_with_plan()
+    room.begin_epoch("reg.2")
+    assert room.until_known(plan_json).code == "plan_stale", "the robot has heard of it, and did not begin it"
+    room.controller.failures = ["the hexapod controller is silent"]
+    room.wait(lambda s: s.state is MotionState.FAULT)
+    room.ask("reset", encode(PlainCommand(verb="reset", envelope=room.envelope())))
+    room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
+    room.acknowledge()
+    room.wait(lambda s: s.state is MotionState.LOCKED and s.locked)
+    room.begin_epoch("reg.1")
+    assert room.until_known(plan_json).code == "plan_before_reconnection"
+    assert room.until_known(room.publish_plan(shift_mm=2.0)).verdict == "accepted"
+
+
+def test_leaving_during_a_move_locks() -> None:
+    room = Room()
+    with room.service:
+        room.begin_move()
+    assert room.controller.reading.locked
+    assert room.controller.closed
+    assert room.wait(lambda s: s.state is MotionState.DISCONNECTED).stop is StopLatch.LATCHED
+
+
+def test_it_does_not_move_what_it_found_elsewhere(room: Room) -> None:
+    plan_json = room.ready_with_plan()
+    room.ask("stop", encode(StopCommand(client="gateway")))
+    room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
+    elsewhere = PlatformPose(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
+    room.controller.reading = replace(room.controller.reading, pose=elsewhere)
+    room.wait(lambda s: s.pose is not None and s.pose.x_mm == 0.1)
+    assert room.acknowledge().verdict == "accepted"
+    room.wait(lambda s: s.state is MotionState.LOCKED and s.locked)
+    assert room.until_known(plan_json).code == "start_pose_differs"
+
+
+def test_a_locked_robot_that_shifts_is_a_fault(room: Room) -> None:
+    room.ready_with_plan()
+    room.controller.reading = replace(room.controller.reading, pose=PlatformPose(0.0, 0.0, -0.3, 0.0, 0.0, 0.0))
+    state = room.wait(lambda s: s.state is MotionState.FAULT)
+    assert "the locked robot has moved by 0.300 mm" in state.detail
+
+
+def test_a_stop_button_goes_through_its_states(room: Room) -> None:
+    room.make_ready()
+    room.wait(lambda s: s.stop_button is StopButton.CLEAR)
+    room.controller.button_code = 500
+    state = room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
+    assert (state.stop_button, state.stop) == (StopButton.PRESSED, StopLatch.LATCHED)
+    assert room.acknowledge().code == "stop_button_pressed"
+    room.controller.button_code = 0
+    room.wait(lambda s: s.stop_button is StopButton.RELEASED and s.locked)
+    assert room.acknowledge().verdict == "accepted"
+    room.wait(lambda s: s.stop_button is StopButton.CLEAR and s.state is MotionState.LOCKED)
