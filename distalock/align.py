@@ -29,6 +29,7 @@ from shared.messages.guidance import Guidance
 from shared.messages.imaging import ImageReference
 
 _VIDEOS = frozenset({".avi", ".mkv", ".mov", ".mp4", ".webm"})
+_MOST_MISSED = 3
 _IMAGES = frozenset({"", ".dcm", ".png", ".tif", ".tiff"})
 
 
@@ -98,7 +99,7 @@ def _video_frames(file: Path) -> Iterator[Frame]:
 class Guide:
     """Says of one frame after another how to turn the C-arm.
 
-    A frame is localised in full when none before it could be; the others are followed.
+    A frame is localised in full when none before it could be, or when those just before it could not be followed.
     """
 
     def __init__(self, parts: Parts, nominal: NominalOptions) -> None:
@@ -132,11 +133,11 @@ class Guide:
         return guidance_message(sight, facts, self._picture)
 
     def _sight(self, pixels: NDArray[np.float32], calibration: CArmCalibration) -> Sight:
-        if self._track is not None:
+        if self._track is not None and self._track.missed < _MOST_MISSED:
             sight, self._track = follow_frame(pixels, calibration, self._parts, self._track)
             return sight
         found = localise(pixels, calibration, self._parts, Method.MODEL, lambda _: None)
-        self._track = begin_track(pixels, calibration, self._parts, found)
+        self._track = begin_track(pixels, calibration, self._parts, found) or self._track
         return localised_sight(found, self._parts)
 
 
