@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from datetime import UTC, datetime
 
 from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.dicom_receiver import DicomSource, Endpoint
@@ -12,6 +13,7 @@ from services.imaging.devices.position_store import PositionStore
 from services.imaging.devices.source import ImageSource
 from services.imaging.devices.video_source import Region, VideoSettings, VideoSource
 from services.imaging.service import Defaults, ImagingService
+from services.imaging.service.quality_desk import QualityDesk
 from services.imaging.settings import ImagingSettings
 from shared.bus.port import Bus
 from shared.runtime.lifecycle import Runtime, service_main
@@ -24,7 +26,8 @@ def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[N
     store = ImageStore(settings.state_dir / "images")
     defaults = Defaults(settings.default_source_to_detector_mm, settings.default_pixel_mm)
     memory = CArmMemory(PositionStore(settings.state_dir / "c-arm-positions"))
-    service = ImagingService(bus, runtime, store, memory, defaults)
+    quality = QualityDesk(store, settings.state_dir / "qa", lambda: datetime.now(UTC))
+    service = ImagingService(bus, runtime, store, memory, quality, defaults)
     with service.running(), ExitStack() as stack:
         places = [stack.enter_context(s.receiving(service.take)) for s in sources(settings, runtime.log)]
         for place in places:

@@ -17,6 +17,7 @@ from services.ui_api.routes import (
     motions,
     parts,
     plans,
+    qa_reports,
     robot,
     verifications,
 )
@@ -58,7 +59,19 @@ def routed_app() -> FastAPI:
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
     api = APIRouter(prefix=PREFIX)
-    for resource in (cases, images, localisations, plans, motions, verifications, robot, events, live, parts):
+    for resource in (
+        cases,
+        images,
+        localisations,
+        plans,
+        motions,
+        verifications,
+        qa_reports,
+        robot,
+        events,
+        live,
+        parts,
+    ):
         api.include_router(resource.router)
     app.include_router(api)
     app.include_router(health.router)

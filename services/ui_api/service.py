@@ -16,6 +16,7 @@ from services.ui_api.desks.inbox import Inbox
 from services.ui_api.desks.leases import Leases
 from services.ui_api.desks.live import LiveDesk
 from services.ui_api.desks.planning import PlanningDesk
+from services.ui_api.desks.quality import QualityDesk
 from services.ui_api.desks.robot_view import RobotView
 from services.ui_api.desks.stop import StopDesk, record_stop
 from services.ui_api.desks.verification import VerificationDesk
@@ -40,6 +41,7 @@ class Gateway:
     cases: CaseDesk
     planning: PlanningDesk
     verifications: VerificationDesk
+    quality: QualityDesk
     images: ImageDesk
     inbox: Inbox
     feed: Feed
@@ -97,6 +99,7 @@ def _assemble(
         cases=CaseDesk(record, context.announce),
         planning=PlanningDesk(bus, keys, record, view, commands),
         verifications=VerificationDesk(bus, keys, record),
+        quality=QualityDesk(bus, keys, record),
         images=ImageDesk(bus, keys, record, settings.images()),
         inbox=Inbox(bus, keys, record, view, commands, runtime.log),
         feed=feed,

@@ -37,6 +37,11 @@ class Keys:
         return self._key("imaging", "calibration")
 
     @property
+    def qa_request(self) -> str:
+        """Query with a `QaRequest`, answered by a `QaReply`."""
+        return self._key("imaging", "command", "qa")
+
+    @property
     def localisation(self) -> str:
         """`LocalisationRecord`; last value kept."""
         return self._key("registration", "localisation")

@@ -11,6 +11,7 @@ from services.ui_api.core.event_data import (
     LocalisationReceived,
     PlanApproved,
     PlanMade,
+    QaReported,
     SetupChanged,
     Step,
     StepRecorded,
@@ -51,6 +52,7 @@ class Case:
     plans: tuple[PlanEntry, ...] = ()
     motions: tuple[str, ...] = ()
     verifications: tuple[VerificationMade, ...] = ()
+    qa_reports: tuple[QaReported, ...] = ()
     steps: tuple[StepRecorded, ...] = ()
     drilled_hole_ids: frozenset[str] = frozenset()
 
@@ -175,6 +177,11 @@ def _(data: VerificationMade, case: Case, event: Event) -> Case:  # noqa: ARG001
     accepted = data.verdict == "accepted"
     known = replace(case, verifications=(*case.verifications, data))
     return _moved(known, Trigger.VERIFICATION_ACCEPTED if accepted else Trigger.VERIFICATION_REJECTED)
+
+
+@_after.register
+def _(data: QaReported, case: Case, event: Event) -> Case:  # noqa: ARG001
+    return replace(case, qa_reports=(*case.qa_reports, data))
 
 
 @_after.register

@@ -159,6 +159,17 @@ class VerificationRefused:
 
 
 @dataclass(frozen=True, slots=True)
+class QaReported:
+    """Imaging's quality report over images of a case, and its page for people."""
+
+    number: int
+    images: tuple[str, ...]
+    verdict: str
+    document_sha256: str
+    page_sha256: str
+
+
+@dataclass(frozen=True, slots=True)
 class StepRecorded:
     """What people did with their hands. `out_of_order` steps carry the reason that was given for them."""
 

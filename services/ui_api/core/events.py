@@ -16,6 +16,7 @@ from services.ui_api.core.event_data import (
     PlanMade,
     PlanRefused,
     PresenceChanged,
+    QaReported,
     SetupChanged,
     StepRecorded,
     VerificationMade,
@@ -48,6 +49,7 @@ class EventKind(StrEnum):
     STOP_REQUESTED = "stop_requested"
     VERIFICATION_MADE = "verification_made"
     VERIFICATION_REFUSED = "verification_refused"
+    QA_REPORTED = "qa_reported"
     STEP_RECORDED = "step_recorded"
     ROBOT_CHANGED = "robot_changed"
     PRESENCE_CHANGED = "presence_changed"
@@ -69,6 +71,7 @@ EventData = (
     | StopRequested
     | VerificationMade
     | VerificationRefused
+    | QaReported
     | StepRecorded
     | RobotChanged
     | PresenceChanged
@@ -90,6 +93,7 @@ DATA_OF_KIND: dict[EventKind, type[EventData]] = {
     EventKind.STOP_REQUESTED: StopRequested,
     EventKind.VERIFICATION_MADE: VerificationMade,
     EventKind.VERIFICATION_REFUSED: VerificationRefused,
+    EventKind.QA_REPORTED: QaReported,
     EventKind.STEP_RECORDED: StepRecorded,
     EventKind.ROBOT_CHANGED: RobotChanged,
     EventKind.PRESENCE_CHANGED: PresenceChanged,

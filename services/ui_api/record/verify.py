@@ -11,7 +11,9 @@ from services.ui_api.record.tables import DOCUMENTS, EVENTS
 from shared.parts.files import sha256_of
 
 # Keys of event data that name a document; `image_sha256` names a file of imaging's instead.
-_NAMES_A_DOCUMENT = frozenset({"document_sha256", "overlay_sha256", "header_sha256", "plan_sha256", "sha256"})
+_NAMES_A_DOCUMENT = frozenset(
+    {"document_sha256", "overlay_sha256", "header_sha256", "plan_sha256", "page_sha256", "sha256"}
+)
 
 
 def verify_record(engine: Engine) -> ChainIntact | ChainBroken:

@@ -151,6 +151,12 @@ class VerificationBody(Body):
     images: Annotated[list[Sha256], Field(min_length=1, max_length=2)]
 
 
+class QaBody(Body):
+    """Asks for a quality report over images of the case."""
+
+    images: Annotated[list[Sha256], Field(min_length=1, max_length=32)]
+
+
 class CommandBody(Body):
     """Who asks the robot to reference, to acknowledge a stop, or to reset."""
 

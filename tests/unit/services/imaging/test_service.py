@@ -4,6 +4,7 @@ import queue
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import cv2
@@ -15,6 +16,7 @@ from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
 from services.imaging.service import Defaults, ImagingService
+from services.imaging.service.quality_desk import QualityDesk
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Bus, Sample
@@ -23,6 +25,7 @@ from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.presence import ServiceStatus
+from shared.messages.qa import QaReply, QaRequest
 from shared.runtime.lifecycle import Runtime
 from shared.runtime.presence import StatusReporter
 from tests.unit.services.imaging.devices.dicom_samples import dataset_of, file_of, grey_ramp
@@ -64,7 +67,10 @@ def room_of(store: ImageStore, positions: Path) -> Iterator[Room]:
         status = StatusReporter(bus.retained_publisher(KEYS.status("imaging")), "imaging", "epoch-1", "0")
         log: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("test")
         runtime = Runtime("imaging", "epoch-1", KEYS, log, status)
-        service = ImagingService(bus, runtime, store, CArmMemory(PositionStore(positions)), Defaults(1000.0, 0.235))
+        quality = QualityDesk(store, positions / "qa", lambda: datetime(2026, 1, 2, tzinfo=UTC))
+        service = ImagingService(
+            bus, runtime, store, CArmMemory(PositionStore(positions)), quality, Defaults(1000.0, 0.235)
+        )
         frames: queue.Queue[Sample] = queue.Queue()
         calibrations: queue.Queue[Sample] = queue.Queue()
         statuses: queue.Queue[ServiceStatus] = queue.Queue()
@@ -198,3 +204,31 @@ def test_a_ring_that_moved_since_the_c_arm_stood_there_is_noticed_after_a_restar
             if said:
                 assert said in second.wait_for("ready").detail
         assert second.statuses.empty()
+
+
+def asked_for_quality(room: Room, *image_sha256: str) -> QaReply:
+    request = QaRequest(case_id="case-1", image_sha256=image_sha256)
+    return decode(QaReply, room.bus.query(KEYS.qa_request, encode(request), PATIENCE_S).payload)
+
+
+def test_a_quality_report_is_made_from_kept_images_and_compared_with_the_last(room: Room) -> None:
+    room.open_case()
+    rendered = render(Scene(seed=22, turn_deg=40.0), default_ring())
+    room.service.take(bytes(cv2.imencode(".png", rendered.pixels.astype(np.uint16))[1]), "file")
+    sha256 = room.calibration().image.sha256
+    first, second = asked_for_quality(room, sha256), asked_for_quality(room, sha256)
+    assert first.report is not None
+    assert second.report is not None
+    assert [i.verdict for i in first.report.images] == ["accepted"]
+    assert first.page.startswith("<!doctype html>")
+    assert first.report.drift is None
+    assert second.report.drift is not None
+    assert second.report.drift.source_mm == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+
+
+def test_no_quality_report_without_case_or_image(room: Room) -> None:
+    assert asked_for_quality(room, "0" * 64).code == "case_not_open"
+    room.open_case()
+    reply = asked_for_quality(room, "0" * 64)
+    assert (reply.code, reply.report) == ("unknown_image", None)
+    assert "1 of the 1 images are not kept here (limit 0)" in reply.message

@@ -13,6 +13,7 @@ from shared.bus.port import Answer, Query
 from shared.errors import ReasonCode
 from shared.messages.base import decode, encode
 from shared.messages.imaging import FrameHeader
+from shared.messages.qa import QaRequest
 from shared.messages.registration import (
     LocalisationRecord,
     PlanReply,
@@ -58,6 +59,7 @@ class FakeImaging(OnTheBus):
         self._frames = self.bus.publisher(keys.frame)
         self._headers: dict[str, FrameHeader] = {}
         self.bus.queryable(keys.any_frame_by_hash, self._frame)
+        self.bus.queryable(keys.qa_request, self._quality)
         self.bus.presence().declare_alive(keys.alive("imaging"))
 
     def send(self, name: str, case_id: str | None, revision: int = 1) -> FrameHeader:
@@ -69,6 +71,9 @@ class FakeImaging(OnTheBus):
     def keep(self, header: FrameHeader) -> None:
         """Have an image without publishing it, as if the bus had dropped the frame."""
         self._headers[header.sha256] = header
+
+    def _quality(self, query: Query) -> Answer:
+        return Answer(encode(samples.qa_reply(decode(QaRequest, query.payload))))
 
     def _frame(self, query: Query) -> Answer:
         header = self._headers[query.key.rsplit("/", 1)[-1]]

@@ -10,6 +10,7 @@ from shared.errors import ReasonCode
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import Guidance, GuidanceUncertainty, GuidedHole, MirrorCheck
 from shared.messages.imaging import FrameHeader, ImageReference
+from shared.messages.qa import QaImage, QaReply, QaReport, QaRequest
 from shared.messages.registration import (
     CArmCorrection,
     Localisation,
@@ -257,3 +258,23 @@ def robot_state(sequence: int, state: MotionState = MotionState.LOCKED, **change
         "controller_identity": "(c) distalock, virtual hexapod (simulation), 1, 0.1.0",
     }
     return RobotState.model_validate(values | changes)
+
+
+def qa_reply(request: QaRequest) -> QaReply:
+    """Imaging's report on these images; none when there is only one."""
+    if len(request.image_sha256) < 2:
+        return QaReply(code="case_not_open", message="case is not open here; open it")
+    images = tuple(QaImage(name=sha256[:12], verdict="accepted") for sha256 in request.image_sha256)
+    report = QaReport(
+        made_at="2026-01-02T03:04:05+00:00",
+        software_version="1",
+        ring_sha256="0" * 64,
+        verdict="good",
+        findings=(),
+        images=images,
+        balls=(),
+        mean_source_mm=(1.0, 2.0, -970.0),
+        distortion_px=(),
+        drift=None,
+    )
+    return QaReply(report=report, page="<!doctype html><title>distalock qa</title>")

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import numpy as np
-
 from services.imaging.core.following import calibrate_next
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.c_arm_memory import CArmMemory
@@ -15,17 +13,20 @@ from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.received_image import ReceivedImage
 from services.imaging.devices.source import Refused
+from services.imaging.service.quality_desk import QualityDesk
+from services.imaging.service.wire import Outcome, calibration_message, wire_pixels
 from shared.bus.keys import Keys
 from shared.bus.port import Answer, Bus, Query, Sample
-from shared.errors import Accepted, ImageUnreadable, PartFileInvalid, Rejected
+from shared.errors import Accepted, ImageUnreadable, PartFileInvalid
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import RingPart
-from shared.messages.base import MessageInvalid, ReasonMessage, decode, encode
+from shared.messages.base import MessageInvalid, decode, encode
 from shared.messages.cases import CaseContext
-from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader, ImageReference
+from shared.messages.imaging import FrameHeader
+from shared.messages.qa import QaRequest
 from shared.parts.files import ring_from_json
 from shared.runtime.latest import BoundedQueue
-from shared.runtime.lifecycle import Runtime, software_version
+from shared.runtime.lifecycle import Runtime
 from shared.xray.discs import compile_fits
 
 _QUEUE = 64
@@ -60,11 +61,21 @@ class ImagingService:
         Where images are kept.
     memory
         What is known of the C-arm from earlier images.
+    quality
+        Who makes quality reports.
     defaults
         Nominal C-arm values.
     """
 
-    def __init__(self, bus: Bus, runtime: Runtime, store: ImageStore, memory: CArmMemory, defaults: Defaults) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        runtime: Runtime,
+        store: ImageStore,
+        memory: CArmMemory,
+        quality: QualityDesk,
+        defaults: Defaults,
+    ) -> None:
         self._runtime = runtime
         self._store = store
         self._defaults = defaults
@@ -78,6 +89,7 @@ class ImagingService:
         self._ring: RingPart | None = None
         self._sequence = 0
         self._memory = memory
+        self._quality = quality
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -85,6 +97,7 @@ class ImagingService:
         keys: Keys = self._runtime.keys
         case = self._bus.subscribe_retained(keys.case_context, self._on_case)
         frames = self._bus.queryable(keys.any_frame_by_hash, self._on_frame_query)
+        reports = self._bus.queryable(keys.qa_request, self._on_qa_request)
         worker = threading.Thread(target=self._work, name="calibrate", daemon=True)
         worker.start()
         try:
@@ -92,6 +105,7 @@ class ImagingService:
         finally:
             case.close()
             frames.close()
+            reports.close()
             self._ended.set()
             self._shots.close()
             worker.join(5.0)
@@ -164,7 +178,17 @@ class ImagingService:
         content, header = self._store.get(sha256), self._store.get_header(sha256)
         if content is None or header is None:
             raise ImageUnreadable(f"no image with SHA-256 {sha256} is kept here (0 found, 1 needed); send it again")
-        return Answer(_wire_pixels(read_image(content, sha256)), header)
+        return Answer(wire_pixels(read_image(content, sha256)), header)
+
+    def _on_qa_request(self, query: Query) -> Answer:
+        """A quality report over kept images; the bus answers each key on a thread of its own."""
+        request = decode(QaRequest, query.payload)
+        with self._lock:
+            case, ring = self._case, self._ring
+        there = case is not None and case.case_id == request.case_id
+        reply = self._quality.reply(request, ring if there else None)
+        self._runtime.log.info("quality report", verdict=reply.report and reply.report.verdict, code=reply.code)
+        return Answer(encode(reply))
 
     def _work(self) -> None:
         """Publish and calibrate what is queued, in order of arrival."""
@@ -180,7 +204,7 @@ class ImagingService:
                 self._runtime.degraded(f"image {shot.header.sha256[:12]} brought a fault: {error}; take another image")
 
     def _publish(self, shot: _Shot) -> None:
-        self._frames.put(_wire_pixels(shot.image), encode(shot.header))
+        self._frames.put(wire_pixels(shot.image), encode(shot.header))
         if shot.header.case_id is None or shot.ring is None:
             self._runtime.log.info("image kept, not calibrated: no case with a ring is open", sha256=shot.header.sha256)
             return
@@ -188,7 +212,7 @@ class ImagingService:
         nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm)
         before = self._memory.before(ring.sha256, _angles_deg(header))
         outcome, elapsed_ms = _timed(lambda: calibrate_next(shot.image.pixels, ring, nominal, before))
-        message = _message(outcome, elapsed_ms, ring, header)
+        message = calibration_message(outcome, elapsed_ms, ring, header)
         self._calibrations.put(encode(message))
         if isinstance(outcome, Accepted):
             self._remember(outcome.value, ring, header)
@@ -218,35 +242,8 @@ def _first(*values: float | None) -> float:
     return next(v for v in values if v is not None)
 
 
-def _wire_pixels(image: ReceivedImage) -> bytes:
-    return np.ascontiguousarray(image.pixels, dtype="<f4").tobytes()
-
-
-Outcome = Accepted[CArmCalibration] | Rejected
-
-
 def _timed(calibrate: Callable[[], Outcome]) -> tuple[Outcome, float]:
     """What came out, and how long it took in milliseconds."""
     started = time.perf_counter()
     outcome = calibrate()
     return outcome, 1e3 * (time.perf_counter() - started)
-
-
-def _message(outcome: Outcome, elapsed_ms: float, ring: RingPart, header: FrameHeader) -> CalibrationMessage:
-    accepted = isinstance(outcome, Accepted)
-    return CalibrationMessage(
-        image=ImageReference(
-            sha256=header.sha256,
-            sop_instance_uid=header.sop_instance_uid,
-            sequence=header.sequence,
-            received_at_ns=header.received_at_ns,
-        ),
-        case_id=header.case_id,
-        case_revision=header.case_revision,
-        ring_sha256=ring.sha256,
-        software_version=software_version(),
-        verdict="accepted" if accepted else "rejected",
-        reasons=() if isinstance(outcome, Accepted) else tuple(ReasonMessage.of(r) for r in outcome.reasons),
-        values=CalibrationValues.of(outcome.value) if isinstance(outcome, Accepted) else None,
-        elapsed_ms=elapsed_ms,
-    )

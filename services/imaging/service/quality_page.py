@@ -6,11 +6,12 @@ from html import escape
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from distalock.qa_measure import SHIFT_LIMIT_MM, Measured, QaReport
+from services.imaging.core.quality import SHIFT_LIMIT_MM
+from services.imaging.service.quality_report import Measured
 from shared.geometry.calibration import NOT_OF_THE_RING
 from shared.geometry.parts import RingPart
+from shared.messages.qa import QaReport
 
 _GOOD, _BAD, _INK, _FAINT = "#1b7f4b", "#c2321f", "#1d2733", "#9aa7b4"
 _ARROWS = 300.0
@@ -26,17 +27,15 @@ _STYLE = (
 )
 
 
-def html_page(
-    report: QaReport, measured: Sequence[Measured], pixels: Sequence[NDArray[np.float32]], ring: RingPart
-) -> str:
+def html_page(report: QaReport, measured: Sequence[Measured], ring: RingPart) -> str:
     """The page.
 
     Parameters
     ----------
     report
         What is shown.
-    measured, pixels
-        The accepted images as measured, and their grey values as received.
+    measured
+        The accepted images.
     ring
         Where its balls are.
     """
@@ -51,7 +50,7 @@ def html_page(
     ]
     if measured:
         parts.append(_figure(distortion_map(measured[0]), f"Distortion of {measured[0].image.name}, true to scale"))
-    parts += [_images(report), _pictures(measured, pixels), _balls(report)]
+    parts += [_images(report), _pictures(measured), _balls(report)]
     head = f"<meta charset=utf-8><title>distalock qa</title><style>{_STYLE}</style>"
     return f"<!doctype html><html lang=en><head>{head}</head><body>{''.join(parts)}</body></html>\n"
 
@@ -150,16 +149,15 @@ def _images(report: QaReport) -> str:
     return f"<h2>Images</h2><table>{head}{''.join(rows)}</table>"
 
 
-def _pictures(measured: Sequence[Measured], pixels: Sequence[NDArray[np.float32]]) -> str:
-    shown = list(zip(measured, pixels, strict=True))[:_MOST_PICTURES]
-    figures = [_figure(_thumbnail(one, image), one.image.name) for one, image in shown]
+def _pictures(measured: Sequence[Measured]) -> str:
+    figures = [_figure(_thumbnail(one), one.image.name) for one in measured[:_MOST_PICTURES]]
     return f"<details><summary>Pictures</summary>{''.join(figures)}</details>"
 
 
-def _thumbnail(one: Measured, pixels: NDArray[np.float32]) -> str:
+def _thumbnail(one: Measured) -> str:
     """The image as received, with rings around the balls that were named."""
-    low, high = np.percentile(pixels, [0.5, 99.5])
-    grey = np.clip((pixels - low) / max(float(high - low), 1e-6) * 255.0, 0.0, 255.0).astype(np.uint8)
+    low, high = np.percentile(one.pixels, [0.5, 99.5])
+    grey = np.clip((one.pixels - low) / max(float(high - low), 1e-6) * 255.0, 0.0, 255.0).astype(np.uint8)
     scale = _THUMB_PX / max(grey.shape)
     picture = cv2.cvtColor(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR)
     balls = one.calibration.balls
