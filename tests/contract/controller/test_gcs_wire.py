@@ -1,83 +1,18 @@
 """What any GCS 2.0 client may expect of the virtual controller, letter by letter, over TCP and a pseudo-terminal."""
 
-import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
 import serial
 
-from shared.errors import ConfigurationError
 from shared.parts.hexapod_file import default_hexapod
 from simulation.controller.faults import Fault
 from simulation.controller.hexapod_model import Encoders
 from simulation.controller.moves import RAMP_S
-from simulation.controller.servers import MOST_CLIENTS, tcp_server, terminal_server
+from simulation.controller.servers import tcp_server, terminal_server
 from simulation.controller.virtual_controller import VirtualController
-
-PATIENCE_S = 5.0
-SILENCE_S = 0.2
-
-
-class Clock:
-    """Time that passes only when a test says so."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-    def pass_by(self, seconds: float) -> None:
-        self.now_s += seconds
-
-
-class Line:
-    """A client's end of the wire."""
-
-    def __init__(self, port: serial.SerialBase) -> None:
-        self._port = port
-
-    def send(self, text: str) -> None:
-        self._port.write(text.encode("latin-1"))
-
-    def read(self) -> str:
-        """A whole reply: up to the first line end without a space before it."""
-        reply = b""
-        while not reply.endswith(b"\n") or reply.endswith(b" \n"):
-            byte = self._port.read(1)
-            assert byte, f"the reply stopped after {reply!r}"
-            reply += byte
-        return reply.decode("latin-1")
-
-    def ask(self, question: str) -> str:
-        self.send(question if len(question) == 1 else question + "\n")
-        return self.read()
-
-    def tell(self, command: str) -> int:
-        """Send a command and return the error code it leaves."""
-        self.send(command if len(command) == 1 else command + "\n")
-        return int(self.ask("ERR?"))
-
-    def silent(self) -> bool:
-        self._port.timeout = SILENCE_S
-        nothing = self._port.read(1) == b""
-        self._port.timeout = PATIENCE_S
-        return nothing
-
-
-class Bench:
-    """A virtual controller whose clock stands still, and a client on its line."""
-
-    def __init__(self, controller: VirtualController, clock: Clock, connect: Callable[[], Line]) -> None:
-        self.controller = controller
-        self.clock = clock
-        self.connect = connect
-        self.line = connect()
-
-    def unlock(self) -> None:
-        for command in ("SVO X 1", "BRA X 0", "FRF"):
-            assert self.line.tell(command) == 0
+from tests.contract.controller.wire import PATIENCE_S, Bench, Clock, Line
 
 
 def _bench(transport: str, stack: ExitStack, encoders: Encoders = Encoders.ABSOLUTE) -> Bench:
@@ -288,40 +223,3 @@ def test_client_may_go_and_come_back(bench: Bench) -> None:
     bench.line._port.close()
     bench.line = bench.connect()
     assert bench.line.ask("SVO? X") == "X=1\n"
-
-
-def test_tcp_and_terminal_share_one_robot() -> None:
-    clock = Clock()
-    controller = VirtualController(default_hexapod(), clock)
-    with tcp_server(controller) as port, terminal_server(controller) as path, ExitStack() as stack:
-        lines = [
-            Line(stack.enter_context(serial.serial_for_url(url, timeout=PATIENCE_S)))
-            for url in (f"socket://127.0.0.1:{port}", path)
-        ]
-        assert lines[0].tell("SVO X 1") == 0
-        assert lines[1].ask("SVO? X") == "X=1\n"
-
-
-def test_too_many_clients_are_hung_up_on_and_places_are_given_back() -> None:
-    controller = VirtualController(default_hexapod(), Clock())
-    with tcp_server(controller) as port, ExitStack() as stack:
-        address = ("127.0.0.1", port)
-        clients = [stack.enter_context(socket.create_connection(address, PATIENCE_S)) for _ in range(MOST_CLIENTS)]
-        for client in clients:
-            client.sendall(b"CSV?\n")
-            assert client.recv(16) == b"2.0\n"
-        with socket.create_connection(address, PATIENCE_S) as refused:
-            assert refused.recv(1) == b""
-        clients[0].shutdown(socket.SHUT_WR)
-        assert clients[0].recv(1) == b""
-        with socket.create_connection(address, PATIENCE_S) as admitted:
-            admitted.sendall(b"CSV?\n")
-            assert admitted.recv(16) == b"2.0\n"
-
-
-def test_port_in_use_is_one_sentence() -> None:
-    controller = VirtualController(default_hexapod(), Clock())
-    with tcp_server(controller) as port:
-        sentence = rf"cannot listen at 127\.0\.0\.1:{port}: Address already in use; stop the program"
-        with pytest.raises(ConfigurationError, match=sentence), tcp_server(controller, port=port):
-            pass
