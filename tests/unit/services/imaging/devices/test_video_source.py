@@ -1,6 +1,9 @@
 import queue
 import shutil
+import socket
 import subprocess
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -96,15 +99,42 @@ def test_a_region_beyond_the_frame_takes_what_is_there() -> None:
     assert cut(frame, Region(500, 500, 100, 100)).shape == (20, 30)
 
 
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
-def test_a_stream_of_ffmpeg_is_received(tmp_path: Path) -> None:
-    file = film(tmp_path / "film.avi", [0.0] * 50)
-    with subprocess.Popen(
-        ["ffmpeg", "-loglevel", "error", "-stream_loop", "-1", "-re", "-i", str(file), "-f", "mpegts", "-listen", "1",
-         "tcp://127.0.0.1:38877"]
-    ) as process:  # fmt: skip
+def free_port(protocol: str) -> int:
+    kind = socket.SOCK_DGRAM if protocol == "udp" else socket.SOCK_STREAM
+    with socket.socket(socket.AF_INET, kind) as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def first_image_of(settings: VideoSettings, sender: subprocess.Popen[bytes]) -> NDArray[np.float32]:
+    """Wait for an image; the sender takes one connection only, so that nobody may try beforehand if it is there."""
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
         try:
-            image = images_of(VideoSettings("tcp://127.0.0.1:38877"), 1)[0]
+            return images_of(settings, 1)[0]
+        except ConfigurationError:
+            if time.monotonic() > deadline:
+                raise
+            with suppress(subprocess.TimeoutExpired):
+                sender.wait(0.2)
+            assert sender.poll() is None, "ffmpeg ended"
+
+
+FFMPEG = shutil.which("ffmpeg")
+
+
+@pytest.mark.skipif(FFMPEG is None, reason="ffmpeg is not installed (apt-get install ffmpeg)")
+@pytest.mark.parametrize("protocol", ["udp", "tcp"])
+def test_a_stream_of_ffmpeg_is_received(tmp_path: Path, protocol: str) -> None:
+    assert FFMPEG is not None
+    file = film(tmp_path / "film.avi", [0.0] * 50)
+    address = f"{protocol}://127.0.0.1:{free_port(protocol)}"
+    listen = ["-listen", "1"] if protocol == "tcp" else []
+    with subprocess.Popen(
+        [FFMPEG, "-loglevel", "error", "-stream_loop", "-1", "-re", "-i", str(file), "-f", "mpegts", *listen, address]
+    ) as process:
+        try:
+            image = first_image_of(VideoSettings(address), process)
         finally:
             process.kill()
     assert np.corrcoef(image.ravel(), view(0.0).ravel())[0, 1] > 0.9

@@ -1,0 +1,74 @@
+"""`/cases/{id}/qa-reports`: ring and C-arm over the images of a case."""
+
+from fastapi import APIRouter, Request, Response
+
+from services.ui_api.core.event_data import QaReported
+from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.routes.access import TheGateway, TheIdempotency
+from services.ui_api.routes.bodies import QaBody
+from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
+from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.problems import problem
+from shared.messages.qa import QaReply, QaReport
+
+router = APIRouter(prefix="/cases/{case_id}/qa-reports", tags=["quality control"])
+# The page brings its style and pictures along and needs no script: nothing else may run or load.
+_SAFE = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:"}
+
+
+class QaReportView(QaReport):
+    """What `distalock qa` writes, with its number in the case."""
+
+    number: int
+
+
+@router.post("", status_code=201, response_model=QaReportView)
+def report(
+    case_id: str,
+    request: Request,
+    body: QaBody,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+) -> Response:
+    """Examine ring and C-arm over images of the case, best at one angle of the C-arm and without a patient."""
+    images = tuple(body.images)
+
+    def ask() -> QaReply:
+        return gateway.quality.ask(gateway.cases.case(case_id), images)
+
+    def act(unit: Unit, reply: QaReply) -> Answer:
+        if reply.report is None:
+            return problem_answer(problem(409, reply.code or "no_report", reply.message, request.url.path))
+        number = gateway.quality.keep(unit, case_id, images, reply.report, reply.page)
+        return json_answer(201, _view(number, reply.report), location=f"{request.url.path}/{number}")
+
+    return idempotency.once_after(keyed(request, key, body), ask, act)
+
+
+@router.get("")
+def list_reports(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[QaReportView]:
+    """The quality reports of a case, the oldest first."""
+    case = gateway.cases.case(case_id)
+
+    def view(made: QaReported) -> QaReportView:
+        return _view(made.number, gateway.quality.content(case, made.number))
+
+    return page(case.qa_reports, cursor, limit, view)
+
+
+@router.get("/{number}.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
+def read_page(case_id: str, number: int, gateway: TheGateway) -> Response:
+    """A report as a page with pictures."""
+    content = gateway.quality.page(gateway.cases.case(case_id), number)
+    return Response(content, media_type="text/html; charset=utf-8", headers=_SAFE)
+
+
+@router.get("/{number}")
+def read_report(case_id: str, number: int, gateway: TheGateway) -> QaReportView:
+    """One report."""
+    return _view(number, gateway.quality.content(gateway.cases.case(case_id), number))
+
+
+def _view(number: int, made: QaReport) -> QaReportView:
+    return QaReportView(**dict(made), number=number)
