@@ -34,8 +34,8 @@ the paper; the rule's time is what it adds to the model's.
 """
 _LIMIT = """## Cramér-Rao limit with texture
 
-Worked out for {count} of the scenes (`benchmarks/cramer_rao.py` says what is known and what is not; [limit.md](limit.md)
-what it is made of). It is the nail's alone: guide and calibration are taken to be without error.
+Worked out for {count} of the scenes (`benchmarks/cramer_rao.py` says what is known and what is not,
+[limit.md](limit.md) what it is made of). It is the nail's alone: guide and calibration are taken to be without error.
 """
 
 
