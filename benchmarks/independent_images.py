@@ -1,6 +1,6 @@
 """The same tables from images that others rendered: every method on each, beside the truth.
 
-usage: python -m benchmarks.independent_images [--only dev0] [--report FILE]
+usage: python -m benchmarks.independent_images [--only dev0] [--report docs/benchmarks/independent.md]
 
 Looks for the images in the folder named by DISTALOCK_FLUOROSCOPY, or in ../shared/fluoroscopy; without them there is
 nothing to do. Returns 1 when an axis was accepted though it is off, or an image that must be refused was not.
@@ -159,7 +159,8 @@ def report(rows: Sequence[ImageRow]) -> str:
         "",
         "Made by `python -m benchmarks.independent_images`; `accuracy.md` says what the columns and methods are.",
         "",
-        methods_table(by_method, [row.peer_seconds for row in good]),
+        methods_table(by_method, [row.peer_seconds for row in good]).rstrip(),
+        "",
         f"Of {len(bad)} images that must be refused, our own method accepted {accepted}.",
         f"Its search for the nail in the {len(good)} that should be accepted ended: {ended}.",
         "",
