@@ -29,7 +29,7 @@ def write_plots(rows: Sequence[SceneRow], folder: Path) -> tuple[str, ...]:
 
 
 def _errors(rows: Sequence[SceneRow]) -> Figure:
-    figure = Figure(figsize=(10.5, 3.4), layout="constrained")
+    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
     entry, axis, tilt = figure.subplots(1, 3)
     for method in Compared:
         accepted = [one for one in outcomes(rows, method) if one.accepted]
@@ -42,7 +42,7 @@ def _errors(rows: Sequence[SceneRow]) -> Figure:
     ):
         axes.axvline(limit, color=_FAINT, linestyle=":")
         axes.set(xscale="log", xlabel=unit, ylabel="share of the accepted images", ylim=(0.0, 1.0))
-    axis.legend(frameon=False, loc="lower right", fontsize=8)
+    figure.legend(*axis.get_legend_handles_labels(), frameon=False, loc="outside upper left", ncols=3, fontsize=8)
     _over_tilt(tilt, rows)
     for scale in (entry.xaxis, axis.xaxis, tilt.yaxis):
         scale.set_major_formatter("{x:g}")
