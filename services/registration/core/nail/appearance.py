@@ -31,7 +31,7 @@ _STRAIGHT = 1e-6
 _STEP = 0.02
 # Unknowns in the order of the kernel's derivatives, then those that act on the picture afterwards.
 _OF_PATHS = tuple(Unknown)[: Unknown.POWER + 1]
-_OF_DISPLAY = tuple(Unknown)[Unknown.LOG_BLUR_PX : Unknown.CURVE + 1]
+_OF_DISPLAY = tuple(Unknown)[Unknown.LOG_BLUR_PX : Unknown.CURVE_EXPONENT + 1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,21 +99,28 @@ def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Display:
-    """What happens to the intensity on its way to the grey value; `curve` is the logarithmic curve's length there."""
+    """What happens to the intensity on its way to the grey value.
+
+    The curve is a power of the intensity (a logarithm when `exponent` is 0), of which an edge shows the part from dark
+    to bright: `curve` is the logarithm of their ratio, shape (rows, columns).
+    """
 
     blur_px: float
     curve: NDArray[np.float64]
+    exponent: float
     sharpening: float
     width_px: float
 
     def bent(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
         """Share of the grey step that a share of the intensity step makes."""
-        return np.asarray(np.log1p(np.expm1(self.curve) * share) / self.curve)
+        brighter = np.log1p(np.expm1(self.curve) * share)
+        return np.asarray(np.expm1(self.exponent * brighter) / np.expm1(self.exponent * self.curve))
 
     def slope(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivative of `bent` by the share."""
         rise = np.expm1(self.curve)
-        return np.asarray(rise / (self.curve * (1.0 + rise * share)))
+        steepness = np.exp((self.exponent - 1.0) * np.log1p(rise * share))
+        return np.asarray(self.exponent * rise * steepness / np.expm1(self.exponent * self.curve))
 
     def sharpened(self, image: NDArray[Real]) -> NDArray[Real]:
         """Edge enhancement: what differs from the surroundings is enlarged."""
@@ -122,10 +129,13 @@ class _Display:
 
 def _display(scene: NailScene, parameters: NDArray[np.float64]) -> _Display:
     window = scene.window
-    curve = 2.0 * parameters[Unknown.CURVE] * scene.contrast
+    exponent = float(parameters[Unknown.CURVE_EXPONENT])
+    # so that the bend hardly depends on the exponent
+    curve = 2.0 * parameters[Unknown.CURVE] / (1.0 - exponent) * scene.contrast
     return _Display(
         float(np.hypot(np.exp(parameters[Unknown.LOG_BLUR_PX]) / window.reduction, window.smoothing)),
         np.where(np.abs(curve) < _STRAIGHT, _STRAIGHT, curve),
+        exponent if abs(exponent) > _STRAIGHT else _STRAIGHT,
         float(parameters[Unknown.SHARPENING]),
         float(np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX])) / window.reduction,
     )

@@ -28,7 +28,8 @@ class Unknown(IntEnum):
     SHARPENING = 12
     LOG_SHARPENING_WIDTH_PX = 13
     CURVE = 14
-    DELRIN_PER_MM = 15
+    CURVE_EXPONENT = 15
+    DELRIN_PER_MM = 16
 
 
 PARAMETERS = len(Unknown)
@@ -49,9 +50,12 @@ PRIOR = {
     Unknown.SHARPENING: (0.2, 0.4),
     Unknown.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
     Unknown.CURVE: (0.3, 0.3),
+    Unknown.CURVE_EXPONENT: (0.4, 0.25),
     Unknown.DELRIN_PER_MM: (0.02, 0.02),
 }
 
+# Displays lie between logarithmic (0) and linear (1, where the curve would have no bend left).
+_LEAST_EXPONENT, _MOST_EXPONENT = -0.4, 0.9
 _RADII = (Unknown.HOLE_RADIUS_EXCESS_MM, Unknown.NAIL_RADIUS_EXCESS_MM)
 
 
@@ -77,4 +81,7 @@ def prior_precision() -> NDArray[np.float64]:
 
 def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Nuisances clipped to where they still mean something, mostly six standard deviations of their prior."""
-    return np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
+    clipped = np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
+    exponent = Unknown.CURVE_EXPONENT
+    clipped[exponent] = np.clip(clipped[exponent], _LEAST_EXPONENT, _MOST_EXPONENT)
+    return np.asarray(clipped)
