@@ -23,8 +23,8 @@ from benchmarks.fusion_peers import (
 )
 from benchmarks.random_scenes import root_mean_square
 from benchmarks.set_ups import SetUp
-from services.registration.core.fusion import SHARED_BY_THE_MODEL, SHARED_FROM_ONE_DIRECTION, SHARED_WITHIN_DEG
-from services.registration.core.fusion_agreement import disagreement
+from services.registration.core.fusion.agreement import disagreement
+from services.registration.core.fusion.fuse import SHARED_BY_THE_MODEL, SHARED_FROM_ONE_DIRECTION, SHARED_WITHIN_DEG
 from services.registration.core.hole_axes import HoleEstimate, evidence_of, holes_at
 from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by

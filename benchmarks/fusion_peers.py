@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from services.registration.core.fusion import FusedPose, fuse, joint_covariance
+from services.registration.core.fusion.fuse import FusedPose, fuse, joint_covariance
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
 
 _ITERATIONS = 8

@@ -23,8 +23,8 @@ from benchmarks.random_scenes import scene_of_seed
 from services.imaging.core.following import calibrate_next
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.alignment import Advice, hole_tilts
+from services.registration.core.guidance.tracking import Sight, Track, begin_track, follow_frame, localised_sight
 from services.registration.core.localise import Method, Parts, localise
-from services.registration.core.tracking import Sight, Track, begin_track, follow_frame, localised_sight
 from shared.errors import Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import NailPart

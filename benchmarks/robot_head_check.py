@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.head_motion import MotionView, check_motion
+from services.registration.core.head.motion import MotionView, check_motion
 from services.robot.core.guide_noise import image_covariance
 from shared.geometry.frames import Frame, Guide, Nail, Ring, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, platform_pose

@@ -17,11 +17,16 @@ from numpy.typing import NDArray
 
 from benchmarks.random_scenes import root_mean_square
 from benchmarks.set_ups import SeenImage, SetUp, catalogue_scene_of_seed
-from services.registration.core.fusion_localise import LocalisedImage
+from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.passing import across_basis
-from services.registration.core.wires import LARGEST_ANGLE_DEG, LARGEST_OFFSET_MM, AxisComparison, WireVerification
-from services.registration.core.wires_images import WiredImage, verify_images
+from services.registration.core.wires.images import WiredImage, verify_images
+from services.registration.core.wires.verify import (
+    LARGEST_ANGLE_DEG,
+    LARGEST_OFFSET_MM,
+    AxisComparison,
+    WireVerification,
+)
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
 from shared.geometry.transform import Transform

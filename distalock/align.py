@@ -18,9 +18,16 @@ from services.imaging.core.following import calibrate_next
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.received_image import Acquisition
 from services.imaging.devices.video_source import grey_of
-from services.registration.core.c_arm_angles import CArmAngles
+from services.registration.core.guidance.c_arm_angles import CArmAngles
+from services.registration.core.guidance.tracking import (
+    Origin,
+    Sight,
+    Track,
+    begin_track,
+    follow_frame,
+    localised_sight,
+)
 from services.registration.core.localise import Method, Parts, localise
-from services.registration.core.tracking import Origin, Sight, Track, begin_track, follow_frame, localised_sight
 from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
 from shared.errors import ImageUnreadable, InputError, Rejected
 from shared.geometry.calibration import CArmCalibration

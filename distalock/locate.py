@@ -14,7 +14,7 @@ from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.received_image import Acquisition
-from services.registration.core.fusion_localise import LocalisedImage, fuse_localisations
+from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Method, Parts
 from services.registration.core.paper.calibration import calibrate_by_plates
 from services.registration.measure import timed_localisation

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
-from services.registration.core.guide import locate_guide
+from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import unmirrored
 from services.robot.core.guide_sightings import GuideSighting
 from shared.errors import Rejected

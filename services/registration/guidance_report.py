@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from services.registration.core.alignment import Advice, HoleTilt
-from services.registration.core.c_arm_angles import AngledView, CArmAngles, angles_after, picture_turn_rad
-from services.registration.core.tracking import Margin, Sight
+from services.registration.core.guidance.c_arm_angles import AngledView, CArmAngles, angles_after, picture_turn_rad
+from services.registration.core.guidance.tracking import Margin, Sight
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import (
     Guidance,

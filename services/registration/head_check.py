@@ -1,7 +1,7 @@
 """Before a plan: is the guide held as the case says? From the newest image, and from those before the robot's moves."""
 
-from services.registration.core.head_motion import MotionView, check_motion
-from services.registration.core.head_place import HeadRefused, check_place
+from services.registration.core.head.motion import MotionView, check_motion
+from services.registration.core.head.place import HeadRefused, check_place
 from services.registration.core.localise import LocalisationResult
 from services.registration.knowledge import Knowledge, LocalisedFrame
 from shared.geometry.calibration import CArmCalibration

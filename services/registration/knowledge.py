@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.localise import LocalisationResult, Parts
-from services.registration.core.wires import WireVerification
+from services.registration.core.wires.verify import WireVerification
 from services.registration.parts import parts_from_json
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import HexapodPart

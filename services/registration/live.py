@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from services.registration.core.c_arm_angles import CArmAngles
-from services.registration.core.localise import Parts
-from services.registration.core.tracking import (
+from services.registration.core.guidance.c_arm_angles import CArmAngles
+from services.registration.core.guidance.tracking import (
     Origin,
     Sight,
     Track,
@@ -23,6 +22,7 @@ from services.registration.core.tracking import (
     follow_frame,
     localised_sight,
 )
+from services.registration.core.localise import Parts
 from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
 from services.registration.knowledge import (
     Knowledge,

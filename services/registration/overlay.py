@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.guide import GuideFit
+from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.passing import across_basis
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration

@@ -7,7 +7,7 @@ estimate of the holes, and the wires as they lie in the guide. What the wires we
 
 from dataclasses import dataclass, replace
 
-from services.registration.core.fusion_localise import LocalisedImage, fuse_localisations
+from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset
 from services.registration.knowledge import (

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from services.registration.core.fusion_localise import FusedLocalisation
-from services.registration.core.guide import GuideFit
+from services.registration.core.fusion.localise import FusedLocalisation
+from services.registration.core.guide.locate import GuideFit
 from services.registration.core.hole_axes import HoleEstimate, NailEstimate
 from services.registration.core.localise import LocalisationResult, Method
 from services.registration.core.passing import AxisOffset

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.fusion_localise import LocalisedImage
+from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
-from services.registration.core.wires import AxisComparison, WireVerification
-from services.registration.core.wires_images import WiredImage, verify_images
+from services.registration.core.wires.images import WiredImage, verify_images
+from services.registration.core.wires.verify import AxisComparison, WireVerification
 from services.registration.report import standard_uncertainty
 from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.passing import axis_offset_mm
-from services.registration.core.wires_view import WireView
+from services.registration.core.wires.view import WireView
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.test_wires import (

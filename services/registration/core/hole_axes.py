@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import hole_tilts
-from services.registration.core.guide import GuideFit
+from services.registration.core.guide.locate import GuideFit
 from services.registration.core.passing import AxisOffset, across_basis
 from services.registration.core.pose_evidence import PoseEvidence, cross_matrix, model_covariance, pose_evidence
 from shared.geometry.calibration import CArmCalibration

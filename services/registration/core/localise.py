@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
-from services.registration.core.guide import GuideFit, locate_guide
+from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate, hole_estimates
 from services.registration.core.judge import judge
 from services.registration.core.nail.coarse import NailStart, find_nail

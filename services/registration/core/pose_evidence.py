@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.guide import GuideFit
+from services.registration.core.guide.locate import GuideFit
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from shared.geometry.calibration import CArmCalibration

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.compiled import compiled
+from services.registration.core.compiled import compiled
 
 _SMALL_ANGLE_RAD = 1e-8
 _CONVERGED = 1e-9

@@ -7,8 +7,8 @@ import pytest
 
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
-from services.registration.core.head_motion import MotionView, check_motion
-from services.registration.core.head_place import HeadTrouble
+from services.registration.core.head.motion import MotionView, check_motion
+from services.registration.core.head.place import HeadTrouble
 from services.registration.core.localise import LocalisationResult, Method, Parts, localise
 from services.registration.core.plan import PlanRefused, RobotNow, plan_move
 from services.registration.head_check import motion_view

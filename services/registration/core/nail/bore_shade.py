@@ -8,7 +8,7 @@ the wall's motion along its normal is a change of radius.
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.compiled import compiled
+from services.registration.core.compiled import compiled
 from services.registration.core.nail.ray_geometry import Ray, Tube, chamfered, cone, in_bore, within
 from services.registration.core.nail.shade import (
     CHAMFER,

@@ -7,7 +7,7 @@ are therefore multiplied by the direction's norm. All loops run over sub-pixel s
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.compiled import compiled
+from services.registration.core.compiled import compiled
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform

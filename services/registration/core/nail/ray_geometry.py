@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.compiled import compiled
+from services.registration.core.compiled import compiled
 from services.registration.core.nail.paths import cylinder_interval
 
 LEAST_STEP_MM = 1e-4

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.compiled import compiled
+from services.registration.core.compiled import compiled
 
 # Columns of the derivatives: small motion of the nail in its own frame (rotation vector, translation), radii, material.
 MOTION_SIZE = 6

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.compiled import compiled
+from services.registration.core.compiled import compiled
 
 
 @dataclass(frozen=True, slots=True, eq=False)

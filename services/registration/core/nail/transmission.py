@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.compiled import compiled
 from services.registration.core.nail.bore_shade import shade_at_bore
-from services.registration.core.nail.compiled import compiled
 from services.registration.core.nail.pixel_rays import PixelRays
 from services.registration.core.nail.ray_geometry import LEAST_STEP_MM, Ray, in_bore, ray_through, tube_of
 from services.registration.core.nail.shade import LOG_ATTENUATION, POWER

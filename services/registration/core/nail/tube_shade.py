@@ -6,7 +6,7 @@ Near an edge, where the derivative has no bound, it is a mean and a difference o
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.compiled import compiled
+from services.registration.core.compiled import compiled
 from services.registration.core.nail.ray_geometry import Ray
 from services.registration.core.nail.shade import NAIL_RADIUS, Material, Shade, mean_shade, shade_behind
 

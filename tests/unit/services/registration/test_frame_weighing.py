@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.frame_weighing import covariance_in_nail, weighed
+from services.registration.core.guidance.frame_weighing import covariance_in_nail, weighed
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
 

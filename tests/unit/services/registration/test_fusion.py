@@ -9,9 +9,9 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.alignment import c_arm_correction_deg
-from services.registration.core.fusion import fuse, joint_covariance
-from services.registration.core.fusion_agreement import disagreement, leave_one_out
-from services.registration.core.fusion_localise import LocalisedImage, fuse_localisations
+from services.registration.core.fusion.agreement import disagreement, leave_one_out
+from services.registration.core.fusion.fuse import fuse, joint_covariance
+from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
 from services.registration.core.hole_axes import NailEstimate, hole_estimates
 from services.registration.core.localise import LocalisationResult, Method, Parts
 from services.registration.core.pose_evidence import (

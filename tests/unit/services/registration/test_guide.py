@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.varied_parts import random_guide
-from services.registration.core.guide import GuideFit, locate_guide, needed_balls
-from services.registration.core.guide_search import search_guide
+from services.registration.core.guide.locate import GuideFit, locate_guide, needed_balls
+from services.registration.core.guide.search import search_guide
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide

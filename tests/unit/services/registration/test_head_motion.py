@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.registration.core.head_motion import MotionView, c_arm_stood_still, check_motion, seen_motion
-from services.registration.core.head_place import HeadTrouble
+from services.registration.core.head.motion import MotionView, c_arm_stood_still, check_motion, seen_motion
+from services.registration.core.head.place import HeadTrouble
 from shared.geometry.frames import Guide, Nail, Ring, RobotBase, RobotTop
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose, base_from_top
 from shared.geometry.transform import Transform

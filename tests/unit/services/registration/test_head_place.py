@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.registration.core.head_place import HeadRefused, HeadTrouble, check_place
+from services.registration.core.head.place import HeadRefused, HeadTrouble, check_place
 from shared.geometry.frames import Guide, Nail, RobotBase
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
 from shared.geometry.hexapod_mount import MountPlace

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.guide import GuideFit
+from services.registration.core.guide.locate import GuideFit
 from services.registration.core.hole_axes import NailEstimate, hole_estimates
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from services.registration.core.fusion_localise import LocalisedImage
+from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.localise import Parts
 from services.registration.core.passing import AxisOffset
-from services.registration.core.wires import AxisComparison, WireVerification
+from services.registration.core.wires.verify import AxisComparison, WireVerification
 from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase, ReceivedFrame
 from services.registration.plan_axes import PlanAxes, axes_for
 from services.registration.report import MeasuredTimes, localisation_message

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.alignment import hole_tilts
-from services.registration.core.guide_following import follow_guide
-from services.registration.core.localise import Method, localise
-from services.registration.core.tracking import (
+from services.registration.core.guidance.guide import follow_guide
+from services.registration.core.guidance.tracking import (
     CHECK_EVERY,
     MOST_MISSED,
     Margin,
@@ -23,6 +22,7 @@ from services.registration.core.tracking import (
     follow_frame,
     localised_sight,
 )
+from services.registration.core.localise import Method, localise
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera

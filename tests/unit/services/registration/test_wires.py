@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset
-from services.registration.core.wires import AxisComparison, WireVerification, verify_wires
-from services.registration.core.wires_set_up import SetUp
-from services.registration.core.wires_view import WireView
+from services.registration.core.wires.set_up import SetUp
+from services.registration.core.wires.verify import AxisComparison, WireVerification, verify_wires
+from services.registration.core.wires.view import WireView
 from shared.errors import ReasonCode
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line, across_axis_offset_mm

@@ -7,15 +7,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.fusion import fuse
-from services.registration.core.fusion_localise import LocalisedImage
-from services.registration.core.guide import locate_guide
+from services.registration.core.fusion.fuse import fuse
+from services.registration.core.fusion.localise import LocalisedImage
+from services.registration.core.guide.locate import locate_guide
 from services.registration.core.pose_evidence import PoseEvidence, motion_of_nail
-from services.registration.core.wires_companion import locate_guide_beside
-from services.registration.core.wires_images import WiredImage, seen_set_up
-from services.registration.core.wires_nail_outline import edge_view, match_outline, nail_outline, with_outline
-from services.registration.core.wires_set_up import SetUp, set_up_of
-from services.registration.core.wires_view import WireView
+from services.registration.core.wires.companion import locate_guide_beside
+from services.registration.core.wires.images import WiredImage, seen_set_up
+from services.registration.core.wires.nail_outline import edge_view, match_outline, nail_outline, with_outline
+from services.registration.core.wires.set_up import SetUp, set_up_of
+from services.registration.core.wires.view import WireView
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.compiled import compiled
+from services.registration.core.compiled import compiled
 
 # Depth of the guide's origin (0: impossible), cosine and sine of its turn about the beam, and its place across it.
 Placement = tuple[float, float, float, float, float]

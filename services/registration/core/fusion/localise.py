@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.registration.core.fusion import fuse
-from services.registration.core.fusion_agreement import chi_square_limit, disagreement, leave_one_out
+from services.registration.core.fusion.agreement import chi_square_limit, disagreement, leave_one_out
+from services.registration.core.fusion.fuse import fuse
 from services.registration.core.hole_axes import evidence_of, holes_at
 from services.registration.core.judge import uncertain_holes
 from services.registration.core.localise import LocalisationResult, Parts

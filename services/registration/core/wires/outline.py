@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.wires_view import PreparedView
+from services.registration.core.wires.view import PreparedView
 
 _CAP_DIRECTIONS = 36
 _SAMPLES_PER_PX = 1.5

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.wires_model import SHARED, START, TIP, WireModel
-from services.registration.core.wires_outline import EdgeMatches, match_edges
-from services.registration.core.wires_search import search_starts
-from services.registration.core.wires_shape import PER_VIEW, Shape, shape_of, stacks_of
-from services.registration.core.wires_view import PreparedView
+from services.registration.core.wires.model import SHARED, START, TIP, WireModel
+from services.registration.core.wires.outline import EdgeMatches, match_edges
+from services.registration.core.wires.search import search_starts
+from services.registration.core.wires.shape import PER_VIEW, Shape, shape_of, stacks_of
+from services.registration.core.wires.view import PreparedView
 from shared.geometry.lines import Line, read_only
 
 LEAST_SEEN_PX, LEAST_SEEN_SHARE = 7.0, 0.6

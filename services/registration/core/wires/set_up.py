@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.fusion import FusedPose
+from services.registration.core.fusion.fuse import FusedPose
 from services.registration.core.pose_evidence import motion_of_nail, moved_by
-from services.registration.core.wires_view import WireView
+from services.registration.core.wires.view import WireView
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import read_only
 from shared.geometry.transform import Transform

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from services.registration.core.nail_following import FollowedNail, Look
+from services.registration.core.guidance.nail import FollowedNail, Look
 from shared.errors import Reason, ReasonCode
 
 LEAST_OPENING = 0.35

@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.fusion import fuse
-from services.registration.core.fusion_agreement import disagreement
-from services.registration.core.fusion_localise import LocalisedImage, usable_evidence
-from services.registration.core.guide import GuideFit
+from services.registration.core.fusion.agreement import disagreement
+from services.registration.core.fusion.fuse import fuse
+from services.registration.core.fusion.localise import LocalisedImage, usable_evidence
+from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.pose_evidence import PoseEvidence
-from services.registration.core.wires import WireVerification, verify_wires
-from services.registration.core.wires_companion import locate_guide_beside
-from services.registration.core.wires_nail_outline import with_outline
-from services.registration.core.wires_set_up import SetUp, set_up_of
-from services.registration.core.wires_view import WireView
+from services.registration.core.wires.companion import locate_guide_beside
+from services.registration.core.wires.nail_outline import with_outline
+from services.registration.core.wires.set_up import SetUp, set_up_of
+from services.registration.core.wires.verify import WireVerification, verify_wires
+from services.registration.core.wires.view import WireView
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail

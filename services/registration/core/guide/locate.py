@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.guide_measurement import Look, measured_and_fitted_twice, ring_shadows, shrinkage
-from services.registration.core.guide_search import GuideIdentity, search_guide
+from services.registration.core.guide.measurement import Look, measured_and_fitted_twice, ring_shadows, shrinkage
+from services.registration.core.guide.search import GuideIdentity, search_guide
 from services.registration.core.pose import (
     Correspondences,
     RigidPose,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.head_place import HeadRefused, HeadTrouble
+from services.registration.core.head.place import HeadRefused, HeadTrouble
 from services.registration.core.pose_evidence import cross_matrix
 from shared.geometry.frames import Frame, Guide, Nail, Ring
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top

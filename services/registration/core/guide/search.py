@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.guide_vote import vote
+from services.registration.core.guide.vote import vote
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from shared.geometry.camera import PinholeCamera
 

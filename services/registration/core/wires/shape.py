@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.wires_model import SHARED, WireModel
-from services.registration.core.wires_outline import Outline, Stack, outline_of
-from services.registration.core.wires_view import PreparedView
+from services.registration.core.wires.model import SHARED, WireModel
+from services.registration.core.wires.outline import Outline, Stack, outline_of
+from services.registration.core.wires.view import PreparedView
 
 PER_VIEW = 7
 _LEAST_DISCS, _MOST_DISCS, _DISC_EVERY_PX = 12, 250, 3.0

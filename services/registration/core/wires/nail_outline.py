@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.pose_evidence import cross_matrix, motion_of_nail
-from services.registration.core.wires_set_up import SetUp
-from services.registration.core.wires_view import WireView, balls_mask, in_border
+from services.registration.core.wires.set_up import SetUp
+from services.registration.core.wires.view import WireView, balls_mask, in_border
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform

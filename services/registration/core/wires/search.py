@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.wires_model import WireModel
-from services.registration.core.wires_outline import match_edges
-from services.registration.core.wires_shape import PER_VIEW, shape_of
-from services.registration.core.wires_view import PreparedView
+from services.registration.core.wires.model import WireModel
+from services.registration.core.wires.outline import match_edges
+from services.registration.core.wires.shape import PER_VIEW, shape_of
+from services.registration.core.wires.view import PreparedView
 
 _SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
 _OTHER_TIPS_MM = (-12.0, 8.0)

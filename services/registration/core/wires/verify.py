@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.passing import AxisOffset, angle_deg, axis_offset_mm
-from services.registration.core.wires_fit import LEAST_SEEN_PX, LEAST_SEEN_SHARE, WireFit, fit_wire, seen_share
-from services.registration.core.wires_model import wire_model
-from services.registration.core.wires_set_up import SetUp
-from services.registration.core.wires_view import PreparedView, prepare_view
+from services.registration.core.wires.fit import LEAST_SEEN_PX, LEAST_SEEN_SHARE, WireFit, fit_wire, seen_share
+from services.registration.core.wires.model import wire_model
+from services.registration.core.wires.set_up import SetUp
+from services.registration.core.wires.view import PreparedView, prepare_view
 from shared.errors import Reason, ReasonCode
 from shared.geometry.lines import Line
 from shared.geometry.parts import GuidePart, Hole, NailPart

@@ -13,18 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import Advice, advice
-from services.registration.core.frame_weighing import covariance_in_nail, weighed
-from services.registration.core.guide import locate_guide
-from services.registration.core.guide_following import FollowedGuide, follow_guide
-from services.registration.core.localise import LocalisationResult, Parts, unmirrored
-from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.nail.stages import Given
-from services.registration.core.nail_following import FollowedNail, Look, follow_nail, learn_look, mirror_margin
-from services.registration.core.tracking_judgement import (
+from services.registration.core.guidance.frame_weighing import covariance_in_nail, weighed
+from services.registration.core.guidance.guide import FollowedGuide, follow_guide
+from services.registration.core.guidance.judgement import (
     Surprise,
     reasons_against_frame,
     reasons_against_margin,
 )
+from services.registration.core.guidance.nail import FollowedNail, Look, follow_nail, learn_look, mirror_margin
+from services.registration.core.guide.locate import locate_guide
+from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.stages import Given
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail

@@ -1,0 +1,1 @@
+"""The drill guide: its balls named and measured, and its pose."""
