@@ -178,8 +178,10 @@ def _row(seed: int, scenario: Scenario, limits: tuple[AxisLimit, ...] | None) ->
 
 
 def parts_of(scenario: Scenario) -> Parts:
-    """The part files that a localisation gets."""
-    return Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail)
+    """The part files that a localisation gets: that of the nail does not say how its holes are chamfered."""
+    nail = scenario.parts.nail
+    silent = replace(nail, holes=tuple(replace(hole, chamfer_mm=None) for hole in nail.holes))
+    return Parts(scenario.parts.ring, scenario.parts.guide, silent)
 
 
 def nominal_of(scenario: Scenario) -> NominalGeometry:

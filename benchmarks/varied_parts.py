@@ -16,6 +16,7 @@ _LINE_MM, _CROSS_LINE_MM = (-26.0, 26.0), (-17.5, 17.5)
 _LINE_GAPS_MM, _CROSS_LINE_GAPS_MM = (4.5, 9.5), (3.2, 7.0)
 _BALLS_PER_LINE = 7
 _NAIL_DIAMETER_MM, _HOLE_DIAMETER_MM, _SPACING_MM = (9.0, 13.0), (5.1, 6.4), (20.0, 35.0)
+_CHAMFER_MM = (0.05, 0.4)
 _WIDEST_HOLE = 0.58
 
 
@@ -73,7 +74,7 @@ def random_nail(rng: np.random.Generator) -> dict[str, object]:
         "diameter_mm": diameter,
         "cannulation_diameter_mm": cannulation,
         "tip_x_mm": float(np.round(0.5 * spacing + rng.uniform(12.0, 28.0), 1)),
-        "holes": [_nail_hole("distal", 0.5 * spacing, hole), _nail_hole("proximal", -0.5 * spacing, hole)],
+        "holes": _nail_holes(spacing, hole, float(np.round(rng.uniform(*_CHAMFER_MM), 2))),
     }
 
 
@@ -97,5 +98,7 @@ def _guide_hole(name: str, x_mm: float) -> dict[str, object]:
     return {"id": name, "point_mm": [x_mm, 0.0, 0.0], "direction": [0.0, 0.0, 1.0], "diameter_mm": 5.0}
 
 
-def _nail_hole(name: str, x_mm: float, diameter_mm: float) -> dict[str, object]:
-    return {"id": name, "position_mm": [x_mm, 0.0, 0.0], "direction": [0.0, 0.0, 1.0], "diameter_mm": diameter_mm}
+def _nail_holes(spacing_mm: float, diameter_mm: float, chamfer_mm: float) -> list[dict[str, object]]:
+    shape = {"direction": [0.0, 0.0, 1.0], "diameter_mm": diameter_mm, "chamfer_mm": chamfer_mm}
+    places = {"distal": 0.5 * spacing_mm, "proximal": -0.5 * spacing_mm}
+    return [{"id": name, "position_mm": [x_mm, 0.0, 0.0], **shape} for name, x_mm in places.items()]
