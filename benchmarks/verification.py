@@ -146,10 +146,8 @@ def _errors(set_up: SetUp, verified: WireVerification) -> tuple[WireErrors, ...]
     guide_from_bone = bone_from_guide(set_up.scenario, set_up.state).inverse()
     axes = {rod.hole_id: mapped(guide_from_bone, rod.axis) for rod in set_up.state.wires}
     true = {hole.id: hole for hole in holes_at(set_up.parts.nail, truth, None, _SOMEWHERE)}
-    found = {hole.id: hole for hole in verified.holes}
     return tuple(
-        _wire_errors(wire, found[wire.hole_id], _offsets_mm(axes[wire.hole_id], true[wire.hole_id]))
-        for wire in verified.wires
+        _wire_errors(wire, wire.hole, _offsets_mm(axes[wire.hole_id], true[wire.hole_id])) for wire in verified.wires
     )
 
 

@@ -161,7 +161,9 @@ def _benchmark_name(text: str) -> str:
 
 def _bench_arguments(parser: argparse.ArgumentParser) -> None:
     known = "; ".join(f"{name}: {measures}" for name, measures in BENCHMARKS.items())
-    parser.add_argument("names", nargs="*", type=_benchmark_name, metavar="NAME", help=f"all if none; {known}")
+    parser.add_argument(
+        "names", nargs="*", type=_benchmark_name, metavar="NAME", help=f"all if none; {known.replace('%', '%%')}"
+    )
     parser.add_argument("options", nargs=argparse.REMAINDER, help="of the one benchmark named, such as accuracy --help")
 
 

@@ -18,7 +18,7 @@ from services.imaging.service.quality_report import Shot, examine, rejected_imag
 from shared.errors import ImageUnreadable, InputError, Reason, ReasonCode
 from shared.geometry.parts import RingPart
 from shared.messages.qa import QaImage, QaReport
-from shared.parts.files import read_part_file, ring_from_json
+from shared.parts.files import read_part_file, ring_from_json, sha256_of
 
 EXIT_GOOD, EXIT_ATTENTION = 0, 3
 REPORT_FILE: Final = "qa.json"
@@ -36,9 +36,16 @@ def shots_of(folder: Path, nominal: NominalOptions) -> Iterator[Shot | QaImage]:
     """
     if not folder.is_dir() or not (files := _image_files(folder)):
         raise InputError(f"{folder}: 0 images (at least 1, PNG, TIFF or DICOM); name the folder of the ring's images")
+    seen: dict[str, str] = {}
     for file in files:
+        content = file.read_bytes()
+        same = seen.setdefault(sha256_of(content), file.name)
+        if same != file.name:
+            message = f"the file is the same as {same}, and the same image says nothing twice; take it away"
+            yield rejected_image(file.name, (Reason(ReasonCode.IMAGE_UNUSABLE, message),))
+            continue
         try:
-            received = read_image(file.read_bytes(), file.name)
+            received = read_image(content, file.name)
         except ImageUnreadable as error:
             yield rejected_image(file.name, (Reason(ReasonCode.IMAGE_UNUSABLE, str(error)),))
             continue
@@ -68,12 +75,20 @@ def earlier_report(file: Path, ring: RingPart) -> QaReport | None:
     return report if report.ring_sha256 == ring.sha256 else None
 
 
+def named_report(file: Path, ring: RingPart) -> QaReport:
+    """The report that was named; raises `InputError` when it is none, or of another ring."""
+    report = earlier_report(file, ring)
+    if report is None:
+        raise InputError(f"{file}: the report is of another ring than the one given; name one of this ring")
+    return report
+
+
 def run(given: argparse.Namespace) -> int:
     """Run `distalock qa`; returns the exit code: 0 good, 3 something to look at, 2 bad input."""
     try:
         ring = ring_from_json(read_part_file(given.ring), str(given.ring))
         out = given.out or given.folder / "qa"
-        before = earlier_report(given.before or out / REPORT_FILE, ring)
+        before = earlier_report(out / REPORT_FILE, ring) if given.before is None else named_report(given.before, ring)
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
         examined = examine(shots_of(given.folder, nominal), ring)
         report = report_of(examined, ring, before, datetime.now(UTC))

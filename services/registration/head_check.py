@@ -1,19 +1,26 @@
 """Before a plan: is the guide held as the case says? From the newest image, and from those before the robot's moves."""
 
 from services.registration.core.head.motion import MotionView, check_motion
-from services.registration.core.head.place import HeadRefused, check_place
+from services.registration.core.head.place import HeadRefused, HeadTrouble, check_place
 from services.registration.core.localise import LocalisationResult
 from services.registration.knowledge import Knowledge, LocalisedFrame
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.robot import PlatformPoseMessage
 
+_NOT_SEEN = (
+    "no image with the robot where it stands shows both guide and nail (0 found, 1 needed), so that nobody can tell "
+    "whether the guide is held as the case says; take one along the nail's holes and plan again"
+)
+
 
 def head_trouble(newest: LocalisedFrame, knowledge: Knowledge) -> HeadRefused | None:
     """Why the guide seems to be held otherwise than the case says; None when nothing speaks against it."""
-    view = _view(newest)
+    # an image of a verification may show no nail, or was not accepted by itself: then one beside it must speak
+    candidates = (newest, *knowledge.accepted_beside(newest, ()))
+    view = next((view for one in reversed(candidates) if (view := _view(one)) is not None), None)
     if view is None:
-        return None
+        return HeadRefused(HeadTrouble.NOT_SEEN, _NOT_SEEN)
     case = newest.case
     extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
     guide_from_nail = view.ring_from_guide.inverse() @ view.ring_from_nail

@@ -171,7 +171,18 @@ class Knowledge:
         with self._changed:
             self._localised[localised.record.image.sha256] = localised
             while len(self._localised) > self._kept:
-                self._localised.popitem(last=False)
+                self._localised.pop(self._dispensable())
+
+    def _dispensable(self) -> str:
+        """The oldest image that is not the last accepted one with the robot where it stood; else the oldest."""
+        places: list[LocalisedFrame] = []
+        needed = set()
+        for sha256, one in reversed(self._localised.items()):
+            accepted = one.record.localisation.verdict == "accepted"
+            if accepted and not any(_same_stand(one, other) for other in places):
+                places.append(one)
+                needed.add(sha256)
+        return next((sha256 for sha256 in self._localised if sha256 not in needed), next(iter(self._localised)))
 
     def localised(self, sha256: str) -> LocalisedFrame | None:
         """What a kept image said, or None."""
@@ -180,17 +191,12 @@ class Knowledge:
 
     def accepted_beside(self, frame: LocalisedFrame, apart_from: tuple[str, ...]) -> tuple[LocalisedFrame, ...]:
         """Accepted images with case and robot as they were for another one, in order, without those named by hash."""
-        robot, setup = frame.record.robot_pose, _name(frame.case)
-        if robot is None:
-            return ()
         with self._changed:
             return tuple(
                 other
                 for sha256, other in self._localised.items()
                 if sha256 not in apart_from
-                and other.record.robot_pose == robot
-                and _name(other.case) == setup
-                and other.record.robot_boot_epoch == frame.record.robot_boot_epoch
+                and _same_stand(frame, other)
                 and other.record.localisation.verdict == "accepted"
             )
 
@@ -276,6 +282,18 @@ def same_place(a: PlatformPoseMessage, b: PlatformPoseMessage) -> bool:
     """Whether two poses are the same as far as encoders can tell."""
     apart_mm, apart_deg = moved_by(a, b)
     return apart_mm <= POSE_TOLERANCE_MM and apart_deg <= POSE_TOLERANCE_DEG
+
+
+def _same_stand(a: LocalisedFrame, b: LocalisedFrame) -> bool:
+    """Whether robot and set-up were the same for two images; where the robot stood must be known for both."""
+    here, there = a.record.robot_pose, b.record.robot_pose
+    return (
+        here is not None
+        and there is not None
+        and same_place(here, there)
+        and a.record.robot_boot_epoch == b.record.robot_boot_epoch
+        and _name(a.case) == _name(b.case)
+    )
 
 
 def _name(case: OpenCase | None) -> tuple[str | None, int] | None:

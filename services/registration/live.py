@@ -142,9 +142,10 @@ class LiveGuidance:
                 run.track, run.robot_pose = track, localised.record.robot_pose
             self._picture.forget_the_guide()
             overtaken = self._last_said_ns > localised.record.image.received_at_ns
-        if said is not None and disagree(said, sight):
+        contradicted = said is not None and disagree(said, sight)
+        if contradicted:
             self._runtime.log.warning("guidance disagreed with the full localisation", sha256=frame.header.sha256)
-        if not overtaken and (said is None or said.advice is None):
+        if not overtaken and (said is None or said.advice is None or contradicted):
             self._publish(sight, localised.record.image, frame, case, localised.record.localisation.timing_ms.total)
 
     def _run_of(self, case: OpenCase) -> _Run:

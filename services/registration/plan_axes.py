@@ -7,6 +7,8 @@ estimate of the holes, and the wires as they lie in the guide. What the wires we
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset
@@ -49,6 +51,11 @@ def axes_for(request: PlanRequest, newest: LocalisedFrame, knowledge: Knowledge)
     return earlier if isinstance(earlier, PlanReply) else _of_images((*earlier, newest))
 
 
+def verified_name(frame: LocalisedFrame) -> str:
+    """What an image is called in a verification."""
+    return frame.record.image.sha256[:12]
+
+
 def refused(code: str, message: str) -> PlanReply:
     """No plan."""
     return PlanReply(verdict="rejected", code=code, message=message)
@@ -68,11 +75,19 @@ def _of_verification(request: PlanRequest, newest: LocalisedFrame, knowledge: Kn
     if verified.reasons:
         reasons = "; ".join(reason.message for reason in verified.reasons)
         return refused("not_accepted", f"the verification was rejected: {reasons}")
+    if verified_name(newest) not in verified.images_used:
+        return refused(
+            "not_accepted",
+            f"the newest image {request.image_sha256[:12]} added nothing to the verification: ring or guide was not "
+            "found; take it again, and verify again",
+        )
     wires = {wire.hole_id: wire for wire in verified.wires}
     holes = tuple(
-        replace(hole, offset=AxisOffset(wire.offset.mean_mm * 0.0, wire.offset.covariance_mm2, wire.offset.length_mm))
-        for hole in verified.holes
-        if (wire := wires.get(hole.id)) is not None
+        replace(
+            wire.hole,
+            offset=AxisOffset(np.zeros_like(wire.offset.mean_mm), wire.offset.covariance_mm2, wire.offset.length_mm),
+        )
+        for wire in verified.wires
     )
     guide = newest.case.parts.guide
     by_wires = tuple(replace(hole, axis=wires[hole.id].axis_guide) for hole in guide.holes if hole.id in wires)
@@ -94,14 +109,15 @@ def _earlier(
                 "unknown_image",
                 f"image {sha256[:12]} is not among the newest that registration remembers; plan without it",
             )
-        why = _another_set_up(one, newest)
+        why = another_set_up(one, newest)
         if why is not None:
             return refused("another_set_up", f"image {sha256[:12]} shows another set-up: {why}; plan without it")
         found.append(one)
     return tuple(found)
 
 
-def _another_set_up(earlier: LocalisedFrame, newest: LocalisedFrame) -> str | None:
+def another_set_up(earlier: LocalisedFrame, newest: LocalisedFrame) -> str | None:
+    """Why two images may not be taken together: another case, or a robot that stood elsewhere; None when they may."""
     a, b = earlier.record, newest.record
     if (a.case_id, a.case_revision) != (b.case_id, b.case_revision):
         return f"it was made under revision {a.case_revision} of case '{a.case_id}', the newest under {b.case_revision}"

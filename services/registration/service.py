@@ -11,6 +11,7 @@ from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase,
 from services.registration.live import LiveGuidance
 from services.registration.measure import timed_localisation
 from services.registration.overlay import overlay_png
+from services.registration.plan_axes import another_set_up, verified_name
 from services.registration.planning import answer_plan_request
 from services.registration.report import MeasuredTimes, uncalibrated_message
 from services.registration.settings import RegistrationSettings
@@ -153,6 +154,9 @@ class RegistrationService:
                 f"'{request.case_id}' since registration started; take them again"
             )
             return Answer(encode(VerificationReply(code="unknown_image", message=message)))
+        against = _not_one_set_up(known)
+        if against is not None:
+            return Answer(encode(against))
         earlier = self._knowledge.accepted_beside(known[0], request.image_sha256)
         images, before = (tuple(_verified_image(frame) for frame in frames) for frames in (known, earlier))
         verified = verified_images(images, case.parts, before)
@@ -256,8 +260,22 @@ def _located(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase) -> _
     return _Located(calibration, result, message)
 
 
+def _not_one_set_up(frames: list[LocalisedFrame]) -> VerificationReply | None:
+    """Why images may not be verified together, or None."""
+    hashes = [frame.record.image.sha256 for frame in frames]
+    if len(set(hashes)) < len(hashes):
+        message = f"{len(hashes)} images were named and {len(set(hashes))} differ; name each once"
+        return VerificationReply(code="image_twice", message=message)
+    for other in frames[1:]:
+        why = another_set_up(other, frames[0])
+        if why is not None:
+            message = f"image {other.record.image.sha256[:12]} shows another set-up: {why}; take both again"
+            return VerificationReply(code="another_set_up", message=message)
+    return None
+
+
 def _verified_image(localised: LocalisedFrame) -> VerifiedImage:
     record, frame = localised.record, localised.frame
     return VerifiedImage(
-        record.image.sha256[:12], frame.pixels, localised.calibration, localised.result, record.localisation
+        verified_name(localised), frame.pixels, localised.calibration, localised.result, record.localisation
     )

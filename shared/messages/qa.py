@@ -30,7 +30,7 @@ class QaBall(WireModel):
     shift_x_mm: Finite = Field(description="Middle residual over the images, in the frame of the ring.")
     shift_y_mm: Finite
     rms_mm: Finite
-    sigmas: Finite = Field(description="Length of the mean over its standard error.")
+    sigmas: Finite = Field(description="Length of the median over its standard error.")
     flagged: bool
 
 

@@ -17,7 +17,7 @@ from services.imaging.service.quality_desk import QualityDesk
 from services.imaging.service.wire import Outcome, calibration_message, wire_pixels
 from shared.bus.keys import Keys
 from shared.bus.port import Answer, Bus, Query, Sample
-from shared.errors import Accepted, ImageUnreadable, PartFileInvalid
+from shared.errors import Accepted, BusError, ImageUnreadable, PartFileInvalid
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.messages.base import MessageInvalid, decode, encode
@@ -31,6 +31,8 @@ from shared.xray.discs import compile_fits
 
 _QUEUE = 64
 _WAIT_S = 0.2
+# Images that come closer than this are a run of fluoroscopy; of those that wait, only the newest is worth calibrating.
+_RUN_INTERVAL_NS = 500_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +45,12 @@ class Defaults:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shot:
-    """One received image on its way, with the ring of the case it joined."""
+    """One received image on its way, with the ring of the case it joined, and whether it follows another in a run."""
 
     header: FrameHeader
     image: ReceivedImage
     ring: RingPart | None
+    in_run: bool
 
 
 class ImagingService:
@@ -88,6 +91,7 @@ class ImagingService:
         self._case: CaseContext | None = None
         self._ring: RingPart | None = None
         self._sequence = 0
+        self._received_at_ns = 0
         self._memory = memory
         self._quality = quality
 
@@ -111,7 +115,9 @@ class ImagingService:
             worker.join(5.0)
 
     def take(self, content: bytes, sender: str) -> None:
-        """Keep one image and queue it for publication; called from the receiver's threads.
+        """Keep one image, publish it at once and queue it for calibration; called from the receiver's threads.
+
+        Whoever wants to know where the robot stood when an image was made must hear of it before it is calibrated.
 
         Raises
         ------
@@ -127,10 +133,21 @@ class ImagingService:
         with self._lock:
             header = self._header(image, sha256)
             self._store.put_header(sha256, encode(header))
-            queued = self._shots.put(_Shot(header, image, self._ring))
+            in_run = header.received_at_ns - self._received_at_ns < _RUN_INTERVAL_NS
+            self._received_at_ns = header.received_at_ns
+            queued = self._shots.put(_Shot(header, image, self._ring, in_run))
+            if queued:
+                self._announce(header, image)
         if not queued:
             raise Refused(f"{_QUEUE} images wait to be calibrated (limit {_QUEUE}); send this one again in a minute")
         self._runtime.log.info("image received", sender=sender, sha256=sha256, case=header.case_id)
+
+    def _announce(self, header: FrameHeader, image: ReceivedImage) -> None:
+        try:
+            self._frames.put(wire_pixels(image), encode(header))
+        except BusError as error:
+            self._runtime.log.exception("image not published", sha256=header.sha256)
+            self._runtime.degraded(f"image {header.sha256[:12]} could not be published: {error}; take another image")
 
     def _header(self, image: ReceivedImage, sha256: str) -> FrameHeader:
         """Header of the next image; the case goes before the image, the image before the defaults."""
@@ -191,20 +208,19 @@ class ImagingService:
         return Answer(encode(reply))
 
     def _work(self) -> None:
-        """Publish and calibrate what is queued, in order of arrival."""
+        """Calibrate what is queued, in order of arrival; frames of a run that newer ones overtook are left out."""
         compile_fits()
         while not self._ended.is_set():
             shot = self._shots.take(_WAIT_S)
-            if shot is None:
+            if shot is None or (shot.in_run and len(self._shots) > 0):
                 continue
             try:
-                self._publish(shot)
+                self._calibrate(shot)
             except Exception as error:  # the border of a task: the next image must not suffer from this one
                 self._runtime.log.exception("fault", sha256=shot.header.sha256)
                 self._runtime.degraded(f"image {shot.header.sha256[:12]} brought a fault: {error}; take another image")
 
-    def _publish(self, shot: _Shot) -> None:
-        self._frames.put(wire_pixels(shot.image), encode(shot.header))
+    def _calibrate(self, shot: _Shot) -> None:
         if shot.header.case_id is None or shot.ring is None:
             self._runtime.log.info("image kept, not calibrated: no case with a ring is open", sha256=shot.header.sha256)
             return

@@ -134,8 +134,8 @@ def _ball_row(name: str, ball: int, residuals: Sequence[Residuals]) -> QaBall:
 
 
 def drift_between(now: QaReport, before: QaReport) -> QaDrift | None:
-    """Changes since an earlier report of the same ring; None when one of them has no accepted image."""
-    if now.mean_source_mm is None or before.mean_source_mm is None:
+    """Changes since an earlier report of the same ring; None when one of them has no accepted image, or other balls."""
+    if now.mean_source_mm is None or before.mean_source_mm is None or not _comparable(now, before):
         return None
     source = np.array(now.mean_source_mm) - np.array(before.mean_source_mm)
     change = np.array(now.distortion_px) - np.array(before.distortion_px)
@@ -148,6 +148,12 @@ def drift_between(now: QaReport, before: QaReport) -> QaDrift | None:
         worst_ball=worst,
         worst_ball_mm=float(shifts.get(worst, 0.0)),
     )
+
+
+def _comparable(now: QaReport, before: QaReport) -> bool:
+    """A file that a person edited, or an older version wrote, may have other balls or places."""
+    same_balls = [ball.id for ball in now.balls] == [ball.id for ball in before.balls]
+    return same_balls and len(now.distortion_px) == len(before.distortion_px)
 
 
 def _shift(ball: QaBall, other: QaBall) -> tuple[float, float]:

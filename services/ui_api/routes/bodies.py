@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from services.ui_api.core.event_data import Step
 from services.ui_api.desks.cases import SetupRequest
@@ -145,16 +145,23 @@ class MotionBody(Body):
     requested_by: PersonName = "unnamed"
 
 
+def _each_once(images: list[str]) -> list[str]:
+    """The same image twice is not two measurements."""
+    if len(set(images)) < len(images):
+        raise ValueError(f"{len(images)} images were named and {len(set(images))} differ; name each once")
+    return images
+
+
 class VerificationBody(Body):
     """Asks for a verification from one image or two."""
 
-    images: Annotated[list[Sha256], Field(min_length=1, max_length=2)]
+    images: Annotated[list[Sha256], Field(min_length=1, max_length=2), AfterValidator(_each_once)]
 
 
 class QaBody(Body):
     """Asks for a quality report over images of the case."""
 
-    images: Annotated[list[Sha256], Field(min_length=1, max_length=32)]
+    images: Annotated[list[Sha256], Field(min_length=1, max_length=32), AfterValidator(_each_once)]
 
 
 class CommandBody(Body):

@@ -2,14 +2,16 @@
 
 import asyncio
 from typing import Literal
+from urllib.parse import urlsplit
 
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect, status
 
 from services.ui_api.desks.live import HeardGuidance, LiveDesk, LiveFrame
 from services.ui_api.routes.result_views import GuidanceView, age_s
 from services.ui_api.routes.views import View
 from services.ui_api.service import Gateway
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
+from shared.messages.imaging import FrameHeader
 
 router = APIRouter(tags=["live"])
 
@@ -33,6 +35,9 @@ class LiveView(View):
 async def watch(socket: WebSocket) -> None:
     """Send every new frame that the viewer keeps up with: a text message (`LiveView`), then the picture as JPEG."""
     gateway: Gateway = socket.app.state.gateway
+    if not _same_origin(socket):
+        await socket.close(code=status.WS_1008_POLICY_VIOLATION, reason="another page's origin may not watch")
+        return
     await socket.accept()
     loop, news = asyncio.get_running_loop(), asyncio.Event()
     leaving = asyncio.create_task(_left(socket))
@@ -48,6 +53,12 @@ async def watch(socket: WebSocket) -> None:
             pass  # it left while something was sent
         finally:
             leaving.cancel()
+
+
+def _same_origin(socket: WebSocket) -> bool:
+    """Browsers let any page open a WebSocket, and say whose page it is; programs say nothing."""
+    origin = socket.headers.get("origin")
+    return origin is None or urlsplit(origin).netloc == socket.headers.get("host")
 
 
 async def _send_on(socket: WebSocket, live: LiveDesk, news: asyncio.Event, leaving: "asyncio.Task[None]") -> None:
@@ -75,9 +86,14 @@ def _view(live: LiveDesk, frame: LiveFrame, heard: HeardGuidance | None, picture
         age_s=age_s(header.received_at_ns),
         case_id=header.case_id,
         picture=picture,
-        guidance=None if heard is None else GuidanceView.of(heard.guidance, live.heard_s_ago(heard), header.sha256),
+        guidance=None if heard is None else _guidance(live, header, heard),
     )
     return view.model_dump_json(by_alias=True)
+
+
+def _guidance(live: LiveDesk, header: FrameHeader, heard: HeardGuidance) -> GuidanceView:
+    """The word beside a picture: of the same case's set-up as the picture, or stale."""
+    return GuidanceView.of(heard.guidance, live.heard_s_ago(heard), header.sha256, header.case_revision)
 
 
 async def _left(socket: WebSocket) -> None:

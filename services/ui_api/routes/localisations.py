@@ -60,7 +60,7 @@ def _guidance(gateway: Gateway, case: Case) -> GuidanceView | None:
     if heard is None:
         return None
     newest = case.images[-1].image_sha256 if case.images else None
-    return GuidanceView.of(heard.guidance, gateway.live.heard_s_ago(heard), newest)
+    return GuidanceView.of(heard.guidance, gateway.live.heard_s_ago(heard), newest, case.revision)
 
 
 def _document(gateway: Gateway, measured: LocalisationReceived) -> LocalisationRecord:

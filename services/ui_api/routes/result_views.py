@@ -89,15 +89,23 @@ class GuidanceView(Guidance):
     stale_because: str | None
 
     @staticmethod
-    def of(guidance: Guidance, heard_s_ago: float, newest_image: str | None) -> "GuidanceView":
-        """From the word and the newest image that there is."""
+    def of(
+        guidance: Guidance, heard_s_ago: float, newest_image: str | None, case_revision: int | None
+    ) -> "GuidanceView":
+        """From the word, and the newest image and the case's revision that there are."""
         age = age_s(guidance.image.received_at_ns)
         newest = guidance.image.sha256 == newest_image
-        current = newest or (heard_s_ago <= GUIDANCE_LASTS_S and age <= OLDEST_FRAME_S)
+        same_set_up = case_revision in (None, guidance.case_revision)
+        current = same_set_up and (newest or (heard_s_ago <= GUIDANCE_LASTS_S and age <= OLDEST_FRAME_S))
         clause = (
-            f"newer images have come; this word is about one that is {age:.1f} s old (limit {OLDEST_FRAME_S:g} s) and "
-            f"was heard {heard_s_ago:.1f} s ago (limit {GUIDANCE_LASTS_S:g} s); wait for the next one"
+            f"newer images have come; this word is about one that is {age:.1f} s old (limit {OLDEST_FRAME_S:g} s) "
+            f"and was heard {heard_s_ago:.1f} s ago (limit {GUIDANCE_LASTS_S:g} s); wait for the next one"
         )
+        if not same_set_up:
+            clause = (
+                f"the case's set-up is revision {case_revision} now, this word is about revision "
+                f"{guidance.case_revision}; wait for the next one"
+            )
         return GuidanceView(
             **dict(guidance),
             age_s=age,

@@ -6,8 +6,10 @@ import sys
 
 import pytest
 
-from distalock.__main__ import main
+from distalock.__main__ import COMMANDS, main
 from distalock.arguments import EXIT_UNREAD
+
+ROBOT_COMMANDS = ("workspace", "calibration-poses", "calibrate-guide")
 
 
 @pytest.mark.parametrize(
@@ -42,3 +44,11 @@ def test_a_reader_that_left_is_no_traceback() -> None:
     os.close(writing)
     assert ended.returncode == EXIT_UNREAD
     assert ended.stderr == ""
+
+
+@pytest.mark.parametrize("command", [[one.name] for one in COMMANDS] + [["robot", name] for name in ROBOT_COMMANDS])
+def test_every_command_explains_itself(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([*command, "--help"])
+    assert ended.value.code == 0
+    assert "usage: distalock" in capsys.readouterr().out

@@ -22,6 +22,7 @@ class HeadTrouble(StrEnum):
     GUIDE_TURNED = "guide_turned"
     HEAD_EXTENSION = "head_extension"
     MOUNT_PLACE = "mount_place"
+    NOT_SEEN = "head_not_seen"
 
 
 @dataclass(frozen=True, slots=True)

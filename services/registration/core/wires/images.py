@@ -52,13 +52,13 @@ class SeenSetUp:
         None when no image shows the nail's holes, or none the guide, or they contradict one another.
     reasons
         Why there is no set-up, or why some image is not in it.
-    left_out
-        How many images are not in it.
+    used
+        Names of the images that are in it.
     """
 
     set_up: SetUp | None
     reasons: tuple[Reason, ...]
-    left_out: int
+    used: tuple[str, ...]
 
 
 def verify_images(
@@ -68,8 +68,8 @@ def verify_images(
     seen = seen_set_up(images, earlier, parts)
     if seen.set_up is None:
         return WireVerification(seen.reasons, (), ())
-    verified = verify_wires(seen.set_up, parts.guide, parts.nail)
-    if not verified.reasons or not seen.left_out:
+    verified = replace(verify_wires(seen.set_up, parts.guide, parts.nail), images_used=seen.used)
+    if not verified.reasons or len(seen.used) == len(images):
         return verified
     return replace(verified, reasons=verified.reasons + seen.reasons)
 
@@ -87,14 +87,15 @@ def seen_set_up(images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, .
     used = tuple(one for one in all_images if id(one) in evidence)
     of_images = tuple(reason for image in images for reason in image.found.reasons)
     if not used:
-        return SeenSetUp(None, of_images, len(images))
+        return SeenSetUp(None, of_images, ())
     found = tuple(evidence[id(one)] for one in used)
     against = _against(used, found, parts)
     if against is not None:
-        return SeenSetUp(None, (against,), len(images))
+        return SeenSetUp(None, (against,), ())
     joint = fuse(found)
     views: list[WireView] = []
     source: list[int | None] = []
+    in_view: list[str] = []
     reasons: list[Reason] = []
     for image in images:
         view = _view(image, parts, joint.guide_from_nail)
@@ -102,14 +103,15 @@ def seen_set_up(images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, .
             reasons.extend(view.reasons)
             continue
         views.append(view)
+        in_view.append(image.found.name)
         source.append(used.index(image.found) if id(image.found) in evidence else None)
     if not views:
-        return SeenSetUp(None, tuple(reasons), len(images))
+        return SeenSetUp(None, tuple(reasons), ())
     set_up = set_up_of(tuple(views), joint, tuple(source))
     for k, image_index in enumerate(source):
         if image_index is None:
             set_up = with_outline(set_up, k, parts.guide, parts.nail)
-    return SeenSetUp(set_up, tuple(reasons), len(images) - len(views))
+    return SeenSetUp(set_up, tuple(reasons), tuple(in_view))
 
 
 def _against(used: tuple[LocalisedImage, ...], evidence: tuple[PoseEvidence, ...], parts: Parts) -> Reason | None:

@@ -6,19 +6,19 @@ stubs in the holes' openings. An oblique image shows the wires as bands: each gi
 lateral image what the plane leaves open.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
-from services.registration.core.passing import AxisOffset, angle_deg, axis_offset_mm
+from services.registration.core.passing import AxisOffset, across_basis, angle_deg, axis_offset_mm
 from services.registration.core.wires.fit import LEAST_SEEN_PX, LEAST_SEEN_SHARE, WireFit, fit_wire, seen_share
 from services.registration.core.wires.model import wire_model
 from services.registration.core.wires.set_up import SetUp
 from services.registration.core.wires.view import PreparedView, prepare_view
 from shared.errors import Reason, ReasonCode
-from shared.geometry.lines import Line
+from shared.geometry.lines import Line, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart
 
 WIRE_DIAMETER_MM = 2.0
@@ -33,6 +33,8 @@ class AxisComparison:
 
     Attributes
     ----------
+    hole
+        The nail's hole: where all images together put it, the wires among what they show.
     axis_guide
         The axis that is compared, in the guide's frame.
     offset
@@ -43,11 +45,16 @@ class AxisComparison:
         Probability that a 4.0 mm drill along this axis passes the nail's hole.
     """
 
-    hole_id: str
+    hole: HoleEstimate
     axis_guide: Line
     offset: AxisOffset
     angle_deg: float
     chance_to_pass: float
+
+    @property
+    def hole_id(self) -> str:
+        """Which hole of guide and nail."""
+        return self.hole.id
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,14 +70,14 @@ class WireVerification:
         Those that were found, in the order of the nail's holes, also when there are reasons.
     guide_holes
         The guide's own holes: what a drill will follow.
-    holes
-        The nail's holes as the images show them together; none when they could not be compared.
+    images_used
+        Names of the images in which the wires were looked for; of others, ring or guide was not found.
     """
 
     reasons: tuple[Reason, ...]
     wires: tuple[AxisComparison, ...]
     guide_holes: tuple[AxisComparison, ...]
-    holes: tuple[HoleEstimate, ...] = ()
+    images_used: tuple[str, ...] = ()
 
 
 def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerification:
@@ -91,7 +98,7 @@ def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerific
         wires.append(compare_wire(fit, hole, offsets_by_motion(nail, hole.id, set_up.guide_from_nail)))
         reasons.extend(_too_uncertain(wires[-1], len(prepared)))
     guide_holes = tuple(_compare_guide_hole(guide_hole.axis, hole) for guide_hole, hole in pairs)
-    return WireVerification(tuple(reasons), tuple(wires), guide_holes, holes)
+    return WireVerification(tuple(reasons), tuple(wires), guide_holes)
 
 
 def find_wire(
@@ -132,10 +139,22 @@ def compare_wire(fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.fl
     by_wire = np.stack([(offset_mm(fit.offsets_mm + step) - here) / _DIFFERENCE_MM for step in steps], axis=-1)
     J = np.hstack([by_wire, -by_nail_motion])
     length_mm = float(np.linalg.norm(hole.exit_guide_mm - hole.entry_guide_mm))
-    offset = AxisOffset(here - by_nail_motion @ fit.nail_motion, J @ fit.covariance @ J.T, length_mm)
+    nail_moved_mm = by_nail_motion @ fit.nail_motion
+    offset = AxisOffset(here - nail_moved_mm, J @ fit.covariance @ J.T, length_mm)
     slope = (offset.mean_mm[2:] - offset.mean_mm[:2]) / length_mm
     between_deg = float(np.degrees(np.arctan(np.linalg.norm(slope))))
-    return AxisComparison(hole.id, fit.line_guide, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
+    return AxisComparison(
+        _moved_hole(hole, nail_moved_mm), fit.line_guide, offset, between_deg, offset.chance_to_pass(hole.diameter_mm)
+    )
+
+
+def _moved_hole(hole: HoleEstimate, across_mm: NDArray[np.float64]) -> HoleEstimate:
+    """The hole after its axis has moved across itself at entry and exit, shape (4,)."""
+    across = across_basis(hole.axis_guide.direction)
+    entry_mm, exit_mm = hole.entry_guide_mm + across_mm[:2] @ across, hole.exit_guide_mm + across_mm[2:] @ across
+    return replace(
+        hole, axis_guide=Line(entry_mm, unit(exit_mm - entry_mm)), entry_guide_mm=entry_mm, exit_guide_mm=exit_mm
+    )
 
 
 def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate) -> AxisComparison:
@@ -143,7 +162,7 @@ def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate) -> AxisComparison:
     mean_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
     offset = AxisOffset(mean_mm, hole.offset.covariance_mm2, hole.offset.length_mm)
     between_deg = angle_deg(hole.axis_guide, axis_guide)
-    return AxisComparison(hole.id, axis_guide, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
+    return AxisComparison(hole, axis_guide, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
 
 
 def _paired(guide: GuidePart, holes: tuple[HoleEstimate, ...]) -> list[tuple[Hole, HoleEstimate]]:

@@ -1,6 +1,7 @@
 """Imaging on an in-memory bus: images in, frames and calibrations out."""
 
 import queue
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Bus, Sample
 from shared.errors import ImageUnreadable, NoReply
+from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import CalibrationMessage, FrameHeader
@@ -61,7 +63,7 @@ class Room:
 
 
 @contextmanager
-def room_of(store: ImageStore, positions: Path) -> Iterator[Room]:
+def room_of(store: ImageStore, positions: Path, memory: CArmMemory | None = None) -> Iterator[Room]:
     router = MemoryRouter()
     with router.open() as bus, router.open() as listener:
         status = StatusReporter(bus.retained_publisher(KEYS.status("imaging")), "imaging", "epoch-1", "0")
@@ -69,7 +71,7 @@ def room_of(store: ImageStore, positions: Path) -> Iterator[Room]:
         runtime = Runtime("imaging", "epoch-1", KEYS, log, status)
         quality = QualityDesk(store, positions / "qa", lambda: datetime(2026, 1, 2, tzinfo=UTC))
         service = ImagingService(
-            bus, runtime, store, CArmMemory(PositionStore(positions)), quality, Defaults(1000.0, 0.235)
+            bus, runtime, store, memory or CArmMemory(PositionStore(positions)), quality, Defaults(1000.0, 0.235)
         )
         frames: queue.Queue[Sample] = queue.Queue()
         calibrations: queue.Queue[Sample] = queue.Queue()
@@ -135,6 +137,33 @@ def test_an_image_of_an_open_case_is_calibrated(room: Room) -> None:
     header = decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment)
     assert message.image.sha256 == header.sha256
     assert header.case_revision == 3
+
+
+class HeldMemory(CArmMemory):
+    """Holds the calibration of the first image until it is released."""
+
+    def __init__(self, positions: Path) -> None:
+        super().__init__(PositionStore(positions))
+        self.begun, self.released = threading.Event(), threading.Event()
+
+    def before(self, ring_sha256: str, angles_deg: tuple[float, float] | None) -> CArmCalibration | None:
+        self.begun.set()
+        assert self.released.wait(PATIENCE_S)
+        return super().before(ring_sha256, angles_deg)
+
+
+def test_frames_of_a_run_are_published_at_once_and_those_overtaken_not_calibrated(tmp_path: Path) -> None:
+    memory = HeldMemory(tmp_path / "positions")
+    with room_of(ImageStore(tmp_path), tmp_path / "positions", memory) as room:
+        room.open_case()
+        room.service.take(small_dicom(), "CARM")
+        assert memory.begun.wait(PATIENCE_S)
+        for _ in range(4):
+            room.service.take(small_dicom(), "CARM")
+        sequences = [decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment).sequence for _ in range(5)]
+        assert (sequences, room.calibrations.empty()) == ([1, 2, 3, 4, 5], True)
+        memory.released.set()
+        assert [room.calibration().image.sequence for _ in range(2)] == [1, 5]
 
 
 def test_a_refusal_is_published_with_its_reasons(room: Room) -> None:

@@ -1,5 +1,7 @@
 """What a plan rests on: one image, several of one set-up, or a verification; and what it refuses to rest on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -152,16 +154,17 @@ def test_an_image_named_twice_is_refused() -> None:
     assert refusal(asked(newest, newest)).code == "image_twice"
 
 
-def verified(*reasons: Reason) -> WireVerification:
-    """A wire half a millimetre beside the distal hole of the guide."""
+def verified(*reasons: Reason, used: tuple[str, ...] = ("a", "oblique")) -> WireVerification:
+    """A wire half a millimetre beside the distal hole of the guide; the hole where the wires put it, 0.2 mm off."""
     result = localised("a").result
     assert result is not None
     assert result.holes is not None
-    hole = result.holes[0]
+    found = result.holes[0]
+    hole = replace(found, entry_guide_mm=found.entry_guide_mm + np.array([0.0, 0.2, 0.0]))
     guide_hole = next(one for one in PARTS.guide.holes if one.id == hole.id)
     axis = Line(guide_hole.axis.point_mm + np.array([0.5, 0.0, 0.0]), guide_hole.axis.direction)
-    wire = AxisComparison(hole.id, axis, AxisOffset(np.full(4, 0.3), np.eye(4) * 0.01, 12.0), 0.1, 0.9)
-    return WireVerification(reasons, (wire,), (), result.holes)
+    wire = AxisComparison(hole, axis, AxisOffset(np.full(4, 0.3), np.eye(4) * 0.01, 12.0), 0.1, 0.9)
+    return WireVerification(reasons, (wire,), (), tuple(sha256_of(name.encode())[:12] for name in used))
 
 
 def asked_after(verification: WireVerification, *names: str, newest: str = "a") -> object:
@@ -181,10 +184,17 @@ def test_a_verification_brings_the_wires_onto_the_holes() -> None:
     (hole,) = axes.guide.holes
     nominal = next(one for one in PARTS.guide.holes if one.id == hole.id)
     assert hole.axis.point_mm - nominal.axis.point_mm == pytest.approx([0.5, 0.0, 0.0])
+    assert axes.holes[0].entry_guide_mm == pytest.approx(verified().wires[0].hole.entry_guide_mm)
     offset = axes.holes[0].offset
     assert offset is not None
     assert offset.entry_mm == 0.0
     assert offset.entry_sd_mm == pytest.approx(0.1 * np.sqrt(2.0))
+
+
+def test_the_newest_image_must_have_added_to_the_verification() -> None:
+    reply = refusal(asked_after(verified(used=("oblique",)), "a", "oblique"))
+    assert reply.code == "not_accepted"
+    assert "added nothing to the verification" in reply.message
 
 
 def test_a_rejected_verification_moves_nothing() -> None:

@@ -77,9 +77,9 @@ class Outside:
         )
         self.bus.retained_publisher(KEYS.case_context).put(encode(context))
 
-    def robot_rests(self) -> None:
+    def robot_rests(self, pose: PlatformPoseMessage = HOME) -> None:
         """It is locked, and has been for longer than any image takes to arrive."""
-        self.robot_is()
+        self.robot_is(pose=pose)
         self.clock.now_s += 1.0
 
     def robot_is(self, state: MotionState = MotionState.LOCKED, pose: PlatformPoseMessage = HOME) -> None:
@@ -207,6 +207,7 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     assert verification is not None
     assert {hole.id for hole in verification.guide_holes} == {"distal", "proximal"}
     assert [reason.code for reason in verification.reasons] == [ReasonCode.WIRE_NOT_FOUND] * 2
+    assert outside.ask_verification("one", "one").code == "image_twice"
 
     outside.robot_is(pose=HOME.model_copy(update={"x_mm": 0.5}))
     eventually(lambda: outside.ask_plan("one").code == "stale")
@@ -218,6 +219,21 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     eventually(lambda: outside.ask_plan("one").code == "stale")
     outside.open_case(revision=2)
     eventually(lambda: outside.ask_verification("one").code == "unknown_image")
+
+
+def test_images_with_the_robot_in_two_places_are_not_verified_together(outside: Outside) -> None:
+    outside.robot_rests()
+    outside.open_case()
+    outside.frame("one")
+    outside.calibrated("one", None)
+    outside.next_record()
+    outside.robot_rests(HOME.model_copy(update={"x_mm": 0.5}))
+    outside.frame("two")
+    outside.calibrated("two", None)
+    outside.next_record()
+    reply = outside.ask_verification("one", "two")
+    assert reply.code == "another_set_up"
+    assert "the robot was moved by 0.500 mm" in reply.message
 
 
 def test_a_rejected_calibration_is_recorded_with_its_reasons(outside: Outside) -> None:
