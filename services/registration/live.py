@@ -37,7 +37,7 @@ from shared.bus.port import Bus
 from shared.errors import Reason, ReasonCode
 from shared.messages.base import encode
 from shared.messages.imaging import CalibrationMessage, ImageReference
-from shared.messages.robot import PlatformPoseMessage
+from shared.messages.robot import PlatformPoseMessage, RobotState
 from shared.runtime.latest import LatestSlot
 from shared.runtime.lifecycle import Runtime
 
@@ -175,7 +175,7 @@ class LiveGuidance:
             return
         with self._lock:
             run = self._run_of(case)
-            if not _same_pose(run.robot_pose, pose_at_rest(self._knowledge.robot)):
+            if not _stands_still(run.robot_pose, self._knowledge.robot):
                 run.track = None  # the guide was moved against the nail
             before = run.track
         sight, after = self._sight(message, frame, case.parts, before)
@@ -212,11 +212,12 @@ class LiveGuidance:
             self._publisher.put(encode(guidance_message(sight, facts, self._picture)))
 
 
-def _same_pose(key: PlatformPoseMessage | None, now: PlatformPoseMessage | None) -> bool:
+def _stands_still(key: PlatformPoseMessage | None, robot: RobotState | None) -> bool:
     """Whether the robot stands where it stood for the key; where it stood is unknown while it moves."""
-    if key is None or now is None:
-        return key is now
-    return same_place(key, now)
+    if robot is None:  # there is none: nothing moves the guide
+        return key is None
+    now = pose_at_rest(robot)
+    return key is not None and now is not None and same_place(key, now)
 
 
 _NOT_YET = Reason(

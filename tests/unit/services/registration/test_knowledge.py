@@ -1,0 +1,58 @@
+"""Which earlier images registration keeps and finds again, and that the head is never taken to be right unseen."""
+
+from dataclasses import replace
+
+from services.registration.core.head.place import HeadTrouble
+from services.registration.head_check import head_trouble
+from services.registration.knowledge import Knowledge, LocalisedFrame
+from shared.parts.files import sha256_of
+from tests.unit.services.registration.test_fusion import AMBIGUOUS, localised
+from tests.unit.services.registration.test_plan_axes import frame
+from tests.unit.services.registration.test_service import HOME
+
+AWAY = HOME.model_copy(update={"x_mm": 1.5})
+JITTER = HOME.model_copy(update={"x_mm": 0.0004})
+
+
+def knowing(*frames: LocalisedFrame, kept: int = 10) -> Knowledge:
+    knowledge = Knowledge("registration-1", kept, 0.5, lambda: 0.0)
+    for one in frames:
+        knowledge.note_localised(one)
+    return knowledge
+
+
+def names(frames: tuple[LocalisedFrame, ...]) -> list[str]:
+    known = {sha256_of(name.encode()): name for name in "abcdefgh"}
+    return [known[one.record.image.sha256] for one in frames]
+
+
+def test_images_beside_another_are_accepted_ones_with_the_robot_as_far_as_encoders_can_tell_in_one_place() -> None:
+    newest = frame(localised("e"))
+    knowledge = knowing(
+        frame(localised("a"), JITTER),
+        frame(localised("b"), AWAY),
+        frame(localised("c", 0.0, 1.0, AMBIGUOUS)),
+        frame(localised("d"), None),
+        newest,
+    )
+    assert names(knowledge.accepted_beside(newest, (newest.record.image.sha256,))) == ["a"]
+    assert names(knowledge.accepted_elsewhere(newest)) == ["b"]
+
+
+def test_the_last_accepted_image_of_each_place_outlives_a_run() -> None:
+    run = [frame(localised(name), AWAY) for name in "cdefgh"]
+    knowledge = knowing(frame(localised("a")), frame(localised("b")), *run, kept=3)
+    assert names(knowledge.accepted_elsewhere(run[-1])) == ["b"]
+    assert knowledge.localised(sha256_of(b"h")) is run[-1]
+    assert knowledge.localised(sha256_of(b"c")) is None
+
+
+def test_a_head_that_no_image_shows_is_not_taken_to_be_right() -> None:
+    seen = frame(localised("a"))
+    assert seen.result is not None
+    without_nail = replace(frame(localised("b")), result=replace(seen.result, nail=None, holes=None))
+    refused = head_trouble(without_nail, knowing(without_nail))
+    assert refused is not None
+    assert refused.code is HeadTrouble.NOT_SEEN
+    beside = head_trouble(without_nail, knowing(seen, without_nail))
+    assert beside is None or beside.code is not HeadTrouble.NOT_SEEN
