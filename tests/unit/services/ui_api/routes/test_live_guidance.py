@@ -74,8 +74,8 @@ def test_a_viewer_gets_the_newest_image_with_guidance_and_may_leave(room: Room) 
     assert picture["bytes"].startswith(b"\xff\xd8")
 
 
-async def _watched(room: Room) -> list[Message]:
-    """Connect, take three messages, leave; the application must end by itself then."""
+async def _watched(room: Room, count: int = 3, headers: tuple[tuple[bytes, bytes], ...] = ()) -> list[Message]:
+    """Connect, take some messages, leave; the application must end by itself then."""
     sent: asyncio.Queue[Message] = asyncio.Queue()
     enough = asyncio.Event()
     incoming: list[Message] = [{"type": "websocket.connect"}]
@@ -91,12 +91,21 @@ async def _watched(room: Room) -> list[Message]:
         "path": "/api/v1/live",
         "raw_path": b"/api/v1/live",
         "query_string": b"",
-        "headers": [],
+        "headers": list(headers),
         "subprotocols": [],
         "scheme": "ws",
     }
     served = asyncio.create_task(make_app(room.gateway)(scope, receive, sent.put))
-    messages = [await asyncio.wait_for(sent.get(), PATIENCE_S) for _ in range(3)]
+    messages = [await asyncio.wait_for(sent.get(), PATIENCE_S) for _ in range(count)]
     enough.set()
     await asyncio.wait_for(served, PATIENCE_S)
     return messages
+
+
+def test_another_page_may_not_watch(room: Room) -> None:
+    from_elsewhere = ((b"host", b"console:8000"), (b"origin", b"https://elsewhere.example"))
+    (answer,) = asyncio.run(_watched(room, 1, from_elsewhere))
+    assert (answer["type"], answer["code"]) == ("websocket.close", 1008)
+    own = ((b"host", b"console:8000"), (b"origin", b"http://console:8000"))
+    (answer,) = asyncio.run(_watched(room, 1, own))
+    assert answer["type"] == "websocket.accept"
