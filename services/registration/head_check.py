@@ -3,7 +3,8 @@
 from services.registration.core.head.motion import MotionView, check_motion
 from services.registration.core.head.place import HeadRefused, HeadTrouble, check_place
 from services.registration.core.localise import LocalisationResult
-from services.registration.knowledge import Knowledge, LocalisedFrame
+from services.registration.frames import LocalisedFrame
+from services.registration.knowledge import Knowledge
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.robot import PlatformPoseMessage

@@ -23,15 +23,10 @@ from services.registration.core.guidance.tracking import (
     localised_sight,
 )
 from services.registration.core.localise import Parts
+from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
 from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
-from services.registration.knowledge import (
-    Knowledge,
-    LocalisedFrame,
-    OpenCase,
-    ReceivedFrame,
-    pose_at_rest,
-    same_place,
-)
+from services.registration.knowledge import Knowledge
+from services.registration.robot_pose import pose_at_rest, same_place
 from services.registration.settings import RegistrationSettings
 from shared.bus.port import Bus
 from shared.errors import Reason, ReasonCode

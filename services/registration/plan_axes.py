@@ -12,15 +12,10 @@ import numpy as np
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset
-from services.registration.knowledge import (
-    POSE_TOLERANCE_DEG,
-    POSE_TOLERANCE_MM,
-    Knowledge,
-    LocalisedFrame,
-    moved_by,
-    same_place,
-)
+from services.registration.frames import LocalisedFrame
+from services.registration.knowledge import Knowledge
 from services.registration.report import fusion_message
+from services.registration.robot_pose import POSE_TOLERANCE_DEG, POSE_TOLERANCE_MM, moved_by, same_place
 from shared.errors import Reason
 from shared.geometry.parts import GuidePart
 from shared.messages.registration import Fusion, PlanReply, PlanRequest

@@ -7,19 +7,12 @@ verification. The newest image is always among them.
 import numpy as np
 
 from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
+from services.registration.frames import LocalisedFrame, OpenCase
 from services.registration.head_check import head_trouble
-from services.registration.knowledge import (
-    POSE_TOLERANCE_DEG,
-    POSE_TOLERANCE_MM,
-    Knowledge,
-    LocalisedFrame,
-    OpenCase,
-    moved_by,
-    pose_at_rest,
-    same_place,
-)
+from services.registration.knowledge import Knowledge
 from services.registration.plan_axes import PlanAxes, axes_for, refused
 from services.registration.report import standard_uncertainty
+from services.registration.robot_pose import POSE_TOLERANCE_DEG, POSE_TOLERANCE_MM, moved_by, pose_at_rest, same_place
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.base import matrix4, vector3
 from shared.messages.registration import LocalisationRecord, Plan, PlanReply, PlanRequest, PredictedHoleError

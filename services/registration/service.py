@@ -7,13 +7,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from services.registration.core.localise import LocalisationResult, Method
-from services.registration.knowledge import Knowledge, LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest
+from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
+from services.registration.knowledge import Knowledge
 from services.registration.live import LiveGuidance
 from services.registration.measure import timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.plan_axes import another_set_up, verified_name
 from services.registration.planning import answer_plan_request
 from services.registration.report import MeasuredTimes, uncalibrated_message
+from services.registration.robot_pose import pose_at_rest
 from services.registration.settings import RegistrationSettings
 from services.registration.verification import VerifiedImage, verification_message, verified_images
 from shared.bus.port import Answer, Bus, Query, Sample

@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 from services.registration.core.head.place import HeadTrouble
+from services.registration.frames import LocalisedFrame
 from services.registration.head_check import head_trouble
-from services.registration.knowledge import Knowledge, LocalisedFrame
+from services.registration.knowledge import Knowledge
 from shared.parts.files import sha256_of
+from tests.unit.services.registration.outside import HOME
 from tests.unit.services.registration.test_fusion import AMBIGUOUS, localised
 from tests.unit.services.registration.test_plan_axes import frame
-from tests.unit.services.registration.test_service import HOME
 
 AWAY = HOME.model_copy(update={"x_mm": 1.5})
 JITTER = HOME.model_copy(update={"x_mm": 0.0004})

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from services.registration.knowledge import Knowledge
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
-from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Bus
 from shared.errors import ReasonCode
@@ -24,6 +23,7 @@ from shared.messages.registration import LocalisationRecord
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
 from shared.parts.files import sha256_of
 from shared.runtime.lifecycle import open_service
+from tests.unit.services.registration.outside import BLANK, KEYS, PATIENCE_S, eventually
 from tests.unit.services.registration.rendered_case import (
     GUIDE_JSON,
     HEXAPOD_JSON,
@@ -33,11 +33,6 @@ from tests.unit.services.registration.rendered_case import (
     Shown,
     rendered,
 )
-from tests.unit.services.registration.test_service import eventually
-
-PATIENCE_S = 120.0
-KEYS = Keys("or1")
-BLANK = np.ones((SIZE_PX, SIZE_PX), dtype=np.float32)
 
 
 @dataclass

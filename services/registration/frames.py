@@ -1,0 +1,140 @@
+"""Images as registration holds them: as they arrived, with what was found in them, and the last few of those."""
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.localise import LocalisationResult, Parts
+from services.registration.parts import parts_from_json
+from services.registration.robot_pose import same_place
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.hexapod import HexapodPart
+from shared.messages.cases import CaseContext
+from shared.messages.imaging import FrameHeader
+from shared.messages.registration import LocalisationRecord
+from shared.messages.robot import RobotState
+from shared.parts.hexapod_file import hexapod_from_json
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenCase:
+    """The open case with its part files read."""
+
+    context: CaseContext
+    parts: Parts
+    hexapod: HexapodPart
+
+    @staticmethod
+    def of(context: CaseContext) -> "OpenCase":
+        """Read the part files; raises `PartFileInvalid`."""
+        return OpenCase(
+            context,
+            parts_from_json(context.ring_json.encode(), context.guide_json.encode(), context.nail_json.encode()),
+            hexapod_from_json(context.hexapod_json.encode()),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReceivedFrame:
+    """An image as it arrived.
+
+    Attributes
+    ----------
+    epoch
+        Registration epoch that began with it.
+    robot
+        State of the robot when it was exposed; None when it was not known, or not at rest long enough to tell.
+    """
+
+    header: FrameHeader
+    pixels: NDArray[np.float32]
+    epoch: str
+    robot: RobotState | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalisedFrame:
+    """An image with all that was found in it; calibration and result are None when the ring was not found."""
+
+    frame: ReceivedFrame
+    case: OpenCase
+    record: LocalisationRecord
+    calibration: CArmCalibration | None
+    result: LocalisationResult | None
+
+
+class LocalisedFrames:
+    """The last few localised images, and the last accepted one of each place of the robot. Not for several threads.
+
+    Parameters
+    ----------
+    kept
+        How many images are kept.
+    """
+
+    def __init__(self, kept: int) -> None:
+        self._kept = kept
+        self._frames: OrderedDict[str, LocalisedFrame] = OrderedDict()
+
+    def note(self, localised: LocalisedFrame) -> None:
+        """Keep one more; another may have to go."""
+        self._frames[localised.record.image.sha256] = localised
+        while len(self._frames) > self._kept:
+            self._frames.pop(self._dispensable())
+
+    def get(self, sha256: str) -> LocalisedFrame | None:
+        """A kept image, or None."""
+        return self._frames.get(sha256)
+
+    def accepted_beside(self, frame: LocalisedFrame, apart_from: tuple[str, ...]) -> tuple[LocalisedFrame, ...]:
+        """Accepted images with case and robot as they were for another one, in order, without those named by hash."""
+        return tuple(
+            other
+            for sha256, other in self._frames.items()
+            if sha256 not in apart_from and same_stand(frame, other) and other.record.localisation.verdict == "accepted"
+        )
+
+    def accepted_elsewhere(self, frame: LocalisedFrame) -> tuple[LocalisedFrame, ...]:
+        """Accepted images of the same set-up for which the robot stood elsewhere than for another one, in order."""
+        here, setup = frame.record.robot_pose, set_up_of(frame.case)
+        if here is None:
+            return ()
+        return tuple(
+            other
+            for other in self._frames.values()
+            if other.record.localisation.verdict == "accepted"
+            and other.record.robot_boot_epoch == frame.record.robot_boot_epoch
+            and set_up_of(other.case) == setup
+            and other.record.robot_pose is not None
+            and not same_place(other.record.robot_pose, here)
+        )
+
+    def _dispensable(self) -> str:
+        """The oldest image that is not the last accepted one with the robot where it stood; else the oldest."""
+        places: list[LocalisedFrame] = []
+        needed = set()
+        for sha256, one in reversed(self._frames.items()):
+            accepted = one.record.localisation.verdict == "accepted"
+            if accepted and not any(same_stand(one, other) for other in places):
+                places.append(one)
+                needed.add(sha256)
+        return next((sha256 for sha256 in self._frames if sha256 not in needed), next(iter(self._frames)))
+
+
+def same_stand(a: LocalisedFrame, b: LocalisedFrame) -> bool:
+    """Whether robot and set-up were the same for two images; where the robot stood must be known for both."""
+    here, there = a.record.robot_pose, b.record.robot_pose
+    return (
+        here is not None
+        and there is not None
+        and same_place(here, there)
+        and a.record.robot_boot_epoch == b.record.robot_boot_epoch
+        and set_up_of(a.case) == set_up_of(b.case)
+    )
+
+
+def set_up_of(case: OpenCase | None) -> tuple[str | None, int] | None:
+    """Names a set-up: the case and its revision; None without a case."""
+    return None if case is None else (case.context.case_id, case.context.revision)
