@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.pose_kernel import jacobian_row, refined
+from services.registration.core.pose_kernel import Seen, jacobian_row, refined
 from shared.geometry.camera import PinholeCamera
 
 _ITERATIONS = 30
@@ -89,9 +89,11 @@ def refine_pose(
     rotation, translation_mm = refined(
         camera.intrinsic_matrix_px,
         (np.ascontiguousarray(start.rotation), np.ascontiguousarray(start.translation_mm)),
-        np.ascontiguousarray(seen.body_mm),
-        np.ascontiguousarray(seen.ideal_px),
-        _CAUCHY_SIGMAS * seen.standard_deviation_px,
+        Seen(
+            np.ascontiguousarray(seen.body_mm),
+            np.ascontiguousarray(seen.ideal_px),
+            _CAUCHY_SIGMAS * seen.standard_deviation_px,
+        ),
         most_steps,
     )
     return RigidPose(rotation, translation_mm)

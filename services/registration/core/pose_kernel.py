@@ -1,5 +1,7 @@
 """The inner loop of fitting a rigid pose to image points, compiled: the guide's search runs it hundreds of times."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,17 @@ _LEAST_DAMPING, _FIRST_DAMPING, _DAMPING_FACTOR = 1e-12, 1e-3, 10.0
 _LEAST_CURVATURE = 1e-12
 
 Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+class Seen(NamedTuple):
+    """Points of a body, shape (N, 3), and where they were seen, shape (N, 2).
+
+    `scale_px`, shape (N,): distances at which a point's weight has fallen to a half.
+    """
+
+    body_mm: NDArray[np.float64]
+    px: NDArray[np.float64]
+    scale_px: NDArray[np.float64]
 
 
 @compiled
@@ -67,40 +80,30 @@ def _residual(
 
 
 @compiled
-def _cauchy_cost(
-    intrinsic: NDArray[np.float64],
-    pose: Pose,
-    body_mm: NDArray[np.float64],
-    seen_px: NDArray[np.float64],
-    scale_px: NDArray[np.float64],
-) -> float:
+def _cauchy_cost(intrinsic: NDArray[np.float64], pose: Pose, seen: Seen) -> float:
     """Sum of ln(1 + (distance / scale)²)."""
     rotation, translation_mm = pose
     cost = 0.0
-    for n in range(body_mm.shape[0]):
-        across, down = _residual(intrinsic, rotation @ body_mm[n] + translation_mm, seen_px[n])
-        cost += np.log1p((across * across + down * down) / scale_px[n] ** 2)
+    for n in range(seen.px.shape[0]):
+        across, down = _residual(intrinsic, rotation @ seen.body_mm[n] + translation_mm, seen.px[n])
+        cost += np.log1p((across * across + down * down) / seen.scale_px[n] ** 2)
     return cost
 
 
 @compiled
 def _normal_equations(
-    intrinsic: NDArray[np.float64],
-    pose: Pose,
-    body_mm: NDArray[np.float64],
-    seen_px: NDArray[np.float64],
-    scale_px: NDArray[np.float64],
+    intrinsic: NDArray[np.float64], pose: Pose, seen: Seen
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal matrix, shape (6, 6), and gradient, shape (6,), with Cauchy weights."""
     rotation, translation_mm = pose
     normal, gradient, row = np.zeros((6, 6)), np.zeros(6), np.empty(6)
-    for n in range(body_mm.shape[0]):
-        at_camera_mm = rotation @ body_mm[n] + translation_mm
-        residual = _residual(intrinsic, at_camera_mm, seen_px[n])
-        ratio = (residual[0] * residual[0] + residual[1] * residual[1]) / scale_px[n] ** 2
-        weight = 1.0 / ((1.0 + ratio) * scale_px[n] ** 2)
+    for n in range(seen.px.shape[0]):
+        at_camera_mm = rotation @ seen.body_mm[n] + translation_mm
+        residual = _residual(intrinsic, at_camera_mm, seen.px[n])
+        ratio = (residual[0] * residual[0] + residual[1] * residual[1]) / seen.scale_px[n] ** 2
+        weight = 1.0 / ((1.0 + ratio) * seen.scale_px[n] ** 2)
         for axis in range(2):
-            jacobian_row(intrinsic, rotation, at_camera_mm, body_mm[n], axis, row)
+            jacobian_row(intrinsic, rotation, at_camera_mm, seen.body_mm[n], axis, row)
             gradient += weight * residual[axis] * row
             for i in range(6):
                 normal[i] += weight * row[i] * row
@@ -108,14 +111,7 @@ def _normal_equations(
 
 
 @compiled
-def refined(
-    intrinsic: NDArray[np.float64],
-    start: Pose,
-    body_mm: NDArray[np.float64],
-    seen_px: NDArray[np.float64],
-    scale_px: NDArray[np.float64],
-    most_steps: int,
-) -> Pose:
+def refined(intrinsic: NDArray[np.float64], start: Pose, seen: Seen, most_steps: int) -> Pose:
     """Levenberg-Marquardt with Cauchy weights (see `pose.refine_pose`).
 
     Parameters
@@ -124,18 +120,14 @@ def refined(
         Intrinsic matrix in px, shape (3, 3).
     start
         Rotation, shape (3, 3), and translation in mm, shape (3,).
-    body_mm, seen_px
-        Points of the body, shape (N, 3), and where they were seen, shape (N, 2).
-    scale_px
-        Distances at which weights have fallen to a half, shape (N,).
     """
     pose, damping = start, _FIRST_DAMPING
-    cost = _cauchy_cost(intrinsic, pose, body_mm, seen_px, scale_px)
-    normal, gradient = _normal_equations(intrinsic, pose, body_mm, seen_px, scale_px)
+    cost = _cauchy_cost(intrinsic, pose, seen)
+    normal, gradient = _normal_equations(intrinsic, pose, seen)
     for _ in range(most_steps):
         curvature = np.diag(normal) + _LEAST_CURVATURE
         trial = moved_by(pose, np.linalg.solve(normal + damping * np.diag(curvature), gradient))
-        trial_cost = _cauchy_cost(intrinsic, trial, body_mm, seen_px, scale_px)
+        trial_cost = _cauchy_cost(intrinsic, trial, seen)
         if trial_cost > cost:
             damping *= _DAMPING_FACTOR
             continue
@@ -143,5 +135,5 @@ def refined(
         pose, cost, damping = trial, trial_cost, max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
         if converged:
             break
-        normal, gradient = _normal_equations(intrinsic, pose, body_mm, seen_px, scale_px)
+        normal, gradient = _normal_equations(intrinsic, pose, seen)
     return pose

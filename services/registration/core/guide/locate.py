@@ -45,8 +45,6 @@ class GuideFit:
         Shape (6, 6), of a small rotation (rad) and translation (mm) in the guide's own frame:
         ``x_true = x + rotation x x + translation`` for points x in the guide's frame. The errors of the distortion
         are in it, those of the camera's intrinsics are not (see `localise`).
-    ball_px
-        Measured pixels (un-mirrored image) of all balls, shape (N, 2); NaN where a ball was not used.
     used
         Balls the pose rests on, shape (N,).
     ideal_px, standard_deviation_px
@@ -61,7 +59,6 @@ class GuideFit:
 
     camera_from_guide: Transform[Camera, Guide]
     covariance: NDArray[np.float64]
-    ball_px: NDArray[np.float64]
     used: NDArray[np.bool_]
     ideal_px: NDArray[np.float64]
     standard_deviation_px: NDArray[np.float64]
@@ -202,11 +199,9 @@ def _guide_fit(
     freedom = max(2 * len(chosen) - 6, 1)
     chi2 = float(np.sum(residual**2 / chosen.standard_deviation_px[:, None] ** 2)) / freedom
     covariance = max(1.0, chi2) * pose_covariance(calibration.camera, pose, chosen, _shared_error(calibration, chosen))
-    measured = calibration.distortion.distort(np.where(used[:, None], seen.ideal_px, 0.0))
     return GuideFit(
         camera_from_guide=Transform.from_rotation_translation(pose.rotation, pose.translation_mm),
         covariance=read_only(covariance),
-        ball_px=read_only(np.where(used[:, None], measured, np.nan)),
         used=used,
         ideal_px=read_only(seen.ideal_px),
         standard_deviation_px=read_only(seen.standard_deviation_px),

@@ -148,9 +148,8 @@ def _guide_fit(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose, 
     count = len(guide.balls)
     used = np.zeros(count, dtype=bool)
     used[ball] = True
-    measured, ideal = np.full((count, 2), np.nan), np.zeros((count, 2))
-    measured[ball] = calibration.balls.centre_px[disc]
-    ideal[ball] = calibration.distortion.undistort(measured[ball])
+    ideal = np.zeros((count, 2))
+    ideal[ball] = calibration.distortion.undistort(calibration.balls.centre_px[disc])
     deviation = np.where(used, _CENTRE_SD_PX, 1.0)
     seen = Correspondences(guide.balls.position_mm, ideal, deviation).chosen(used)
     off = residuals_px(calibration.camera, pose, seen)
@@ -158,7 +157,6 @@ def _guide_fit(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose, 
     return GuideFit(
         camera_from_guide=Transform.from_rotation_translation(pose.rotation, pose.translation_mm),
         covariance=read_only(pose_covariance(calibration.camera, pose, seen, independent)),
-        ball_px=read_only(measured),
         used=used,
         ideal_px=read_only(ideal),
         standard_deviation_px=read_only(deviation),

@@ -28,7 +28,7 @@ def guide_fit(pose: Transform[Camera, Guide], covariance: NDArray[np.float64]) -
     part = guide_part()
     px = VIEW.camera.project(pose.points(part.balls.position_mm))
     count = len(part.balls)
-    return GuideFit(pose, covariance, px, np.ones(count, bool), px, np.full(count, 0.05), count, 0.05, 10)
+    return GuideFit(pose, covariance, np.ones(count, bool), px, np.full(count, 0.05), count, 0.05, 10)
 
 
 def test_entry_and_axis_are_those_of_the_composed_poses() -> None:
