@@ -28,6 +28,7 @@ from benchmarks.accuracy_report import report
 from benchmarks.capture import Capture
 from benchmarks.random_scenes import SceneRow, model_row, normalised, scene_row, scene_row_with_limit
 from benchmarks.statistics_of import Quantiles, quantiles
+from distalock.arguments import OneLineParser, seed_number, whole_number, writable_file
 
 REPORT = Path(__file__).resolve().parent.parent / "docs" / "benchmarks" / "accuracy.md"
 FIRST_SEED, SCENES, LIMIT_EVERY, PROCESSES = 20_000, 1000, 10, 2
@@ -95,15 +96,32 @@ _STORED = TypeAdapter(StoredRow)
 
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="distalock bench accuracy", description="random scenes, all methods")
-    parser.add_argument("--count", type=int, default=SCENES, help=f"number of scenes ({SCENES})")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"seed of the first ({FIRST_SEED})")
-    parser.add_argument("--rows", type=Path, help="file for what came out of each scene; a run continues from it")
+    parser = OneLineParser(prog="distalock bench accuracy", description="random scenes, all methods")
     parser.add_argument(
-        "--limit-every", type=int, default=LIMIT_EVERY, help=f"limit for every so many scenes ({LIMIT_EVERY}; 0: none)"
+        "--count",
+        type=whole_number("a number of scenes", 1, 10**6),
+        default=SCENES,
+        help=f"number of scenes ({SCENES})",
     )
-    parser.add_argument("--report", type=Path, default=REPORT, help="file for the tables; pictures go beside it")
-    parser.add_argument("--processes", type=int, default=PROCESSES, help=f"at once ({PROCESSES})")
+    parser.add_argument("--seed", type=seed_number, default=FIRST_SEED, help=f"seed of the first ({FIRST_SEED})")
+    parser.add_argument(
+        "--rows", type=writable_file, help="file for what came out of each scene; a run continues from it"
+    )
+    parser.add_argument(
+        "--limit-every",
+        type=whole_number("a number of scenes", 0, 10**6),
+        default=LIMIT_EVERY,
+        help=f"limit for every so many scenes ({LIMIT_EVERY}; 0: none)",
+    )
+    parser.add_argument(
+        "--report", type=writable_file, default=REPORT, help="file for the tables; pictures go beside it"
+    )
+    parser.add_argument(
+        "--processes",
+        type=whole_number("a number of processes", 1, 256),
+        default=PROCESSES,
+        help=f"at once ({PROCESSES})",
+    )
     return parser.parse_args(list(arguments))
 
 

@@ -17,7 +17,7 @@ _HEAD = """# Accuracy on random scenes
 
 `distalock bench accuracy --count {count} --seed {seed}` (sources: {revisions}): scenes of the virtual operating room,
 each with its own ball patterns and nail, tilts up to 10°, 200 to 1400 quanta a pixel, image intensifiers and flat
-panels. The images come from this project's own renderer; `python -m benchmarks.independent_images` makes the same table
+panels. The images come from this project's own renderer; `distalock bench independent_images` makes the same table
 from others' images.
 
 Errors are the worse hole's, in the guide's frame, over the images that a method accepts. `paper` is its chain whole

@@ -12,10 +12,11 @@ information is J' C⁻¹ J. C has the quanta and the texture, both correlated by
 rounding of the grey values. Taken to be so: over the few pixels of the blur, brightness changes the size of noise and
 texture, not their correlation; the two holes' backgrounds are independent; only pixels within 3 mm of a hole count.
 
-usage: python -m benchmarks.cramer_rao [SEED]   (what the limit is made of, in one of the random scenes)
+usage: distalock bench cramer_rao [--seed N]   (what the limit is made of, in one of the random scenes)
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,10 +25,12 @@ from scipy import fft
 from scipy.linalg import cho_factor, cho_solve
 
 from benchmarks.cramer_rao_images import SceneImages, scene_images
+from distalock.arguments import OneLineParser, seed_number
 from shared.geometry.parts import Hole, NailPart, hole_surface_points
 from simulation.scenario.values import Scenario
 
 Floats = NDArray[np.float64]
+SEED = 5003
 SMOOTH_SHARE, _SMOOTH_MM = 0.2, 12.0
 _KNOWN = 1e12
 
@@ -103,10 +106,13 @@ def _smooth_spectrum(shape: tuple[int, int], length_px: float) -> Floats:
     return np.asarray(power / fft.irfft2(power, shape)[0, 0])
 
 
-def main(seed: int) -> int:
+def main(arguments: Sequence[str] = ()) -> int:
     """Print the limit in one scene, and what it would be if more were known."""
     from benchmarks.random_scenes import scene_of_seed  # which needs this module
 
+    parser = OneLineParser(prog="distalock bench cramer_rao", description="the limit in one of the random scenes")
+    parser.add_argument("--seed", type=seed_number, default=SEED, help=f"seed of the scene ({SEED})")
+    seed = parser.parse_args(list(arguments)).seed
     scenario = scene_of_seed(seed)
     images, nail = scene_images(scenario), scenario.parts.nail
     plain = replace(images, texture_samples=1e-3 * images.texture_samples)
@@ -129,4 +135,4 @@ def main(seed: int) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 5003))
+    sys.exit(main(sys.argv[1:]))

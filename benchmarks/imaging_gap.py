@@ -122,7 +122,7 @@ def main(images: int = 12) -> int:
         print("\n".join(lines), flush=True)
     if images >= 12:
         text = (__doc__ or "").split("\n", 2)[2].strip()
-        head = "# Where the calibration's error comes from\n\nMade by `python -m benchmarks.imaging_gap`. "
+        head = "# Where the calibration's error comes from\n\nMade by `distalock bench imaging_gap`. "
         REPORT.write_text(head + text + "\n\n" + "\n".join(lines) + "\n")
     return 0
 

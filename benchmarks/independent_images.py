@@ -1,6 +1,6 @@
 """The same tables from images that others rendered: every method on each, beside the truth.
 
-usage: python -m benchmarks.independent_images [--only dev0] [--report docs/benchmarks/independent.md]
+usage: distalock bench independent_images [--only dev0] [--report docs/benchmarks/independent.md]
 
 Looks for the images in the folder named by DISTALOCK_FLUOROSCOPY, or in ../shared/fluoroscopy; without them there is
 nothing to do. Returns 1 when an axis was accepted though it is off, or an image that must be refused was not.
@@ -21,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter
 from benchmarks.accuracy_report import methods_table
 from benchmarks.capture import Capture, capture_of
 from benchmarks.methods import Compared, Outcome, peer_seconds, run_model, run_paper, run_paper_rule
+from distalock.arguments import OneLineParser, writable_file
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
 from services.registration.parts import parts_from_json
@@ -157,7 +158,7 @@ def report(rows: Sequence[ImageRow]) -> str:
     lines = [
         "# Accuracy on independent images",
         "",
-        "Made by `python -m benchmarks.independent_images`; `accuracy.md` says what the columns and methods are.",
+        "Made by `distalock bench independent_images`; `accuracy.md` says what the columns and methods are.",
         "",
         methods_table(by_method, [row.peer_seconds for row in good]).rstrip(),
         "",
@@ -171,11 +172,15 @@ def report(rows: Sequence[ImageRow]) -> str:
     return "\n".join([*lines, ""])
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str] = ()) -> int:
     """Run all methods on the images and print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = OneLineParser(
+        prog="distalock bench independent_images",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--only", default="", help="images whose names contain this")
-    parser.add_argument("--report", type=Path, help="file for the tables too")
+    parser.add_argument("--report", type=writable_file, help="file for the tables too")
     given = parser.parse_args(list(arguments))
     folder = Path(os.environ.get("DISTALOCK_FLUOROSCOPY", DEFAULT_FOLDER))
     if not (folder / "manifest.json").is_file():

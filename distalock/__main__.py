@@ -12,9 +12,11 @@ from distalock.arguments import (
     add_image_arguments,
     add_scenario_arguments,
     existing_file,
+    named_path,
     parser_of,
     port_number,
     scenario_arguments,
+    writable_file,
 )
 from distalock.bench import BENCHMARKS, run_benchmarks
 
@@ -30,14 +32,14 @@ _PORTS = (
 def _locate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "images",
-        type=Path,
+        type=named_path,
         nargs="+",
         metavar="image",
         help="PNG or TIFF of 8 or 16 bits, or DICOM; several of the same set-up, as they were taken, are joined",
     )
     add_image_arguments(parser)
     parser.add_argument("--method", choices=["model", "fronto-parallel"], default="model", help="ours, or the paper's")
-    parser.add_argument("--overlay", type=Path, metavar="OUT.png", help="draw what was found")
+    parser.add_argument("--overlay", type=writable_file, metavar="OUT.png", help="draw what was found")
 
 
 def _locate(given: argparse.Namespace) -> int:
@@ -47,11 +49,11 @@ def _locate(given: argparse.Namespace) -> int:
 
 
 def _verify_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("image", type=Path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
-    parser.add_argument("second_image", type=Path, nargs="?", metavar="image2", help="from another direction")
+    parser.add_argument("image", type=named_path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
+    parser.add_argument("second_image", type=named_path, nargs="?", metavar="image2", help="from another direction")
     parser.add_argument(
         "--before",
-        type=Path,
+        type=named_path,
         nargs="+",
         default=[],
         metavar="IMAGE",
@@ -68,7 +70,7 @@ def _verify(given: argparse.Namespace) -> int:
 
 def _align_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "images", type=Path, nargs="+", metavar="IMAGE", help="frames in order: images, folders of them, videos"
+        "images", type=named_path, nargs="+", metavar="IMAGE", help="frames in order: images, folders of them, videos"
     )
     add_image_arguments(parser)
 
@@ -83,7 +85,9 @@ def _up_arguments(parser: argparse.ArgumentParser) -> None:
     hardware = parser.add_mutually_exclusive_group(required=True)
     hardware.add_argument("--simulate", action="store_true", help="run the virtual operating room too")
     hardware.add_argument("--controller", metavar="URL", help="device or pyserial URL of the real hexapod controller")
-    parser.add_argument("--state", type=Path, default=Path("state"), help="folder for images, case record and logs")
+    parser.add_argument(
+        "--state", type=named_path, default=Path("state"), help="folder for images, case record and logs"
+    )
     add_scenario_arguments(parser)
     for name, default, used_for in _PORTS:
         parser.add_argument(
@@ -104,7 +108,9 @@ def _up(given: argparse.Namespace) -> int:
 
 def _demo_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
-    parser.add_argument("--overlay", type=Path, metavar="OUT.png", help="write what was found in the last image")
+    parser.add_argument(
+        "--overlay", type=writable_file, metavar="OUT.png", help="write what was found in the last image"
+    )
 
 
 def _demo(given: argparse.Namespace) -> int:
@@ -138,9 +144,11 @@ def _robot(given: argparse.Namespace) -> int:
 
 
 def _qa_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, help="folder of images of the ring: PNG, TIFF or DICOM")
-    parser.add_argument("--ring", type=Path, required=True, metavar="FILE", help="ring file (JSON)")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where the report goes; default: qa in the folder")
+    parser.add_argument("folder", type=named_path, help="folder of images of the ring: PNG, TIFF or DICOM")
+    parser.add_argument("--ring", type=named_path, required=True, metavar="FILE", help="ring file (JSON)")
+    parser.add_argument(
+        "--out", type=named_path, metavar="FOLDER", help="where the report goes; default: qa in the folder"
+    )
     parser.add_argument(
         "--before", type=existing_file, metavar="QA.json", help="report to compare with; default: the last one there"
     )

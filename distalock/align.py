@@ -2,6 +2,7 @@
 
 import argparse
 import hashlib
+import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -13,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distalock.arguments import EXIT_BAD_INPUT
+from distalock.image_files import images_in, read_image_file
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, read_parts
 from services.imaging.core.following import calibrate_next
-from services.imaging.devices.image_file import read_image
 from services.imaging.devices.received_image import Acquisition
 from services.imaging.devices.video_source import grey_of
 from services.registration.core.guidance.c_arm_angles import CArmAngles
@@ -37,7 +38,6 @@ from shared.messages.imaging import ImageReference
 
 _VIDEOS = frozenset({".avi", ".mkv", ".mov", ".mp4", ".webm"})
 _MOST_MISSED = 3
-_IMAGES = frozenset({"", ".dcm", ".png", ".tif", ".tiff"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +57,18 @@ class Frame:
     acquisition: Acquisition
 
 
+def require_frames(places: Iterable[Path]) -> None:
+    """Refuse a place without frames before any frame is followed; of each place only the first one is read.
+
+    Raises
+    ------
+    ImageUnreadable
+        As `frames_of`.
+    """
+    for place in places:
+        next(frames_of([place]))
+
+
 def frames_of(places: Iterable[Path]) -> Iterator[Frame]:
     """Frames of image files, folders of them (in the order of their names) and videos, one after another.
 
@@ -66,27 +78,33 @@ def frames_of(places: Iterable[Path]) -> Iterator[Frame]:
         When a place is none of these, or cannot be read.
     """
     for place in places:
+        if not place.exists():
+            raise ImageUnreadable(f"{place}: there is no such file or folder (0 found, 1 needed); check its name")
         if place.is_dir():
-            files = sorted(file for file in place.iterdir() if file.is_file() and file.suffix.lower() in _IMAGES)
-            if not files:
-                raise ImageUnreadable(f"{place}: holds no PNG, TIFF or DICOM files (0 found, 1 needed)")
-            yield from frames_of(files)
+            yield from _folder_frames(place)
         elif place.suffix.lower() in _VIDEOS:
             yield from _video_frames(place)
         else:
             yield _image_frame(place)
 
 
+def _folder_frames(folder: Path) -> Iterator[Frame]:
+    files = images_in(folder)
+    if not files:
+        raise ImageUnreadable(
+            f"{folder}: holds no PNG, TIFF or DICOM files (0 found, 1 needed); name the frames' folder, or a video"
+        )
+    yield from map(_image_frame, files)
+
+
 def _image_frame(file: Path) -> Frame:
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise ImageUnreadable(f"{file}: cannot be read: {error.strerror or error}") from None
-    received = read_image(content, str(file))
-    return Frame(received.pixels, hashlib.sha256(content).hexdigest(), received.acquisition)
+    image = read_image_file(file)
+    return Frame(image.received.pixels, image.sha256, image.received.acquisition)
 
 
 def _video_frames(file: Path) -> Iterator[Frame]:
+    # what FFmpeg says of a file that it cannot read would stand beside our one sentence
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     capture = cv2.VideoCapture(str(file))
     try:
         count = 0
@@ -100,7 +118,10 @@ def _video_frames(file: Path) -> Iterator[Frame]:
     finally:
         capture.release()
     if count == 0:
-        raise ImageUnreadable(f"{file}: no frame could be read (0 found, 1 needed); check that it is a video")
+        raise ImageUnreadable(
+            f"{file}: none of its {file.stat().st_size} bytes could be decoded as video (0 frames found, 1 needed); "
+            "record it again, or give its frames as a folder of PNG files"
+        )
 
 
 class Guide:
@@ -158,6 +179,7 @@ def run(given: argparse.Namespace) -> int:
     verdict = "rejected"
     try:
         parts = read_parts(given.ring, given.guide, given.nail)
+        require_frames(given.images)
         guide = Guide(parts, NominalOptions(given.source_to_detector_mm, given.pixel_mm))
         for frame in frames_of(given.images):
             told = guide.told(frame)

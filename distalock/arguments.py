@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NoReturn
 
+from distalock.outputs import require_writable
+from shared.errors import InputError
+
 EXIT_BAD_INPUT: Final = 2
 # What a shell reports of a program that SIGPIPE ended.
 EXIT_UNREAD: Final = 141
@@ -59,19 +62,47 @@ def parser_of(commands: tuple[Command, ...], arguments: Sequence[str]) -> OneLin
     return parser
 
 
+def named_path(text: str) -> Path:
+    """Parse the name of a file or folder; an empty word, as an unset variable of a shell leaves, is none."""
+    if not text.strip() or "\0" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} names no file; give the name of one")
+    return Path(text)
+
+
 def existing_file(text: str) -> Path:
     """Parse the name of a file that must be there."""
-    path = Path(text)
+    path = named_path(text)
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text} is a folder; name a file in it")
     if not path.is_file():
         raise argparse.ArgumentTypeError(f"file {text} does not exist")
     return path.resolve()
 
 
-def port_number(text: str) -> int:
-    """Parse a TCP port."""
-    if not text.isdecimal() or not 0 < int(text) < 65536:
-        raise argparse.ArgumentTypeError(f"{text} is not a port number from 1 to 65535")
-    return int(text)
+def writable_file(text: str) -> Path:
+    """Parse the name of a file to write; a place where none can be written is told before any work is done."""
+    path = named_path(text)
+    try:
+        require_writable(path)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return path
+
+
+def whole_number(what: str, least: int, most: int) -> Callable[[str], int]:
+    """Parser of a number in a range, which a refusal calls `what`, as in "a port number"."""
+
+    def parse(text: str) -> int:
+        digits = text.isascii() and text.isdecimal() and len(text) <= len(str(most))
+        if not digits or not least <= int(text) <= most:
+            raise argparse.ArgumentTypeError(f"{text!r} is not {what} from {least} to {most}")
+        return int(text)
+
+    return parse
+
+
+port_number: Final = whole_number("a port number", 1, 65535)
+seed_number: Final = whole_number("a seed", 0, 2**63 - 1)
 
 
 def positive_mm(text: str) -> float:
@@ -81,14 +112,14 @@ def positive_mm(text: str) -> float:
     except ValueError:
         value = -1.0
     if not 0.0 < value < 1e4:
-        raise argparse.ArgumentTypeError(f"{text} is not a length in mm between 0 and 10000")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a length in mm between 0 and 10000")
     return value
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """Choose what the virtual operating room plays."""
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--seed", type=int, help="seed of a random scenario")
+    which.add_argument("--seed", type=seed_number, metavar="N", help="seed of a random scenario")
     which.add_argument("--scenario", type=existing_file, metavar="FILE", help="scenario file")
 
 
@@ -102,7 +133,7 @@ def scenario_arguments(given: argparse.Namespace) -> tuple[str, ...]:
 def add_image_arguments(parser: argparse.ArgumentParser) -> None:
     """What `locate` and `verify` share: the part files and the C-arm's nominal values."""
     for name in ("ring", "guide", "nail"):
-        parser.add_argument(f"--{name}", type=Path, required=True, metavar="FILE", help=f"{name} file (JSON)")
+        parser.add_argument(f"--{name}", type=named_path, required=True, metavar="FILE", help=f"{name} file (JSON)")
     add_c_arm_arguments(parser)
 
 

@@ -6,17 +6,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from distalock.arguments import EXIT_BAD_INPUT
+
 ROOT: Final = Path(__file__).resolve().parent.parent
-EXIT_BAD_INPUT: Final = 2
 # Name, and what it measures. Each module has a `main` that returns an exit code and writes its table under docs/.
 BENCHMARKS: Final = {
     "accuracy": "a thousand random scenes with random parts, by the model and by the paper's method, and the limit",
+    "independent_images": "every method on images that others rendered, where there is a folder of them",
+    "cramer_rao": "the smallest error possible in one random scene, and what it is made of",
     "ball_detection": "balls covered in part, beside OpenCV's detectors, correlation and the Cramér-Rao limit",
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
     "display": "the same pictures with other curves, edges, bit depths and compression",
     "guidance": "how to turn the C-arm, frame by frame: speed, errors, and what is said when it cannot be told",
     "fusion": "one, two and three images of one set-up: errors, what they share, and guides that moved unseen",
     "imaging_calibration": "C-arm calibration from 72 of 120 balls, beside OpenCV's models, polynomials and the limit",
+    "imaging_gap": "where a calibration's error comes from: what is measured, and what the model leaves over",
     "imaging_fuzz": "damaged files and spoiled images: refused, or read and calibrated rightly",
     "imaging_identification": "the ring from 60 % of its balls, a thousand times at random, a thousand in patches",
     "imaging_ring_patterns": "the shipped ring beside a lattice and circles",
@@ -32,7 +36,7 @@ BENCHMARKS: Final = {
     "verification": "K-wires from one image, from a pair, and with one from before the wires",
     "procedure": "twenty seeded procedures in the virtual operating room",
 }
-WITH_OPTIONS: Final = ("accuracy",)
+WITH_OPTIONS: Final = ("accuracy", "independent_images", "cramer_rao")
 
 
 def run_benchmarks(names: Sequence[str], options: Sequence[str] = ()) -> int:

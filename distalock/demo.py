@@ -11,15 +11,16 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
+from distalock.arguments import EXIT_BAD_INPUT
 from distalock.case_client import CaseClient
 from distalock.installation import Installation, Ports
+from distalock.outputs import write_whole
 from distalock.procedure import Ending, Outcome, Procedure, Tell
 from distalock.rest_client import RestClient
 from distalock.room_client import RoomClient, TrueError
 from shared.errors import ConfigurationError
 
 EXIT_CODES: Final = {Ending.DRILLED: 0, Ending.MISSED: 1, Ending.REFUSED: 3}
-EXIT_BAD_INPUT: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +83,7 @@ def _procedure_in(installation: Installation, request: DemoRequest, tell: Tell) 
         tell(f"case opened: {scenario.description}")
         outcome = Procedure(case, room, scenario.hole_ids, tell).run()
         if request.overlay is not None and outcome.shots:
-            request.overlay.write_bytes(case.overlay_png(case.newest_image_id()))
+            write_whole(request.overlay, case.overlay_png(case.newest_image_id()))
             tell(f"what was found in the last image: {request.overlay}")
         return outcome
 

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distalock.arguments import EXIT_BAD_INPUT
+from distalock.image_files import ImageFile, read_image_file, require_different
+from distalock.outputs import require_apart, write_whole
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
-from services.imaging.devices.image_file import read_image
 from services.imaging.devices.received_image import Acquisition
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Method, Parts
@@ -21,11 +22,11 @@ from services.registration.measure import timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.parts import parts_from_json
 from services.registration.report import MeasuredTimes, message_of_several, uncalibrated_message
-from shared.errors import Accepted, ImageUnreadable, InputError, Reason, Rejected
+from shared.errors import Accepted, InputError, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
 from shared.messages.registration import Localisation
-from shared.parts.files import read_part_file, sha256_of
+from shared.parts.files import read_part_file
 
 EXIT_ACCEPTED, EXIT_REJECTED = 0, 3
 
@@ -86,18 +87,21 @@ def locate_image(
     ImageUnreadable
         When the file is not an image that can be measured.
     """
-    content = _content(image)
+    return located(read_image_file(image), parts, nominal, method)
+
+
+def located(image: ImageFile, parts: Parts, nominal: NominalOptions, method: Method = Method.MODEL) -> LocatedImage:
+    """Localise the nail's hole axes in one image that has been read."""
     started = time.perf_counter()
-    received = read_image(content, str(image))
-    sha256 = sha256_of(content)
-    outcome = _calibrated(received.pixels, parts, nominal.geometry(received.acquisition), method)
+    pixels = image.received.pixels
+    outcome = _calibrated(pixels, parts, nominal.geometry(image.received.acquisition), method)
     ring_ms = 1e3 * (time.perf_counter() - started)
     if isinstance(outcome, Rejected):
         times = MeasuredTimes(ring_ms, ring_ms, None, None)
-        message = uncalibrated_message(outcome.reasons, method, sha256, times)
-        return LocatedImage(received.pixels, None, None, message)
-    result, message = timed_localisation(received.pixels, outcome.value, parts, method, sha256, ring_ms)
-    return LocatedImage(received.pixels, outcome.value, result, message)
+        message = uncalibrated_message(outcome.reasons, method, image.sha256, times)
+        return LocatedImage(pixels, None, None, message)
+    result, message = timed_localisation(pixels, outcome.value, parts, method, image.sha256, ring_ms)
+    return LocatedImage(pixels, outcome.value, result, message)
 
 
 def _calibrated(
@@ -120,58 +124,37 @@ def locate_images(
     InputError
         When a file is not an image that can be measured, or one image is given twice.
     """
-    located = tuple(locate_image(image, parts, nominal, method) for image in images)
-    if len(located) == 1:
-        return located[0]
-    require_different(images, located)
+    files = tuple(read_image_file(image) for image in images)
+    require_different(files)
+    found = tuple(located(file, parts, nominal, method) for file in files)
+    if len(found) == 1:
+        return found[0]
     names = tuple(image.name for image in images)
-    fused = fuse_localisations(tuple(_localised(*one) for one in zip(names, located, strict=True)), parts)
-    message = message_of_several(fused, tuple(one.message for one in located), names)
-    shown = located[-1 if fused is None else fused.shown]
+    fused = fuse_localisations(tuple(_localised(*one) for one in zip(names, found, strict=True)), parts)
+    message = message_of_several(fused, tuple(one.message for one in found), names)
+    shown = found[-1 if fused is None else fused.shown]
     return LocatedImage(shown.pixels, shown.calibration, shown.result if fused is None else fused.result, message)
 
 
-def require_different(images: tuple[Path, ...], located: tuple[LocatedImage, ...]) -> None:
-    """Refuse an image that is given twice: it would count as two; raises `InputError`."""
-    hashes = [one.message.image.sha256 for one in located]
-    for k, sha256 in enumerate(hashes):
-        if sha256 in hashes[:k]:
-            raise InputError(f"{images[k]}: is the same image as {images[hashes.index(sha256)]}; give each image once")
-
-
-def _localised(name: str, located: LocatedImage) -> LocalisedImage:
-    reasons = tuple(Reason(reason.code, reason.message) for reason in located.message.reasons)
-    return LocalisedImage(name, located.calibration, located.result, reasons)
-
-
-def _content(image: Path) -> bytes:
-    try:
-        return image.read_bytes()
-    except OSError as error:
-        raise ImageUnreadable(f"{image}: cannot be read: {error.strerror or error}") from None
+def _localised(name: str, found: LocatedImage) -> LocalisedImage:
+    reasons = tuple(Reason(reason.code, reason.message) for reason in found.message.reasons)
+    return LocalisedImage(name, found.calibration, found.result, reasons)
 
 
 def run(given: argparse.Namespace) -> int:
     """Run `distalock locate`; returns the exit code: 0 accepted, 3 rejected, 2 bad input."""
+    images, overlay = tuple(given.images), given.overlay
     try:
         parts = read_parts(given.ring, given.guide, given.nail)
+        if overlay is not None:
+            require_apart(overlay, (*images, given.ring, given.guide, given.nail))
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
-        located = locate_images(tuple(given.images), parts, nominal, Method(given.method))
-        if given.overlay is not None:
-            drawn = overlay_png(located.pixels, located.calibration, located.result, parts)
-            _write_overlay(given.overlay, drawn)
+        found = locate_images(images, parts, nominal, Method(given.method))
+        if overlay is not None:
+            drawn = overlay_png(found.pixels, found.calibration, found.result, parts)
+            write_whole(overlay, drawn)
     except InputError as error:
         print(f"distalock locate: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
-    print(encode(located.message).decode())
-    return EXIT_ACCEPTED if located.message.verdict == "accepted" else EXIT_REJECTED
-
-
-def _write_overlay(file: Path, content: bytes) -> None:
-    """Write the drawing whole or not at all."""
-    unfinished = file.with_name(file.name + ".part")
-    try:
-        unfinished.write_bytes(content)
-        unfinished.replace(file)
-    except OSError as error:
-        raise InputError(f"{file}: the overlay cannot be written: {error.strerror or error}") from None
+    print(encode(found.message).decode())
+    return EXIT_ACCEPTED if found.message.verdict == "accepted" else EXIT_REJECTED

@@ -10,15 +10,16 @@ from typing import Final
 from pydantic import ValidationError
 
 from distalock.arguments import EXIT_BAD_INPUT
+from distalock.image_files import images_in, read_image_file
 from distalock.locate import NominalOptions
+from distalock.outputs import require_writable, write_whole
 from services.imaging.core.quality import LEAST_IMAGES
-from services.imaging.devices.image_file import read_image
 from services.imaging.service.quality_page import html_page
 from services.imaging.service.quality_report import Shot, examine, rejected_image, report_of
 from shared.errors import ImageUnreadable, InputError, Reason, ReasonCode
 from shared.geometry.parts import RingPart
 from shared.messages.qa import QaImage, QaReport
-from shared.parts.files import read_part_file, ring_from_json, sha256_of
+from shared.parts.files import read_part_file, ring_from_json
 
 EXIT_GOOD, EXIT_ATTENTION = 0, 3
 REPORT_FILE: Final = "qa.json"
@@ -26,35 +27,28 @@ PAGE_FILE: Final = "qa.html"
 BEFORE_FILE: Final = "qa-before.json"
 
 
-def shots_of(folder: Path, nominal: NominalOptions) -> Iterator[Shot | QaImage]:
-    """The images of a folder by name; those that cannot be read as what the report says of them.
-
-    Raises
-    ------
-    InputError
-        When the folder holds no image.
-    """
-    if not folder.is_dir() or not (files := _image_files(folder)):
+def image_files(folder: Path) -> list[Path]:
+    """The images of a folder by name; raises `InputError` when it is no folder, or holds none."""
+    if not folder.is_dir() or not (files := images_in(folder)):
         raise InputError(f"{folder}: 0 images (at least 1, PNG, TIFF or DICOM); name the folder of the ring's images")
+    return files
+
+
+def shots_of(files: list[Path], nominal: NominalOptions) -> Iterator[Shot | QaImage]:
+    """What can be examined of image files; those that cannot be read as what the report says of them."""
     seen: dict[str, str] = {}
     for file in files:
-        content = file.read_bytes()
-        same = seen.setdefault(sha256_of(content), file.name)
+        try:
+            image = read_image_file(file, file.name)
+        except ImageUnreadable as error:
+            yield rejected_image(file.name, (Reason(ReasonCode.IMAGE_UNUSABLE, str(error)),))
+            continue
+        same = seen.setdefault(image.sha256, file.name)
         if same != file.name:
             message = f"the file is the same as {same}, and the same image says nothing twice; take it away"
             yield rejected_image(file.name, (Reason(ReasonCode.IMAGE_UNUSABLE, message),))
             continue
-        try:
-            received = read_image(content, file.name)
-        except ImageUnreadable as error:
-            yield rejected_image(file.name, (Reason(ReasonCode.IMAGE_UNUSABLE, str(error)),))
-            continue
-        yield Shot(file.name, received.pixels, nominal.geometry(received.acquisition))
-
-
-def _image_files(folder: Path) -> list[Path]:
-    kinds = {".png", ".tif", ".tiff", ".dcm"}
-    return sorted(f for f in folder.iterdir() if f.is_file() and f.suffix.lower() in kinds)
+        yield Shot(file.name, image.received.pixels, nominal.geometry(image.received.acquisition))
 
 
 def earlier_report(file: Path, ring: RingPart) -> QaReport | None:
@@ -70,9 +64,17 @@ def earlier_report(file: Path, ring: RingPart) -> QaReport | None:
     try:
         report = QaReport.model_validate_json(file.read_bytes())
     except (OSError, ValidationError) as error:
-        first = str(error).splitlines()[0]
-        raise InputError(f"{file}: no quality report ({first}); move it away or name another with --before") from None
+        raise InputError(
+            f"{file}: no quality report ({_first_fault(error)}); move it away or name another with --before"
+        ) from None
     return report if report.ring_sha256 == ring.sha256 else None
+
+
+def _first_fault(error: OSError | ValidationError) -> str:
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    first = error.errors()[0]
+    return f"{'.'.join(str(part) for part in first['loc']) or 'file'}: {first['msg']}"
 
 
 def named_report(file: Path, ring: RingPart) -> QaReport:
@@ -87,10 +89,12 @@ def run(given: argparse.Namespace) -> int:
     """Run `distalock qa`; returns the exit code: 0 good, 3 something to look at, 2 bad input."""
     try:
         ring = ring_from_json(read_part_file(given.ring), str(given.ring))
+        files = image_files(given.folder)
         out = given.out or given.folder / "qa"
         before = earlier_report(out / REPORT_FILE, ring) if given.before is None else named_report(given.before, ring)
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
-        examined = examine(shots_of(given.folder, nominal), ring)
+        _make(out)
+        examined = examine(shots_of(files, nominal), ring)
         report = report_of(examined, ring, before, datetime.now(UTC))
         _write(out, report, html_page(report, examined.measured, ring))
     except InputError as error:
@@ -100,18 +104,22 @@ def run(given: argparse.Namespace) -> int:
     return EXIT_GOOD if report.verdict == "good" else EXIT_ATTENTION
 
 
-def _write(out: Path, report: QaReport, page: str) -> None:
-    """Write both files; the report that was there before is kept beside them."""
+def _make(out: Path) -> None:
+    """The report's folder, before the work; raises `InputError` when nothing can be written there."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        if (out / REPORT_FILE).is_file():
-            (out / REPORT_FILE).replace(out / BEFORE_FILE)
-        for name, content in ((REPORT_FILE, report.model_dump_json(by_alias=True, indent=1) + "\n"), (PAGE_FILE, page)):
-            unfinished = out / f"{name}.part"
-            unfinished.write_text(content, encoding="utf-8")
-            unfinished.replace(out / name)
     except OSError as error:
-        raise InputError(f"{out}: the report cannot be written: {error.strerror or error}") from None
+        why = error.strerror or error
+        raise InputError(f"{out}: the report cannot be written there: {why}; name another folder with --out") from None
+    require_writable(out / REPORT_FILE)
+
+
+def _write(out: Path, report: QaReport, page: str) -> None:
+    """Write both files; the report that was there before is kept beside them."""
+    if (out / REPORT_FILE).is_file():
+        write_whole(out / BEFORE_FILE, (out / REPORT_FILE).read_bytes())
+    write_whole(out / REPORT_FILE, (report.model_dump_json(by_alias=True, indent=1) + "\n").encode())
+    write_whole(out / PAGE_FILE, page.encode())
 
 
 def _print(report: QaReport, out: Path) -> None:

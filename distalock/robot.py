@@ -1,10 +1,9 @@
 """`distalock robot ...`: what can be asked about the robot without a running installation."""
 
 import argparse
-from pathlib import Path
 from typing import Final
 
-from distalock.arguments import add_c_arm_arguments, existing_file, positive_mm
+from distalock.arguments import add_c_arm_arguments, existing_file, named_path, positive_mm, whole_number, writable_file
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
 
 DEFAULT_EXTENSION_MM: Final = 60.0
@@ -15,30 +14,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     chosen = parser.add_subparsers(required=True, metavar="WHAT")
     workspace = chosen.add_parser("workspace", help="draw where the guide can be brought and how far turned")
     add_hexapod_arguments(workspace)
-    workspace.add_argument("--out", type=Path, default=Path("workspace.png"), metavar="OUT.png", help="workspace.png")
+    workspace.add_argument(
+        "--out", type=writable_file, default="workspace.png", metavar="OUT.png", help="workspace.png"
+    )
     workspace.set_defaults(run_robot=_workspace)
 
     poses = chosen.add_parser("calibration-poses", help="poses to take the images for calibrate-guide in")
     add_hexapod_arguments(poses)
-    poses.add_argument("--count", type=image_count, default=9, metavar="N", help="images, the check included (9)")
+    poses.add_argument(
+        "--count",
+        type=whole_number("a number of images", 5, 50),
+        default=9,
+        metavar="N",
+        help="images, the check included (9)",
+    )
     poses.set_defaults(run_robot=_poses)
     calibrate = chosen.add_parser("calibrate-guide", help="how the head holds the guide, from images in several poses")
     add_hexapod_arguments(calibrate)
     add_c_arm_arguments(calibrate)
-    calibrate.add_argument("poses", type=Path, metavar="POSES.json", help="images with poses, the last for the check")
-    for name in ("ring", "guide"):
-        calibrate.add_argument(f"--{name}", type=Path, required=True, metavar="FILE", help=f"{name} file (JSON)")
     calibrate.add_argument(
-        "--out", type=Path, metavar="HEXAPOD.json", help="write the hexapod file with its head as found"
+        "poses", type=named_path, metavar="POSES.json", help="images with poses, the last for the check"
+    )
+    for name in ("ring", "guide"):
+        calibrate.add_argument(f"--{name}", type=named_path, required=True, metavar="FILE", help=f"{name} file (JSON)")
+    calibrate.add_argument(
+        "--out", type=writable_file, metavar="HEXAPOD.json", help="write the hexapod file with its head as found"
     )
     calibrate.set_defaults(run_robot=_calibrate)
-
-
-def image_count(text: str) -> int:
-    """Parse a number of images."""
-    if not text.isdecimal() or not 5 <= int(text) <= 50:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of images from 5 to 50")
-    return int(text)
 
 
 def add_hexapod_arguments(parser: argparse.ArgumentParser) -> None:

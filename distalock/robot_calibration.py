@@ -10,9 +10,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from distalock.arguments import EXIT_BAD_INPUT
+from distalock.image_files import ImageFile, read_image_file, require_different
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions
+from distalock.outputs import require_apart, write_whole
 from distalock.robot_guide_images import guide_sighting
-from services.imaging.devices.image_file import read_image
 from services.robot.core.guide_calibration import GuideCalibration, GuideView, calibrate_guide, view_residual
 from services.robot.core.guide_judgement import GuideRefusal, head_finding, judge_calibration
 from services.robot.core.guide_poses import suggested_poses
@@ -84,15 +85,18 @@ def _read(given: argparse.Namespace) -> _Set:
     hexapod_json = read_part_file(given.hexapod)
     hexapod = hexapod_from_json(hexapod_json, str(given.hexapod))
     _nominal_head(hexapod, given.head_extension_mm)
-    if given.out is not None and not given.out.parent.is_dir():
-        raise InputError(f"{given.out}: there is no folder {given.out.parent}; make it, or name another file")
+    if given.out is not None:
+        require_apart(given.out, (given.poses, given.ring, given.guide))
     file = parse_part(GuidePosesFile, read_part_file(given.poses), str(given.poses))
     _require_within_reach(hexapod, file, str(given.poses))
     ring = ring_from_json(read_part_file(given.ring), str(given.ring))
     guide = guide_from_json(read_part_file(given.guide), str(given.guide))
     options = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
+    images = tuple(read_image_file(given.poses.parent / seen.image) for seen in file.images)
+    require_different(images)
     sightings = [
-        _sighting(given.poses.parent / seen.image, seen.pose.pose(), ring, guide, options) for seen in file.images
+        _sighting(image, seen.pose.pose(), ring, guide, options)
+        for image, seen in zip(images, file.images, strict=True)
     ]
     return _Set(hexapod_json, hexapod, guide, given.head_extension_mm, views_of_one_c_arm(sightings))
 
@@ -109,16 +113,12 @@ def _require_within_reach(hexapod: HexapodPart, file: GuidePosesFile, source: st
 
 
 def _sighting(
-    image: Path, pose: PlatformPose, ring: RingPart, guide: GuidePart, options: NominalOptions
+    image: ImageFile, pose: PlatformPose, ring: RingPart, guide: GuidePart, options: NominalOptions
 ) -> GuideSighting:
-    try:
-        content = image.read_bytes()
-    except OSError as error:
-        raise ImageUnreadable(f"{image}: cannot be read: {error.strerror or error}") from None
-    received = read_image(content, str(image))
-    seen = guide_sighting(received.pixels, ring, guide, options.geometry(received.acquisition), pose)
+    geometry = options.geometry(image.received.acquisition)
+    seen = guide_sighting(image.received.pixels, ring, guide, geometry, pose)
     if seen.sighting is None:
-        raise ImageUnreadable(f"{image}: {seen.why_not}")
+        raise ImageUnreadable(f"{image.path}: {seen.why_not}")
     return seen.sighting
 
 
@@ -149,10 +149,7 @@ def _printed(taken: _Set, calibration: GuideCalibration, reasons: tuple[GuideRef
 def write_hexapod(file: Path, hexapod_json: bytes, calibration: GuideCalibration, head_extension_mm: float) -> None:
     """Write the hexapod file again, with its head as found at an extension; raises `InputError` when it cannot be."""
     content = hexapod_json_with_head(hexapod_json, calibration.top_from_guide.matrix, head_extension_mm)
-    try:
-        file.write_bytes(content)
-    except OSError as error:
-        raise InputError(f"{file}: the hexapod file cannot be written: {error.strerror or error}") from None
+    write_whole(file, content)
 
 
 def print_poses(given: argparse.Namespace) -> int:

@@ -3,7 +3,6 @@
 import argparse
 import sys
 import time
-from pathlib import Path
 from typing import Final
 
 import cv2
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distalock.arguments import EXIT_BAD_INPUT
+from distalock.outputs import require_apart, write_whole
 from shared.errors import InputError
 from shared.geometry.hexapod import HexapodPart
 from shared.geometry.hexapod_workspace import UNREACHABLE, WorkspaceMap, workspace_map
@@ -111,11 +111,12 @@ def run(given: argparse.Namespace) -> int:
     """Draw the map; 0, or 2 with one line on stderr."""
     try:
         hexapod = hexapod_from_json(read_part_file(given.hexapod), str(given.hexapod))
+        require_apart(given.out, (given.hexapod,))
         begun = time.perf_counter()
         found = _map_or_refusal(hexapod, given.head_extension_mm)
         took_s = time.perf_counter() - begun
         title = f"{hexapod.name}, head at {given.head_extension_mm:g} mm: displacement of the guide's centre"
-        _save(given.out, drawing(found, title))
+        write_whole(given.out, cv2.imencode(".png", drawing(found, title))[1].tobytes())
     except InputError as error:
         print(f"distalock robot workspace: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -130,10 +131,3 @@ def _map_or_refusal(hexapod: HexapodPart, head_extension_mm: float) -> Workspace
         return map_of(hexapod, head_extension_mm)
     except ValueError as error:
         raise InputError(str(error)) from None
-
-
-def _save(file: Path, image: NDArray[np.uint8]) -> None:
-    try:
-        file.write_bytes(cv2.imencode(".png", image)[1].tobytes())
-    except OSError as error:
-        raise InputError(f"{file}: the drawing cannot be written: {error.strerror or error}") from None

@@ -6,12 +6,13 @@ from typing import Final
 
 from rich.console import Console
 
+from distalock.arguments import EXIT_BAD_INPUT
 from distalock.installation import Installation
 from distalock.processes import Fleet
 from shared.errors import ConfigurationError
 from shared.signals import set_by_signals
 
-EXIT_OK, EXIT_FAULT, EXIT_BAD_INPUT = 0, 1, 2
+EXIT_OK, EXIT_FAULT = 0, 1
 MOST_ROBOT_RESTARTS: Final = 5
 
 

@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 
 from distalock.arguments import EXIT_BAD_INPUT
-from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, locate_image, read_parts, require_different
+from distalock.image_files import read_image_file, require_different
+from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, located, read_parts
 from services.registration.core.localise import Parts
 from services.registration.verification import VerifiedImage, verification_message, verified_images
 from shared.errors import InputError
@@ -28,11 +29,12 @@ def verify_images(
     InputError
         When a file is not an image that can be measured, or one image is given twice.
     """
-    located = tuple(locate_image(image, parts, nominal) for image in (*before, *images))
-    require_different((*before, *images), located)
+    files = tuple(read_image_file(image) for image in (*before, *images))
+    require_different(files)
+    found = tuple(located(file, parts, nominal) for file in files)
     given = tuple(
-        VerifiedImage(file.name, one.pixels, one.calibration, one.result, one.message)
-        for file, one in zip((*before, *images), located, strict=True)
+        VerifiedImage(file.path.name, one.pixels, one.calibration, one.result, one.message)
+        for file, one in zip(files, found, strict=True)
     )
     earlier, wired = given[: len(before)], given[len(before) :]
     return verification_message(wired, verified_images(wired, parts, earlier))

@@ -1,6 +1,8 @@
 """`distalock align`: images, folders and videos in order, one JSON line per frame, one sentence on bad input."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -63,13 +65,43 @@ def test_a_video_is_frames(tmp_path: Path) -> None:
     assert len({frame.sha256 for frame in frames}) == 3
 
 
-@pytest.mark.parametrize("name", ["empty", "missing.png", "broken.avi"])
-def test_bad_input_is_one_sentence(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dicom_file_of_a_folder_needs_no_ending(tmp_path: Path) -> None:
+    folder = tmp_path / "exported"
+    folder.mkdir()
+    (folder / "README").write_text("not a frame")
+    (folder / "I0001").write_bytes(bytes(128) + b"DICM" + b"rubbish")
+    with pytest.raises(ImageUnreadable, match="I0001"):
+        list(frames_of([folder]))
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("empty", "empty: holds no PNG, TIFF or DICOM files (0 found, 1 needed); name"),
+        ("missing.png", "missing.png: there is no such file or folder (0 found, 1 needed); check its name"),
+        ("missing.mp4", "missing.mp4: there is no such file or folder (0 found, 1 needed); check its name"),
+        ("empty.mp4", "empty.mp4: none of its 0 bytes could be decoded as video (0 frames found, 1 needed); record"),
+        ("broken.avi", "broken.avi: none of its 8 bytes could be decoded as video (0 frames found, 1 needed); record"),
+    ],
+)
+def test_bad_input_is_one_sentence_before_any_frame_is_told(
+    name: str, sentence: str, film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "broken.avi").write_bytes(b"no video")
-    with pytest.raises(ImageUnreadable, match=name):
-        list(frames_of([tmp_path / name]))
-    assert align(tmp_path, tmp_path / name) == EXIT_BAD_INPUT
+    (tmp_path / "empty.mp4").write_bytes(b"")
+    assert align(tmp_path, film, tmp_path / name) == EXIT_BAD_INPUT
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert "distalock align: " in captured.err
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith("distalock align: ")
+    assert sentence in captured.err
+
+
+def test_what_the_video_library_says_is_not_told(tmp_path: Path) -> None:
+    """In a process of its own: the library asks once whether it may speak."""
+    (tmp_path / "empty.mp4").write_bytes(b"")
+    program = f"from distalock.align import *; require_frames([Path({str(tmp_path / 'empty.mp4')!r})])"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert "ImageUnreadable" in ended.stderr
+    assert "moov atom" not in ended.stderr

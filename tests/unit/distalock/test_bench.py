@@ -6,7 +6,8 @@ import pytest
 
 from benchmarks.accuracy import StoredRow, write_row
 from distalock.__main__ import main
-from distalock.bench import EXIT_BAD_INPUT
+from distalock.arguments import EXIT_BAD_INPUT
+from distalock.bench import BENCHMARKS, ROOT
 from tests.unit.benchmarks.test_accuracy_report import row
 
 
@@ -22,4 +23,31 @@ def test_options_reach_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize("names", [["calibration"], ["accuracy", "calibration"]])
 def test_others_have_none(names: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", *names, "--count", "1"]) == EXIT_BAD_INPUT
-    assert "options go to one of the benchmarks that have some (accuracy)" in capsys.readouterr().err
+    assert "options go to one of the benchmarks that have some (accuracy, " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "expected"),
+    [
+        ("accuracy", ["--nope"], "unrecognized arguments: --nope"),
+        ("accuracy", ["--count", "-3"], "'-3' is not a number of scenes from 1 to"),
+        ("accuracy", ["--report", "/none/page.md"], "cannot be written: there is no folder /none"),
+        ("cramer_rao", ["--seed", "x"], "'x' is not a seed from 0 to"),
+        ("independent_images", ["--nope"], "unrecognized arguments: --nope"),
+    ],
+)
+def test_wrong_options_of_a_benchmark_are_one_line(
+    name: str, options: list[str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["bench", name, *options])
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err.count("\n")) == ("", 1)
+    assert captured.err.startswith(f"distalock bench {name}: ")
+    assert expected in captured.err
+
+
+def test_every_benchmark_is_listed() -> None:
+    """A module of the folder that writes a page under docs/ can be called by its name."""
+    writing = {file.stem for file in (ROOT / "benchmarks").glob("*.py") if "def main(" in file.read_text()}
+    assert writing - set(BENCHMARKS) == {"design_ring", "nail_fit"}

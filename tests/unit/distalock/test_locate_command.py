@@ -83,11 +83,29 @@ def test_a_rejected_image_is_drawn_too(files: dict[str, Path], tmp_path: Path) -
     assert image.shape == (400, 400, 3)
 
 
-def test_an_overlay_that_cannot_be_written_is_bad_input(
-    files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("overlay", "sentence"),
+    [
+        ("none/drawn.png", "cannot be written: there is no folder"),
+        ("folder", "cannot be written: it is a folder"),
+        ("/proc/drawn.png", "/proc/drawn.png: cannot be written: "),
+    ],
+)
+def test_an_overlay_that_cannot_be_written_is_told_before_anything_is_read(
+    overlay: str, sentence: str, files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(locate(files, "--overlay", str(tmp_path / "none" / "drawn.png"))) == EXIT_BAD_INPUT
-    assert "the overlay cannot be written" in one_sentence(capsys)
+    (tmp_path / "folder").mkdir()
+    files["image"].unlink()  # would be told of first, were it looked at first
+    with pytest.raises(SystemExit, match="2"):
+        main(locate(files, "--overlay", str(tmp_path / overlay)))
+    assert sentence in one_sentence(capsys)
+
+
+def test_an_overlay_does_not_replace_the_image(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    before = files["image"].read_bytes()
+    assert main(locate(files, "--overlay", str(files["image"]))) == EXIT_BAD_INPUT
+    assert "would replace a file that the result is made from; name another file" in one_sentence(capsys)
+    assert files["image"].read_bytes() == before
 
 
 @pytest.mark.parametrize("command", ["locate", "verify"])
