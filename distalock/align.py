@@ -29,7 +29,7 @@ from services.registration.core.guidance.tracking import (
     localised_sight,
 )
 from services.registration.core.localise import Method, Parts, localise
-from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
+from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message, ring_turn_rad
 from shared.errors import ImageUnreadable, InputError, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
@@ -155,6 +155,7 @@ class Guide:
             None,
             0,
             _angles(frame.acquisition),
+            ring_turn_rad(None if isinstance(outcome, Rejected) else outcome.value),
             0,
             1e3 * (time.perf_counter() - began_s),
         )

@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from services.registration.core.alignment import Advice, HoleTilt
 from services.registration.core.guidance.c_arm_angles import AngledView, CArmAngles, angles_after, picture_turn_rad
 from services.registration.core.guidance.tracking import Margin, Sight
+from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import (
     Guidance,
@@ -16,31 +19,55 @@ from shared.messages.guidance import (
 from shared.messages.imaging import ImageReference
 from shared.messages.registration import CArmCorrection
 
+# An image intensifier turns its picture by a degree or two in the earth's field; a person turns it by more.
+_SAME_PICTURE_RAD = float(np.radians(5.0))
+
 
 @dataclass(frozen=True, slots=True)
 class FrameFacts:
-    """What is known of a frame besides its picture; the angles are None when the image does not name them."""
+    """What is known of a frame besides its picture.
+
+    Attributes
+    ----------
+    angles
+        None when the image does not name them.
+    ring_turn_rad
+        How the ring, which the detector carries, is turned in the picture; None when the ring was not found.
+    """
 
     image: ImageReference
     case_id: str | None
     case_revision: int
     angles: CArmAngles | None
+    ring_turn_rad: float | None
     skipped: int
     elapsed_ms: float
+
+
+def ring_turn_rad(calibration: CArmCalibration | None) -> float | None:
+    """How the ring is turned about the beam in the picture."""
+    if calibration is None:
+        return None
+    rotation = calibration.camera_from_ring.rotation
+    return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
 
 
 class PictureTurn:
     """Remembers how the picture is turned against the C-arm's axes, from views of a guide that stands still.
 
-    `turn_rad` is None until the C-arm was turned by two degrees.
+    `turn_rad` is None until the C-arm was turned by two degrees. It holds as long as the picture is shown as it was:
+    the ring turns with the picture, and with nothing else that a C-arm does.
     """
 
     def __init__(self) -> None:
         self._seen: AngledView | None = None
+        self._ring_turn_rad: float | None = None
         self.turn_rad: float | None = None
 
-    def note(self, view: AngledView) -> None:
+    def note(self, view: AngledView, ring_turn_rad: float) -> None:
         """Compare a view with an earlier one from at least two degrees away."""
+        if self._ring_turn_rad is None or _apart(ring_turn_rad, self._ring_turn_rad) > _SAME_PICTURE_RAD:
+            self._seen, self._ring_turn_rad, self.turn_rad = None, ring_turn_rad, None
         if self._seen is None:
             self._seen = view
             return
@@ -65,10 +92,15 @@ class PictureTurn:
         )
 
 
+def _apart(first_rad: float, second_rad: float) -> float:
+    """Size of the angle between two directions."""
+    return abs((first_rad - second_rad + np.pi) % (2.0 * np.pi) - np.pi)
+
+
 def guidance_message(sight: Sight, facts: FrameFacts, picture: PictureTurn) -> Guidance:
     """One frame's word; its view is noted in `picture` when it has angles and a guide."""
-    if facts.angles is not None and sight.camera_from_guide is not None:
-        picture.note(AngledView(facts.angles, sight.camera_from_guide))
+    if facts.angles is not None and facts.ring_turn_rad is not None and sight.camera_from_guide is not None:
+        picture.note(AngledView(facts.angles, sight.camera_from_guide), facts.ring_turn_rad)
     told, margin = sight.advice, sight.margin
     turn = None if told is None or facts.angles is None else picture.positioner_turn(facts.angles, told)
     return Guidance(

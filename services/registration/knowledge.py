@@ -13,6 +13,8 @@ from services.registration.robot_pose import pose_at_rest, same_place
 from shared.messages.imaging import FrameHeader
 from shared.messages.robot import RobotState
 
+_MOST_ANNOUNCED = 256
+
 
 class Knowledge:
     """Remembers the newest of everything.
@@ -42,6 +44,8 @@ class Knowledge:
         self._counter = 0
         self._newest_sha256: str | None = None
         self._frames: OrderedDict[str, ReceivedFrame] = OrderedDict()
+        # images whose pixels have not come yet, with the epochs that began with them
+        self._announced: OrderedDict[str, str] = OrderedDict()
         self._localised = LocalisedFrames(kept)
         self._verified: tuple[frozenset[str], WireVerification] | None = None
 
@@ -67,10 +71,10 @@ class Knowledge:
     def note_announced(self, sha256: str) -> None:
         """Note that imaging has an image. If its pixels have not come, it begins a new epoch all the same."""
         with self._changed:
-            if sha256 not in self._frames:
-                self._counter += 1
-                self._newest_sha256 = sha256
-                self._changed.notify_all()
+            if sha256 not in self._frames and sha256 not in self._announced:
+                self._announced[sha256] = self._begin_epoch(sha256)
+                while len(self._announced) > _MOST_ANNOUNCED:
+                    self._announced.popitem(last=False)
 
     def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that arrives now: a new epoch begins. The robot stood where it stands, if for long enough."""
@@ -84,9 +88,9 @@ class Knowledge:
             return self._keep(header, pixels, None)
 
     def _keep(self, header: FrameHeader, pixels: NDArray[np.float32], robot: RobotState | None) -> ReceivedFrame:
-        self._counter += 1
-        self._newest_sha256 = header.sha256
-        frame = ReceivedFrame(header, pixels, self._epoch(), robot)
+        """Pixels that come after their announcement belong to the epoch that began with it: others may be newer."""
+        epoch = self._announced.pop(header.sha256, None) or self._begin_epoch(header.sha256)
+        frame = ReceivedFrame(header, pixels, epoch, robot)
         self._frames[header.sha256] = frame
         while len(self._frames) > self._kept:
             self._frames.popitem(last=False)
@@ -173,6 +177,12 @@ class Knowledge:
         with self._changed:
             self._changed.wait_for(lambda: self._epoch() != seen, timeout_s)
             return self._epoch()
+
+    def _begin_epoch(self, newest_sha256: str) -> str:
+        self._counter += 1
+        self._newest_sha256 = newest_sha256
+        self._changed.notify_all()
+        return self._epoch()
 
     def _epoch(self) -> str:
         return f"{self._boot_epoch}.{self._counter}"

@@ -10,26 +10,26 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 from services.registration.core.guidance.c_arm_angles import CArmAngles
+from services.registration.core.guidance.run import Arrival, Run
 from services.registration.core.guidance.tracking import (
     Origin,
     Sight,
     Track,
     begin_track,
-    disagree,
     follow_frame,
     localised_sight,
 )
 from services.registration.core.localise import Parts
-from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
-from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
+from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, set_up_of
+from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message, ring_turn_rad
 from services.registration.knowledge import Knowledge
 from services.registration.robot_pose import pose_at_rest, same_place
 from services.registration.settings import RegistrationSettings
 from shared.bus.port import Bus
 from shared.errors import Reason, ReasonCode
+from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
 from shared.messages.imaging import CalibrationMessage, ImageReference
 from shared.messages.robot import PlatformPoseMessage, RobotState
@@ -39,17 +39,7 @@ from shared.runtime.lifecycle import Runtime
 _WAIT_S = 0.2
 _PIXELS_S = 0.5
 _CASE_S = 0.5
-_REMEMBERED = 64
-
-
-@dataclass(slots=True, eq=False)
-class _Run:
-    """A track with the case and the robot's pose that it belongs to, and what was said of the newest frames."""
-
-    setup: tuple[str | None, int]
-    track: Track | None
-    robot_pose: PlatformPoseMessage | None
-    said: "OrderedDict[str, Sight]"
+_NUMBERED = 4096
 
 
 class LiveGuidance:
@@ -77,10 +67,12 @@ class LiveGuidance:
         self._publisher = bus.publisher(runtime.keys.guidance)
         self._frames: LatestSlot[CalibrationMessage] = LatestSlot()
         self._lock = threading.Lock()
-        self._run = _Run((None, 0), None, None, OrderedDict())
-        self._picture = PictureTurn()
+        self._setup: tuple[str | None, int] | None = None
+        self._run, self._picture = Run(), PictureTurn()
+        self._robot_pose: PlatformPoseMessage | None = None
+        self._arrived: OrderedDict[str, int] = OrderedDict()
+        self._arrivals = 0
         self._last_received_ns = 0
-        self._last_said_ns = 0
         self._skipped_before = self._unseen = 0
         self._waiting: CalibrationMessage | None = None
         self._newest_at_s = self._localised_at_s = float("-inf")
@@ -102,6 +94,7 @@ class LiveGuidance:
         self._last_received_ns = message.image.received_at_ns
         in_run = 0.0 < since_s < self._settings.live_interval_s
         with self._lock:
+            self._number(message.image.sha256)
             self._newest_at_s = self._clock_s()
             self._waiting = message if in_run else None
             known = self._run.track is not None
@@ -123,32 +116,49 @@ class LiveGuidance:
 
     def note_localised(self, localised: LocalisedFrame) -> None:
         """Begin anew from an image that was localised in full; say what it says if it is still the newest."""
-        if localised.calibration is None or localised.result is None:
+        calibration, found = localised.calibration, localised.result
+        if calibration is None or found is None:
             return
-        frame, case, found = localised.frame, localised.case, localised.result
-        track = begin_track(frame.pixels, localised.calibration, case.parts, found)
+        case, record = localised.case, localised.record
+        track = begin_track(localised.frame.pixels, calibration, case.parts, found)
         sight = localised_sight(found, case.parts)
         with self._lock:
             run = self._run_of(case)
-            said = run.said.get(frame.header.sha256)
+            if run is None:
+                return
+            finding = run.localised(self._arrival(record.image.sha256), sight, track)
             self._localised_at_s = self._clock_s()
-            if track is not None or (said is not None and said.advice is not None):
-                # An image that was followed and yet cannot be localised ends the track: one of the two is wrong.
-                run.track, run.robot_pose = track, localised.record.robot_pose
-            self._picture.forget_the_guide()
-            overtaken = self._last_said_ns > localised.record.image.received_at_ns
-        contradicted = said is not None and disagree(said, sight)
-        if contradicted:
-            self._runtime.log.warning("guidance disagreed with the full localisation", sha256=frame.header.sha256)
-        if not overtaken and (said is None or said.advice is None or contradicted):
-            self._publish(sight, localised.record.image, frame, case, localised.record.localisation.timing_ms.total)
+            if finding.begins:
+                self._robot_pose = record.robot_pose
+            if not finding.continues:
+                self._picture.forget_the_guide()
+            if finding.tell:
+                elapsed_ms = record.localisation.timing_ms.total
+                self._publish(sight, record.image, localised.frame, case, ring_turn_rad(calibration), elapsed_ms)
+        if finding.contradicts:
+            sha256 = record.image.sha256
+            self._runtime.log.warning("guidance disagreed with the full localisation", sha256=sha256)
 
-    def _run_of(self, case: OpenCase) -> _Run:
-        """The run of a case's present set-up: another set-up begins another, without a track."""
-        setup = (case.context.case_id, case.context.revision)
-        if self._run.setup != setup:
-            self._run = _Run(setup, None, None, OrderedDict())
+    def _run_of(self, case: OpenCase) -> Run | None:
+        """The run of the present set-up, which begins with it; None for a set-up that has been left."""
+        setup = set_up_of(case)
+        if setup != set_up_of(self._knowledge.case):
+            return None
+        if self._setup != setup:
+            self._setup = setup
+            self._run, self._robot_pose, self._picture = Run(), None, PictureTurn()
         return self._run
+
+    def _number(self, sha256: str) -> None:
+        self._arrivals += 1
+        self._arrived[sha256] = self._arrivals
+        self._arrived.move_to_end(sha256)
+        while len(self._arrived) > _NUMBERED:
+            self._arrived.popitem(last=False)
+
+    def _arrival(self, sha256: str) -> Arrival:
+        """In the order of arrival, for a clock may be set back; one that came too long ago to know is the oldest."""
+        return Arrival(sha256, self._arrived.get(sha256, 0))
 
     def _work(self) -> None:
         while not self._runtime.stop.is_set():
@@ -170,41 +180,55 @@ class LiveGuidance:
             return
         with self._lock:
             run = self._run_of(case)
-            if not _stands_still(run.robot_pose, self._knowledge.robot):
+            if run is None:
+                self._unseen += 1
+                return
+            if not _stands_still(self._robot_pose, self._knowledge.robot):
                 run.track = None  # the guide was moved against the nail
-            before = run.track
-        sight, after = self._sight(message, frame, case.parts, before)
+            start = run.start()
+        calibration = None if message.values is None else message.values.calibration()
+        sight, after = _sight(message, frame, calibration, case.parts, start.track)
         with self._lock:
-            run = self._run_of(case)
-            if run.track is before:  # else a full localisation has begun anew meanwhile
-                run.track = after
-            run.said[message.image.sha256] = sight
-            while len(run.said) > _REMEMBERED:
-                run.said.popitem(last=False)
-        self._publish(sight, message.image, frame, case, 1e3 * (self._clock_s() - began_s))
-
-    def _sight(
-        self, message: CalibrationMessage, frame: ReceivedFrame, parts: Parts, track: Track | None
-    ) -> tuple[Sight, Track | None]:
-        if message.values is None:
-            reasons = tuple(Reason(reason.code, reason.message) for reason in message.reasons)
-            return Sight(Origin.FOLLOWED, None, None, reasons, None), track
-        if track is None:
-            return Sight(Origin.FOLLOWED, None, None, (_NOT_YET,), None), None
-        return follow_frame(frame.pixels, message.values.calibration(), parts, track)
+            known = self._run_of(case) is run
+            if known and run.followed(self._arrival(message.image.sha256), start, sight, after):
+                elapsed_ms = 1e3 * (self._clock_s() - began_s)
+                self._publish(sight, message.image, frame, case, ring_turn_rad(calibration), elapsed_ms)
+            else:
+                self._unseen += 1
 
     def _publish(
-        self, sight: Sight, image: ImageReference, frame: ReceivedFrame, case: OpenCase, elapsed_ms: float
+        self,
+        sight: Sight,
+        image: ImageReference,
+        frame: ReceivedFrame,
+        case: OpenCase,
+        ring_turn: float | None,
+        elapsed_ms: float,
     ) -> None:
+        """Say it. For who holds the lock since it was judged to be news: else an older word could follow a newer."""
         header = frame.header
         primary, secondary = header.positioner_primary_angle_deg, header.positioner_secondary_angle_deg
         angles = None if primary is None or secondary is None else CArmAngles(primary, secondary)
-        with self._lock:
-            passed_over = self._frames.replaced + self._unseen
-            skipped, self._skipped_before = passed_over - self._skipped_before, passed_over
-            self._last_said_ns = image.received_at_ns
-            facts = FrameFacts(image, case.context.case_id, case.context.revision, angles, skipped, elapsed_ms)
-            self._publisher.put(encode(guidance_message(sight, facts, self._picture)))
+        passed_over = self._frames.replaced + self._unseen
+        skipped, self._skipped_before = passed_over - self._skipped_before, passed_over
+        context = case.context
+        facts = FrameFacts(image, context.case_id, context.revision, angles, ring_turn, skipped, elapsed_ms)
+        self._publisher.put(encode(guidance_message(sight, facts, self._picture)))
+
+
+def _sight(
+    message: CalibrationMessage,
+    frame: ReceivedFrame,
+    calibration: CArmCalibration | None,
+    parts: Parts,
+    track: Track | None,
+) -> tuple[Sight, Track | None]:
+    if calibration is None:
+        reasons = tuple(Reason(reason.code, reason.message) for reason in message.reasons)
+        return Sight(Origin.FOLLOWED, None, None, reasons, None), track
+    if track is None:
+        return Sight(Origin.FOLLOWED, None, None, (_NOT_YET,), None), None
+    return follow_frame(frame.pixels, calibration, parts, track)
 
 
 def _stands_still(key: PlatformPoseMessage | None, robot: RobotState | None) -> bool:

@@ -9,23 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.pose_evidence import cross_matrix
-from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 
 _SHARED = 0.5
-
-
-def covariance_in_nail(
-    guide_from_nail: Transform[Guide, Nail], guide_covariance: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """What an error of the guide's pose does to a nail that is known in the guide's frame, shape (6, 6) both."""
-    to_nail = guide_from_nail.rotation.T
-    carried = np.zeros((6, 6))
-    carried[:3, :3] = to_nail
-    carried[3:, :3] = -to_nail @ cross_matrix(guide_from_nail.translation_mm)
-    carried[3:, 3:] = to_nail
-    return np.asarray(carried @ guide_covariance @ carried.T)
 
 
 def weighed(

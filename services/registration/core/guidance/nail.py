@@ -127,7 +127,7 @@ def follow_nail(given: Given, look: Look, predicted: Transform[Camera, Nail]) ->
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
     solution = minimise(problem, solution.parameters, _LAST_STEPS, _TIGHT)
     noise = noise_of(problem, solution.linear)
-    residual = residual_statistics(problem, solution, noise.correlation)
+    residual = residual_statistics(problem, solution, noise)
     beyond = np.abs(solution.linear.residual) > _UNEXPLAINED_DEVIATIONS * np.sqrt(noise.variance)
     pose = scene.pose(solution.parameters)
     return Accepted(

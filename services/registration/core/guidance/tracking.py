@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import Advice, advice
-from services.registration.core.guidance.frame_weighing import covariance_in_nail, weighed
+from services.registration.core.guidance.frame_weighing import weighed
 from services.registration.core.guidance.guide import FollowedGuide, follow_guide
 from services.registration.core.guidance.judgement import (
     Surprise,
@@ -25,6 +25,7 @@ from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.nail.stages import Given
+from services.registration.core.pose_evidence import motion_of_nail
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
@@ -166,7 +167,8 @@ def follow_frame(
     if isinstance(nail, Rejected):
         return _refused(nail.reasons, at), _missed(track)
     key = track.key
-    expected = _HELD_TO**2 * key.covariance + covariance_in_nail(key.guide_from_nail, guide.value.covariance)
+    by_guide = motion_of_nail(key.guide_from_nail)
+    expected = _HELD_TO**2 * key.covariance + by_guide @ guide.value.covariance @ by_guide.T
     reasons = reasons_against_frame(nail.value, key.look, _surprise(nail.value, predicted, expected))
     if reasons:
         return _refused(reasons, at), _missed(track)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.guidance.frame_weighing import covariance_in_nail, weighed
+from services.registration.core.guidance.frame_weighing import weighed
+from services.registration.core.pose_evidence import motion_of_nail
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
 
@@ -45,5 +46,6 @@ def test_the_guides_error_moves_the_nail_through_its_lever() -> None:
         )
         of_nail = guide_from_nail.inverse() @ guide @ guide_from_nail
         moved.append(np.concatenate([of_nail.rotation_vector_rad, of_nail.translation_mm]))
-    expected = covariance_in_nail(guide_from_nail, np.diag(np.var(errors, axis=0)))
+    by_guide = motion_of_nail(guide_from_nail)
+    expected = by_guide @ np.diag(np.var(errors, axis=0)) @ by_guide.T
     assert np.allclose(np.var(moved, axis=0), np.diag(expected), rtol=0.1)

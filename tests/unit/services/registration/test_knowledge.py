@@ -7,7 +7,7 @@ from services.registration.frames import LocalisedFrame
 from services.registration.head_check import head_trouble
 from services.registration.knowledge import Knowledge
 from shared.parts.files import sha256_of
-from tests.unit.services.registration.outside import HOME
+from tests.unit.services.registration.outside import BLANK, HOME, header
 from tests.unit.services.registration.test_fusion import AMBIGUOUS, localised
 from tests.unit.services.registration.test_plan_axes import frame
 
@@ -46,6 +46,30 @@ def test_the_last_accepted_image_of_each_place_outlives_a_run() -> None:
     assert names(knowledge.accepted_elsewhere(run[-1])) == ["b"]
     assert knowledge.localised(sha256_of(b"h")) is run[-1]
     assert knowledge.localised(sha256_of(b"c")) is None
+
+
+def test_pixels_that_come_late_are_not_the_newest() -> None:
+    knowledge = knowing()
+    late, newer = header("late"), header("newer")
+    knowledge.note_announced(late.sha256)
+    announced = knowledge.epoch
+    knowledge.note_announced(newer.sha256)
+    knowledge.note_frame(newer, BLANK)
+    now = knowledge.epoch
+    fetched = knowledge.note_fetched_frame(late, BLANK)
+    assert (fetched.epoch, fetched.robot) == (announced, None)
+    assert (knowledge.epoch, knowledge.newest_sha256) == (now, newer.sha256)
+    assert now != announced
+
+
+def test_pixels_of_the_newest_image_belong_to_the_epoch_that_its_announcement_began() -> None:
+    knowledge = knowing()
+    knowledge.note_announced(header("one").sha256)
+    epoch = knowledge.epoch
+    assert knowledge.note_frame(header("one"), BLANK).epoch == epoch == knowledge.epoch
+    knowledge.note_announced(header("one").sha256)
+    assert knowledge.epoch == epoch
+    assert knowledge.note_frame(header("two"), BLANK).epoch == knowledge.epoch != epoch
 
 
 def test_a_head_that_no_image_shows_is_not_taken_to_be_right() -> None:
