@@ -18,6 +18,7 @@ from services.registration.core.passing import AxisOffset, angle_deg, axis_offse
 from shared.errors import Accepted
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
+from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
 from shared.geometry.hexapod_limits import limit_margins, limit_violations, path_violations
 from shared.geometry.lines import Line
 from shared.geometry.parts import GuidePart
@@ -26,9 +27,8 @@ from shared.geometry.transform import Transform
 LARGEST_RESIDUAL_MM = 0.25
 LONGEST_AXIAL_SHIFT_MM = 8.0
 LARGEST_AXIAL_TURN_DEG = 20.0
-# What the hexapod adds: standard deviation per axis at the guide, from its accuracy of 0.05 mm over its joints' radius.
-ROBOT_SD_MM = 0.03
-ROBOT_SD_DEG = 0.03
+# The lever from the guide to the nail is long, and a mount that gives way is in no prediction: half as much tilt again.
+_TILT_SD_DEG = 1.5 * MOVE_SD_DEG
 _SHIFTS_MM = np.linspace(-LONGEST_AXIAL_SHIFT_MM, LONGEST_AXIAL_SHIFT_MM, 33)
 _TURNS_DEG = np.linspace(-LARGEST_AXIAL_TURN_DEG, LARGEST_AXIAL_TURN_DEG, 11)
 _MM_PER_DEG = 0.5
@@ -246,5 +246,5 @@ def _predicted(hole: HoleEstimate, guide_axis: Line, move: Transform[Guide, Guid
 
 def _robot_covariance(levers_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Offsets at entry and exit that the robot's own errors make, shape (4, 4): a shift and a tilt about the guide."""
-    tilt = np.radians(ROBOT_SD_DEG) ** 2 * np.outer(levers_mm, levers_mm)
-    return np.asarray(np.kron(ROBOT_SD_MM**2 + tilt, np.eye(2)))
+    tilt = np.radians(_TILT_SD_DEG) ** 2 * np.outer(levers_mm, levers_mm)
+    return np.asarray(np.kron(MOVE_SD_MM**2 + tilt, np.eye(2)))

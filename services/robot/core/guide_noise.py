@@ -6,10 +6,8 @@ All covariances are of a small rotation (rad) and translation (mm) in the guide'
 import numpy as np
 from numpy.typing import NDArray
 
-# The robot is at most 0.05 mm off where it says it stands, and 0.02 degrees about each axis. An error that waves
-# between such bounds has an rms of 0.71 of them, and the 0.05 mm are of three axes together.
-ROBOT_SD_MM = 0.05 / float(np.sqrt(6.0))
-ROBOT_SD_RAD = float(np.radians(0.02) / np.sqrt(2.0))
+from shared.geometry.hexapod_accuracy import POSE_SD_DEG, POSE_SD_MM
+
 # One image, in the directions of the beam: rotation about two axes across it and about its own, translation likewise.
 # `distalock bench guide_calibration` compares with what rendered images give.
 IMAGE_SD = np.array([*np.radians([0.025, 0.025, 0.006]), 0.006, 0.006, 0.1])
@@ -19,7 +17,7 @@ _TILT_THAT_NO_FIT_KNOWS_RAD = float(np.radians(0.02))
 
 def robot_covariance() -> NDArray[np.float64]:
     """What the hexapod's own accuracy adds to a view."""
-    return np.diag(np.repeat([ROBOT_SD_RAD**2, ROBOT_SD_MM**2], 3))
+    return np.diag(np.repeat([np.radians(POSE_SD_DEG) ** 2, POSE_SD_MM**2], 3))
 
 
 def image_covariance(beam_from_guide: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from services.registration.core.head.place import HeadRefused, HeadTrouble
 from services.registration.core.pose_evidence import cross_matrix
 from shared.geometry.frames import Frame, Guide, Nail, Ring
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
+from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
 from shared.geometry.transform import Transform
 
 To = TypeVar("To", bound=Frame)
@@ -28,8 +29,6 @@ From = TypeVar("From", bound=Frame)
 # How far heads are off their file, per axis, and how far off a scale may be read.
 HEAD_SD_MM, HEAD_SD_DEG = 1.0, 1.0
 WRONG_EXTENSION_SD_MM = 10.0
-# The robot's own accuracy at both ends of the move.
-ROBOT_SD_MM, ROBOT_SD_DEG = 0.03, 0.02
 # What a mount gives way to soft tissue that is pushed along: a share of the travel back, and a turn of the base by so
 # much for each mm of travel, about the axis that the push asks for.
 YIELD_SHARE, YIELD_DEG_PER_MM = 0.03, 0.05
@@ -193,7 +192,7 @@ def _beside_the_head(
 
     Tissue pushes back along the travel: the base gives way that way, and turns as the push at the guide makes it.
     """
-    robot = np.diag([np.radians(ROBOT_SD_DEG)] * 3 + [ROBOT_SD_MM] * 3) ** 2
+    robot = np.diag([np.radians(MOVE_SD_DEG)] * 3 + [MOVE_SD_MM] * 3) ** 2
     head = hexapod.top_from_guide(head_extension_mm)
     base_from_guide = base_from_top(hexapod, start, hexapod.pivot_mm) @ head @ commanded
     travel_mm = base_from_guide.translation_mm - (base_from_guide @ commanded.inverse()).translation_mm
