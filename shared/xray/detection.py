@@ -11,13 +11,25 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
-from shared.xray.discs import Array, DiscFit, DiscPriors, FloatImage, Mask, fit_discs
+from shared.xray.discs import Array, FloatImage, Mask
+from shared.xray.patch_fit import (
+    FIT_CONTRAST,
+    FIT_CONTRAST_SD,
+    FIT_NOISE,
+    FIT_RADIUS,
+    FIT_SD,
+    FIT_X,
+    FIT_Y,
+    fit_each,
+)
 
 _SCALE_STEP = 1.35
 _BLUR_PX = 1.5
 _BLUR_SD_PX = 0.8
 _MARGIN_PX = 3.0
 _DRIFT_PX = 1.5
+_RADIUS_TOLERANCE = 0.25
+_CONTRAST_TO_SD = 6.0
 _COARSE_RADIUS_PX = 1.6
 _FILL_PX = 15
 _NOTHING_KNOWN: Array = np.zeros((0, 2))
@@ -74,13 +86,10 @@ def detect_balls(
         distance, _ = cKDTree(known_px).query(seeds.reshape(-1, 2))
         new = np.asarray(distance) > 0.6 * radius_range_px[0]
         seeds, radii = seeds[new], radii[new]
-    fits = [_fit(pixels, usable, seed, float(radius)) for seed, radius in zip(seeds, radii, strict=True)]
-    good = [
-        fit
-        for fit, seed in zip(fits, seeds, strict=True)
-        if fit is not None and _is_ball(fit, seed, radius_range_px, limits)
-    ]
-    return _candidates(good, 0.5 * radius_range_px[0])
+    drift, tolerance = np.full(len(radii), _DRIFT_PX), _RADIUS_TOLERANCE * radii
+    known = np.column_stack([seeds, drift, radii, tolerance])
+    fits = fit_each(pixels, usable, known, (_BLUR_PX, _BLUR_SD_PX), _MARGIN_PX, 1)
+    return _candidates(fits[_are_balls(fits, seeds, radius_range_px, limits)], 0.5 * radius_range_px[0])
 
 
 def _seeds(
@@ -166,35 +175,29 @@ def _filter(image: FloatImage, kernel: Array) -> FloatImage:
     return np.asarray(cv2.filter2D(image, cv2.CV_32F, kernel.astype(np.float32), borderType=cv2.BORDER_REPLICATE))
 
 
-def _fit(pixels: FloatImage, usable: Mask, seed: Array, radius: float) -> DiscFit | None:
-    priors = DiscPriors(
-        seed[None], np.array([_DRIFT_PX]), np.array([radius]), np.array([0.25 * radius]), _BLUR_PX, _BLUR_SD_PX
-    )
-    return fit_discs(pixels, usable, priors, (seed[None], np.array([radius + _MARGIN_PX])), passes=1)
-
-
-def _is_ball(fit: DiscFit, seed: Array, radius_range_px: tuple[float, float], limits: DetectionLimits) -> bool:
+def _are_balls(fits: Array, seeds: Array, radius_range_px: tuple[float, float], limits: DetectionLimits) -> Mask:
+    """Which fits (see `fit_each`) are of something that looks like a ball, shape (N,)."""
     low, high = radius_range_px
-    radius = float(fit.radius_px[0])
-    return bool(
-        fit.contrast[0] > limits.contrast_to_noise * fit.noise
-        and fit.contrast[0] > 6.0 * fit.contrast_sd[0]
-        and 0.5 * low < radius < 1.3 * high
-        and np.hypot(*(fit.centre_px[0] - seed)) < max(0.75 * radius, 2.0)
+    radius, contrast = fits[:, FIT_RADIUS], fits[:, FIT_CONTRAST]
+    moved = np.hypot(fits[:, FIT_X] - seeds[:, 0], fits[:, FIT_Y] - seeds[:, 1])
+    return np.asarray(
+        (contrast > limits.contrast_to_noise * fits[:, FIT_NOISE])
+        & (contrast > _CONTRAST_TO_SD * fits[:, FIT_CONTRAST_SD])
+        & (radius > 0.5 * low)
+        & (radius < 1.3 * high)
+        & (moved < np.maximum(0.75 * radius, 2.0))
     )
 
 
-def _candidates(fits: list[DiscFit], closest_px: float) -> BallCandidates:
+def _candidates(fits: Array, closest_px: float) -> BallCandidates:
     """Sort by contrast to noise and keep the first of each place."""
-    fits = sorted(fits, key=lambda f: -float(f.contrast[0]) / f.noise)
-    centre = np.array([f.centre_px[0] for f in fits]).reshape(-1, 2)
-    keep = _first_of_each_place(centre, closest_px)
-    fits = [f for f, kept in zip(fits, keep, strict=True) if kept]
+    fits = fits[np.argsort(-fits[:, FIT_CONTRAST] / fits[:, FIT_NOISE], kind="stable")]
+    fits = fits[_first_of_each_place(fits[:, [FIT_X, FIT_Y]], closest_px)]
     return BallCandidates(
-        centre_px=centre[keep],
-        radius_px=np.array([f.radius_px[0] for f in fits], dtype=np.float64),
-        contrast=np.array([f.contrast[0] for f in fits], dtype=np.float64),
-        standard_deviation_px=np.array([np.sqrt(0.5 * np.trace(f.centre_covariance_px2[0])) for f in fits], float),
+        centre_px=fits[:, [FIT_X, FIT_Y]],
+        radius_px=fits[:, FIT_RADIUS],
+        contrast=fits[:, FIT_CONTRAST],
+        standard_deviation_px=fits[:, FIT_SD],
         ring_index=np.full(len(fits), NOT_OF_THE_RING, dtype=np.int64),
     )
 

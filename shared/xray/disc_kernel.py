@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from shared.xray.disc_model import BACKGROUND_TERMS, model_rows
+from shared.xray.disc_residuals import neighbours
 
 Array = NDArray[np.float64]
 
@@ -199,25 +200,6 @@ def fit_group(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def neighbours(samples: Array, residual: Array, limit: float) -> tuple[float, float]:
-    """Correlation of residuals of pixels next to each other in a row, and their mean squared difference.
-
-    Residuals beyond a limit count as the limit.
-    """
-    common, square, pairs = 0.0, 0.0, 0
-    for n in range(1, len(residual)):
-        if samples[n, 1] == samples[n - 1, 1] and samples[n, 0] == samples[n - 1, 0] + 1.0:
-            left = min(max(residual[n - 1], -limit), limit)
-            right = min(max(residual[n], -limit), limit)
-            common += left * right
-            square += 0.5 * (left * left + right * right)
-            pairs += 1
-    if pairs == 0 or square <= 0.0:
-        return 0.0, 0.0
-    return common / square, 2.0 * (square - common) / pairs
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
 def uncertainties(normal: Array, discs: int) -> tuple[Array, Array]:
     """Of a fit's normal matrix (lower triangle): covariance of each centre, shape (K, 2, 2), and variance of each
     contrast when place, size and blur are given, shape (K,).
@@ -235,27 +217,3 @@ def uncertainties(normal: Array, discs: int) -> tuple[Array, Array]:
         centre[k, 1, 0], centre[k, 1, 1] = covariance[y, x], covariance[y, y]
         contrast[k] = given[BACKGROUND_TERMS + k, BACKGROUND_TERMS + k]
     return centre, contrast
-
-
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
-def darkest_spot(samples: Array, residual: Array, radius: float) -> tuple[int, float]:
-    """Where a disc is darker than the model says, by most.
-
-    Returns
-    -------
-    tuple
-        Index of the sample at the middle of the disc, and the sum of its residuals over the square root of how many
-        they are, negated.
-    """
-    best, where = 0.0, 0
-    for centre in range(len(residual)):
-        total, count = 0.0, 0
-        for n in range(len(residual)):
-            dx, dy = samples[n, 0] - samples[centre, 0], samples[n, 1] - samples[centre, 1]
-            if dx * dx + dy * dy <= radius * radius:
-                total -= residual[n]
-                count += 1
-        score = total / math.sqrt(count)
-        if score > best:
-            best, where = score, centre
-    return where, best

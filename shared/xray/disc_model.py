@@ -43,7 +43,7 @@ def model_rows(samples: Array, frame: Array, p: Array, discs: int, rows: Array, 
     """
     b = BACKGROUND_TERMS
     for k in range(discs):
-        _shades(samples, p[b + discs + k], p[b + 2 * discs + k], p[b + 3 * discs + k], p[-1], rows[b + k])
+        _shades(samples, p, discs, k, rows)
     slope = np.empty(len(samples))
     _background(samples, frame, p, discs, rows, grey, slope)
     rows[-2, :], rows[-1, :] = 0.0, 0.0
@@ -71,37 +71,44 @@ def _background(samples: Array, frame: Array, p: Array, discs: int, rows: Array,
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
-def _shades(samples: Array, x: float, y: float, radius: float, blur: float, shade: Array) -> None:
-    """How much of each pixel a disc of contrast 1 covers."""
+def _shades(samples: Array, p: Array, discs: int, k: int, rows: Array) -> None:
+    """How much of each pixel disc `k` covers, in its row.
+
+    Its rows for y and radius keep the distance from its centre and the bell of its edge for `_slopes`.
+    """
+    first, blur = BACKGROUND_TERMS + k, p[-1]
+    x, y, radius = p[first + discs], p[first + 2 * discs], p[first + 3 * discs]
     for n in range(len(samples)):
         dx, dy = samples[n, 0] - x, samples[n, 1] - y
-        z = (math.sqrt(dx * dx + dy * dy) - radius) / blur
-        shade[n] = edge(z, math.exp(-0.5 * z * z))
+        distance = math.sqrt(dx * dx + dy * dy) + 1e-9
+        z = (distance - radius) / blur
+        bell = math.exp(-0.5 * z * z)
+        rows[first, n] = edge(z, bell)
+        rows[first + 2 * discs, n], rows[first + 3 * discs, n] = distance, bell
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
 def _slopes(samples: Array, p: Array, discs: int, k: int, slope: Array, rows: Array) -> None:
     """Derivatives by place and radius of disc `k`, and its share of that by the blur.
 
-    Shades are in their rows; `slope` is by how much the background differs from its constant, shape (N,).
+    Rows are as `_shades` left them; `slope` is by how much the background differs from its constant, shape (N,).
     """
     b = BACKGROUND_TERMS
     x, y, radius, overlap, blur = p[b + discs + k], p[b + 2 * discs + k], p[b + 3 * discs + k], p[-2], p[-1]
     for n in range(len(samples)):
         dx, dy = samples[n, 0] - x, samples[n, 1] - y
-        distance = math.sqrt(dx * dx + dy * dy) + 1e-9
-        z = (distance - radius) / blur
+        distance, bell = rows[b + 2 * discs + k, n], rows[b + 3 * discs + k, n]
         contrast, past_others = p[b + k], 1.0
         for j in range(discs):
             if j != k:
                 past_others *= 1.0 - rows[b + j, n]
                 contrast -= overlap * max(min(p[b + k], p[b + j]), 0.0) * rows[b + j, n]
         contrast += OPACITY * slope[n] * past_others
-        along = -contrast * math.exp(-0.5 * z * z) / (_ROOT_2PI * blur)
+        along = -contrast * bell / (_ROOT_2PI * blur)
         rows[b + discs + k, n] = along * dx / distance
         rows[b + 2 * discs + k, n] = along * dy / distance
         rows[b + 3 * discs + k, n] = along
-        rows[-1, n] += along * z
+        rows[-1, n] += along * (distance - radius) / blur
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", nogil=True)

@@ -10,21 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.xray.disc_kernel import darkest_spot, fit_group, uncertainties
 from shared.xray.disc_model import BACKGROUND_TERMS
-from shared.xray.disc_samples import gather, normalise
+from shared.xray.disc_residuals import darkest_spot
+from shared.xray.patch_fit import fit_each, fit_patch
 
 Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-_HUBER = 2.5
-_START_CONTRAST = 1.5
-_START_OVERLAP = 0.8
-_OVERLAP_SD = 0.3
-_WEAK = 1e-4
-_CURVATURE_PRECISION = 1.0
-_LEAST_PIXELS = 30
 NOTHING_TO_AVOID: Array = np.zeros((0, 3))
 
 
@@ -81,14 +74,6 @@ class DiscFit:
     residual: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Remainder:
-    residual: Array
-    noise: float
-    correlation: float
-    difference_variance: float
-
-
 def fit_discs(
     pixels: FloatImage,
     usable: Mask,
@@ -117,16 +102,27 @@ def fit_discs(
     DiscFit or None
         None when too few usable pixels are near.
     """
-    samples = gather(pixels, usable, *within, avoid)
-    discs = len(priors.radius_px)
-    if len(samples) < _LEAST_PIXELS + 4 * discs:
+    known = np.column_stack([priors.centre_px, priors.centre_sd_px, priors.radius_px, priors.radius_sd_px])
+    blur = (float(priors.blur_px), float(priors.blur_sd_px))
+    p, centre_covariance, contrast_sd, quality, residual = fit_patch(
+        pixels, usable, known, blur, np.column_stack(within), avoid, passes
+    )
+    if not len(p):
         return None
-    frame, bright, spread = normalise(samples)
-    mean, precision = _priors_vector(priors, bright)
-    parameters, normal, residual, noise, neighbours = fit_group(samples, frame, mean, precision, discs, passes, _HUBER)
-    samples[:, 2] = spread * residual
-    return _unpacked(
-        parameters, normal, discs, spread, _Remainder(samples, spread * noise, neighbours[0], spread**2 * neighbours[1])
+    discs = len(known)
+    contrast, x, y, radius = p[BACKGROUND_TERMS:-2].reshape(4, discs)
+    noise, correlation, difference_variance = quality
+    return DiscFit(
+        centre_px=np.stack([x, y], axis=1),
+        centre_covariance_px2=centre_covariance,
+        radius_px=radius,
+        contrast=contrast,
+        contrast_sd=contrast_sd,
+        blur_px=float(p[-1]),
+        noise=noise,
+        correlation=correlation,
+        difference_variance=difference_variance,
+        residual=residual,
     )
 
 
@@ -138,36 +134,5 @@ def compile_fits() -> None:
     priors = DiscPriors(np.array([[12.0, 12.0]]), one, 5.0 * one, one, 1.5, 0.8)
     fit = fit_discs(pixels, np.ones(pixels.shape, bool), priors, (priors.centre_px, 9.0 * one))
     assert fit is not None, "a whole disc was given"
-    darkest_spot(fit.residual, fit.residual[:, 2].copy(), 3.0)
-
-
-def _priors_vector(priors: DiscPriors, bright: float) -> tuple[Array, Array]:
-    """Means and inverse variances in the kernel's order of parameters."""
-    discs = len(priors.radius_px)
-    background = np.zeros(BACKGROUND_TERMS)
-    background[0] = bright
-    background_precision = np.full(BACKGROUND_TERMS, _WEAK)
-    background_precision[3:] = _CURVATURE_PRECISION
-    mean = [background, np.full(discs, _START_CONTRAST), priors.centre_px[:, 0], priors.centre_px[:, 1]]
-    mean += [priors.radius_px, np.array([_START_OVERLAP, priors.blur_px])]
-    precision = [background_precision, np.full(discs, _WEAK), np.tile(priors.centre_sd_px**-2.0, 2)]
-    precision += [priors.radius_sd_px**-2.0, np.array([_OVERLAP_SD**-2, priors.blur_sd_px**-2])]
-    return np.concatenate(mean), np.concatenate(precision)
-
-
-def _unpacked(p: Array, normal: Array, discs: int, spread: float, left: _Remainder) -> DiscFit:
-    centre_covariance, contrast_variance = uncertainties(normal, discs)
-    contrast_at = BACKGROUND_TERMS + np.arange(discs)
-    x_at, y_at, radius_at = (contrast_at + i * discs for i in (1, 2, 3))
-    return DiscFit(
-        centre_px=np.stack([p[x_at], p[y_at]], axis=1),
-        centre_covariance_px2=centre_covariance,
-        radius_px=p[radius_at],
-        contrast=p[contrast_at] * spread,
-        contrast_sd=np.sqrt(contrast_variance) * spread,
-        blur_px=float(p[-1]),
-        noise=left.noise,
-        correlation=left.correlation,
-        difference_variance=left.difference_variance,
-        residual=left.residual,
-    )
+    darkest_spot(fit.residual, 3.0)
+    fit_each(pixels, np.ones(pixels.shape, bool), np.array([[12.0, 12.0, 1.0, 5.0, 1.0]]), (1.5, 0.8), 3.0, 1)

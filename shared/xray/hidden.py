@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from shared.xray.disc_kernel import darkest_spot
+from shared.xray.disc_residuals import darkest_spot
 from shared.xray.discs import DiscFit, DiscPriors
 
 _STIFFER = 0.25
@@ -74,7 +74,7 @@ def _stiff(priors: DiscPriors) -> DiscPriors:
 def _with_spot(fit: DiscFit, priors: DiscPriors, correlation: float) -> DiscPriors | None:
     """Priors of the group with a disc at the darkest spot that is left, or None when there is none."""
     radius = float(np.mean(priors.radius_px))
-    where, sum_over_root = darkest_spot(fit.residual, fit.residual[:, 2].copy(), 0.5 * radius)
+    where, sum_over_root = darkest_spot(fit.residual, 0.5 * radius)
     if sum_over_root < _SUSPICIOUS * noise_factor(correlation) * _local_noise(fit, correlation):
         return None
     place = fit.residual[where, :2]

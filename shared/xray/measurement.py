@@ -124,11 +124,13 @@ def measure_balls(
         np.concatenate([predicted_px, neighbours.centre_px]), np.concatenate([radius_px, neighbours.radius_px])
     )
     inside = _inside(usable, predicted)
+    near = _near(discs, settings.reach_px)
     fitted = []
     for members in _groups(discs):
         if not inside[members[members < count]].any():
             continue
-        priors, refit = _group(pixels, usable, discs, members, settings)
+        priors = _priors(discs, members, settings)
+        refit = _fitting(pixels, usable, priors, settings.reach_px, _others(discs, members, near))
         if (fit := refit(priors)) is not None:
             fitted.append((members, priors, refit, fit))
     correlation = usual_correlation([fit for *_, fit in fitted])
@@ -173,27 +175,30 @@ def _groups(discs: Discs) -> list[NDArray[np.int64]]:
     return [m.astype(np.int64) for m in np.split(order, np.cumsum(sizes)[:-1])]
 
 
-def _group(
-    pixels: FloatImage, usable: Mask, discs: Discs, members: NDArray[np.int64], settings: MeasurementSettings
-) -> tuple[DiscPriors, Refit]:
-    """What is known of a group, and how to fit its pixels."""
+def _priors(discs: Discs, members: NDArray[np.int64], settings: MeasurementSettings) -> DiscPriors:
+    """What is known of a group."""
     centre, radius = discs.centre_px[members], discs.radius_px[members]
     drift = np.full(len(radius), settings.drift_px)
-    priors = DiscPriors(
-        centre, drift, radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px
-    )
-    avoid = _other_discs(discs, members, settings.reach_px)
-    place = centre, radius + settings.reach_px
-    return priors, lambda p: fit_discs(pixels, usable, p, place, avoid=avoid)
+    return DiscPriors(centre, drift, radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px)
 
 
-def _other_discs(discs: Discs, members: NDArray[np.int64], reach_px: float) -> Array:
+def _fitting(pixels: FloatImage, usable: Mask, group: DiscPriors, reach_px: float, avoid: Array) -> Refit:
+    """How to fit the pixels around a group."""
+    place = group.centre_px, group.radius_px + reach_px
+    return lambda priors: fit_discs(pixels, usable, priors, place, avoid=avoid)
+
+
+def _near(discs: Discs, reach_px: float) -> NDArray[np.bool_]:
+    """Pairs of discs of which one touches what is looked at around the other, shape (N, N)."""
+    distance = np.hypot(*(discs.centre_px[:, None] - discs.centre_px[None]).transpose(2, 0, 1))
+    return np.asarray(distance < discs.radius_px[:, None] + discs.radius_px[None] + (reach_px + _KEEP_OUT_PX))
+
+
+def _others(discs: Discs, members: NDArray[np.int64], near: NDArray[np.bool_]) -> Array:
     """Circles around near discs of other groups: x, y, radius, shape (M, 3)."""
-    own_centre, own_radius = discs.centre_px[members], discs.radius_px[members]
-    distance = np.hypot(*(discs.centre_px[:, None] - own_centre[None]).transpose(2, 0, 1))
-    near = (distance < discs.radius_px[:, None] + own_radius[None] + reach_px + _KEEP_OUT_PX).any(axis=1)
-    near[members] = False
-    return np.column_stack([discs.centre_px[near], discs.radius_px[near] + _KEEP_OUT_PX])
+    of_others = np.asarray(near[members].any(axis=0))
+    of_others[members] = False
+    return np.column_stack([discs.centre_px[of_others], discs.radius_px[of_others] + _KEEP_OUT_PX])
 
 
 def _measurements(

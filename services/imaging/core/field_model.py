@@ -1,9 +1,8 @@
 """The smooth field from measured to ideal pixels: a polynomial plus a Gaussian process, solved with the source.
 
 Given the field's roughness everything is linear: displacement = polynomial + process + noise - slopes @ step, where
-`step` corrects the assumed source. Generalised least squares yields coefficients and covariance; the restricted
-likelihood of the residuals judges a roughness (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
-sections 2.7 and 5.4).
+`step` corrects the assumed source. Generalised least squares yields coefficients and covariance (Rasmussen and
+Williams, Gaussian Processes for Machine Learning, 2006, section 2.7).
 """
 
 from dataclasses import dataclass
@@ -11,12 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 
 Array = NDArray[np.float64]
 
 SOURCE_TERMS = 3
-_SIMPLEX = np.diag([1.0, -0.7, 0.5])
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +74,6 @@ class FieldSolution:
         Polynomial of x, polynomial of y, step of the source; shapes (P,) and (P, P).
     residual_px
         Target less the linear part, shape (N, 2): process and noise.
-    log_likelihood
-        Restricted, up to a constant.
     """
 
     system: LinearSystem
@@ -88,7 +83,6 @@ class FieldSolution:
     coefficients: Array
     covariance: Array
     residual_px: Array
-    log_likelihood: float
 
     @property
     def step_mm(self) -> Array:
@@ -116,7 +110,7 @@ class FieldSolution:
         residual, variance = np.empty((count, 2)), np.zeros(count)
         for axis in range(2):
             design = self.whitened_design[axis]
-            diagonal = np.diag(inverse) - np.einsum("np,pq,nq->n", design, self.covariance, design)
+            diagonal = np.diag(inverse) - np.sum(design @ self.covariance * design, axis=1)
             residual[:, axis] = whitened[:, axis] / diagonal
             variance += 0.5 / diagonal
         return residual, np.sqrt(variance)
@@ -126,15 +120,15 @@ class FieldSolution:
         system, prior = self.system, self.prior
         basis = polynomial(points_px, system.centre_px, system.half_size_px, prior.order)
         terms = basis.shape[1]
-        cross = prior.amplitude_px**2 * matern92(points_px, system.measured_px, prior.length_px)
+        cross = prior.amplitude_px**2 * matern92(distances_px(points_px, system.measured_px), prior.length_px)
         value = cross @ cho_solve(self.factor, self.residual_px)
-        variance = prior.amplitude_px**2 - np.einsum("pn,np->p", cross, cho_solve(self.factor, cross.T))
+        variance = prior.amplitude_px**2 - np.sum(cross * cho_solve(self.factor, cross.T).T, axis=1)
         for axis in range(2):
             rows = slice(axis * terms, (axis + 1) * terms)
             value[:, axis] += basis @ self.coefficients[rows]
             lever = -cross @ self.whitened_design[axis]
             lever[:, rows] += basis
-            variance += 0.5 * np.einsum("pi,ij,pj->p", lever, self.covariance, lever)
+            variance += 0.5 * np.sum(lever @ self.covariance * lever, axis=1)
         return value, np.sqrt(np.maximum(variance, 0.0))
 
 
@@ -144,10 +138,15 @@ def polynomial(points_px: Array, centre_px: Array, half_size_px: float, order: i
     return np.stack([x**i * y**j for i in range(order + 1) for j in range(order + 1 - i)], axis=1)
 
 
-def matern92(a_px: Array, b_px: Array, length_px: float) -> Array:
-    """Correlation between points, shape (N, M)."""
+def distances_px(a_px: Array, b_px: Array) -> Array:
+    """Distance of each point of the one from each of the other, shape (N, M)."""
     dx, dy = a_px[:, None, 0] - b_px[None, :, 0], a_px[:, None, 1] - b_px[None, :, 1]
-    r = 3.0 * np.sqrt(dx**2 + dy**2) / length_px
+    return np.asarray(np.sqrt(dx**2 + dy**2))
+
+
+def matern92(distance_px: Array, length_px: float) -> Array:
+    """Correlation between points at these distances."""
+    r = (3.0 / length_px) * distance_px
     return np.asarray((1.0 + r * (1.0 + r * (3.0 / 7.0 + r * (2.0 / 21.0 + r / 105.0)))) * np.exp(-r))
 
 
@@ -155,7 +154,7 @@ def solve_field(system: LinearSystem, prior: FieldPrior) -> FieldSolution:
     """Generalised least squares of both axes and the source together."""
     design = _design(system, prior.order)
     count = design.shape[1]
-    variance = prior.amplitude_px**2 * matern92(system.measured_px, system.measured_px, prior.length_px)
+    variance = prior.amplitude_px**2 * matern92(distances_px(system.measured_px, system.measured_px), prior.length_px)
     variance[np.diag_indices(count)] += np.square(prior.noise_factor * system.deviation_px)
     factor = cho_factor(variance, lower=True)
     whitened = cho_solve(factor, np.concatenate([design[0], design[1]], axis=1))
@@ -169,10 +168,7 @@ def solve_field(system: LinearSystem, prior: FieldPrior) -> FieldSolution:
     covariance = np.linalg.inv(information)
     coefficients = covariance @ gradient
     residual = system.target_px - np.stack([design[0] @ coefficients, design[1] @ coefficients], axis=1)
-    quadratic = float(np.sum(residual * cho_solve(factor, residual)))
-    log_determinant = 4.0 * float(np.log(np.diag(factor[0])).sum()) + float(np.linalg.slogdet(information)[1])
-    likelihood = -0.5 * (quadratic + log_determinant)
-    return FieldSolution(system, prior, factor, whitened_design, coefficients, covariance, residual, likelihood)
+    return FieldSolution(system, prior, factor, whitened_design, coefficients, covariance, residual)
 
 
 def _design(system: LinearSystem, order: int) -> Array:
@@ -184,26 +180,3 @@ def _design(system: LinearSystem, order: int) -> Array:
         design[axis, :, axis * terms : (axis + 1) * terms] = basis
         design[axis, :, -SOURCE_TERMS:] = -system.slopes[:, axis]
     return design
-
-
-def most_likely_prior(system: LinearSystem, start: FieldPrior, evaluations: int) -> FieldPrior:
-    """Roughness by restricted maximum likelihood, searched from `start` with so many evaluations at most."""
-
-    def prior_of(x: Array) -> FieldPrior:
-        amplitude, length, factor = np.exp(np.clip(x, -7.0, 4.0))
-        length_px = float(np.clip(length, 0.25, 4.0)) * system.half_size_px
-        return FieldPrior(start.order, float(amplitude), length_px, float(np.clip(factor, 0.2, 20.0)))
-
-    first = np.log([start.amplitude_px, start.length_px / system.half_size_px, start.noise_factor])
-    result = minimize(  # type: ignore[call-overload]  # the stubs refuse a simplex beside tolerances
-        lambda x: -solve_field(system, prior_of(np.asarray(x, dtype=np.float64))).log_likelihood,
-        first,
-        method="Nelder-Mead",
-        options={
-            "maxfev": evaluations,
-            "xatol": 0.1,
-            "fatol": 0.1,
-            "initial_simplex": first + np.concatenate([np.zeros((1, 3)), _SIMPLEX]),
-        },
-    )
-    return prior_of(np.asarray(result.x, dtype=np.float64))

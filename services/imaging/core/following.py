@@ -8,7 +8,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import searched_radii_px
 from services.imaging.core.view import View
 from shared.errors import Accepted, Rejected
-from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
+from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import find_usable_area
 from shared.xray.detection import DetectionLimits, detect_balls
@@ -18,6 +18,8 @@ from shared.xray.measurement import Discs
 _LEAST_OF_BEFORE = 0.75
 _LARGER_RESIDUAL = 2.0
 _RESIDUAL_FLOOR_PX = 0.05
+_BESIDE_PX = 3.0
+_ROSE = np.stack([np.cos(np.arange(8) * np.pi / 4.0), np.sin(np.arange(8) * np.pi / 4.0)], axis=1)
 _OTHERS = DetectionLimits(most=150)
 
 
@@ -50,8 +52,11 @@ def _as_good(now: CArmCalibration, before: CArmCalibration) -> bool:
 
 def _followed(
     pixels: FloatImage, ring: RingPart, nominal: NominalGeometry, before: CArmCalibration
-) -> Accepted[CArmCalibration] | Rejected:
+) -> Accepted[CArmCalibration] | Rejected | None:
+    """What comes of looking where the ring was; None when a glance shows that it is no longer there."""
     upright = np.ascontiguousarray(pixels[:, ::-1] if before.mirrored else pixels, dtype=np.float32)
+    if not _still_dark(upright, before.balls):
+        return None
     area = find_usable_area(upright)
     if (unusable := unusable_reason(upright, area.mask)) is not None:
         return Rejected((unusable,))
@@ -62,6 +67,26 @@ def _followed(
     others = detect_balls(upright, area.mask, radii, _OTHERS, expected.centre_px)
     view = View(upright, area, before.mirrored, expected, others, before.runner_up_margin)
     return calibrate_there(view, expected, ring, nominal, Start(before.camera_from_ring.inverse().translation_mm))
+
+
+def _still_dark(pixels: FloatImage, balls: BallCandidates) -> bool:
+    """Whether most places of the ring's balls are darker than what is around them.
+
+    Elsewhere that is a matter of chance: half of them. Whether a ball is there is for the measurement to say, which
+    takes a hundred times as long.
+    """
+    named = balls.ring_index != NOT_OF_THE_RING
+    centre, reach = balls.centre_px[named], balls.radius_px[named] + _BESIDE_PX
+    around = centre[:, None] + reach[:, None, None] * _ROSE
+    beside = _grey(pixels, around).mean(axis=1)
+    return bool(np.mean(_grey(pixels, centre[:, None] + _ROSE).mean(axis=1) < beside) > _LEAST_OF_BEFORE)
+
+
+def _grey(pixels: FloatImage, places_px: Array) -> FloatImage:
+    """Grey values at places (x, y), shape (..., 2); those outside the image take that of its border."""
+    last = np.array(pixels.shape[::-1]) - 1
+    x, y = np.moveaxis(np.clip(np.round(places_px).astype(np.int64), 0, last), -1, 0)
+    return np.asarray(pixels[y, x])
 
 
 def _radii_before(ring: RingPart, before: CArmCalibration) -> Array:

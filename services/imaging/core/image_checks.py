@@ -1,16 +1,14 @@
-"""Can this image be measured at all? Contrast, clipping, motion."""
+"""Can this image be measured at all? Size, contrast, clipping."""
 
 import numpy as np
 
 from shared.errors import Reason, ReasonCode
-from shared.xray.discs import Array, FloatImage, Mask
+from shared.xray.discs import FloatImage, Mask
 
 LEAST_SIDE_PX = 256
 LEAST_LEVELS = 16
 CLIPPED_LIMIT = 0.6
 CLIPPED_SUSPECT = 0.2
-_RIM_PX = (2.5, 5.0)
-_LEAST_BALLS = 12
 
 
 def unusable_reason(pixels: FloatImage, usable: Mask) -> Reason | None:
@@ -55,49 +53,3 @@ def saturated_reason(clipped: float, limit: float) -> Reason:
         f"{100 * clipped:.0f} % of the image is clipped to pure black or white (limit {100 * limit:.0f} %); "
         "lower the exposure or collimate and take another image",
     )
-
-
-def motion_blur_px(pixels: FloatImage, centre_px: Array, radius_px: Array) -> float:
-    """Length of a straight movement during the exposure that would explain how elongated the balls are.
-
-    A movement over L pixels adds L^2/12 to the balls' second moment along it; distortion stretches balls too, but
-    radially, so that it averages out over the image.
-
-    Parameters
-    ----------
-    pixels
-        Grey values, shape (rows, columns).
-    centre_px, radius_px
-        Isolated balls, shapes (N, 2) and (N,).
-
-    Returns
-    -------
-    float
-        Zero when fewer than twelve balls can be judged.
-    """
-    moments = [m for c, r in zip(centre_px, radius_px, strict=True) if (m := _moments(pixels, c, float(r))) is not None]
-    if len(moments) < _LEAST_BALLS:
-        return 0.0
-    stretch, shear = np.median(np.array(moments), axis=0)
-    return float(np.sqrt(12.0 * np.hypot(stretch, 2.0 * shear)))
-
-
-def _moments(pixels: FloatImage, centre: Array, radius: float) -> tuple[float, float] | None:
-    """Difference of the second moments along x and y, and the mixed moment, in square pixels."""
-    reach = int(np.ceil(radius + _RIM_PX[1]))
-    column, row = np.round(centre).astype(int)
-    if column < reach or row < reach or row + reach >= pixels.shape[0] or column + reach >= pixels.shape[1]:
-        return None
-    patch = pixels[row - reach : row + reach + 1, column - reach : column + reach + 1].astype(np.float64)
-    y, x = np.mgrid[row - reach : row + reach + 1, column - reach : column + reach + 1]
-    dx, dy = x - centre[0], y - centre[1]
-    distance = np.hypot(dx, dy)
-    rim = (distance > radius + _RIM_PX[0]) & (distance <= radius + _RIM_PX[1])
-    plane = np.column_stack([np.ones(rim.sum()), dx[rim], dy[rim]])
-    a, b, c = np.linalg.lstsq(plane, patch[rim], rcond=None)[0]
-    shade = np.where(distance <= radius + _RIM_PX[0], a + b * dx + c * dy - patch, 0.0)
-    total = float(shade.sum())
-    if total <= 0.0:
-        return None
-    stretch = float((shade * (dx**2 - dy**2)).sum() / total)
-    return stretch, float((shade * dx * dy).sum() / total)

@@ -14,9 +14,9 @@ from services.imaging.core.field_model import (
     FieldPrior,
     FieldSolution,
     LinearSystem,
-    most_likely_prior,
     solve_field,
 )
+from services.imaging.core.roughness import most_likely_prior
 from shared.xray.discs import Mask
 
 _ORDER = 3

@@ -3,7 +3,7 @@
 import numpy as np
 
 from services.imaging.core.camera_model import SourceAndField
-from services.imaging.core.image_checks import motion_blur_px
+from services.imaging.core.motion_blur import motion_blur_px
 from services.imaging.core.view import View
 from shared.errors import Reason, ReasonCode
 from shared.geometry.parts import RingPart

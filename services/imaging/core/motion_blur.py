@@ -1,0 +1,90 @@
+"""How far things moved during the exposure, from the shape of the balls' shadows."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from shared.xray.discs import Array, FloatImage
+
+# The background is taken from a ring around each ball, this far from its edge.
+_RIM_FROM_PX, _RIM_TO_PX = 2.5, 5.0
+_LEAST_BALLS = 12
+
+
+def motion_blur_px(pixels: FloatImage, centre_px: Array, radius_px: Array) -> float:
+    """Length of a straight movement during the exposure that would explain how elongated the balls are.
+
+    A movement over L pixels adds L^2/12 to the balls' second moment along it; distortion stretches balls too, but
+    radially, so that it averages out over the image.
+
+    Parameters
+    ----------
+    pixels
+        Grey values, shape (rows, columns).
+    centre_px, radius_px
+        Isolated balls, shapes (N, 2) and (N,).
+
+    Returns
+    -------
+    float
+        Zero when fewer than twelve balls can be judged.
+    """
+    moments = _moments(pixels, np.column_stack([centre_px, radius_px]))
+    moments = moments[np.isfinite(moments[:, 0])]
+    if len(moments) < _LEAST_BALLS:
+        return 0.0
+    stretch, shear = np.median(moments, axis=0)
+    return float(np.sqrt(12.0 * np.hypot(stretch, 2.0 * shear)))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _moments(pixels: FloatImage, balls: Array) -> Array:
+    """Of each ball (x, y, radius) the difference of the second moments along x and y, and the mixed moment.
+
+    In square pixels, shape (N, 2); NaN where a ball is cut by the image's border or is no shadow.
+    """
+    moments = np.full((len(balls), 2), np.nan)
+    for k in range(len(balls)):
+        x, y, radius = balls[k, 0], balls[k, 1], balls[k, 2]
+        reach = math.ceil(radius + _RIM_TO_PX)
+        left, top = round(x) - reach, round(y) - reach
+        if left < 0 or top < 0 or left + 2 * reach >= pixels.shape[1] or top + 2 * reach >= pixels.shape[0]:
+            continue
+        patch = pixels[top : top + 2 * reach + 1, left : left + 2 * reach + 1]
+        plane = _plane_around(patch, x - left, y - top, radius)
+        total, stretch, shear = _shade_moments(patch, x - left, y - top, radius + _RIM_FROM_PX, plane)
+        if total > 0.0:
+            moments[k, 0], moments[k, 1] = stretch / total, shear / total
+    return moments
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _plane_around(patch: FloatImage, x: float, y: float, radius: float) -> Array:
+    """Background around a ball: grey value at its centre, slopes along x and y, by least squares over the rim."""
+    normal, right, term = np.zeros((3, 3)), np.zeros(3), np.ones(3)
+    for row in range(patch.shape[0]):
+        for column in range(patch.shape[1]):
+            term[1], term[2] = column - x, row - y
+            from_edge = math.sqrt(term[1] ** 2 + term[2] ** 2) - radius
+            if _RIM_FROM_PX < from_edge <= _RIM_TO_PX:
+                for i in range(3):
+                    right[i] += term[i] * patch[row, column]
+                    for j in range(3):
+                        normal[i, j] += term[i] * term[j]
+    return np.linalg.solve(normal, right).astype(np.float64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _shade_moments(patch: FloatImage, x: float, y: float, reach: float, plane: Array) -> tuple[float, float, float]:
+    """Sum of the shade within reach, and its sums times x^2 - y^2 and times x y."""
+    total, stretch, shear = 0.0, 0.0, 0.0
+    for row in range(patch.shape[0]):
+        for column in range(patch.shape[1]):
+            dx, dy = column - x, row - y
+            if dx * dx + dy * dy <= reach * reach:
+                shade = plane[0] + plane[1] * dx + plane[2] * dy - patch[row, column]
+                total += shade
+                stretch += shade * (dx * dx - dy * dy)
+                shear += shade * dx * dy
+    return total, stretch, shear
