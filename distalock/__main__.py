@@ -6,11 +6,13 @@ import sys
 from pathlib import Path
 
 from distalock.arguments import (
+    EXIT_BAD_INPUT,
     EXIT_UNREAD,
     Command,
     add_c_arm_arguments,
     add_image_arguments,
     add_scenario_arguments,
+    controller_url,
     existing_file,
     named_path,
     parser_of,
@@ -84,7 +86,9 @@ def _align(given: argparse.Namespace) -> int:
 def _up_arguments(parser: argparse.ArgumentParser) -> None:
     hardware = parser.add_mutually_exclusive_group(required=True)
     hardware.add_argument("--simulate", action="store_true", help="run the virtual operating room too")
-    hardware.add_argument("--controller", metavar="URL", help="device or pyserial URL of the real hexapod controller")
+    hardware.add_argument(
+        "--controller", type=controller_url, metavar="URL", help="device or pyserial URL of the real hexapod controller"
+    )
     parser.add_argument(
         "--state", type=named_path, default=Path("state"), help="folder for images, case record and logs"
     )
@@ -101,9 +105,21 @@ def _up(given: argparse.Namespace) -> int:
     from distalock.installation import Installation, Ports
     from distalock.up import run_installation
 
+    if given.controller is not None and scenario_arguments(given):
+        return _refused_up("--seed and --scenario belong to --simulate; leave them away with --controller")
+    numbers = [getattr(given, f"{name}_port") for name, _, _ in _PORTS]
+    if len(set(numbers)) < len(numbers):
+        return _refused_up(
+            f"ports {', '.join(map(str, numbers))} are not {len(numbers)} different ones; give each its own"
+        )
     ports = Ports(given.router_port, given.rest_port, given.dicom_port, given.gcs_port, given.control_port)
     installation = Installation(ports, given.state.resolve(), given.controller, scenario_arguments(given))
     return run_installation(installation, Console(soft_wrap=True))
+
+
+def _refused_up(why: str) -> int:
+    print(f"distalock up: {why}", file=sys.stderr)
+    return EXIT_BAD_INPUT
 
 
 def _demo_arguments(parser: argparse.ArgumentParser) -> None:

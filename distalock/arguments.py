@@ -105,6 +105,19 @@ port_number: Final = whole_number("a port number", 1, 65535)
 seed_number: Final = whole_number("a seed", 0, 2**63 - 1)
 
 
+def controller_url(text: str) -> str:
+    """Parse the device or pyserial URL of a hexapod controller; it need not be there yet."""
+    import serial
+
+    try:
+        serial.serial_for_url(text.strip() or "nothing://", do_not_open=True)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no address of a controller: {error}; give one such as /dev/ttyUSB0 or socket://192.168.1.5:50000"
+        ) from None
+    return text.strip()
+
+
 def positive_mm(text: str) -> float:
     """Parse a length: finite and positive, in mm."""
     try:

@@ -162,10 +162,19 @@ def parse_part(model: type[F], content: bytes, source: str) -> F:
     try:
         return model.model_validate_json(content)
     except ValidationError as error:
-        first = error.errors()[0]
+        faults = error.errors()
+        schema = next(
+            (fault for fault in faults if fault["loc"] == ("schema",) and fault["type"] == "literal_error"), None
+        )
+        if schema is not None:
+            raise PartFileInvalid(
+                f"{source}: its schema is {schema['input']!r}, needed is {schema['ctx']['expected']}; "
+                "name another file, or check that no two were swapped"
+            ) from None
+        first, more = faults[0], f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
         place = ".".join(str(p) for p in first["loc"]) or "file"
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise PartFileInvalid(f"{source}: {place}: {first['msg'].removeprefix('Value error, ')}{more}") from None
+        message = first["msg"].removeprefix("Value error, ")
+        raise PartFileInvalid(f"{source}: {place}: {message}{more}; correct the file, or name another") from None
 
 
 def ring_from_json(content: bytes, source: str = "ring file") -> RingPart:
@@ -200,7 +209,7 @@ def read_part_file(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise PartFileInvalid(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise PartFileInvalid(f"{path}: cannot be read: {error.strerror or error}; check its name") from None
 
 
 def sha256_of(content: bytes) -> str:

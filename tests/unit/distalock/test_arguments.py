@@ -45,6 +45,27 @@ def test_bad_usage_is_one_line(words: list[str], expected: str, capsys: pytest.C
     assert expected in printed.err
 
 
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--controller", ""], "'' is no address of a controller: "),
+        (["--controller", "nonsense://x"], "protocol 'nonsense' not known; give one such as /dev/ttyUSB0"),
+        (["--controller", "/dev/none", "--seed", "1"], "--seed and --scenario belong to --simulate"),
+        (["--simulate", "--rest-port", "7447"], "ports 7447, 7447, 11112, 50000, 8900 are not 5 different ones"),
+    ],
+)
+def test_an_installation_that_cannot_work_is_not_begun(
+    words: list[str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = main(["up", *words])
+    except SystemExit as ended:
+        code = int(str(ended.code))
+    printed = capsys.readouterr()
+    assert (code, printed.out, printed.err.count("\n")) == (2, "", 1)
+    assert expected in printed.err
+
+
 def test_a_reader_that_left_is_no_traceback() -> None:
     reading, writing = os.pipe()
     os.close(reading)

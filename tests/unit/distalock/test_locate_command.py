@@ -125,6 +125,11 @@ def test_missing_and_foreign_files(command: str, files: dict[str, Path], capsys:
         ("ring", {"colour": "red"}, "colour: Extra inputs are not permitted"),
         ("guide", {"ball_count": 27}, "ball_count says 27, the file lists 28 balls"),
         ("nail", {"material": "wood"}, "material"),
+        (
+            "ring",
+            {"schema": "distalock/guide/1"},
+            "its schema is 'distalock/guide/1', needed is 'distalock/ring/1'; name",
+        ),
     ],
 )
 def test_part_files_that_break_their_schema(
