@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import EventDraft
+from services.ui_api.core.fluoroscopy import RunLimits
 from services.ui_api.desks.cases import CaseDesk
 from services.ui_api.desks.clock import Clock
 from services.ui_api.desks.commands import CommandDesk
@@ -88,6 +89,7 @@ def _assemble(
     leases = Leases(clock, settings.lease_s, lambda _: _stop_for_lapse(record, stops))
     commands = CommandDesk(bus, keys, record, view, stops, leases, clock)
     context = ContextDesk(bus, keys, record)
+    limits = RunLimits(settings.run_interval_s, settings.run_calibrations)
     feed = Feed()
     record.listen(lambda _: feed.wake())
     gateway = Gateway(
@@ -101,7 +103,7 @@ def _assemble(
         verifications=VerificationDesk(bus, keys, record),
         quality=QualityDesk(bus, keys, record),
         images=ImageDesk(bus, keys, record, settings.images()),
-        inbox=Inbox(bus, keys, record, view, commands, runtime.log),
+        inbox=Inbox(bus, keys, record, view, commands, runtime.log, limits),
         feed=feed,
         live=LiveDesk(bus, keys, clock),
         clock=clock,

@@ -1,4 +1,8 @@
-"""What comes in from the bus, put into the record by one thread, in the order in which it came."""
+"""What comes in from the bus, put into the record by one thread, in the order in which it came.
+
+Of a running fluoroscopy every frame is named in the record, but only the calibrations of its newest frames and of those
+that were localised are kept there: each is a hundred times as long as the frame's header, and seldom read.
+"""
 
 import base64
 import threading
@@ -8,6 +12,7 @@ from dataclasses import dataclass
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageCalibrated, ImageReceived, LocalisationReceived, PresenceChanged
 from services.ui_api.core.events import EventData, EventDraft
+from services.ui_api.core.fluoroscopy import FluoroscopyRun, RunLimits
 from services.ui_api.desks.commands import CommandDesk
 from services.ui_api.desks.images import FRAME_TIMEOUT_S
 from services.ui_api.desks.robot_view import RobotView, change_of
@@ -40,11 +45,21 @@ class Inbox:
     """Subscribes on `start`; its thread ends on `close` once everything that came in is recorded."""
 
     def __init__(
-        self, bus: Bus, keys: Keys, record: CaseRecord, view: RobotView, commands: CommandDesk, log: Log
+        self,
+        bus: Bus,
+        keys: Keys,
+        record: CaseRecord,
+        view: RobotView,
+        commands: CommandDesk,
+        log: Log,
+        limits: RunLimits,
     ) -> None:
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._commands, self._log = view, commands, log
         self._queue: BoundedQueue[Callable[[], None]] = BoundedQueue(_QUEUE_SIZE)
+        self._run: FluoroscopyRun[bytes] = FluoroscopyRun(limits)
+        self._idle_s = limits.interval_s
+        self._ended = False
         self._thread = threading.Thread(target=self._work, name="inbox", daemon=True)
         self.attendance = Attendance(dict.fromkeys(WATCHED_SERVICES, False))
 
@@ -60,7 +75,7 @@ class Inbox:
 
     def close(self) -> None:
         """Record what is still waiting, then end."""
-        self._put(self._queue.close)
+        self._put(self._end)
         if self._thread.is_alive():
             self._thread.join(5.0)
 
@@ -69,13 +84,24 @@ class Inbox:
             self._log.error("inbox_full", refused=self._queue.refused, size=_QUEUE_SIZE)
 
     def _work(self) -> None:
-        while (work := self._queue.take()) is not None:
+        while not self._ended:
+            work = self._queue.take(self._idle_s) or self._run_ended
             try:
                 work()
             except MessageInvalid as error:
                 self._log.error("message_invalid", detail=str(error))
             except Exception:  # noqa: BLE001 - the border of a task: one bad message must not end the recording
                 self._log.exception("inbox_fault")
+
+    def _end(self) -> None:
+        self._ended = True
+        self._run_ended()
+        self._queue.close()
+
+    def _run_ended(self) -> None:
+        """Record what is left of a run of fluoroscopy: its newest frames."""
+        for payload in self._run.end():
+            self._record_calibration(decode(CalibrationMessage, payload), payload)
 
     def _recorded_later(self, handle: Callable[[bytes], None]) -> Callable[[Sample], None]:
         return lambda sample: self._put(lambda: handle(sample.payload))
@@ -119,6 +145,11 @@ class Inbox:
 
     def _calibration(self, payload: bytes) -> None:
         message = decode(CalibrationMessage, payload)
+        if not self._run.holds(message.image.sha256, message.image.received_at_ns, payload):
+            self._run_ended()
+            self._record_calibration(message, payload)
+
+    def _record_calibration(self, message: CalibrationMessage, payload: bytes) -> None:
         codes = tuple(reason.code.value for reason in message.reasons)
         header = self._header_if_missed(message.case_id, message.image)
         with self._record.write() as unit:
@@ -132,6 +163,9 @@ class Inbox:
 
     def _localisation(self, payload: bytes) -> None:
         message = decode(LocalisationRecord, payload)
+        held = self._run.claim(message.image.sha256)
+        if held is not None:
+            self._record_calibration(decode(CalibrationMessage, held), held)
         found = message.localisation
         header = self._header_if_missed(message.case_id, message.image)
         with self._record.write() as unit:

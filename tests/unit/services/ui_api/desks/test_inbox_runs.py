@@ -1,0 +1,78 @@
+"""A running fluoroscopy on its way into the record: every frame is named there, few calibrations are kept."""
+
+from pathlib import Path
+
+from services.ui_api.core.case import Case
+from services.ui_api.record.database import existing_database, sqlite_url
+from services.ui_api.record.tables import DOCUMENTS
+from shared.messages.base import encode
+from shared.messages.imaging import CalibrationMessage, FrameHeader
+from tests.unit.services.ui_api import samples
+from tests.unit.services.ui_api.room import Room, open_room
+
+NEWEST, FRAMES = 3, 20
+LONGER_THAN_ANY_TEST_S = 10.0
+
+
+def frame(room: Room, case_id: str, number: int, at_s: float) -> FrameHeader:
+    """A frame arrives and is calibrated (here: rejected, which is as much a calibration)."""
+    name = f"frame {number}"
+    header = samples.frame_header(name, case_id, 1, number).model_copy(update={"received_at_ns": int(1e9 * at_s)})
+    room.imaging.keep(header)
+    room.imaging.bus.publisher(room.imaging.keys.frame).put(samples.pixels(), encode(header))
+    message = CalibrationMessage(
+        image=samples.reference(header),
+        case_id=case_id,
+        case_revision=1,
+        ring_sha256=samples.sha("ring"),
+        software_version="0.1.0",
+        verdict="rejected",
+        reasons=(),
+        values=None,
+        elapsed_ms=1.0,
+    )
+    room.imaging.bus.retained_publisher(room.imaging.keys.calibration).put(encode(message))
+    return header
+
+
+def calibrated(room: Room, case_id: str) -> list[str]:
+    return [one.image_sha256 for one in case_of(room, case_id).calibrations]
+
+
+def case_of(room: Room, case_id: str) -> Case:
+    return room.gateway.record.ledger.cases[case_id]
+
+
+def test_of_a_run_the_newest_and_the_localised_frames_are_recorded_whole(tmp_path: Path) -> None:
+    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
+        case_id = room.open_case()
+        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        room.registration.publish(run[5])
+        room.log.wait_for(lambda: len(case_of(room, case_id).localisations) == 1)
+        assert calibrated(room, case_id) == [run[0].sha256, run[5].sha256]
+        # the next image comes after a pause: the run has ended
+        shot = frame(room, case_id, FRAMES, 60.0)
+        kept = [run[0], run[5], *run[-NEWEST:], shot]
+        room.log.wait_for(lambda: len(calibrated(room, case_id)) == len(kept))
+        assert calibrated(room, case_id) == [one.sha256 for one in kept]
+        assert [image.image_sha256 for image in case_of(room, case_id).images] == [h.sha256 for h in (*run, shot)]
+    with existing_database(sqlite_url(tmp_path)).connect() as connection:
+        documents = [row.content for row in connection.execute(DOCUMENTS.select())]
+    assert sum(b"distalock/calibration/" in content for content in documents) == len(kept)
+
+
+def test_a_run_has_ended_when_no_frame_follows(tmp_path: Path) -> None:
+    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=0.3) as room:
+        case_id = room.open_case()
+        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        room.log.wait_for(lambda: len(calibrated(room, case_id)) > NEWEST)
+        assert calibrated(room, case_id)[-1] == run[-1].sha256
+
+
+def test_a_run_that_the_gateways_end_cuts_off_is_recorded(tmp_path: Path) -> None:
+    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
+        case_id = room.open_case()
+        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        room.log.wait_for(lambda: len(case_of(room, case_id).images) == FRAMES)
+    with open_room(tmp_path) as again:
+        assert calibrated(again, case_id) == [one.sha256 for one in (run[0], *run[-NEWEST:])]
