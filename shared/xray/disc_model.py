@@ -116,6 +116,10 @@ def _overlaps(p: Array, discs: int, rows: Array, grey: Array) -> None:
     """What overlaps take back of the summed shadows; turns the shades in `rows` into derivatives by contrast."""
     b = BACKGROUND_TERMS
     overlap = p[-2]
+    if discs == 1:
+        for n in range(len(grey)):
+            rows[b, n] = -rows[b, n]
+        return
     shade = np.empty(discs)
     for n in range(len(grey)):
         for k in range(discs):

@@ -55,7 +55,7 @@ def _followed(
 ) -> Accepted[CArmCalibration] | Rejected | None:
     """What comes of looking where the ring was; None when a glance shows that it is no longer there."""
     upright = np.ascontiguousarray(pixels[:, ::-1] if before.mirrored else pixels, dtype=np.float32)
-    if not _still_dark(upright, before.balls):
+    if not still_dark(upright, before.balls):
         return None
     area = find_usable_area(upright)
     if (unusable := unusable_reason(upright, area.mask)) is not None:
@@ -69,7 +69,7 @@ def _followed(
     return calibrate_there(view, expected, ring, nominal, Start(before.camera_from_ring.inverse().translation_mm))
 
 
-def _still_dark(pixels: FloatImage, balls: BallCandidates) -> bool:
+def still_dark(pixels: FloatImage, balls: BallCandidates) -> bool:
     """Whether most places of the ring's balls are darker than what is around them.
 
     Elsewhere that is a matter of chance: half of them. Whether a ball is there is for the measurement to say, which

@@ -13,8 +13,8 @@ from services.imaging.core.field_model import (
     Array,
     FieldPrior,
     LinearSystem,
+    correlation,
     distances_px,
-    matern92,
     polynomial,
 )
 
@@ -66,7 +66,7 @@ class RestrictedLikelihood:
 
     def of(self, prior: FieldPrior) -> float:
         """Log-likelihood; minus infinity where the covariance is not positive to rounding."""
-        variance = prior.amplitude_px**2 * matern92(self._distance, prior.length_px)
+        variance = prior.amplitude_px**2 * correlation(self._distance, prior.length_px)
         variance[np.diag_indices(len(variance))] += prior.noise_factor**2 * self._variance
         # Symmetric: its transpose is the column-major matrix that LAPACK factorises in place.
         factor, failed = dpotrf(variance.T, lower=1, overwrite_a=1)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from services.imaging.core.calibration import similarity_near
-from services.imaging.core.field_model import FieldPrior, distances_px, matern92, polynomial
+from services.imaging.core.field_model import FieldPrior, correlation, distances_px, polynomial
 from services.imaging.core.joint_estimate import (
     JointEstimate,
     NominalSource,
@@ -88,7 +88,7 @@ def test_polynomial_and_kernel_have_the_right_shape_and_value() -> None:
     basis = polynomial(np.array([[10.0, 20.0]]), np.array([0.0, 0.0]), 10.0, 3)
     assert basis.shape == (1, 10)
     assert basis.max() == pytest.approx(8.0)
-    correlation = matern92(distances_px(np.array([[0.0, 0.0]]), np.array([[0.0, 0.0], [600.0, 800.0]])), 50.0)
-    assert correlation[0, 0] == pytest.approx(1.0)
-    assert correlation[0, 1] < 1e-6
+    falling = correlation(distances_px(np.array([[0.0, 0.0]]), np.array([[0.0, 0.0], [600.0, 800.0]])), 50.0)
+    assert falling[0, 0] == pytest.approx(1.0)
+    assert falling[0, 1] < 1e-6
     assert FieldPrior(3, 1.0, 2.0, 1.0).order == 3
