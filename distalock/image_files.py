@@ -34,7 +34,9 @@ class ImageFile:
 
 
 def images_in(folder: Path) -> list[Path]:
-    """Images of a folder, sorted by name: by the ending of the name, and DICOM files whose names have none.
+    """Images of a folder, sorted by name: by the ending of the name, and DICOM files by their content.
+
+    An archive names its files by UIDs: what stands after the last full stop is no ending.
 
     Raises
     ------
@@ -48,8 +50,8 @@ def images_in(folder: Path) -> list[Path]:
 
 
 def _is_image(file: Path) -> bool:
-    if file.suffix:
-        return file.suffix.lower() in _SUFFIXES
+    if file.suffix.lower() in _SUFFIXES:
+        return True
     with file.open("rb") as content:
         return is_dicom(content.read(_DICOM_HEAD))
 

@@ -17,6 +17,7 @@ from services.imaging.core.joint_estimate import (
     on_plane,
 )
 from services.imaging.core.judgement import judge, motion_reason, too_few_reason
+from services.imaging.core.look import FIRST_DRIFT_PX, SECOND_DRIFT_PX, look
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import find_ring
 from services.imaging.core.view import View, view_of
@@ -25,14 +26,11 @@ from shared.geometry.calibration import BallCandidates, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import find_usable_area
 from shared.xray.discs import Array, FloatImage
-from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
+from shared.xray.measurement import BallMeasurements, Discs
 
 _SOURCE_SD_MM = (100.0, 100.0, 150.0)
 _GAUGE_REACH = 0.25
-_FIRST_DRIFT_PX, _SECOND_DRIFT_PX = 1.2, 0.35
-_USUAL_PIXEL_MM = 0.235
 _SAME_DISC_PX = 2.0
-_REACH_PX = 6.0
 _RADIUS_RANGE = 0.12
 
 
@@ -83,7 +81,7 @@ def calibrate_image(
 
 def _measure_twice(view: View, ring: RingPart, nominal: NominalGeometry) -> Accepted[CArmCalibration] | Rejected:
     """Measure and estimate twice: the first estimate says where the balls of the second measurement must be."""
-    measured = view.measure(view.predicted, _look(_FIRST_DRIFT_PX, nominal))
+    measured = view.measure(view.predicted, look(FIRST_DRIFT_PX, nominal.pixel_mm))
     if (few := too_few_reason(measured, ring)) is not None:
         moved = motion_reason(view, measured)
         return Rejected((few,) if moved is None else (moved, few))
@@ -100,7 +98,7 @@ def calibrate_there(
     view: View, expected: Discs, ring: RingPart, nominal: NominalGeometry, start: Start
 ) -> Accepted[CArmCalibration] | Rejected:
     """Measure the ring's balls where they are expected, to some tenths of a pixel, and calibrate from them."""
-    measured = view.measure(expected, _look(_SECOND_DRIFT_PX, nominal))
+    measured = view.measure(expected, look(SECOND_DRIFT_PX, nominal.pixel_mm))
     if (few := too_few_reason(measured, ring)) is not None:
         return Rejected((few,))
     estimate = _estimate(view, measured, ring, nominal, start)
@@ -108,19 +106,6 @@ def calibrate_there(
     if reasons := judge(view, measured, model):
         return Rejected(reasons)
     return Accepted(_calibration(view, measured, estimate, model))
-
-
-def _look(drift_px: float, nominal: NominalGeometry) -> MeasurementSettings:
-    """How to measure: blur is a matter of millimetres, so that finer pixels need wider surroundings.
-
-    Surroundings of 6 px bring centres to the Cramér-Rao limit, of 4 px to 1.09 of it: they settle the slope of the
-    background. Wider ones gain nothing, for there the background is no longer quadratic.
-    """
-    usual = MeasurementSettings(reach_px=_REACH_PX)
-    finer = max(1.0, _USUAL_PIXEL_MM / nominal.pixel_mm)
-    return MeasurementSettings(
-        reach_px=usual.reach_px * finer, blur_px=usual.blur_px * finer, drift_px=drift_px * finer
-    )
 
 
 def _estimate(

@@ -1,0 +1,36 @@
+"""How the ring's balls are looked at: blur is a matter of millimetres, so that finer pixels need wider surroundings."""
+
+from typing import Final
+
+from shared.xray.measurement import MeasurementSettings
+
+FIRST_DRIFT_PX: Final = 1.2
+"""How far from its place a ball may be that identification alone has placed."""
+SECOND_DRIFT_PX: Final = 0.35
+"""The same, when an estimate of the C-arm has placed it."""
+_USUAL_PIXEL_MM = 0.235
+# 6 px bring centres to the Cramer-Rao limit, 4 px to 1.09 of it: surroundings settle the slope of the background. Wider
+# ones gain nothing, for there the background is no longer quadratic.
+_REACH_PX = 6.0
+_USUAL: Final = MeasurementSettings(reach_px=_REACH_PX)
+
+
+def look(drift_px: float, pixel_mm: float, contrast_to_sd: float = _USUAL.contrast_to_sd) -> MeasurementSettings:
+    """How to measure.
+
+    Parameters
+    ----------
+    drift_px
+        How far balls may be from where they are expected, in pixels of the usual size.
+    pixel_mm
+        Size of a pixel near the detector.
+    contrast_to_sd
+        As `MeasurementSettings` has it.
+    """
+    finer = max(1.0, _USUAL_PIXEL_MM / pixel_mm)
+    return MeasurementSettings(
+        reach_px=_USUAL.reach_px * finer,
+        blur_px=_USUAL.blur_px * finer,
+        drift_px=drift_px * finer,
+        contrast_to_sd=contrast_to_sd,
+    )
