@@ -16,7 +16,7 @@ from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
 from services.robot.core.situation import GuardLimits
 from services.robot.core.status import DriveStatus
 from services.robot.devices.gcs_controller import GcsController
-from services.robot.drive import Drive
+from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from shared.bus.keys import Keys
 from shared.bus.port import Sample

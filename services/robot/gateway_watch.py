@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable
 
 from services.robot.core.status import UNDER_WAY
-from services.robot.drive import Drive
+from services.robot.drive.drive import Drive
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Presence, Sample
 from shared.errors import InputError

@@ -12,7 +12,7 @@ from services.robot.core.plans import PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.situation import GuardLimits, Situation
 from services.robot.core.status import UNDER_WAY, DriveStatus
-from services.robot.drive import Drive
+from services.robot.drive.drive import Drive
 from services.robot.gateway_watch import GatewayWatch
 from shared.bus.keys import Keys
 from shared.bus.port import Answer, Bus, Query, Sample

@@ -10,7 +10,7 @@ from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import MotionState, stop_is_latched
 from services.robot.core.readings import READ_BACK_TOLERANCE
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.drive import Drive
+from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 from tests.unit.services.robot.fake_controller import AT_REST, FakeController
 

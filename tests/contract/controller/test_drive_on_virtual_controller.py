@@ -13,7 +13,7 @@ from services.robot.core.status import DriveStatus
 from services.robot.core.stop_button import StopButton
 from services.robot.devices.gcs_controller import GcsController
 from services.robot.devices.gcs_line import open_port
-from services.robot.drive import Drive
+from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 from simulation.controller.faults import Fault
 from simulation.controller.servers import tcp_server

@@ -4,7 +4,7 @@ from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import MotionState
 from services.robot.core.readings import READ_BACK_TOLERANCE
 from services.robot.core.refusals import Refusal
-from services.robot.drive import Drive
+from services.robot.drive.drive import Drive
 from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 from tests.unit.services.robot.fake_controller import FakeController

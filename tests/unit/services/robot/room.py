@@ -9,7 +9,7 @@ import pytest
 
 from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
 from services.robot.core.situation import GuardLimits
-from services.robot.drive import Drive
+from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter

@@ -1,0 +1,1 @@
+"""Carries the motion table out on a controller: one thread works, any thread may stop."""
