@@ -1,7 +1,7 @@
 """The motion table, and everything that it decides about, under one lock that is held for milliseconds at most.
 
-Here the state changes and a stop goes out, from whatever thread it comes. All that needs the controller's answer is left
-to the worker, as effects that are still to be carried out.
+Here the state changes and a stop goes out, from whatever thread it comes. All that needs the controller's answer is
+left to the worker, as effects that are still to be carried out.
 """
 
 import threading
@@ -57,7 +57,7 @@ class MotionDesk:
 
     @contextmanager
     def deciding(self) -> Iterator[DriveStatus]:
-        """Nothing changes but by the caller's hand, while a decision is made; no question to a controller belongs here."""
+        """Nothing changes but by the caller's hand, while it decides; no question to a controller belongs here."""
         with self._lock:
             yield self._status
 
