@@ -1,5 +1,6 @@
 """The service itself: what imaging does with images and questions that reach it."""
 
-from services.imaging.service.imaging_service import Defaults, ImagingService
+from services.imaging.service.headers import Defaults
+from services.imaging.service.imaging_service import ImagingService
 
 __all__ = ["Defaults", "ImagingService"]

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 
 from services.imaging.core.following import calibrate_next
 from services.imaging.core.nominal import NominalGeometry
+from services.imaging.core.warm_up import compile_core
 from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.received_image import ReceivedImage
 from services.imaging.devices.source import Refused
+from services.imaging.service.headers import Arrival, Defaults, angles_deg, frame_header
 from services.imaging.service.quality_desk import QualityDesk
 from services.imaging.service.wire import Outcome, calibration_message, wire_pixels
 from shared.bus.keys import Keys
@@ -27,20 +29,11 @@ from shared.messages.qa import QaRequest
 from shared.parts.files import ring_from_json
 from shared.runtime.latest import BoundedQueue
 from shared.runtime.lifecycle import Runtime
-from shared.xray.discs import compile_fits
 
 _QUEUE = 64
 _WAIT_S = 0.2
 # Images that come closer than this are a run of fluoroscopy; of those that wait, only the newest is worth calibrating.
 _RUN_INTERVAL_NS = 500_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class Defaults:
-    """Nominal values when neither the case nor the image says any."""
-
-    source_to_detector_mm: float
-    pixel_mm: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +124,9 @@ class ImagingService:
         image = read_image(content, sender)
         sha256 = self._store.put(image.dicom)
         with self._lock:
-            header = self._header(image, sha256)
+            self._sequence += 1
+            arrival = Arrival(self._sequence, self._runtime.boot_epoch, time.time_ns())
+            header = frame_header(image, sha256, arrival, self._case, self._defaults)
             self._store.put_header(sha256, encode(header))
             in_run = header.received_at_ns - self._received_at_ns < _RUN_INTERVAL_NS
             self._received_at_ns = header.received_at_ns
@@ -148,34 +143,6 @@ class ImagingService:
         except BusError as error:
             self._runtime.log.exception("image not published", sha256=header.sha256)
             self._runtime.degraded(f"image {header.sha256[:12]} could not be published: {error}; take another image")
-
-    def _header(self, image: ReceivedImage, sha256: str) -> FrameHeader:
-        """Header of the next image; the case goes before the image, the image before the defaults."""
-        case, made = self._case, image.acquisition
-        rows, columns = image.pixels.shape
-        self._sequence += 1
-        return FrameHeader(
-            sha256=sha256,
-            sop_instance_uid=image.sop_instance_uid,
-            sequence=self._sequence,
-            boot_epoch=self._runtime.boot_epoch,
-            received_at_ns=time.time_ns(),
-            width_px=columns,
-            height_px=rows,
-            bits_stored=image.bits_stored,
-            case_id=case.case_id if case else None,
-            case_revision=case.revision if case else 0,
-            manufacturer=made.manufacturer,
-            model_name=made.model_name,
-            nominal_source_to_detector_mm=_first(
-                case.nominal_source_to_detector_mm if case else None,
-                made.source_to_detector_mm,
-                self._defaults.source_to_detector_mm,
-            ),
-            nominal_pixel_mm=_first(case.nominal_pixel_mm if case else None, made.pixel_mm, self._defaults.pixel_mm),
-            positioner_primary_angle_deg=made.positioner_primary_angle_deg,
-            positioner_secondary_angle_deg=made.positioner_secondary_angle_deg,
-        )
 
     def _on_case(self, sample: Sample) -> None:
         try:
@@ -209,7 +176,7 @@ class ImagingService:
 
     def _work(self) -> None:
         """Calibrate what is queued, in order of arrival; frames of a run that newer ones overtook are left out."""
-        compile_fits()
+        compile_core()
         while not self._ended.is_set():
             shot = self._shots.take(_WAIT_S)
             if shot is None or (shot.in_run and len(self._shots) > 0):
@@ -226,7 +193,7 @@ class ImagingService:
             return
         header, ring = shot.header, shot.ring
         nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm)
-        before = self._memory.before(ring.sha256, _angles_deg(header))
+        before = self._memory.before(ring.sha256, angles_deg(header))
         outcome, elapsed_ms = _timed(lambda: calibrate_next(shot.image.pixels, ring, nominal, before))
         message = calibration_message(outcome, elapsed_ms, ring, header)
         self._calibrations.put(encode(message))
@@ -239,23 +206,12 @@ class ImagingService:
     def _remember(self, calibration: CArmCalibration, ring: RingPart, header: FrameHeader) -> None:
         """Keep a calibration for the next image; say it when the ring is not where it was."""
         try:
-            notice = self._memory.after(ring.sha256, _angles_deg(header), calibration)
+            notice = self._memory.after(ring.sha256, angles_deg(header), calibration)
         except OSError as error:
             notice = f"the C-arm's position was not kept: {error.strerror or error}; free the disk"
         if notice is not None:
             self._runtime.log.warning("ring", sha256=header.sha256, detail=notice)
             self._runtime.ready(notice)
-
-
-def _angles_deg(header: FrameHeader) -> tuple[float, float] | None:
-    """The C-arm's angles, when the image names both."""
-    primary, secondary = header.positioner_primary_angle_deg, header.positioner_secondary_angle_deg
-    return None if primary is None or secondary is None else (primary, secondary)
-
-
-def _first(*values: float | None) -> float:
-    """The first value that is there; the last one always is."""
-    return next(v for v in values if v is not None)
 
 
 def _timed(calibrate: Callable[[], Outcome]) -> tuple[Outcome, float]:

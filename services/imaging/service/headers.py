@@ -1,0 +1,65 @@
+"""The header of a received image: what the case, the image and the settings say of how it was made."""
+
+from dataclasses import dataclass
+
+from services.imaging.devices.received_image import ReceivedImage
+from shared.messages.cases import CaseContext
+from shared.messages.imaging import FrameHeader
+
+
+@dataclass(frozen=True, slots=True)
+class Defaults:
+    """Nominal values when neither the case nor the image says any."""
+
+    source_to_detector_mm: float
+    pixel_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """When an image came, counted from the service's start and by the clock."""
+
+    sequence: int
+    boot_epoch: str
+    received_at_ns: int
+
+
+def frame_header(
+    image: ReceivedImage, sha256: str, arrival: Arrival, case: CaseContext | None, defaults: Defaults
+) -> FrameHeader:
+    """The header; of nominal values, the case goes before the image, the image before the defaults."""
+    made = image.acquisition
+    rows, columns = image.pixels.shape
+    return FrameHeader(
+        sha256=sha256,
+        sop_instance_uid=image.sop_instance_uid,
+        sequence=arrival.sequence,
+        boot_epoch=arrival.boot_epoch,
+        received_at_ns=arrival.received_at_ns,
+        width_px=columns,
+        height_px=rows,
+        bits_stored=image.bits_stored,
+        case_id=case.case_id if case else None,
+        case_revision=case.revision if case else 0,
+        manufacturer=made.manufacturer,
+        model_name=made.model_name,
+        nominal_source_to_detector_mm=_first(
+            case.nominal_source_to_detector_mm if case else None,
+            made.source_to_detector_mm,
+            defaults.source_to_detector_mm,
+        ),
+        nominal_pixel_mm=_first(case.nominal_pixel_mm if case else None, made.pixel_mm, defaults.pixel_mm),
+        positioner_primary_angle_deg=made.positioner_primary_angle_deg,
+        positioner_secondary_angle_deg=made.positioner_secondary_angle_deg,
+    )
+
+
+def angles_deg(header: FrameHeader) -> tuple[float, float] | None:
+    """The C-arm's angles, when the image names both."""
+    primary, secondary = header.positioner_primary_angle_deg, header.positioner_secondary_angle_deg
+    return None if primary is None or secondary is None else (primary, secondary)
+
+
+def _first(*values: float | None) -> float:
+    """The first value that is there; the last one always is."""
+    return next(v for v in values if v is not None)
