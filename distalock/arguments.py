@@ -66,6 +66,10 @@ def named_path(text: str) -> Path:
     """Parse the name of a file or folder; an empty word, as an unset variable of a shell leaves, is none."""
     if not text.strip() or "\0" in text:
         raise argparse.ArgumentTypeError(f"{text!r} names no file; give the name of one")
+    try:
+        Path(text).exists()
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"{text[:60]!r} cannot be looked at: {error.strerror or error}") from None
     return Path(text)
 
 
@@ -118,15 +122,19 @@ def controller_url(text: str) -> str:
     return text.strip()
 
 
-def positive_mm(text: str) -> float:
-    """Parse a length: finite and positive, in mm."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 < value < 1e4:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a length in mm between 0 and 10000")
-    return value
+def length_mm(least: float, most: float) -> Callable[[str], float]:
+    """Parser of a length in a range, in mm."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a length in mm from {least:g} to {most:g}")
+        return value
+
+    return parse
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
@@ -153,8 +161,14 @@ def add_image_arguments(parser: argparse.ArgumentParser) -> None:
 def add_c_arm_arguments(parser: argparse.ArgumentParser) -> None:
     """The C-arm's nominal values."""
     parser.add_argument(
-        "--source-to-detector-mm", type=positive_mm, metavar="MM", help="nominal; default: DICOM header, then 1000"
+        "--source-to-detector-mm",
+        type=length_mm(500.0, 2000.0),
+        metavar="MM",
+        help="nominal; default: DICOM header, then 1000",
     )
     parser.add_argument(
-        "--pixel-mm", type=positive_mm, metavar="MM", help="nominal, at the detector; default: DICOM header, then 0.235"
+        "--pixel-mm",
+        type=length_mm(0.05, 2.0),
+        metavar="MM",
+        help="nominal, at the detector; default: DICOM header, then 0.235",
     )

@@ -3,7 +3,7 @@
 import argparse
 from typing import Final
 
-from distalock.arguments import add_c_arm_arguments, existing_file, named_path, positive_mm, whole_number, writable_file
+from distalock.arguments import add_c_arm_arguments, existing_file, length_mm, named_path, whole_number, writable_file
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
 
 DEFAULT_EXTENSION_MM: Final = 60.0
@@ -50,7 +50,7 @@ def add_hexapod_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--head-extension-mm",
-        type=positive_mm,
+        type=length_mm(0.0, 500.0),
         default=DEFAULT_EXTENSION_MM,
         metavar="MM",
         help=f"what the head's scale says ({DEFAULT_EXTENSION_MM:g})",

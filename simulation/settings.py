@@ -30,7 +30,7 @@ class VirtualRoomSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    host: str = "127.0.0.1"
+    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
     gcs_port: Port = 50000
     control_port: Port = 8900
     dicom_target: str | None = None

@@ -30,6 +30,7 @@ ROBOT_COMMANDS = ("workspace", "calibration-poses", "calibrate-guide")
         (["robot", "calibration-poses", "--count", "-1"], "'-1' is not a number of images from 5 to 50"),
         (["align", "", "--ring", "r", "--guide", "g", "--nail", "n"], "'' names no file; give the name of one"),
         (["locate", "i", "--ring", "", "--guide", "g", "--nail", "n"], "'' names no file; give the name of one"),
+        (["align", "x" * 300, "--ring", "r", "--guide", "g", "--nail", "n"], "cannot be looked at: File name too long"),
         (["qa", "", "--ring", "r"], "'' names no file; give the name of one"),
         (["bench", "speed"], "there is no benchmark 'speed'"),
         (["locate", "image.png"], "required: --ring, --guide, --nail"),

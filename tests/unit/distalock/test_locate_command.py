@@ -148,7 +148,7 @@ def test_a_hole_beside_the_nail_is_refused(files: dict[str, Path], capsys: pytes
     assert "the axis of hole 'distal' does not cross the nail of 12.0 mm diameter" in one_sentence(capsys)
 
 
-@pytest.mark.parametrize("value", ["-3", "0", "nan", "inf"])
+@pytest.mark.parametrize("value", ["-3", "0", "nan", "inf", "1e-300", "235", "0.2,0.2", ""])
 def test_impossible_lengths_are_refused(value: str, files: dict[str, Path]) -> None:
     with pytest.raises(SystemExit, match="2"):
         main(locate(files, f"--pixel-mm={value}"))

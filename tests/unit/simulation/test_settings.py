@@ -28,6 +28,7 @@ def test_targets_are_read(text: str, target: DicomTarget) -> None:
         ({"seed": 1, "scenario": Path("a.json")}, "a seed and a scenario file were both given; give one of them"),
         ({"gcs_port": 70000}, "setting 'gcs_port'"),
         ({"seed": -1}, "setting 'seed'"),
+        ({"host": ""}, "setting 'host'"),
     ],
 )
 def test_wrong_settings_are_one_sentence(given: dict[str, object], sentence: str) -> None:
