@@ -65,10 +65,11 @@ def _not_surround(pixels: FloatImage) -> Mask:
     """Largest bright region without the darkness that is joined to the image's border, holes filled."""
     low, high = np.percentile(pixels, [0.5, 95.0])
     dark = (pixels <= low + _BORDER_STEP * (high - low)).astype(np.uint8)
-    _, label = cv2.connectedComponents(dark, connectivity=4)
-    border = np.unique(np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]]))
-    surround = np.isin(label, border[border > 0])
-    inside = cv2.morphologyEx((~surround).astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    regions, label = cv2.connectedComponents(dark, connectivity=4)
+    kept = np.ones(regions, dtype=np.uint8)
+    kept[np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])] = 0
+    kept[0] = 1  # what is not dark
+    inside = cv2.morphologyEx(kept[label], cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
     count, label, stats, _ = cv2.connectedComponentsWithStats(inside)
     if count < 2:
         return np.ones(pixels.shape, dtype=bool)

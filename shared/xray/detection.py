@@ -104,13 +104,8 @@ def _seeds(
     rows, columns = (side // step * step for side in pixels.shape)
     coarse_usable = np.ascontiguousarray(usable[:rows:step, :columns:step])
     filled = _filled(_reduced(pixels, step), coarse_usable, _FILL_PX // step)
-    best = np.full(filled.shape, -1.0, dtype=np.float32)
-    which = np.zeros(filled.shape, dtype=np.uint8)
-    for index, radius in enumerate(radii):
-        score = disc_correlation(filled, float(radius) / step, 1.0 / step)
-        better = score > best
-        np.copyto(best, score, where=better)
-        which[better] = index
+    scores = np.stack([disc_correlation(filled, float(radius) / step, 1.0 / step) for radius in radii])
+    best = scores.max(axis=0)
     size = 2 * int(np.ceil(0.7 * low / step)) + 1
     peak = (best >= cv2.dilate(best, np.ones((size, size), np.uint8))) & (best > limits.correlation)
     rows, columns = np.nonzero(peak)
@@ -118,7 +113,7 @@ def _seeds(
     x, y = np.minimum(places.astype(np.int64), np.array(pixels.shape[::-1]) - 1).T
     rows, columns, places = rows[usable[y, x]], columns[usable[y, x]], places[usable[y, x]]
     order = np.argsort(-best[rows, columns], kind="stable")[: limits.most]
-    return places[order], radii[which[rows[order], columns[order]]]
+    return places[order], radii[scores[:, rows[order], columns[order]].argmax(axis=0)]
 
 
 def _reduced(pixels: FloatImage, step: int) -> FloatImage:
@@ -163,7 +158,7 @@ def disc_correlation(pixels: FloatImage, radius_px: float, scale: float = 1.0) -
     template = window * (disc - (window * disc).sum() / window.sum())
     norm = float(np.sqrt((template**2).sum()))
     low, middle, high = np.percentile(pixels[::8, ::8], [1.0, 50.0, 99.0])
-    image = ((pixels - middle) / max(high - low, 1e-6)).astype(np.float32)
+    image = (pixels - np.float32(middle)) / np.float32(max(high - low, 1e-6))
     mean_kernel = window / window.sum()
     variance = _filter(np.square(image), mean_kernel) - np.square(_filter(image, mean_kernel))
     # Below a thousandth of the image's span a window holds nothing but rounding.
