@@ -18,7 +18,7 @@ from distalock.outputs import write_whole
 from distalock.procedure import Ending, Outcome, Procedure, Tell
 from distalock.rest_client import RestClient
 from distalock.room_client import RoomClient, TrueError
-from shared.errors import ConfigurationError
+from shared.errors import ConfigurationError, InputError
 
 EXIT_CODES: Final = {Ending.DRILLED: 0, Ending.MISSED: 1, Ending.REFUSED: 3}
 
@@ -49,7 +49,7 @@ def run_demo(request: DemoRequest, console: Console) -> int:
     """
     try:
         outcome = demonstrate(request, _progress(console))
-    except (ConfigurationError, TimeoutError) as error:
+    except (ConfigurationError, InputError, TimeoutError) as error:
         print(f"distalock demo: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     console.print(outcome_table(outcome))
