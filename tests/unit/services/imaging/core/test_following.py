@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from services.imaging.core.calibration import calibrate_image
-from services.imaging.core.following import calibrate_next
+from services.imaging.core.following import calibrate_next, still_dark
 from services.imaging.core.nominal import NominalGeometry
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -77,3 +78,14 @@ def test_an_image_of_another_size_is_searched(before: CArmCalibration) -> None:
     rendered = render(replace(FIRST, seed=57, aperture=False), default_ring())
     part = Rendered(rendered.pixels[:-24], rendered.centre_px, rendered.others_px, rendered.present, rendered.source_mm)
     assert accepted(part, before).height_px == 1000
+
+
+def test_a_glance_tells_whether_the_ring_is_where_it_was(before: CArmCalibration) -> None:
+    def upright(scene: Scene) -> NDArray[np.float32]:
+        return np.ascontiguousarray(render(scene, default_ring()).pixels[:, ::-1])
+
+    same = upright(replace(FIRST, seed=58, present=0.8))
+    assert still_dark(same, before.balls)
+    assert not still_dark(np.asarray(same.max() - same, dtype=np.float32), before.balls)
+    assert not still_dark(upright(replace(FIRST, seed=59, turn_deg=79.0)), before.balls)
+    assert not still_dark(upright(replace(FIRST, seed=60, present=0.0)), before.balls)
