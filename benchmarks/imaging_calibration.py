@@ -27,6 +27,7 @@ from benchmarks.imaging_scenes import (
     Exposure,
     displayed,
     exposed,
+    left_over,
     noise_of,
     patient,
     random_c_arm,
@@ -45,7 +46,6 @@ Mask = NDArray[np.bool_]
 Method = Callable[[Array, Array, Array], Rays]
 
 CONTRAST_TO_NOISE = 15.0
-LEFT = 72
 # Of twelve images the rms is known to a tenth, for which balls are lost where matters: a few images make most of it.
 USUAL_IMAGES = 48
 REPORT = Path(__file__).parents[1] / "docs" / "benchmarks" / "calibration.md"
@@ -74,18 +74,6 @@ def ray_errors_px(rays: Rays, points_mm: Array, c_arm: CArm) -> Array:
 def ours(calibration: CArmCalibration, at_px: Array) -> Rays:
     ring_from_camera = calibration.camera_from_ring.inverse()
     return Rays(ring_from_camera.translation_mm, calibration.rays_camera(at_px) @ ring_from_camera.rotation.T)
-
-
-def left_over(ring: RingPart, lost: str, rng: np.random.Generator) -> Mask:
-    """Which balls are there: 72, the others lost at random or all around one place."""
-    count = len(ring.balls)
-    order = rng.permutation(count)
-    if lost == "patch":
-        place = rng.uniform(-70.0, 70.0, 2)
-        order = np.argsort(-np.hypot(*(ring.balls.position_mm[:, :2] - place).T))
-    present = np.zeros(count, bool)
-    present[order[:LEFT]] = True
-    return present
 
 
 @dataclass(slots=True)

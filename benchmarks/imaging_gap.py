@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.imaging_calibration import CONTRAST_TO_NOISE, left_over, ray_errors_px, rms, targets
+from benchmarks.imaging_calibration import CONTRAST_TO_NOISE, ray_errors_px, rms, targets
 from benchmarks.imaging_limits import centre_variance_px2
 from benchmarks.imaging_peers import START_MM, Rays
 from benchmarks.imaging_scenes import (
@@ -24,6 +24,7 @@ from benchmarks.imaging_scenes import (
     Shadow,
     displayed,
     exposed,
+    left_over,
     noise_of,
     patient,
     random_c_arm,

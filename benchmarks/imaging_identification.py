@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.imaging_scenes import SIZE_PX, Distortion, random_c_arm, ring_shadow, shipped_ring
+from benchmarks.imaging_scenes import SIZE_PX, Distortion, left_over, random_c_arm, ring_shadow, shipped_ring
 from services.imaging.core.identification import identify_ring
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import is_ambiguous, is_enough
@@ -23,19 +23,9 @@ from shared.geometry.parts import RingPart
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEFT, OTHERS = 0.6, 40
+OTHERS = 40
 JITTER_PX = 0.15
 REPORT = Path(__file__).parents[1] / "docs" / "benchmarks" / "identification.md"
-
-
-def left_over(ring: RingPart, lost: str, rng: np.random.Generator) -> Mask:
-    count = len(ring.balls)
-    order = rng.permutation(count)
-    if lost == "patch":
-        order = np.argsort(-np.hypot(*(ring.balls.position_mm[:, :2] - rng.uniform(-70.0, 70.0, 2)).T))
-    present = np.zeros(count, bool)
-    present[order[: round(LEFT * count)]] = True
-    return present
 
 
 def discs(ring: RingPart, present: Mask, rng: np.random.Generator) -> tuple[BallCandidates, Array]:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from benchmarks.design_ring import BALLS, FAR_BALLS, balls, farthest_in_turn, nearest
 from benchmarks.imaging_calibration import targets
-from benchmarks.imaging_identification import left_over, outcome
+from benchmarks.imaging_identification import outcome
 from benchmarks.imaging_limits import ray_deviation_px
-from benchmarks.imaging_scenes import Distortion, random_c_arm, shipped_ring
+from benchmarks.imaging_scenes import Distortion, left_over, random_c_arm, shipped_ring
 from shared.geometry.parts import BallPattern, RingPart
 
 Array = NDArray[np.float64]

@@ -23,6 +23,7 @@ SIZE_PX = 1024
 PX_PER_MM = 4.37
 BLUR_PX = 1.2
 ABSORPTION = 3.0
+LEFT = 0.6
 NAIL_MM, GUIDE_MM = -240.0, -345.0
 _SAMPLES = (np.arange(4) - 1.5) / 4.0
 _CURVE = 0.65
@@ -98,6 +99,18 @@ def random_c_arm(rng: np.random.Generator, distortion: Distortion) -> CArm:
     powers = np.array([i + j for i in range(6) for j in range(6 - i)])
     coefficients = rng.normal(size=(terms, 2)) * np.array([3.0, 4.0, 4.0, 4.0, 2.0, 2.0])[powers, None]
     return CArm(source, float(rng.uniform(0.0, 2.0 * np.pi)), distortion, coefficients)
+
+
+def left_over(ring: RingPart, lost: str, rng: np.random.Generator) -> Mask:
+    """Which balls are there: 60 %, the others lost at random or, where `lost` is "patch", all around one place."""
+    count = len(ring.balls)
+    order = rng.permutation(count)
+    if lost == "patch":
+        place = rng.uniform(-70.0, 70.0, 2)
+        order = np.argsort(-np.hypot(*(ring.balls.position_mm[:, :2] - place).T))
+    present = np.zeros(count, bool)
+    present[order[: round(LEFT * count)]] = True
+    return present
 
 
 @dataclass(frozen=True, slots=True, eq=False)
