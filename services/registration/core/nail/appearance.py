@@ -29,8 +29,14 @@ from shared.geometry.parts import Hole, NailPart
 
 _STRAIGHT = 1e-6
 _STEP = 0.02
+# Share of the grey value that may be gone on the way from dark to bright, for falling curves.
+_LEAST_RISE = -0.9
+# Of the usual grey value of the floor, counted from black.
+_LEAST_FLOOR = 0.2
+_MOST_CURVE = 5.0
 # Unknowns in the order of the kernel's derivatives, then those that act on the picture afterwards.
 _OF_PATHS = tuple(Unknown)[: Unknown.POWER + 1]
+_OF_BLUR = (Unknown.LOG_BLUR_PX, Unknown.TAIL_SHARE, Unknown.LOG_TAIL_WIDTH)
 _OF_DISPLAY = tuple(Unknown)[Unknown.LOG_BLUR_PX : Unknown.CURVE_EXPONENT + 1]
 
 
@@ -73,7 +79,7 @@ def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
 def render(scene: NailScene, traced: Paths) -> Appearance:
     """How the window looks."""
     display = _display(scene, traced.parameters)
-    bent = display.bent(blurred_image(traced.passed, display.blur_px))
+    bent = display.bent(display.blurred(traced.passed))
     delrin = np.exp(-traced.parameters[Unknown.DELRIN_PER_MM] * scene.body_mm)
     return Appearance(scene.compared(display.sharpened(bent)), delrin)
 
@@ -81,13 +87,10 @@ def render(scene: NailScene, traced: Paths) -> Appearance:
 def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray[np.bool_]) -> list[Appearance]:
     """Derivatives of the appearance by the free parameters, in their order; in single precision, which is plenty."""
     display = _display(scene, traced.parameters)
-    blurred = blurred_image(traced.passed, display.blur_px)
+    blurred = display.blurred(traced.passed)
     slope = display.slope(blurred).astype(np.float32)
     pictures = [
-        *(
-            display.sharpened(slope * blurred_image(p, display.blur_px))
-            for p in _paths_derivatives(scene, traced, free)
-        ),
+        *(display.sharpened(slope * display.blurred(p)) for p in _paths_derivatives(scene, traced, free)),
         *(_display_derivative(u, scene, traced, blurred) for u in _OF_DISPLAY if free[u]),
     ]
     unchanged = np.zeros_like(look.visible)
@@ -101,15 +104,25 @@ def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray
 class _Display:
     """What happens to the intensity on its way to the grey value.
 
-    The curve is a power of the intensity (a logarithm when `exponent` is 0), of which an edge shows the part from dark
-    to bright: `curve` is the logarithm of their ratio, shape (rows, columns).
+    The blur is that of a Gaussian with a wider one about it: light spreads further in a phosphor than its core does, and
+    a tail that is not modelled passes for wider holes. The curve is a power of the intensity (a logarithm when
+    `exponent` is 0), of which an edge shows the part from dark to bright: `curve` is the logarithm of their ratio,
+    shape (rows, columns).
     """
 
     blur_px: float
+    tail_share: float
+    tail_px: float
     curve: NDArray[np.float64]
     exponent: float
     sharpening: float
     width_px: float
+
+    def blurred(self, image: NDArray[Real]) -> NDArray[Real]:
+        """As the detector blurs the intensity."""
+        core = blurred_image(image, self.blur_px)
+        wide = blurred_image(core, float(np.sqrt(max(self.tail_px**2 - self.blur_px**2, 0.0))))
+        return np.asarray(core + image.dtype.type(self.tail_share) * (wide - core), dtype=image.dtype)
 
     def bent(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
         """Share of the grey step that a share of the intensity step makes."""
@@ -130,15 +143,32 @@ class _Display:
 def _display(scene: NailScene, parameters: NDArray[np.float64]) -> _Display:
     window = scene.window
     exponent = float(parameters[Unknown.CURVE_EXPONENT])
+    if abs(exponent) < _STRAIGHT:
+        exponent = _STRAIGHT
     # so that the bend hardly depends on the exponent
-    curve = 2.0 * parameters[Unknown.CURVE] / (1.0 - exponent) * scene.contrast
+    usual_curve = 2.0 * parameters[Unknown.CURVE] / (1.0 - exponent)
+    curve = _curve(scene, exponent, float(np.clip(usual_curve, _STRAIGHT, _MOST_CURVE)))
+    blur_px, width = np.exp(parameters[[Unknown.LOG_BLUR_PX, Unknown.LOG_TAIL_WIDTH]])
     return _Display(
-        float(np.hypot(np.exp(parameters[Unknown.LOG_BLUR_PX]) / window.reduction, window.smoothing)),
-        np.where(np.abs(curve) < _STRAIGHT, _STRAIGHT, curve),
-        exponent if abs(exponent) > _STRAIGHT else _STRAIGHT,
+        float(np.hypot(blur_px / window.reduction, window.smoothing)),
+        float(parameters[Unknown.TAIL_SHARE]),
+        float(np.hypot(width * blur_px / window.reduction, window.smoothing)),
+        curve,
+        exponent,
         float(parameters[Unknown.SHARPENING]),
         float(np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX])) / window.reduction,
     )
+
+
+def _curve(scene: NailScene, exponent: float, usual: float) -> NDArray[np.float64]:
+    """Logarithm of the intensities' ratio from dark to bright at every place, from that at the usual grey values.
+
+    On a display that shows a power of the intensity, of an unknown zero, the ratio follows from the grey values: how
+    far the usual step goes with the usual ratio tells where their zero lies.
+    """
+    rise = np.expm1(exponent * usual)
+    ratio = rise * scene.step / np.maximum(1.0 + rise * scene.floor_excess, _LEAST_FLOOR)
+    return np.asarray(np.log1p(np.maximum(ratio, _LEAST_RISE)) / exponent)
 
 
 def _paths_derivatives(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> Iterator[NDArray[np.float32]]:
@@ -164,7 +194,7 @@ def _display_derivative(
         moved = traced.parameters.copy()
         moved[unknown] += by
         display = _display(scene, moved)
-        share = blurred_image(traced.passed, display.blur_px) if unknown is Unknown.LOG_BLUR_PX else blurred
+        share = display.blurred(traced.passed) if unknown in _OF_BLUR else blurred
         sides.append(display.sharpened(display.bent(share)))
     return np.asarray((sides[0] - sides[1]) / _STEP, dtype=np.float32)
 

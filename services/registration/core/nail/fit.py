@@ -82,6 +82,17 @@ class NailFit:
     residual: ResidualStatistics
     holes: tuple[HoleView, ...]
 
+    def evidence(self, nail: NailPart) -> Evidence:
+        """What a verdict rests on."""
+        return Evidence(
+            nail,
+            self.holes,
+            self.residual,
+            self.hole_radius_excess_mm,
+            self.nail_radius_excess_mm,
+            self.mirror_margin,
+        )
+
 
 def fit_nail(
     pixels: NDArray[np.float32],
@@ -90,7 +101,7 @@ def fit_nail(
     start: Transform[Camera, Nail],
     occluders: Occluders,
 ) -> Accepted[NailFit] | Rejected:
-    """Find where the nail is, from a start within about 5° and 3 mm across.
+    """Find where the nail is, from a start within about 5° and 3 mm across, and judge what was found.
 
     Parameters
     ----------
@@ -104,6 +115,21 @@ def fit_nail(
     Accepted[NailFit] or Rejected
         Refused as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
     """
+    measured = measure_nail(pixels, calibration, nail, start, occluders)
+    if isinstance(measured, Rejected):
+        return measured
+    reasons = reasons_against(measured.value.evidence(nail))
+    return Rejected(reasons) if reasons else measured
+
+
+def measure_nail(
+    pixels: NDArray[np.float32],
+    calibration: CArmCalibration,
+    nail: NailPart,
+    start: Transform[Camera, Nail],
+    occluders: Occluders,
+) -> Accepted[NailFit] | Rejected:
+    """The same without a verdict; rejected only when the strip around the holes is not in the image."""
     given = Given(pixels, calibration, nail, occluders)
     winner = find_winner(given, start)
     if winner is None:
@@ -112,20 +138,16 @@ def fit_nail(
     if scene is None:
         return nail_outside(nail)
     problem, solution, noise = _refined(problem_for(scene, _FINE, EVERYTHING), winner)
-    evidence = _evidence(problem, solution, noise, winner)
-    reasons = reasons_against(evidence)
-    if reasons:
-        return Rejected(reasons)
     return Accepted(
         NailFit(
             scene.pose(solution.parameters),
             read_only(pose_covariance(scene, solution)),
-            evidence.mirror_margin,
-            evidence.hole_radius_excess_mm,
-            evidence.nail_radius_excess_mm,
+            winner.margin,
+            float(solution.parameters[Unknown.HOLE_RADIUS_EXCESS_MM]),
+            float(solution.parameters[Unknown.NAIL_RADIUS_EXCESS_MM]),
             float(np.exp(solution.parameters[Unknown.LOG_BLUR_PX])),
-            evidence.residual,
-            evidence.holes,
+            residual_statistics(problem, solution, noise),
+            hole_views(problem, solution),
         )
     )
 
@@ -139,14 +161,3 @@ def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
     solution = minimise_from(problem, solution.linear.traced, _LAST_STEPS, _TOLERANCE)
     return problem, solution, noise_of(problem, solution.linear)
-
-
-def _evidence(problem: Problem, solution: Solution, noise: Noise, winner: Winner) -> Evidence:
-    return Evidence(
-        problem.scene.nail,
-        hole_views(problem, solution),
-        residual_statistics(problem, solution, noise.correlation),
-        float(solution.parameters[Unknown.HOLE_RADIUS_EXCESS_MM]),
-        float(solution.parameters[Unknown.NAIL_RADIUS_EXCESS_MM]),
-        winner.margin,
-    )

@@ -1,18 +1,18 @@
 """Whether a fitted nail may be believed: how much of each hole was seen, and what the model leaves unexplained."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
-from services.registration.core.nail.noise import Correlation
 from services.registration.core.nail.solver import Problem, Solution
+from services.registration.core.nail.stages import Noise
 from shared.errors import Reason, ReasonCode, Rejected
 from shared.geometry.parts import Hole, NailPart
 
 _OPEN = 0.5
-_LEAST_OPENING = 0.35
 _LEAST_CONTRAST_TO_NOISE = 3.0
 _MOST_RADIUS_EXCESS_MM = 0.12
 _MOST_STRUCTURE = 2.5
@@ -20,6 +20,20 @@ _MOST_INFLATION = 10.0
 _LEAST_MIRROR_MARGIN = 8.0
 _STRUCTURE_BLUR_PX = 2.0
 _RIM = (0.03, 0.97)
+
+
+@dataclass(frozen=True, slots=True)
+class LeastOpenings:
+    """How much of a hole's disc must be seen: of the hole that shows most, and of each other one.
+
+    One hole tells the tilt; of the others so much must show that their spacing is checked and not only believed.
+    """
+
+    of_best: float
+    of_others: float
+
+
+CLEAR_VIEW = LeastOpenings(0.35, 0.12)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +82,7 @@ class Evidence:
     hole_radius_excess_mm: float
     nail_radius_excess_mm: float
     mirror_margin: float
+    least_openings: LeastOpenings = CLEAR_VIEW
 
 
 def reasons_against(evidence: Evidence) -> tuple[Reason, ...]:
@@ -118,7 +133,7 @@ def _hole_view(
     return HoleView(hole.id, min(opening, 1.0), to_noise)
 
 
-def residual_statistics(problem: Problem, solution: Solution, correlation: Correlation) -> ResidualStatistics:
+def residual_statistics(problem: Problem, solution: Solution, noise: Noise) -> ResidualStatistics:
     """Size and structure of the residual."""
     window, residual = problem.scene.window, solution.linear.residual
     standardised = np.zeros(window.shape)
@@ -130,25 +145,31 @@ def residual_statistics(problem: Problem, solution: Solution, correlation: Corre
     rms = float(np.sqrt(np.mean(residual**2))) * window.grey_scale
     reference = float(np.sqrt(np.mean(smooth[elsewhere] ** 2))) if np.any(elsewhere) else 1.0
     at_rims = float(np.sqrt(np.mean(smooth[rim] ** 2))) if np.any(rim) else 0.0
-    return ResidualStatistics(rms, at_rims / max(reference, 1e-9), correlation.inflation)
+    return ResidualStatistics(rms, at_rims / max(reference, 1e-9), float(noise.inflation.mean()))
 
 
 def _unseen_holes(evidence: Evidence) -> list[Reason]:
-    reasons = []
-    for view in evidence.holes:
-        if view.opening < _LEAST_OPENING:
-            message = (
-                f"hole '{view.id}' shows {100 * view.opening:.0f} % of its disc (limit {100 * _LEAST_OPENING:.0f} %); "
-                "turn the C-arm towards the hole's axis, or move what covers it, and take one more image"
-            )
-            reasons.append(Reason(ReasonCode.HOLE_NOT_VISIBLE, message))
-        elif view.contrast_to_noise < _LEAST_CONTRAST_TO_NOISE:
-            message = (
-                f"hole '{view.id}' is {view.contrast_to_noise:.1f} standard deviations of the noise brighter than the "
-                f"metal around it (limit {_LEAST_CONTRAST_TO_NOISE:.1f}); raise the dose and take one more image"
-            )
-            reasons.append(Reason(ReasonCode.HOLE_NOT_VISIBLE, message))
-    return reasons
+    best, least = max(evidence.holes, key=lambda view: view.opening), evidence.least_openings
+    return [
+        reason
+        for view in evidence.holes
+        for reason in _unseen(view, least.of_best if view is best else least.of_others)
+    ]
+
+
+def _unseen(view: HoleView, least_opening: float) -> Iterator[Reason]:
+    if view.opening < least_opening:
+        message = (
+            f"hole '{view.id}' shows {100 * view.opening:.0f} % of its disc (limit {100 * least_opening:.0f} %); "
+            "turn the C-arm towards the hole's axis, or move what covers it, and take one more image"
+        )
+        yield Reason(ReasonCode.HOLE_NOT_VISIBLE, message)
+    elif view.contrast_to_noise < _LEAST_CONTRAST_TO_NOISE:
+        message = (
+            f"hole '{view.id}' is {view.contrast_to_noise:.1f} standard deviations of the noise brighter than the "
+            f"metal around it (limit {_LEAST_CONTRAST_TO_NOISE:.1f}); raise the dose and take one more image"
+        )
+        yield Reason(ReasonCode.HOLE_NOT_VISIBLE, message)
 
 
 def _mismatch(evidence: Evidence) -> list[Reason]:

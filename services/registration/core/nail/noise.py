@@ -18,8 +18,8 @@ _TAPER_PX = 8.0
 _FILTER_REACH_PX = 7.0
 _PADDING = 8
 _LOWEST_FREQUENCY = 0.06
-# The filter's gain at the highest frequencies is limited to about 4: beyond, it would amplify the grid of pixels.
-_NOISE_FLOOR = 0.05
+# The filter's gain at the highest frequencies is limited to about 7: beyond, it would amplify the grid of pixels.
+_NOISE_FLOOR = 0.02
 _BRIGHTNESS_CLASSES = 12
 _OUTLIER_DEVIATIONS = 3.0
 _MEDIAN_TO_DEVIATION = 1.4826
@@ -39,19 +39,35 @@ class Correlation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whitening:
-    """A short symmetric filter, gain one for slow variations, that makes the noise about independent between pixels."""
+    """Short symmetric filters, gain one for slow variations, that make the noise about independent between pixels.
 
-    response: NDArray[np.float64]
+    Where metal stops the quanta the electronics' noise remains, which no blur has correlated: dark and bright places
+    need a filter each.
+
+    Attributes
+    ----------
+    dark, bright
+        Responses of the two filters on the padded rectangle's half spectrum.
+    brightness
+        Share of the bright one in each pixel's filter, shape (rows, columns).
+    """
+
+    dark: NDArray[np.float64]
+    bright: NDArray[np.float64]
     padded_shape: tuple[int, int]
+    brightness: NDArray[np.float64]
 
     def apply(self, images: NDArray[Real]) -> NDArray[Real]:
         """Filter images, shape (..., rows, columns), edge values repeated beyond their border."""
-        rows, columns = images.shape[-2:]
         around = [(0, 0)] * (images.ndim - 2) + [(_PADDING, _PADDING)] * 2
         spectra = fft.rfft2(np.pad(images, around, mode="edge"), self.padded_shape)
-        spectra *= self.response.astype(images.dtype)
-        out = fft.irfft2(spectra, self.padded_shape)
-        return np.ascontiguousarray(out[..., _PADDING : _PADDING + rows, _PADDING : _PADDING + columns])
+        dark, bright = (self._filtered(spectra, response) for response in (self.dark, self.bright))
+        return np.ascontiguousarray(dark + self.brightness.astype(images.dtype) * (bright - dark))
+
+    def _filtered(self, spectra: NDArray[np.complexfloating], response: NDArray[np.float64]) -> NDArray[np.floating]:
+        rows, columns = self.brightness.shape
+        out = fft.irfft2(spectra * response.astype(spectra.real.dtype), self.padded_shape)
+        return out[..., _PADDING : _PADDING + rows, _PADDING : _PADDING + columns]
 
 
 def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]) -> Correlation:
@@ -66,9 +82,15 @@ def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64],
     return Correlation(by_lag / by_lag[_LAGS, _LAGS])
 
 
-def whitening_for(correlation: Correlation, shape: tuple[int, int]) -> Whitening:
-    """Filter whose response is the inverse root of the noise's power spectrum, the same in all directions."""
-    rows, columns = (fft.next_fast_len(side + 2 * _PADDING, real=True) for side in shape)
+def whitening_for(dark: Correlation, bright: Correlation, brightness: NDArray[np.float64]) -> Whitening:
+    """Filters whose responses are the inverse roots of the noise's power spectra, the same in all directions."""
+    rows, columns = (fft.next_fast_len(side + 2 * _PADDING, real=True) for side in brightness.shape)
+    padded = (rows, columns)
+    return Whitening(_response(dark, padded), _response(bright, padded), padded, brightness)
+
+
+def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float64]:
+    rows, columns = padded_shape
     kernel = np.zeros((rows, columns))
     lags = np.arange(-_LAGS, _LAGS + 1)
     kernel[np.ix_(lags, lags)] = _isotropic(correlation.by_lag) * _taper(_LAGS, _TAPER_PX)
@@ -81,7 +103,7 @@ def whitening_for(correlation: Correlation, shape: tuple[int, int]) -> Whitening
     impulse = fft.irfft2((power / level + _NOISE_FLOOR) ** -0.5, (rows, columns))
     distance = np.hypot(np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :])
     impulse *= _cosine_taper(distance, _FILTER_REACH_PX)
-    return Whitening(np.asarray(fft.rfft2(impulse / impulse.sum()).real), (rows, columns))
+    return np.asarray(fft.rfft2(impulse / impulse.sum()).real)
 
 
 def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.float64]) -> NDArray[np.float64]:

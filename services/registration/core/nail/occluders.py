@@ -1,4 +1,4 @@
-"""Known things that lie in front of or behind the nail: the guide's balls and body, and the ring's balls."""
+"""Known things that lie in front of or behind the nail: guide (balls, body), the ring's balls, K-wires."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.paths import add_ball_paths, guide_body_path
+from services.registration.core.nail.rods import SteelRod, add_rod_path
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import GuidePart, RingPart
@@ -30,20 +31,25 @@ class Occluders:
         Have a known shape and place, and are modelled.
     hidden
         Pixels where something of unknown shape covers the nail, shape (rows, columns): they are left out.
+    rods
+        K-wires of known place, modelled too.
     """
 
     guide: PlacedGuide | None
     ring: RingPart | None
     hidden: NDArray[np.bool_] | None = None
+    rods: tuple[SteelRod, ...] = ()
 
 
 def steel_path_mm(
     directions: NDArray[np.float64], occluders: Occluders, calibration: CArmCalibration
 ) -> NDArray[np.float64]:
-    """Length of rays, directions of shape (N, 2) at z = 1, in steel balls of guide and ring; shape (N,), in mm."""
+    """Length of rays, directions of shape (N, 2) at z = 1, in steel: balls of guide and ring, wires; (N,), in mm."""
     out = np.zeros(len(directions))
     for centres_mm, diameters_mm in _balls_camera(occluders, calibration):
         add_ball_paths(directions, np.ascontiguousarray(centres_mm), 0.5 * diameters_mm, out)
+    for rod in occluders.rods:
+        add_rod_path(directions, rod, out)
     return out
 
 

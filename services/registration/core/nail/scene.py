@@ -24,8 +24,9 @@ class NailScene:
     ----------
     body_mm
         Path in the guide's body at the compared pixels, blurred (and whitened) as the image is, shape (N,).
-    contrast
-        Step between background and floor, in units of the usual one, on the whole rectangle, shape of it.
+    step, floor_excess
+        Step of the grey value between floor and background, and the floor's own over the usual one, both in units of
+        the usual step, on the whole rectangle, shape of it.
     whitening
         Filter that image and model both go through.
     """
@@ -35,7 +36,8 @@ class NailScene:
     anchors: Anchors
     nail: NailPart
     body_mm: NDArray[np.float64]
-    contrast: NDArray[np.float64]
+    step: NDArray[np.float64]
+    floor_excess: NDArray[np.float64]
     whitening: Whitening | None
 
     def compared(self, images: NDArray[Real]) -> NDArray[Real]:
@@ -57,7 +59,8 @@ class NailScene:
 
 def nail_scene(window: Window, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> NailScene:
     """Scene as it is before anything has been learned from a fit."""
-    return NailScene(window, camera, anchors, nail, _body_mm(window, None), np.ones(window.shape), None)
+    usual = np.ones(window.shape)
+    return NailScene(window, camera, anchors, nail, _body_mm(window, None), usual, np.zeros(window.shape), None)
 
 
 def whitened_scene(scene: NailScene, whitening: Whitening) -> NailScene:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.blur import blurred_image
 from services.registration.core.nail.noise import (
     Correlation,
     correlation_of,
@@ -27,7 +28,9 @@ from shared.geometry.transform import Transform
 EVERYTHING = np.ones(PARAMETERS, dtype=bool)
 _ASSUMED_NOISE = 0.025
 _CLIPPED_DEVIATIONS = 4.0
-_CONTRAST_RANGE = (0.2, 3.0)
+_STEP_RANGE, _EXCESS_RANGE = (0.2, 3.0), (-0.2, 0.5)
+_BRIGHTNESS_BLUR_PX = 1.5
+_LEAST_OF_A_KIND = 400
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,10 +59,25 @@ class Detail:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
-    """Standardised residuals of a fit: variance per pixel, shape (N,), and correlation between pixels."""
+    """Residuals of a fit as noise.
+
+    Attributes
+    ----------
+    variance
+        Per compared pixel, shape (N,).
+    brightness
+        From metal (0) to background (1) on the whole rectangle, shape (rows, columns).
+    dark, bright
+        Correlation of the standardised residuals between pixels of either kind.
+    inflation
+        Of the pixels' variance, by their brightness, shape (N,).
+    """
 
     variance: NDArray[np.float64]
-    correlation: Correlation
+    brightness: NDArray[np.float64]
+    dark: Correlation
+    bright: Correlation
+    inflation: NDArray[np.float64]
 
 
 def scene_at(given: Given, camera_from_nail: Transform[Camera, Nail], detail: Detail) -> NailScene | None:
@@ -90,10 +108,21 @@ def problem_for(scene: NailScene, detail: Detail, free: NDArray[np.bool_]) -> Pr
 def noise_of(problem: Problem, linear: Linear) -> Noise:
     """Variance and correlation of the residuals."""
     residual = linear.residual
+    window = problem.scene.window
     variance = variance_by_brightness(residual, problem.grey - residual)
     standardised = np.clip(residual / np.sqrt(variance), -_CLIPPED_DEVIATIONS, _CLIPPED_DEVIATIONS)
-    window = problem.scene.window
-    return Noise(variance, correlation_of(standardised, window.compared, window.shape))
+    brightness = np.clip(blurred_image(linear.traced.passed, _BRIGHTNESS_BLUR_PX), 0.0, 1.0)
+    here = brightness.ravel()[window.compared]
+    pooled = correlation_of(standardised, window.compared, window.shape)
+    kinds = []
+    for kind in (here < 0.5, here >= 0.5):
+        if np.count_nonzero(kind) < _LEAST_OF_A_KIND:
+            kinds.append(pooled)
+        else:
+            kinds.append(correlation_of(standardised[kind], window.compared[kind], window.shape))
+    dark, bright = kinds
+    inflation = (1.0 - here) * dark.inflation + here * bright.inflation
+    return Noise(variance, brightness, dark, bright, inflation)
 
 
 def reweighted(problem: Problem, linear: Linear, noise: Noise) -> Problem:
@@ -101,26 +130,28 @@ def reweighted(problem: Problem, linear: Linear, noise: Noise) -> Problem:
 
     Divided by the inflation, the cost counts independent samples: only then do priors have their due weight.
     """
-    weight = robust_weight(linear.residual, noise.variance) / noise.correlation.inflation
+    weight = robust_weight(linear.residual, noise.variance) / noise.inflation
     return replace(problem, weight=weight)
 
 
 def with_contrast(problem: Problem, linear: Linear) -> Problem:
-    """The same problem with the display's curve acting in proportion to the contrast found so far.
+    """The same problem with the display's curve acting at every place between the grey values found there so far.
 
     The bend of an edge's profile by a smooth curve grows with the step across that edge: it differs between an edge
     against bone and one against a bore of the guide.
     """
     window = problem.scene.window
     step = linear.appearance.delrin * linear.background - linear.floor
-    contrast = np.ones(window.shape)
-    contrast.ravel()[window.compared] = np.clip(step / np.median(step), *_CONTRAST_RANGE)
-    return replace(problem, scene=replace(problem.scene, contrast=contrast))
+    usual = float(np.median(step))
+    steps, excess = np.ones(window.shape), np.zeros(window.shape)
+    steps.ravel()[window.compared] = np.clip(step / usual, *_STEP_RANGE)
+    excess.ravel()[window.compared] = np.clip((linear.floor - np.median(linear.floor)) / usual, *_EXCESS_RANGE)
+    return replace(problem, scene=replace(problem.scene, step=steps, floor_excess=excess))
 
 
 def whitened(problem: Problem, linear: Linear, noise: Noise) -> Problem:
     """The same problem on the image after the filter that makes its noise about independent, weights renewed."""
-    scene = whitened_scene(problem.scene, whitening_for(noise.correlation, problem.scene.window.shape))
+    scene = whitened_scene(problem.scene, whitening_for(noise.dark, noise.bright, noise.brightness))
     filtered = replace(problem, scene=scene, grey=scene.grey)
     after = solution_for(filtered, linear.traced)
     return reweighted(filtered, after, noise_of(filtered, after))

@@ -25,11 +25,13 @@ class Unknown(IntEnum):
     LOG_ATTENUATION = 9
     POWER = 10
     LOG_BLUR_PX = 11
-    SHARPENING = 12
-    LOG_SHARPENING_WIDTH_PX = 13
-    CURVE = 14
-    CURVE_EXPONENT = 15
-    DELRIN_PER_MM = 16
+    TAIL_SHARE = 12
+    LOG_TAIL_WIDTH = 13
+    SHARPENING = 14
+    LOG_SHARPENING_WIDTH_PX = 15
+    CURVE = 16
+    CURVE_EXPONENT = 17
+    DELRIN_PER_MM = 18
 
 
 PARAMETERS = len(Unknown)
@@ -47,6 +49,8 @@ PRIOR = {
     Unknown.LOG_ATTENUATION: (0.0, 0.5),
     Unknown.POWER: (0.8, 0.2),
     Unknown.LOG_BLUR_PX: (float(np.log(USUAL_BLUR_PX)), 0.35),
+    Unknown.TAIL_SHARE: (0.2, 0.15),
+    Unknown.LOG_TAIL_WIDTH: (float(np.log(2.2)), 0.2),
     Unknown.SHARPENING: (0.2, 0.4),
     Unknown.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
     Unknown.CURVE: (0.3, 0.3),
@@ -56,6 +60,7 @@ PRIOR = {
 
 # Displays lie between logarithmic (0) and linear (1, where the curve would have no bend left).
 _LEAST_EXPONENT, _MOST_EXPONENT = -0.4, 0.9
+_MOST_TAIL = 0.8
 _RADII = (Unknown.HOLE_RADIUS_EXCESS_MM, Unknown.NAIL_RADIUS_EXCESS_MM)
 
 
@@ -84,4 +89,5 @@ def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     clipped = np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
     exponent = Unknown.CURVE_EXPONENT
     clipped[exponent] = np.clip(clipped[exponent], _LEAST_EXPONENT, _MOST_EXPONENT)
+    clipped[Unknown.TAIL_SHARE] = np.clip(clipped[Unknown.TAIL_SHARE], 0.0, _MOST_TAIL)
     return np.asarray(clipped)

@@ -33,9 +33,14 @@ def test_a_good_fit_has_nothing_against_it() -> None:
     ("evidence", "code", "words"),
     [
         (
-            replace(GOOD, holes=(HoleView("distal", 0.2, 12.0), GOOD.holes[1])),
+            replace(GOOD, holes=(HoleView("distal", 0.1, 12.0), GOOD.holes[1])),
             ReasonCode.HOLE_NOT_VISIBLE,
-            "hole 'distal' shows 20 % of its disc (limit 35 %)",
+            "hole 'distal' shows 10 % of its disc (limit 12 %)",
+        ),
+        (
+            replace(GOOD, holes=(HoleView("distal", 0.3, 12.0), HoleView("proximal", 0.2, 9.0))),
+            ReasonCode.HOLE_NOT_VISIBLE,
+            "hole 'distal' shows 30 % of its disc (limit 35 %)",
         ),
         (
             replace(GOOD, holes=(HoleView("distal", 0.9, 1.2), GOOD.holes[1])),
@@ -61,6 +66,10 @@ def test_each_limit_has_its_reason(evidence: Evidence, code: ReasonCode, words: 
     reasons = reasons_against(evidence)
     assert [reason.code for reason in reasons] == [code]
     assert words in reasons[0].message
+
+
+def test_one_hole_in_full_and_a_part_of_the_other_are_enough() -> None:
+    assert reasons_against(replace(GOOD, holes=(HoleView("distal", 0.15, 12.0), GOOD.holes[1]))) == ()
 
 
 def test_a_nail_outside_the_image_names_its_holes() -> None:
