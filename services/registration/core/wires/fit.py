@@ -7,7 +7,7 @@ belong together (`SetUp`), so that a wire that tells of the guide tells of the n
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ _EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
 _ROBUST_PX = 1.2
 _SEEN_NATS, _MISSING_NATS, _TYPICAL_SHIFT_PX = 2.0, -1.3, 0.5
 _SAME_MM, _TEMPER = 0.15, 0.5
+# A wire yields by so much to pass a hole that it would not quite meet.
+_GIVES_MM = 0.3
 _REACHES_PX = (6.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.5, 2.5, 2.5, 2.5)
 _SEEN_WITHIN_PX = 1.0
 _SCAN_SIGMAS = np.linspace(-2.5, 2.5, 21)
@@ -45,6 +47,8 @@ class WireFit:
         In the guide's frame, directed along drilling.
     offsets_mm
         Offsets across the guide hole's axis at the guide and at the nail (see `WireModel`), shape (4,).
+    ends_mm, ends_sd_mm
+        Where the wire begins and ends along the guide hole's axis, and how sure that is, shape (2,).
     nail_motion
         What the wire makes of the nail's place: a small motion of the nail in its own frame, shape (6,).
     covariance
@@ -58,6 +62,8 @@ class WireFit:
     model: WireModel
     line_guide: Line
     offsets_mm: NDArray[np.float64]
+    ends_mm: NDArray[np.float64]
+    ends_sd_mm: NDArray[np.float64]
     nail_motion: NDArray[np.float64]
     covariance: NDArray[np.float64]
     seen_px: tuple[float, ...]
@@ -87,6 +93,7 @@ class _System:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Solution:
+    model: WireModel
     state: NDArray[np.float64]
     system: _System
     log_likelihood: float
@@ -105,25 +112,29 @@ class _Solution:
         return np.asarray(inverse[np.ix_(_TOLD, _TOLD)], dtype=np.float64)
 
 
-def fit_wire(views: tuple[PreparedView, ...], model: WireModel, known: NDArray[np.float64]) -> WireFit:
+def fit_wire(views: tuple[PreparedView, ...], models: tuple[WireModel, ...], known: NDArray[np.float64]) -> WireFit:
     """Find a wire near its guide hole's axis and fit it in all views together.
 
     Axes on a grid of places at the nail (8 mm about the guide's axis) are ranked by how much outline lies on edges.
     The best ones are moved by Gauss-Newton steps, with Cauchy weights, to where the outline's points meet edges, and
     the one that then explains the images best is taken. Others that explain them nearly as well (a wire seen nearly end
-    on looks much the same from its other end) widen the covariance by their distance, as likely as they are.
+    on looks much the same from its other end; a wire may have passed the nail or not) widen the covariance by their
+    distance, as likely as they are.
 
     Every image that should show the wire must show it: solutions that one image contradicts do not count if there is
     another. Whether what was found is a wire is for the caller to judge, by how much of its outline was seen.
 
     Parameters
     ----------
+    models
+        Of the same wire, equally likely before the images are seen; at least one whose wire may be anywhere.
     known
         Covariance of guide and nail, as `SetUp.covariance`, shape (6 V + 6, 6 V + 6).
     """
     precision = np.asarray(np.linalg.inv(known), dtype=np.float64)
-    found = [_refined(views, model, precision, start) for start in search_starts(views, model)]
-    solutions = _uncontradicted(found) or _uncontradicted(_along_the_weak(views, model, precision, found)) or found
+    refined = [_refined(views, model, precision, start) for model in models for start in search_starts(views, model)]
+    found = [s for s in refined if s.state[START] <= s.model.latest_start_mm] or refined
+    solutions = _uncontradicted(found) or _uncontradicted(_along_the_weak(views, precision, found)) or found
     best = max(solutions, key=lambda solution: solution.log_likelihood)
     covariance, total = np.zeros((len(_TOLD), len(_TOLD))), 0.0
     for solution in _distinct(solutions, best):
@@ -133,9 +144,11 @@ def fit_wire(views: tuple[PreparedView, ...], model: WireModel, known: NDArray[n
         total += weight
     darkness = np.concatenate([rows.matches.darkness for rows in best.system.rows])
     return WireFit(
-        model,
-        model.line_guide(best.state[:4]),
+        best.model,
+        best.model.line_guide(best.state[:4]),
         read_only(best.state[:4]),
+        read_only(best.state[[START, TIP]]),
+        read_only(np.sqrt(np.diag(np.linalg.inv(best.system.normal))[[START, TIP]])),
         read_only(best.state[_NAIL]),
         read_only(covariance / total),
         tuple(_seen_px(rows) for rows in best.system.rows),
@@ -159,14 +172,14 @@ def _uncontradicted(solutions: list[_Solution]) -> list[_Solution]:
 
 
 def _along_the_weak(
-    views: tuple[PreparedView, ...], model: WireModel, precision: NDArray[np.float64], found: list[_Solution]
+    views: tuple[PreparedView, ...], precision: NDArray[np.float64], found: list[_Solution]
 ) -> list[_Solution]:
     """The best solution moved along what is least certain: where an image that should show the wire may hide it."""
     best = max(found, key=lambda solution: solution.log_likelihood)
     covariance = np.linalg.inv(best.system.normal)
     values, vectors = np.linalg.eigh(covariance[:4, :4])
     one_sigma = covariance[:, :4] @ vectors[:, -1] / np.sqrt(values[-1])
-    return [_judged(views, model, precision, best.state + sigmas * one_sigma) for sigmas in _SCAN_SIGMAS]
+    return [_judged(views, best.model, precision, best.state + sigmas * one_sigma) for sigmas in _SCAN_SIGMAS]
 
 
 def _distinct(solutions: list[_Solution], best: _Solution) -> list[_Solution]:
@@ -193,8 +206,20 @@ def _judged(
 ) -> _Solution:
     system = _linearised(views, model, precision, state, _REACHES_PX[-1])
     deviation = state[:SHARED] - model.mean
-    prior = -0.5 * float(deviation @ model.precision @ deviation)
-    return _Solution(state, system, prior + sum(_log_likelihood(rows) for rows in system.rows))
+    prior = -0.5 * float(deviation @ model.precision @ deviation) - float(np.log(model.ending.sd_mm))
+    seen = sum(_log_likelihood(rows) for rows in system.rows)
+    solution = _Solution(model, state, system, prior + seen)
+    return replace(solution, log_likelihood=solution.log_likelihood - _impossibility(solution))
+
+
+def _impossibility(solution: _Solution) -> float:
+    """By how much a wire that is taken to have passed the nail is less likely for where it meets the nail."""
+    passage = solution.model.ending.passage
+    if passage is None:
+        return 0.0
+    missed_mm = max(passage.missed_by_mm(solution.state[2:4]) - _GIVES_MM, 0.0)
+    variance_mm2 = float(np.linalg.eigvalsh(solution.covariance[2:4, 2:4])[-1])
+    return 0.5 * missed_mm**2 / variance_mm2
 
 
 def _log_likelihood(rows: _Rows) -> float:

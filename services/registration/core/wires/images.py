@@ -16,30 +16,15 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.pose_evidence import PoseEvidence
 from services.registration.core.wires.companion import locate_guide_beside
-from services.registration.core.wires.nail_outline import with_outline
+from services.registration.core.wires.outline_fit import with_outline
 from services.registration.core.wires.set_up import SetUp, set_up_of
 from services.registration.core.wires.verify import WireVerification, verify_wires
 from services.registration.core.wires.view import WireView
+from services.registration.core.wires.wired_image import WiredImage, beside_wires, why_no_holes
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.transform import Transform
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class WiredImage:
-    """One image with wires.
-
-    Attributes
-    ----------
-    pixels
-        As received, darker is denser, shape (rows, columns).
-    found
-        What was found in it.
-    """
-
-    pixels: NDArray[np.float32]
-    found: LocalisedImage
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +50,11 @@ def verify_images(
     images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts
 ) -> WireVerification:
     """Measure the wires in one image or more; an image that is left out tells why when the others do not suffice."""
+    return verify_seen(tuple(beside_wires(image, parts) for image in images), earlier, parts)
+
+
+def verify_seen(images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts) -> WireVerification:
+    """The same for images in which the nail has been looked for behind the wires (`beside_wires`)."""
     seen = seen_set_up(images, earlier, parts)
     if seen.set_up is None:
         return WireVerification(seen.reasons, (), ())
@@ -85,33 +75,59 @@ def seen_set_up(images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, .
     all_images = (*earlier, *(image.found for image in images))
     evidence = {id(one): told for one in all_images if (told := usable_evidence(one, parts)) is not None}
     used = tuple(one for one in all_images if id(one) in evidence)
-    of_images = tuple(reason for image in images for reason in image.found.reasons)
     if not used:
-        return SeenSetUp(None, of_images, ())
+        return SeenSetUp(None, why_no_holes(images, parts), ())
     found = tuple(evidence[id(one)] for one in used)
     against = _against(used, found, parts)
     if against is not None:
         return SeenSetUp(None, (against,), ())
     joint = fuse(found)
-    views: list[WireView] = []
-    source: list[int | None] = []
-    in_view: list[str] = []
+    seen, reasons = _views(images, parts, joint.guide_from_nail)
+    if not seen:
+        return SeenSetUp(None, reasons, ())
+    source = tuple(used.index(one.image) if id(one.image) in evidence else None for one in seen)
+    set_up = set_up_of(tuple(one.view for one in seen), joint, source)
+    return _outlined(set_up, source, seen, parts, reasons)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """An image in which the guide was found."""
+
+    image: LocalisedImage
+    view: WireView
+
+
+def _views(
+    images: tuple[WiredImage, ...], parts: Parts, guide_from_nail: Transform[Guide, Nail]
+) -> tuple[tuple[_Seen, ...], tuple[Reason, ...]]:
+    """The images in which the guide was found, and why it was not in the others."""
+    seen: list[_Seen] = []
     reasons: list[Reason] = []
     for image in images:
-        view = _view(image, parts, joint.guide_from_nail)
+        view = _view(image, parts, guide_from_nail)
         if isinstance(view, Rejected):
             reasons.extend(view.reasons)
-            continue
-        views.append(view)
-        in_view.append(image.found.name)
-        source.append(used.index(image.found) if id(image.found) in evidence else None)
-    if not views:
-        return SeenSetUp(None, tuple(reasons), ())
-    set_up = set_up_of(tuple(views), joint, tuple(source))
-    for k, image_index in enumerate(source):
-        if image_index is None:
-            set_up = with_outline(set_up, k, parts.guide, parts.nail)
-    return SeenSetUp(set_up, tuple(reasons), tuple(in_view))
+        else:
+            seen.append(_Seen(image.found, view))
+    return tuple(seen), tuple(reasons)
+
+
+def _outlined(
+    set_up: SetUp, source: tuple[int | None, ...], seen: tuple[_Seen, ...], parts: Parts, reasons: tuple[Reason, ...]
+) -> SeenSetUp:
+    """The set-up corrected by the nail's outline in the images that do not show its holes, if that is where it must be.
+
+    No image may have shown the holes since the wires went in: only the outline tells then whether the guide slipped.
+    """
+    for k, one in enumerate(seen):
+        if source[k] is None:
+            outlined = with_outline(set_up, k, parts.guide, parts.nail)
+            against = outlined.departure.reason(one.image.name)
+            if against is not None:
+                return SeenSetUp(None, (against,), ())
+            set_up = outlined.set_up
+    return SeenSetUp(set_up, reasons, tuple(one.image.name for one in seen))
 
 
 def _against(used: tuple[LocalisedImage, ...], evidence: tuple[PoseEvidence, ...], parts: Parts) -> Reason | None:

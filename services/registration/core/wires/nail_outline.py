@@ -1,9 +1,4 @@
-"""The nail's outline in an image that does not show its holes: it ties guide and nail together from another direction.
-
-An oblique image shows the nail as a band. Where its two edges lie says how the nail lies across that direction, which
-is what a lateral image cannot tell well (the depth, and one tilt); and it corrects the guide's pose where the wires
-end, far from the guide's balls.
-"""
+"""The nail's outline in an image: where its two edges should be, and where the image has them."""
 
 from dataclasses import dataclass
 
@@ -11,22 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.pose_evidence import cross_matrix, motion_of_nail
-from services.registration.core.wires.set_up import SetUp
 from services.registration.core.wires.view import WireView, balls_mask, in_border
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
 
 _PROXIMAL_OF_HOLES_MM, _STEP_MM = 30.0, 0.5
-_REACHES_PX = (14.0, 8.0, 5.0, 4.0, 3.0)
 _SAMPLES_PER_PX = 2.0
 _BLUR_PX = 1.2
 _BESIDE_PX = 5.0
 _LEAST_STEP = 0.35
-_EDGE_SD_PX, _EDGE_CORRELATION_PX, _ROBUST_PX = 0.3, 6.0, 1.0
-# The display's curve moves both edges outwards or inwards alike; what lies beside them moves each for itself.
-_BOTH_EDGES_SD_PX, _ONE_EDGE_SD_PX = 0.7, 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,10 +80,7 @@ def nail_outline(view: WireView, nail: NailPart, camera_from_nail: Transform[Cam
     """
     along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
     x = np.arange(min(along) - _PROXIMAL_OF_HOLES_MM, nail.tip_x_mm - nail.radius_mm, _STEP_MM)
-    source = camera_from_nail.inverse().translation_mm
-    from_source = np.array([0.0, -source[1], -source[2]])
-    distance = float(np.linalg.norm(from_source))
-    towards = from_source / distance
+    towards, distance = towards_axis(camera_from_nail)
     aside = np.cross([1.0, 0.0, 0.0], towards)
     sine = nail.radius_mm / distance
     points, outward, side = [], [], []
@@ -102,13 +88,21 @@ def nail_outline(view: WireView, nail: NailPart, camera_from_nail: Transform[Cam
         normal = -sine * towards + sign * np.sqrt(1.0 - sine**2) * aside
         on_nail = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1) + nail.radius_mm * normal
         points.append(on_nail)
-        shifted = _image(view, camera_from_nail, on_nail + 0.1 * normal) - _image(view, camera_from_nail, on_nail)
-        way = np.gradient(_image(view, camera_from_nail, on_nail), axis=0)
+        shifted = image_of(view, camera_from_nail, on_nail + 0.1 * normal) - image_of(view, camera_from_nail, on_nail)
+        way = np.gradient(image_of(view, camera_from_nail, on_nail), axis=0)
         across = np.stack([-way[:, 1], way[:, 0]], axis=1) / np.linalg.norm(way, axis=1)[:, None]
         outward.append(across * np.sign(np.sum(across * shifted, axis=1))[:, None])
         side.append(np.full(len(x), k))
     on_nail = np.concatenate(points)
-    return Outline(_image(view, camera_from_nail, on_nail), np.concatenate(outward), on_nail, np.concatenate(side))
+    return Outline(image_of(view, camera_from_nail, on_nail), np.concatenate(outward), on_nail, np.concatenate(side))
+
+
+def towards_axis(camera_from_nail: Transform[Camera, Nail]) -> tuple[NDArray[np.float64], float]:
+    """Unit direction across the nail's axis from the focal spot to it, in the nail's frame, and the distance in mm."""
+    source = camera_from_nail.inverse().translation_mm
+    from_source = np.array([0.0, -source[1], -source[2]])
+    distance = float(np.linalg.norm(from_source))
+    return from_source / distance, distance
 
 
 def match_outline(prepared: EdgeView, outline: Outline, reach_px: float) -> OutlineMatch:
@@ -133,70 +127,10 @@ def match_outline(prepared: EdgeView, outline: Outline, reach_px: float) -> Outl
     return OutlineMatch(found, shift[found], len(found) / max(int(np.count_nonzero(free)), 1))
 
 
-def with_outline(set_up: SetUp, view: int, guide: GuidePart, nail: NailPart) -> SetUp:
-    """The set-up corrected by the nail's outline in one view."""
-    prepared = edge_view(set_up.views[view], guide)
-    prior = np.linalg.inv(set_up.covariance)
-    motion = np.zeros(len(prior))
-    normal = prior
-    for reach_px in _REACHES_PX:
-        now = set_up.moved(motion, set_up.covariance)
-        chained = np.zeros((6, len(prior)))
-        chained[:, 6 * view : 6 * view + 6] = motion_of_nail(now.guide_from_nail)
-        chained[:, -6:] = np.eye(6)
-        information, gradient = _information(prepared, nail, now.camera_from_nail(view), reach_px)
-        normal = prior + chained.T @ information @ chained
-        motion = motion + np.linalg.solve(normal, chained.T @ gradient - prior @ motion)
-    return set_up.moved(motion, np.linalg.inv(normal))
-
-
-def _information(
-    prepared: EdgeView, nail: NailPart, camera_from_nail: Transform[Camera, Nail], reach_px: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What the outline says of a small motion of the nail in its own frame: normal matrix (6, 6) and gradient (6,).
-
-    The two edges' own errors are eliminated.
-    """
-    outline = nail_outline(prepared.view, nail, camera_from_nail)
-    match = match_outline(prepared, outline, reach_px)
-    if len(match.index) == 0:
-        return np.zeros((6, 6)), np.zeros(6)
-    chosen = match.index
-    J = np.zeros((len(chosen), 9))
-    J[:, :6] = _derivative(prepared.view, camera_from_nail, outline, chosen)
-    J[:, 6] = 1.0
-    J[np.arange(len(chosen)), 7 + outline.side[chosen]] = 1.0
-    apart_px = float(np.median(np.linalg.norm(np.diff(outline.point_px, axis=0), axis=1)))
-    crowding = max(_EDGE_CORRELATION_PX / max(apart_px, 1e-6), 1.0)
-    own_sd_px = np.array([_BOTH_EDGES_SD_PX, _ONE_EDGE_SD_PX, _ONE_EDGE_SD_PX])
-    weight = 1.0 / (_EDGE_SD_PX**2 * crowding * (1.0 + (match.shift_px / _ROBUST_PX) ** 2))
-    normal = J.T @ (weight[:, None] * J) + np.diag(np.concatenate([np.zeros(6), own_sd_px**-2]))
-    gradient = J.T @ (weight * match.shift_px)
-    eliminated = np.linalg.solve(normal[6:, 6:], np.column_stack([normal[6:, :6], gradient[6:]]))
-    reduced = normal[:6, :6] - normal[:6, 6:] @ eliminated[:, :6]
-    return np.asarray(reduced), np.asarray(gradient[:6] - normal[:6, 6:] @ eliminated[:, 6])
-
-
-def _derivative(
-    view: WireView, camera_from_nail: Transform[Camera, Nail], outline: Outline, chosen: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """How points of the outline move outwards with small motions of the nail in its own frame, shape (N, 6)."""
-    points, outward = outline.point_nail_mm[chosen], outline.outward[chosen]
-    here = outline.point_px[chosen]
-    by_axis = np.stack(
-        [
-            np.sum((_image(view, camera_from_nail, points + 0.01 * step) - here) * outward, axis=1) / 0.01
-            for step in np.eye(3)
-        ],
-        axis=1,
-    )
-    turned = np.stack([-cross_matrix(point) for point in points])
-    return np.concatenate([np.einsum("ni,nij->nj", by_axis, turned), by_axis], axis=1)
-
-
-def _image(
+def image_of(
     view: WireView, camera_from_nail: Transform[Camera, Nail], points_mm: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    """Measured pixels of points of the nail, shape (..., 3)."""
     return np.asarray(view.calibration.image_from_camera(camera_from_nail.points(points_mm)))
 
 

@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.wires.model import WireModel
-from services.registration.core.wires.outline import match_edges
-from services.registration.core.wires.shape import PER_VIEW, shape_of
+from services.registration.core.wires.outline import Stack, match_edges
+from services.registration.core.wires.shape import PER_VIEW, shape_in, stacks_of
 from services.registration.core.wires.view import PreparedView
 
 _SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
-_OTHER_TIPS_MM = (-12.0, 8.0)
+_OTHER_TIPS_MM = (-10.0, 10.0)
 _SEARCH_DISCS = 40
 _CANDIDATES, _STARTS, _STARTS_APART_MM = 40, 5, 1.0
 _PENALTY_OF_MISSING = 0.5
@@ -31,21 +31,23 @@ def _ranked(
     views: tuple[PreparedView, ...], model: WireModel, places: list[tuple[float, float, float]]
 ) -> list[tuple[float, tuple[float, float, float]]]:
     """Scores of places at the nail (two offsets, and how far the tip is past its usual place, in mm), best first."""
-    scored = []
-    for place in places:
-        unknowns = _unknowns_at(model, place)
-        deviation = unknowns - model.mean
-        prior = -0.5 * float(deviation @ model.precision @ deviation)
-        scored.append((prior + sum(_evidence_px(view, model, unknowns) for view in views), place))
-    return sorted(scored, reverse=True)
+    unknowns = np.array([_unknowns_at(model, place) for place in places])
+    deviation = unknowns - model.mean
+    scores = -0.5 * np.einsum("bi,ij,bj->b", deviation, model.precision, deviation)
+    in_view = np.concatenate([unknowns, np.zeros((len(places), PER_VIEW))], axis=1)
+    for view in views:
+        stacks = stacks_of(view, model, in_view, _SEARCH_DISCS)
+        pairs = zip(stacks.centre_px, stacks.radius_px, strict=True)
+        scores += [_evidence_px(view, Stack(centre_px, radius_px)) for centre_px, radius_px in pairs]
+    return sorted(zip(scores.tolist(), places, strict=True), reverse=True)
 
 
 def _unknowns_at(model: WireModel, place: tuple[float, float, float]) -> NDArray[np.float64]:
     return np.asarray(model.mean + np.array([0.0, 0.0, place[0], place[1], 0.0, place[2]]))
 
 
-def _evidence_px(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> float:
-    shape = shape_of(view, model, np.concatenate([unknowns, np.zeros(PER_VIEW)]), _SEARCH_DISCS)
+def _evidence_px(view: PreparedView, stack: Stack) -> float:
+    shape = shape_in(view, stack)
     matches = match_edges(view, shape.stack, shape.outline, _SEARCH_REACH_PX)
     seen = matches.index[shape.free[matches.index]]
     return float(shape.length_px[seen].sum() - _PENALTY_OF_MISSING * shape.length_px[shape.free].sum())

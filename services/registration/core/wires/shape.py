@@ -57,7 +57,11 @@ def shape_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]
         way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
         discs = int(np.clip(way_px / _DISC_EVERY_PX, _LEAST_DISCS, _MOST_DISCS))
     stacks = stacks_of(view, model, unknowns[None], discs)
-    stack = Stack(stacks.centre_px[0], stacks.radius_px[0])
+    return shape_in(view, Stack(stacks.centre_px[0], stacks.radius_px[0]))
+
+
+def shape_in(view: PreparedView, stack: Stack) -> Shape:
+    """Outline of one stack of discs."""
     outline = outline_of(stack)
     # The cap at the begin of the wire does not count: where it is, nobody knows.
     free = view.is_free(outline.point_px) & (outline.disc > 0)

@@ -13,17 +13,15 @@ from numpy.typing import NDArray
 
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.passing import AxisOffset, across_basis, angle_deg, axis_offset_mm
-from services.registration.core.wires.fit import LEAST_SEEN_PX, LEAST_SEEN_SHARE, WireFit, fit_wire, seen_share
-from services.registration.core.wires.model import wire_model
+from services.registration.core.wires.find import find_wire
+from services.registration.core.wires.fit import WireFit
 from services.registration.core.wires.set_up import SetUp
-from services.registration.core.wires.view import PreparedView, prepare_view
+from services.registration.core.wires.view import prepare_view
 from shared.errors import Reason, ReasonCode
 from shared.geometry.lines import Line, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart
 
-WIRE_DIAMETER_MM = 2.0
 LARGEST_OFFSET_MM, LARGEST_ANGLE_DEG = 1.0, 1.5
-_LEAST_DARKNESS = 0.5
 _DIFFERENCE_MM = 1e-4
 
 
@@ -91,7 +89,7 @@ def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerific
     reasons: list[Reason] = []
     wires: list[AxisComparison] = []
     for guide_hole, hole in pairs:
-        fit = find_wire(prepared, guide, guide_hole, hole, set_up)
+        fit = find_wire(prepared, guide, guide_hole, nail, set_up.guide_from_nail, set_up.covariance)
         if isinstance(fit, Reason):
             reasons.append(fit)
             continue
@@ -99,25 +97,6 @@ def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerific
         reasons.extend(_too_uncertain(wires[-1], len(prepared)))
     guide_holes = tuple(_compare_guide_hole(guide_hole.axis, hole) for guide_hole, hole in pairs)
     return WireVerification(tuple(reasons), tuple(wires), guide_holes)
-
-
-def find_wire(
-    views: tuple[PreparedView, ...], guide: GuidePart, guide_hole: Hole, hole: HoleEstimate, set_up: SetUp
-) -> WireFit | Reason:
-    """The wire through one guide hole, or why there is none to be seen."""
-    along_mm = float((hole.entry_guide_mm - guide_hole.axis.point_mm) @ guide_hole.axis.direction)
-    fit = fit_wire(views, wire_model(guide, guide_hole, WIRE_DIAMETER_MM, along_mm), set_up.covariance)
-    seen = sum(fit.seen_px)
-    fraction = seen_share(fit.seen_px, fit.free_px)
-    if seen >= LEAST_SEEN_PX and fraction >= LEAST_SEEN_SHARE and fit.darkness >= _LEAST_DARKNESS:
-        return fit
-    return Reason(
-        ReasonCode.WIRE_NOT_FOUND,
-        f"no wire was found through guide hole '{guide_hole.id}': {seen:.0f} px of its outline were seen (limit "
-        f"{LEAST_SEEN_PX:.0f}), {100.0 * fraction:.0f} % of what is not hidden (limit "
-        f"{100.0 * LEAST_SEEN_SHARE:.0f} %), {100.0 * max(fit.darkness, 0.0):.0f} % as dark as the nail (limit "
-        f"{100.0 * _LEAST_DARKNESS:.0f} %); insert the wire up to the nail, or take an oblique image",
-    )
 
 
 def compare_wire(fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.float64]) -> AxisComparison:

@@ -13,7 +13,7 @@ from shared.geometry.transform import Transform
 
 _GRID_STEP_PX = 2
 _METAL_MM = 0.4
-_MARGIN_PX = 2.0
+MARGIN_PX = 2.0
 _BORDER_PX = 6.0
 _BLUR_PX = 1.2
 _MEDIAN_OF_RAYLEIGH = 1.1774
@@ -91,14 +91,24 @@ class PreparedView:
 
 
 def prepare_view(
-    view: WireView, guide: GuidePart, nail: NailPart, guide_from_nail: Transform[Guide, Nail]
+    view: WireView,
+    guide: GuidePart,
+    nail: NailPart,
+    guide_from_nail: Transform[Guide, Nail],
+    margin_px: float = MARGIN_PX,
 ) -> PreparedView:
-    """Mask what hides the wires (the nail where it is not open, balls, the border) and take the image's slopes."""
+    """Mask what hides the wires (the nail where it is not open, balls, the border) and take the image's slopes.
+
+    Parameters
+    ----------
+    margin_px
+        How far around the nail the mask reaches: as far as its place is uncertain.
+    """
     smooth = np.asarray(cv2.GaussianBlur(view.pixels.astype(np.float32), (0, 0), _BLUR_PX), dtype=np.float32)
     slope_x = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=0.125), dtype=np.float32)
     slope_y = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=0.125), dtype=np.float32)
     pose = view.camera_from_guide
-    metal = _metal(view, nail, pose @ guide_from_nail)
+    metal = _metal(view, nail, pose @ guide_from_nail, margin_px)
     bright = in_border(view.calibration)
     free = bright & ~metal & ~balls_mask(view, guide)
     steepness = np.hypot(slope_x[free], slope_y[free])
@@ -109,7 +119,9 @@ def prepare_view(
     )
 
 
-def _metal(view: WireView, nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.bool_]:
+def _metal(
+    view: WireView, nail: NailPart, camera_from_nail: Transform[Camera, Nail], margin_px: float
+) -> NDArray[np.bool_]:
     calibration = view.calibration
     x = np.arange(0, calibration.width_px + _GRID_STEP_PX, _GRID_STEP_PX, dtype=np.float64)
     y = np.arange(0, calibration.height_px + _GRID_STEP_PX, _GRID_STEP_PX, dtype=np.float64)
@@ -119,7 +131,7 @@ def _metal(view: WireView, nail: NailPart, camera_from_nail: Transform[Camera, N
         *(np.arange(n, dtype=np.float32) for n in (calibration.width_px, calibration.height_px))
     )
     full = cv2.remap(length_mm.astype(np.float32), columns / _GRID_STEP_PX, rows / _GRID_STEP_PX, cv2.INTER_LINEAR)
-    size = 2 * int(np.ceil(_MARGIN_PX)) + 1
+    size = 2 * int(np.ceil(margin_px)) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return np.asarray(cv2.dilate((full > _METAL_MM).astype(np.uint8), kernel) > 0)
 
@@ -166,7 +178,7 @@ def balls_mask(view: WireView, guide: GuidePart) -> NDArray[np.bool_]:
     centres = np.concatenate([guide_px, calibration.balls.centre_px[ring]])
     radii = np.concatenate([radii_px, calibration.balls.radius_px[ring]])
     for (x, y), radius in zip(centres, radii, strict=True):
-        cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius + _MARGIN_PX)), 1, thickness=-1)
+        cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius + MARGIN_PX)), 1, thickness=-1)
     return np.asarray(mask > 0)
 
 

@@ -12,10 +12,12 @@ from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.pose_evidence import PoseEvidence, motion_of_nail
 from services.registration.core.wires.companion import locate_guide_beside
-from services.registration.core.wires.images import WiredImage, seen_set_up
-from services.registration.core.wires.nail_outline import edge_view, match_outline, nail_outline, with_outline
+from services.registration.core.wires.images import seen_set_up
+from services.registration.core.wires.nail_outline import edge_view, match_outline, nail_outline
+from services.registration.core.wires.outline_fit import with_outline
 from services.registration.core.wires.set_up import SetUp, set_up_of
 from services.registration.core.wires.view import WireView
+from services.registration.core.wires.wired_image import WiredImage
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
@@ -78,7 +80,7 @@ def test_the_outline_is_where_the_image_has_the_nails_edges() -> None:
 def test_the_outline_corrects_a_guide_that_is_believed_elsewhere() -> None:
     view = believed(view_of(OBLIQUE, ALONG_THE_GUIDE, seed=52), (0.0, 0.35, 0.0))
     before_mm, before_sd_mm = at_the_nail(alone(view), OBLIQUE)
-    after_mm, after_sd_mm = at_the_nail(with_outline(alone(view), 0, guide_part(), nail_part()), OBLIQUE)
+    after_mm, after_sd_mm = at_the_nail(with_outline(alone(view), 0, guide_part(), nail_part()).set_up, OBLIQUE)
     print(f"off by {before_mm:.3f} ({before_sd_mm:.3f}) mm before, {after_mm:.3f} ({after_sd_mm:.3f}) mm after")
     assert before_mm > 0.2
     assert after_mm < 0.06

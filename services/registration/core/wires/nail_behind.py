@@ -1,0 +1,132 @@
+"""The nail in an image with wires in front of its holes: wires are found first, then modelled while the nail is fitted.
+
+What is left of the holes' rims beside the wires, and the nail's edges, mostly tell the pose as well as a clear view
+does. A wire's place in the image is known to a fraction of a pixel once its own outline has been fitted: its shadow is
+then part of the model, and its pixels, with what its own error may darken, are left out.
+"""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from services.registration.core.guide.locate import GuideFit
+from services.registration.core.hole_axes import Misfit, NailEstimate
+from services.registration.core.localise import LocalisationResult, Method, Parts, conclude
+from services.registration.core.nail.fit import NailFit, measure_nail
+from services.registration.core.nail.judgement import LeastOpenings, reasons_against
+from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.rods import SteelRod
+from services.registration.core.pose_evidence import model_covariance
+from services.registration.core.wires.find import WIRE_DIAMETER_MM, find_wire
+from services.registration.core.wires.fit import WireFit
+from services.registration.core.wires.nail_start import nail_beside_guide
+from services.registration.core.wires.view import MARGIN_PX, WireView, prepare_view
+from shared.errors import Accepted, Reason, Rejected
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.transform import Transform
+
+# Around a nail that is roughly placed, then around one that was fitted.
+_MARGINS_PX = (5.0, MARGIN_PX, MARGIN_PX)
+_EDGE_MM = 0.35
+_END_SIGMAS = 2.0
+# What a wire leaves of a hole tells the pose as well as its covariance says: only hardly anything is too little.
+_BESIDE_WIRES = LeastOpenings(0.15, 0.1)
+_SAME_DEG, _SAME_MM = 0.3, 0.1
+
+
+def localise_behind_wires(
+    upright: NDArray[np.float32],
+    calibration: CArmCalibration,
+    parts: Parts,
+    guide: GuideFit,
+    known: NailEstimate | None,
+) -> LocalisationResult | None:
+    """The nail in an un-mirrored image in which the guide was found, judged; None when no wire is in front of it.
+
+    Parameters
+    ----------
+    known
+        The nail where it was found by a fit that knows no wires, if it was.
+    """
+    view = WireView(upright, calibration, guide.camera_from_guide, guide.covariance)
+    if known is not None:
+        start: Accepted[Transform[Camera, Nail]] | Rejected = Accepted(known.camera_from_nail)
+    else:
+        start = nail_beside_guide(upright, calibration, parts.guide, parts.nail, guide.camera_from_guide)
+    if isinstance(start, Rejected):
+        return conclude(calibration, parts, Method.MODEL, Accepted(guide), start)
+    nail = _fitted(view, parts, start.value)
+    return None if nail is None else conclude(calibration, parts, Method.MODEL, Accepted(guide), nail)
+
+
+def _fitted(view: WireView, parts: Parts, start: Transform[Camera, Nail]) -> Accepted[NailEstimate] | Rejected | None:
+    """Wires, nail, and again until it stays: at first the wires are looked for around a nail that is roughly placed."""
+    pose = start
+    for margin_px in _MARGINS_PX:
+        wires = _wires(view, parts, view.camera_from_guide.inverse() @ pose, margin_px)
+        measured = _measured_beside(view, parts, pose, wires)
+        if isinstance(measured, Rejected):
+            return measured
+        found = measured.value
+        moved, pose = pose.inverse() @ found.camera_from_nail, found.camera_from_nail
+        if _small(moved):
+            break
+    if not wires:
+        return None
+    reasons = reasons_against(replace(found.evidence(parts.nail), least_openings=_BESIDE_WIRES))
+    if reasons:
+        return Rejected(reasons)
+    misfit = Misfit(found.hole_radius_excess_mm, found.nail_radius_excess_mm, found.residual.structure)
+    covariance = found.covariance + model_covariance(parts.nail, found.camera_from_nail)
+    return Accepted(NailEstimate(found.camera_from_nail, covariance, found.mirror_margin, misfit))
+
+
+def _small(motion: Transform[Nail, Nail]) -> bool:
+    """Whether a motion of the nail changes nothing about where wires are looked for."""
+    turn_deg = float(np.degrees(np.linalg.norm(motion.rotation_vector_rad)))
+    return turn_deg < _SAME_DEG and float(np.linalg.norm(motion.translation_mm[:2])) < _SAME_MM
+
+
+def _measured_beside(
+    view: WireView, parts: Parts, start: Transform[Camera, Nail], wires: tuple[WireFit, ...]
+) -> Accepted[NailFit] | Rejected:
+    rods = tuple(_rod(view, wire, 0.0) for wire in wires)
+    hidden = _hidden(view, tuple(_rod(view, wire, _END_SIGMAS) for wire in wires))
+    placed = PlacedGuide(parts.guide, view.camera_from_guide)
+    return measure_nail(view.pixels, view.calibration, parts.nail, start, Occluders(placed, parts.ring, hidden, rods))
+
+
+def _wires(
+    view: WireView, parts: Parts, guide_from_nail: Transform[Guide, Nail], margin_px: float
+) -> tuple[WireFit, ...]:
+    prepared = prepare_view(view, parts.guide, parts.nail, guide_from_nail, margin_px)
+    # A wire tells nothing of the nail here: what is known of that does not matter.
+    known = block_diag(view.guide_covariance, np.eye(6))
+    in_nail = {hole.id for hole in parts.nail.holes}
+    found = (
+        find_wire((prepared,), parts.guide, hole, parts.nail, guide_from_nail, known)
+        for hole in parts.guide.holes
+        if hole.id in in_nail
+    )
+    return tuple(one for one in found if not isinstance(one, Reason))
+
+
+def _rod(view: WireView, wire: WireFit, longer_sigmas: float) -> SteelRod:
+    """The wire in the image, at either end so many standard deviations longer than it seems."""
+    longer_mm = longer_sigmas * wire.ends_sd_mm * np.array([-1.0, 1.0])
+    ends = wire.model.ends_guide_mm(wire.offsets_mm, wire.ends_mm + longer_mm)
+    start, end = view.camera_from_guide.points(ends)
+    return SteelRod(start, end, WIRE_DIAMETER_MM)
+
+
+def _hidden(view: WireView, rods: tuple[SteelRod, ...]) -> NDArray[np.bool_]:
+    """Pixels of the rods and of what their errors may darken, shape (rows, columns)."""
+    mask = np.zeros(view.pixels.shape, dtype=np.uint8)
+    for rod in rods:
+        for x, y, radius in rod.discs_px(view.calibration, _EDGE_MM):
+            cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius)), 1, thickness=-1)
+    return np.asarray(mask > 0)

@@ -1,0 +1,176 @@
+"""The nail's outline ties guide and nail together in an image that does not show the holes, and tells if they moved.
+
+An oblique image shows the nail as a band. Where its two edges lie says how the nail lies across that direction, which
+is what a lateral image cannot tell well (the depth, and one tilt); and it corrects the guide's pose where the wires
+end, far from the guide's balls. If the band lies where guide and other images say that it cannot, the guide has moved.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.fusion.agreement import chi_square_limit
+from services.registration.core.pose_evidence import cross_matrix, motion_of_nail
+from services.registration.core.wires.nail_outline import (
+    EdgeView,
+    Outline,
+    edge_view,
+    image_of,
+    match_outline,
+    nail_outline,
+    towards_axis,
+)
+from services.registration.core.wires.set_up import SetUp
+from services.registration.core.wires.view import WireView
+from shared.errors import Reason, ReasonCode
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.lines import read_only
+from shared.geometry.parts import GuidePart, NailPart
+from shared.geometry.transform import Transform
+
+LEAST_SHARE = 0.6
+_REACHES_PX = (14.0, 8.0, 5.0, 4.0, 3.0)
+_EDGE_SD_PX, _EDGE_CORRELATION_PX, _ROBUST_PX = 0.3, 6.0, 1.0
+# The display's curve moves both edges outwards or inwards alike; what lies beside them moves each for itself.
+_BOTH_EDGES_SD_PX, _ONE_EDGE_SD_PX = 0.7, 0.15
+# What an outline does not tell, such as a shift along the nail, is as good as unknown: rad and mm.
+_UNKNOWN = np.diag([1.0] * 3 + [1000.0**-2] * 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BandDeparture:
+    """How far the band that an image shows lies from where the guide in it and the other images put the nail.
+
+    Attributes
+    ----------
+    motion
+        Across the nail's axis and the ray, midway between the holes (mm), and about the ray (rad), shape (2,).
+    covariance
+        Of it, when nothing moved, shape (2, 2).
+    share
+        Of the outline that can be seen, how much has an edge.
+    """
+
+    motion: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    share: float
+
+    def __post_init__(self) -> None:
+        for name in ("motion", "covariance"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def chi_square(self) -> float:
+        """Of two degrees of freedom."""
+        return float(self.motion @ np.linalg.solve(self.covariance, self.motion))
+
+    def reason(self, image: str) -> Reason | None:
+        """Why the guide is not where it was when the nail was seen from it; None when it may be."""
+        limit = chi_square_limit(len(self.motion))
+        (shift_mm, turn_rad), (shift_sd_mm, turn_sd_rad) = np.abs(self.motion), np.sqrt(np.diag(self.covariance))
+        measured = (
+            f"in image {image} the nail lies {shift_mm:.2f} mm and {np.degrees(turn_rad):.2f}° from where the guide in "
+            f"it and the holes in other images put it (standard deviations {shift_sd_mm:.2f} mm and "
+            f"{np.degrees(turn_sd_rad):.2f}°, chi-square {self.chi_square:.0f}, limit {limit:.0f})"
+        )
+        if self.share < LEAST_SHARE:
+            measured = (
+                f"in image {image} {100.0 * self.share:.0f} % of the nail's outline is where the guide in it and the "
+                f"holes in other images put it (limit {100.0 * LEAST_SHARE:.0f} %)"
+            )
+        elif self.chi_square <= limit:
+            return None
+        return Reason(
+            ReasonCode.IMAGES_DISAGREE,
+            f"{measured}; the guide moved on the bone between the images or one of them is wrong: check that mount and "
+            "guide are tight, and take all images again",
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutlinedSetUp:
+    """A set-up corrected by the nail's outline in one view, and how far it had to be."""
+
+    set_up: SetUp
+    departure: BandDeparture
+
+
+def with_outline(set_up: SetUp, view: int, guide: GuidePart, nail: NailPart) -> OutlinedSetUp:
+    """Correct a set-up by the nail's outline in one view."""
+    prepared = edge_view(set_up.views[view], guide)
+    prior = np.linalg.inv(set_up.covariance)
+    motion = np.zeros(len(prior))
+    for reach_px in _REACHES_PX:
+        now = set_up.moved(motion, set_up.covariance)
+        chained = np.zeros((6, len(prior)))
+        chained[:, 6 * view : 6 * view + 6] = motion_of_nail(now.guide_from_nail)
+        chained[:, -6:] = np.eye(6)
+        told = _information(prepared, nail, now.camera_from_nail(view), reach_px)
+        normal = prior + chained.T @ told.normal @ chained
+        seen_from_here = np.linalg.solve(told.normal + _UNKNOWN, told.gradient)
+        seen = chained @ motion + seen_from_here
+        motion = motion + np.linalg.solve(normal, chained.T @ told.gradient - prior @ motion)
+    band = _band_of(now.camera_from_nail(view))
+    covariance = np.linalg.inv(told.normal + _UNKNOWN) + chained @ set_up.covariance @ chained.T
+    departure = BandDeparture(band @ seen, band @ covariance @ band.T, told.share)
+    return OutlinedSetUp(set_up.moved(motion, np.asarray(np.linalg.inv(normal))), departure)
+
+
+def _band_of(camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
+    """What a band shows of a small motion of the nail in its own frame: shift across and turn about the ray, (2, 6)."""
+    towards, _ = towards_axis(camera_from_nail)
+    shows = np.zeros((2, 6))
+    shows[0, 3:] = np.cross([1.0, 0.0, 0.0], towards)
+    shows[1, :3] = towards
+    return shows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """What an outline says of a small motion of the nail in its own frame: normal matrix (6, 6), gradient (6,)."""
+
+    normal: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    share: float
+
+
+def _information(
+    prepared: EdgeView, nail: NailPart, camera_from_nail: Transform[Camera, Nail], reach_px: float
+) -> _Told:
+    """Match the outline within a reach; the two edges' own errors are eliminated."""
+    outline = nail_outline(prepared.view, nail, camera_from_nail)
+    match = match_outline(prepared, outline, reach_px)
+    if len(match.index) == 0:
+        return _Told(np.zeros((6, 6)), np.zeros(6), match.share)
+    chosen = match.index
+    J = np.zeros((len(chosen), 9))
+    J[:, :6] = _derivative(prepared.view, camera_from_nail, outline, chosen)
+    J[:, 6] = 1.0
+    J[np.arange(len(chosen)), 7 + outline.side[chosen]] = 1.0
+    apart_px = float(np.median(np.linalg.norm(np.diff(outline.point_px, axis=0), axis=1)))
+    crowding = max(_EDGE_CORRELATION_PX / max(apart_px, 1e-6), 1.0)
+    own_sd_px = np.array([_BOTH_EDGES_SD_PX, _ONE_EDGE_SD_PX, _ONE_EDGE_SD_PX])
+    weight = 1.0 / (_EDGE_SD_PX**2 * crowding * (1.0 + (match.shift_px / _ROBUST_PX) ** 2))
+    normal = J.T @ (weight[:, None] * J) + np.diag(np.concatenate([np.zeros(6), own_sd_px**-2]))
+    gradient = J.T @ (weight * match.shift_px)
+    eliminated = np.linalg.solve(normal[6:, 6:], np.column_stack([normal[6:, :6], gradient[6:]]))
+    reduced = normal[:6, :6] - normal[:6, 6:] @ eliminated[:, :6]
+    return _Told(np.asarray(reduced), np.asarray(gradient[:6] - normal[:6, 6:] @ eliminated[:, 6]), match.share)
+
+
+def _derivative(
+    view: WireView, camera_from_nail: Transform[Camera, Nail], outline: Outline, chosen: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """How points of the outline move outwards with small motions of the nail in its own frame, shape (N, 6)."""
+    points, outward = outline.point_nail_mm[chosen], outline.outward[chosen]
+    here = outline.point_px[chosen]
+    by_axis = np.stack(
+        [
+            np.sum((image_of(view, camera_from_nail, points + 0.01 * step) - here) * outward, axis=1) / 0.01
+            for step in np.eye(3)
+        ],
+        axis=1,
+    )
+    turned = np.stack([-cross_matrix(point) for point in points])
+    return np.concatenate([np.einsum("ni,nij->nj", by_axis, turned), by_axis], axis=1)
