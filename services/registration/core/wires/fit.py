@@ -12,29 +12,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.wires.equations import NAIL_SIZE, System, linearised
 from services.registration.core.wires.model import SHARED, START, TIP, WireModel
-from services.registration.core.wires.outline import EdgeMatches, match_edges
 from services.registration.core.wires.search import search_starts
-from services.registration.core.wires.shape import PER_VIEW, Shape, shape_of, stacks_of
+from services.registration.core.wires.shape import PER_VIEW
 from services.registration.core.wires.view import PreparedView
 from shared.geometry.lines import Line, read_only
 
 LEAST_SEEN_PX, LEAST_SEEN_SHARE = 7.0, 0.6
-_RADIUS_SD_PX = 0.3
-_EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
-_ROBUST_PX = 1.2
-_SEEN_NATS, _MISSING_NATS, _TYPICAL_SHIFT_PX = 2.0, -1.3, 0.5
 _SAME_MM, _TEMPER = 0.15, 0.5
 # A wire yields by so much to pass a hole that it would not quite meet.
 _GIVES_MM = 0.3
 _REACHES_PX = (6.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.5, 2.5, 2.5, 2.5)
-_SEEN_WITHIN_PX = 1.0
 _SCAN_SIGMAS = np.linspace(-2.5, 2.5, 21)
-_NAIL_SIZE = 6
-_NAIL = np.arange(-_NAIL_SIZE, 0)
+_NAIL = np.arange(-NAIL_SIZE, 0)
 # What a fit tells of: the wire's four offsets, and the nail.
 _TOLD = np.concatenate([np.arange(4), _NAIL])
-_STEPS = np.array([1e-3] * (SHARED + 1) + [1e-5] * 3 + [1e-3] * 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,36 +65,16 @@ class WireFit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """Linearised observations of one view: derivatives along the normals, shifts, weights, effective number."""
-
-    shape: Shape
-    matches: EdgeMatches
-    derivative: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    effective_count: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _System:
-    prior: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    mean_square: float
-    rows: tuple[_Rows, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Solution:
     model: WireModel
     state: NDArray[np.float64]
-    system: _System
+    system: System
     log_likelihood: float
 
     @property
     def seen_share(self) -> float:
         """Share of the outline that was found, in the image where it is least."""
-        parts = [(_seen_px(rows), _free_px(rows)) for rows in self.system.rows]
+        parts = [(rows.seen_px, rows.free_px) for rows in self.system.rows]
         return seen_share([seen for seen, _ in parts], [free for _, free in parts])
 
     @property
@@ -151,8 +124,8 @@ def fit_wire(views: tuple[PreparedView, ...], models: tuple[WireModel, ...], kno
         read_only(np.sqrt(np.diag(np.linalg.inv(best.system.normal))[[START, TIP]])),
         read_only(best.state[_NAIL]),
         read_only(covariance / total),
-        tuple(_seen_px(rows) for rows in best.system.rows),
-        tuple(_free_px(rows) for rows in best.system.rows),
+        tuple(rows.seen_px for rows in best.system.rows),
+        tuple(rows.free_px for rows in best.system.rows),
         float(np.median(darkness)) if darkness.size else 0.0,
     )
 
@@ -161,10 +134,6 @@ def seen_share(seen_px: Sequence[float], free_px: Sequence[float]) -> float:
     """Least share of the outline that was found in any image in which enough of it could be seen; 0 when in none."""
     shares = [seen / free for seen, free in zip(seen_px, free_px, strict=True) if free >= LEAST_SEEN_PX]
     return min(shares, default=0.0)
-
-
-def _free_px(rows: _Rows) -> float:
-    return float(rows.shape.length_px[rows.shape.free].sum())
 
 
 def _uncontradicted(solutions: list[_Solution]) -> list[_Solution]:
@@ -194,9 +163,9 @@ def _distinct(solutions: list[_Solution], best: _Solution) -> list[_Solution]:
 def _refined(
     views: tuple[PreparedView, ...], model: WireModel, precision: NDArray[np.float64], start: NDArray[np.float64]
 ) -> _Solution:
-    state = np.concatenate([start, np.zeros(PER_VIEW * len(views) + _NAIL_SIZE)])
+    state = np.concatenate([start, np.zeros(PER_VIEW * len(views) + NAIL_SIZE)])
     for reach_px in _REACHES_PX:
-        system = _linearised(views, model, precision, state, reach_px)
+        system = linearised(views, model, precision, state, reach_px)
         state = state + np.linalg.solve(system.normal, system.gradient)
     return _judged(views, model, precision, state)
 
@@ -204,10 +173,10 @@ def _refined(
 def _judged(
     views: tuple[PreparedView, ...], model: WireModel, precision: NDArray[np.float64], state: NDArray[np.float64]
 ) -> _Solution:
-    system = _linearised(views, model, precision, state, _REACHES_PX[-1])
+    system = linearised(views, model, precision, state, _REACHES_PX[-1])
     deviation = state[:SHARED] - model.mean
     prior = -0.5 * float(deviation @ model.precision @ deviation) - float(np.log(model.ending.sd_mm))
-    seen = sum(_log_likelihood(rows) for rows in system.rows)
+    seen = sum(rows.log_likelihood for rows in system.rows)
     solution = _Solution(model, state, system, prior + seen)
     return replace(solution, log_likelihood=solution.log_likelihood - _impossibility(solution))
 
@@ -220,66 +189,3 @@ def _impossibility(solution: _Solution) -> float:
     missed_mm = max(passage.missed_by_mm(solution.state[2:4]) - _GIVES_MM, 0.0)
     variance_mm2 = float(np.linalg.eigvalsh(solution.covariance[2:4, 2:4])[-1])
     return 0.5 * missed_mm**2 / variance_mm2
-
-
-def _log_likelihood(rows: _Rows) -> float:
-    """How well edges lie on the outline: a long-tailed law for each correlation length, and a price for none."""
-    nats = np.full(len(rows.shape.free), _MISSING_NATS)
-    nats[rows.matches.index] = _SEEN_NATS - np.log1p((rows.matches.shift_px / _TYPICAL_SHIFT_PX) ** 2)
-    return float((nats * rows.shape.length_px)[rows.shape.free].sum()) / _EDGE_CORRELATION_PX
-
-
-def _linearised(
-    views: tuple[PreparedView, ...],
-    model: WireModel,
-    precision: NDArray[np.float64],
-    state: NDArray[np.float64],
-    reach_px: float,
-) -> _System:
-    """Normal equations of all views and priors at a state: wire, then radius and guide of each view, then the nail."""
-    prior = _prior(model, precision, len(views))
-    mean = np.concatenate([model.mean, np.zeros(state.size - SHARED)])
-    normal, gradient = prior.copy(), prior @ (mean - state)
-    all_rows = []
-    for k, view in enumerate(views):
-        columns = np.concatenate([np.arange(SHARED), SHARED + k * PER_VIEW + np.arange(PER_VIEW)])
-        rows = _rows(view, model, state[columns], reach_px)
-        weighted = rows.weight[:, None] * rows.derivative
-        normal[np.ix_(columns, columns)] += weighted.T @ rows.derivative
-        gradient[columns] += weighted.T @ rows.matches.shift_px
-        all_rows.append(rows)
-    squares = sum(float(rows.weight @ rows.matches.shift_px**2) for rows in all_rows)
-    count = sum(rows.effective_count for rows in all_rows)
-    return _System(prior, normal, gradient, squares / max(count, 1.0), tuple(all_rows))
-
-
-def _prior(model: WireModel, precision: NDArray[np.float64], view_count: int) -> NDArray[np.float64]:
-    """Precision of all unknowns before the wire is looked at."""
-    size = SHARED + PER_VIEW * view_count + _NAIL_SIZE
-    prior = np.zeros((size, size))
-    prior[:SHARED, :SHARED] = model.precision
-    radius = SHARED + PER_VIEW * np.arange(view_count)
-    prior[radius, radius] = _RADIUS_SD_PX**-2
-    others = np.setdiff1d(np.arange(SHARED, size), radius)
-    prior[np.ix_(others, others)] = precision
-    return prior
-
-
-def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> _Rows:
-    shape = shape_of(view, model, unknowns)
-    matches = match_edges(view, shape.stack, shape.outline, reach_px)
-    disc, outward = shape.outline.disc[matches.index], shape.outline.outward[matches.index]
-    moved = stacks_of(view, model, unknowns + np.diag(_STEPS), len(shape.stack.radius_px))
-    by_centre = (moved.centre_px - shape.stack.centre_px)[:, disc]
-    derivative = np.einsum("jmi,mi->mj", by_centre, outward) / _STEPS
-    # A change of apparent radius along the wire is left to the view's own radius error: edges shift with contrast.
-    ends = [START, TIP, SHARED]
-    derivative[:, ends] += ((moved.radius_px[ends] - shape.stack.radius_px) / _STEPS[ends, None])[:, disc].T
-    crowding = np.maximum(_EDGE_CORRELATION_PX / np.maximum(shape.length_px[matches.index], 1e-6), 1.0)
-    weight = 1.0 / (_EDGE_SD_PX**2 * crowding * (1.0 + (matches.shift_px / _ROBUST_PX) ** 2))
-    return _Rows(shape, matches, derivative, weight, float((1.0 / crowding).sum()))
-
-
-def _seen_px(rows: _Rows) -> float:
-    close = rows.matches.index[np.abs(rows.matches.shift_px) < _SEEN_WITHIN_PX]
-    return float(rows.shape.length_px[close[rows.shape.free[close]]].sum())
