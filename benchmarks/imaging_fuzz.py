@@ -254,5 +254,6 @@ if __name__ == "__main__":
     # What libraries say of every damaged file would drown the table.
     warnings.simplefilter("ignore")
     logging.disable(logging.CRITICAL)
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     cv2.setNumThreads(1)
     sys.exit(main(*(int(a) for a in sys.argv[1:3])))

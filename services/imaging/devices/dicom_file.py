@@ -18,7 +18,7 @@ from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, ge
 
 from services.imaging.core.still_frames import MotionLimits, longest_still_run
 from services.imaging.devices.dicom_pixels import grey_frames
-from services.imaging.devices.received_image import Acquisition, ReceivedImage
+from services.imaging.devices.received_image import LONGEST_SIDE, Acquisition, ReceivedImage
 from shared.errors import ImageUnreadable
 
 GreyPixels = NDArray[np.uint8] | NDArray[np.uint16]
@@ -43,7 +43,7 @@ _REPORTED = (
     struct.error,
     zlib.error,
 )
-_MOST_BITS, _LONGEST_SIDE = 16, 8192
+_MOST_BITS = 16
 
 
 def is_dicom(content: bytes) -> bool:
@@ -100,9 +100,9 @@ def _require_pixels(dataset: Dataset, source: str) -> None:
             "send an X-ray image"
         )
     bits, longest = int(dataset.BitsStored), max(int(dataset.Rows), int(dataset.Columns))
-    if not 0 < bits <= _MOST_BITS or longest > _LONGEST_SIDE:
+    if not 0 < bits <= _MOST_BITS or longest > LONGEST_SIDE:
         raise ImageUnreadable(
-            f"{source}: {dataset.Columns} x {dataset.Rows} pixels of {bits} bits (at most {_LONGEST_SIDE} each way, "
+            f"{source}: {dataset.Columns} x {dataset.Rows} pixels of {bits} bits (at most {LONGEST_SIDE} each way, "
             f"1 to {_MOST_BITS} bits); send an X-ray image"
         )
     frames = int(dataset.get("NumberOfFrames", 1) or 1)

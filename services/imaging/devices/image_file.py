@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 
 from services.imaging.devices.dicom_file import GreyPixels, dicom_of_pixels, is_dicom, read_dicom
-from services.imaging.devices.received_image import Acquisition, ReceivedImage
+from services.imaging.devices.received_image import LONGEST_SIDE, Acquisition, ReceivedImage
 from shared.errors import ImageUnreadable
 
 _PNG = b"\x89PNG\r\n\x1a\n"
-_PNG_END = b"IEND\xaeB`\x82"
+_PNG_OVERHEAD = 12
 _TIFF = (b"II*\x00", b"MM\x00*")
 _KINDS = "a PNG or TIFF of 8 or 16 bits, or a DICOM file"
 
@@ -37,16 +37,32 @@ def read_image(content: bytes, source: str) -> ReceivedImage:
     if is_dicom(content):
         return read_dicom(content, source)
     if content.startswith(_PNG):
-        if _PNG_END not in content[-32:]:
-            raise ImageUnreadable(
-                f"{source}: the PNG ends after {len(content)} bytes without its end mark (truncated); send it again"
-            )
+        _require_whole_png(content, source)
     elif not content.startswith(_TIFF):
         raise ImageUnreadable(f"{source}: {len(content)} bytes that are not an image; needed is {_KINDS}")
     pixels = _decoded(content, source)
     bits = 8 * pixels.dtype.itemsize
     dicom, uid = dicom_of_pixels(pixels)
     return ReceivedImage(pixels.astype(np.float32), bits, dicom, uid, Acquisition())
+
+
+def _require_whole_png(content: bytes, source: str) -> None:
+    """Walk from chunk to chunk to the end mark; the decoder would believe any length and any size, for many seconds."""
+    at, names = len(_PNG), []
+    while at + _PNG_OVERHEAD <= len(content) and b"IEND" not in names:
+        length, name = int.from_bytes(content[at : at + 4], "big"), content[at + 4 : at + 8]
+        names.append(name)
+        at += _PNG_OVERHEAD + length
+    if names[:1] != [b"IHDR"] or names[-1] != b"IEND" or at > len(content):
+        raise ImageUnreadable(
+            f"{source}: the PNG of {len(content)} bytes lacks its header or its end mark (damaged or truncated); "
+            "send it again"
+        )
+    width, height = (int.from_bytes(content[k : k + 4], "big") for k in (len(_PNG) + 8, len(_PNG) + 12))
+    if max(width, height) > LONGEST_SIDE:
+        raise ImageUnreadable(
+            f"{source}: {width} x {height} pixels (at most {LONGEST_SIDE} each way); send an X-ray image"
+        )
 
 
 def _decoded(content: bytes, source: str) -> GreyPixels:

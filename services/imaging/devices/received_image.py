@@ -1,9 +1,13 @@
 """An image as the services see it, whatever kind of file it came in."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+LONGEST_SIDE: Final = 8192
+"""Of an image, in pixels: more is no X-ray image, but would keep a decoder busy for long."""
 
 
 @dataclass(frozen=True, slots=True)

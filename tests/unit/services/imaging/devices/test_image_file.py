@@ -7,6 +7,8 @@ from services.imaging.devices.image_file import read_image
 from shared.errors import ImageUnreadable
 from tests.unit.services.imaging.devices.dicom_samples import grey_ramp
 
+LACKING = r"lacks its header or its end mark \(damaged or truncated\); send it again"
+
 
 def encoded(pixels: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32], kind: str) -> bytes:
     return bytes(cv2.imencode(kind, pixels)[1])
@@ -51,8 +53,30 @@ def test_what_is_not_an_image_is_refused(content: bytes) -> None:
 
 def test_a_truncated_png_is_refused() -> None:
     content = encoded(np.random.default_rng(1).integers(0, 255, (64, 64), np.uint8), ".png")
-    with pytest.raises(ImageUnreadable, match=r"without its end mark \(truncated\); send it again"):
+    with pytest.raises(ImageUnreadable, match=LACKING):
         read_image(content[: len(content) // 2], "file")
+
+
+@pytest.mark.parametrize("length", [0, 4000, 2**31, 2**32 - 1])
+def test_a_png_whose_chunks_claim_another_length_is_refused_before_it_is_decoded(length: int) -> None:
+    content = bytearray(encoded(np.zeros((64, 64), np.uint8), ".png"))
+    second = 8 + 12 + 13
+    content[second : second + 4] = length.to_bytes(4, "big")
+    with pytest.raises(ImageUnreadable, match=LACKING):
+        read_image(bytes(content), "file")
+
+
+def test_a_png_that_claims_to_be_huge_is_refused_before_it_is_decoded() -> None:
+    content = bytearray(encoded(np.zeros((64, 64), np.uint8), ".png"))
+    content[16:20] = (40_000).to_bytes(4, "big")
+    with pytest.raises(ImageUnreadable, match="file: 40000 x 64 pixels \\(at most 8192 each way\\); send an X-ray"):
+        read_image(bytes(content), "file")
+
+
+def test_a_png_without_a_header_is_refused() -> None:
+    whole = encoded(np.zeros((64, 64), np.uint8), ".png")
+    with pytest.raises(ImageUnreadable, match=LACKING):
+        read_image(whole[:8] + whole[8 + 12 + 13 :], "file")
 
 
 def test_a_damaged_tiff_is_refused() -> None:
