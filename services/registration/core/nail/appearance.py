@@ -104,7 +104,7 @@ def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray
 class _Display:
     """What happens to the intensity on its way to the grey value.
 
-    The blur is that of a Gaussian with a wider one about it: light spreads further in a phosphor than its core does, and
+    The blur is a Gaussian with a wider one about it: light spreads further in a phosphor than its core does, and
     a tail that is not modelled passes for wider holes. The curve is a power of the intensity (a logarithm when
     `exponent` is 0), of which an edge shows the part from dark to bright: `curve` is the logarithm of their ratio,
     shape (rows, columns).
