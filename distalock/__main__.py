@@ -51,8 +51,13 @@ def _locate(given: argparse.Namespace) -> int:
 
 
 def _verify_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("image", type=named_path, help="PNG or TIFF of 8 or 16 bits, or DICOM")
-    parser.add_argument("second_image", type=named_path, nargs="?", metavar="image2", help="from another direction")
+    parser.add_argument(
+        "images",
+        type=named_path,
+        nargs="+",
+        metavar="IMAGE",
+        help="one, or two from different directions: PNG or TIFF of 8 or 16 bits, or DICOM",
+    )
     parser.add_argument(
         "--before",
         type=named_path,

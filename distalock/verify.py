@@ -13,6 +13,8 @@ from shared.errors import InputError
 from shared.messages.base import encode
 from shared.messages.registration import Verification
 
+MOST_IMAGES = 2
+
 
 def verify_images(
     images: tuple[Path, ...], parts: Parts, nominal: NominalOptions, before: tuple[Path, ...] = ()
@@ -40,10 +42,19 @@ def verify_images(
     return verification_message(wired, verified_images(wired, parts, earlier))
 
 
+def _require_few(images: tuple[Path, ...]) -> None:
+    if len(images) > MOST_IMAGES:
+        raise InputError(
+            f"{len(images)} images with wires were given (limit {MOST_IMAGES}: a lateral and an oblique one); leave "
+            "the others out, or give those from before the wires after --before"
+        )
+
+
 def run(given: argparse.Namespace) -> int:
     """Run `distalock verify`; returns the exit code: 0 accepted, 3 rejected, 2 bad input."""
-    images = (given.image,) if given.second_image is None else (given.image, given.second_image)
+    images = tuple(given.images)
     try:
+        _require_few(images)
         parts = read_parts(given.ring, given.guide, given.nail)
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
         message = verify_images(images, parts, nominal, tuple(given.before))

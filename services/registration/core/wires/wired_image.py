@@ -14,6 +14,7 @@ from shared.geometry.lines import angle_between_rad, unit
 
 # Of the guide's axes against the ray: holes are found up to 14 degrees, and the guide may stand several off.
 LARGEST_TILT_DEG = 25.0
+_TO_NAIL_MM = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,9 +74,9 @@ def why_no_holes(images: tuple[WiredImage, ...], parts: Parts) -> tuple[Reason, 
 
 
 def tilt_of_guide_deg(guide: GuideFit, parts: Parts) -> float:
-    """Angle between the mean direction of the guide's holes and the ray to the guide."""
+    """Angle between the mean direction of the guide's holes and the ray to about where they meet the nail."""
     drilling = unit(np.sum([hole.axis.direction for hole in parts.guide.holes], axis=0))
-    ray = unit(guide.camera_from_guide.translation_mm)
+    ray = unit(guide.camera_from_guide @ (_TO_NAIL_MM * drilling))
     return float(np.degrees(angle_between_rad(guide.camera_from_guide.directions(drilling), ray)))
 
 

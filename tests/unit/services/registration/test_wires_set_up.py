@@ -1,6 +1,7 @@
 """Guide and nail from images with wires: the nail's outline ties them together, and names a guide half out of view."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from tests.unit.services.registration.test_wires import (
     ALONG_THE_GUIDE,
     GUIDE_COVARIANCE,
     GUIDE_FROM_NAIL,
+    LATERAL,
     oblique,
     view_of,
 )
@@ -85,6 +87,63 @@ def test_the_outline_corrects_a_guide_that_is_believed_elsewhere() -> None:
     assert before_mm > 0.2
     assert after_mm < 0.06
     assert after_sd_mm < 0.06 < before_sd_mm
+
+
+def believed_after(slip: Transform[Guide, Guide], view: WireView) -> SetUp:
+    """What an image from before says of a set-up whose guide has slipped since."""
+    covariance = block_diag(view.guide_covariance, NAIL_COVARIANCE)
+    return SetUp((view,), slip @ GUIDE_FROM_NAIL, covariance)
+
+
+def slip_of(turn_deg: tuple[float, float, float], shift_mm: tuple[float, float, float]) -> Transform[Guide, Guide]:
+    return Transform.from_rotvec(np.radians(turn_deg), shift_mm)
+
+
+NO_SLIP = slip_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@lru_cache(maxsize=1)
+def lateral_view() -> WireView:
+    return view_of(LATERAL, ALONG_THE_GUIDE, seed=53)
+
+
+def test_an_untouched_set_up_is_not_refused_by_its_outline() -> None:
+    departure = with_outline(believed_after(NO_SLIP, lateral_view()), 0, guide_part(), nail_part()).departure
+    print(f"chi-square {departure.chi_square:.1f}, {100.0 * departure.share:.0f} % of the outline")
+    assert departure.reason("3") is None
+    assert departure.chi_square < 14.0  # of two degrees of freedom: one in a thousand is larger
+
+
+@pytest.mark.parametrize(
+    "slip",
+    [
+        slip_of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        slip_of((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        slip_of((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)),
+    ],
+    ids=["1 mm across the nail", "1 degree about the nail", "1 degree about the beam"],
+)
+def test_a_guide_that_slipped_since_the_holes_were_seen_is_refused(slip: Transform[Guide, Guide]) -> None:
+    reason = with_outline(believed_after(slip, lateral_view()), 0, guide_part(), nail_part()).departure.reason("3")
+    assert reason is not None
+    assert reason.code is ReasonCode.IMAGES_DISAGREE
+    assert reason.message.startswith("in image 3 ")
+    assert "limit" in reason.message
+    assert reason.message.endswith("check that mount and guide are tight, and take all images again")
+
+
+def test_a_slip_of_one_millimetre_is_told_in_millimetres() -> None:
+    slip = slip_of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    departure = with_outline(believed_after(slip, lateral_view()), 0, guide_part(), nail_part()).departure
+    assert abs(float(departure.motion[0])) == pytest.approx(1.0, abs=0.2)
+    assert departure.share > 0.8
+
+
+def test_a_nail_that_is_nowhere_near_shows_no_outline() -> None:
+    away = slip_of((0.0, 0.0, 0.0), (0.0, 25.0, 0.0))
+    reason = with_outline(believed_after(away, lateral_view()), 0, guide_part(), nail_part()).departure.reason("3")
+    assert reason is not None
+    assert "% of the nail's outline is where the guide in it" in reason.message
 
 
 def test_what_an_image_said_of_the_nail_has_its_guides_error_in_it() -> None:

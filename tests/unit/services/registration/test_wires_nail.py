@@ -1,0 +1,114 @@
+"""The nail behind wires, in a rendered lateral image; and what is said when it cannot be seen."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.registration.core.fusion.localise import LocalisedImage
+from services.registration.core.guide.locate import GuideFit
+from services.registration.core.localise import LocalisationResult, Method, Parts
+from services.registration.core.nail.fit import fit_nail
+from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.pose_evidence import motion_between
+from services.registration.core.wires.nail_behind import localise_behind_wires
+from services.registration.core.wires.nail_start import nail_beside_guide
+from services.registration.core.wires.wired_image import WiredImage, beside_wires, tilt_of_guide_deg, why_no_holes
+from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.transform import Transform
+from tests.unit.services.registration.rendered_case import rendered_parts
+from tests.unit.services.registration.test_wires import (
+    GUIDE_COVARIANCE,
+    GUIDE_FROM_NAIL,
+    LATERAL,
+    SIZE_PX,
+    Wired,
+    oblique,
+    view_of,
+)
+from tests.unit.services.registration.xray_scene import calibration, guide_part, nail_part
+
+# Over the holes, but not along them: the wires' stubs and what sticks out of them cover a part of each.
+OVER_THE_HOLES = Wired({"distal": np.array([0.4, -0.3, 1.0, -0.8]), "proximal": np.array([-0.3, 0.5, -0.4, 1.2])})
+PARTS = Parts(rendered_parts().ring, guide_part(), nail_part())
+
+
+def guide_at(camera_from_guide: Transform[Camera, Guide]) -> GuideFit:
+    used = np.ones(8, dtype=np.bool_)
+    return GuideFit(camera_from_guide, GUIDE_COVARIANCE, used, np.zeros((8, 2)), np.full(8, 0.05), 8, 0.05, 8)
+
+
+@lru_cache(maxsize=1)
+def lateral_pixels() -> NDArray[np.float32]:
+    return view_of(LATERAL, OVER_THE_HOLES, seed=71).pixels
+
+
+def found(reasons: tuple[Reason, ...], guide: GuideFit | None) -> LocalisedImage:
+    result = LocalisationResult(Method.MODEL, reasons, guide, None, None, None, None)
+    return LocalisedImage("lateral", calibration(SIZE_PX), result, reasons)
+
+
+def test_the_start_is_near_though_wires_cover_the_holes() -> None:
+    start = nail_beside_guide(lateral_pixels(), calibration(SIZE_PX), PARTS.guide, PARTS.nail, LATERAL)
+    assert isinstance(start, Accepted), start
+    off = motion_between(GUIDE_FROM_NAIL, LATERAL.inverse() @ start.value)
+    print(f"start off by {np.degrees(off[:3]).round(2)} degrees, {off[3:].round(2)} mm")
+    assert float(np.linalg.norm(off[3:5])) < 1.5
+    assert float(np.degrees(np.linalg.norm(off[:3]))) < 5.0
+
+
+@pytest.mark.slow
+def test_wires_that_are_not_modelled_spoil_the_fit_and_modelled_ones_do_not() -> None:
+    pixels, camera = lateral_pixels(), calibration(SIZE_PX)
+    placed = PlacedGuide(PARTS.guide, LATERAL)
+    blind = fit_nail(pixels, camera, PARTS.nail, LATERAL @ GUIDE_FROM_NAIL, Occluders(placed, PARTS.ring))
+    assert isinstance(blind, Rejected)
+    result = localise_behind_wires(pixels, camera, PARTS, guide_at(LATERAL), None)
+    assert result is not None
+    assert result.nail is not None, result.reasons
+    assert result.nail.covariance is not None
+    assert result.guide_from_nail is not None
+    off = motion_between(GUIDE_FROM_NAIL, result.guide_from_nail)
+    normalised = off / np.sqrt(np.diag(result.nail.covariance))
+    print(f"off by {np.degrees(off[:3]).round(3)} degrees, {off[3:].round(3)} mm, normalised {normalised.round(2)}")
+    assert float(np.linalg.norm(off[3:5])) < 0.1
+    assert float(np.degrees(np.linalg.norm(off[:2]))) < 0.6
+    assert np.abs(normalised).max() < 3.5
+
+
+def test_an_image_without_a_nail_is_refused() -> None:
+    blank = np.full((SIZE_PX, SIZE_PX), 0.5, dtype=np.float32)
+    result = localise_behind_wires(blank, calibration(SIZE_PX), PARTS, guide_at(LATERAL), None)
+    assert result is not None
+    assert [reason.code for reason in result.reasons] == [ReasonCode.HOLE_NOT_VISIBLE]
+    assert "within 18 mm of where the guide's holes point" in result.reasons[0].message
+
+
+def test_an_image_from_aside_keeps_what_was_found() -> None:
+    aside = guide_at(oblique(38.0))
+    assert tilt_of_guide_deg(aside, PARTS) > 30.0
+    image = WiredImage(lateral_pixels(), found((), aside))
+    assert beside_wires(image, PARTS) is image
+
+
+def test_only_images_along_the_holes_tell_why_those_are_not_seen() -> None:
+    covered = Reason(ReasonCode.HOLE_NOT_VISIBLE, "a hole is covered; uncover it")
+    other = Reason(ReasonCode.NAIL_NOT_FOUND, "no nail; show it")
+    blank = np.zeros((8, 8), np.float32)
+    lateral = WiredImage(blank, found((covered,), guide_at(LATERAL)))
+    from_aside = WiredImage(blank, found((other,), guide_at(oblique(38.0))))
+    told = why_no_holes((lateral, from_aside), PARTS)
+    assert [reason.message for reason in told] == [
+        "a hole is covered; uncover it; or add an image from before the wires"
+    ]
+    alone = why_no_holes((from_aside,), PARTS)
+    assert [reason.code for reason in alone] == [ReasonCode.HOLE_NOT_VISIBLE]
+    assert "tilted by 38° or more against the beam (limit 25°); add an image along the wires" in alone[0].message
+    assert why_no_holes((WiredImage(blank, found((other,), None)),), PARTS) == (other,)
+
+
+@pytest.mark.parametrize("tilt_deg", [38.0, 10.0, 0.0])
+def test_the_guides_tilt_is_against_the_ray_to_the_nail(tilt_deg: float) -> None:
+    assert tilt_of_guide_deg(guide_at(oblique(tilt_deg)), PARTS) == pytest.approx(tilt_deg, abs=0.1)
