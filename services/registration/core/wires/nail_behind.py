@@ -29,8 +29,8 @@ from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
 
-# Around a nail that is roughly placed, then around one that was fitted.
-_MARGINS_PX = (5.0, MARGIN_PX, MARGIN_PX)
+# How far around the nail no wire is looked for: while it is roughly placed, and when it has been fitted.
+_ROUGHLY_PLACED_PX, _FITTED_PX = (5.0, MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX)
 _EDGE_MM = 0.35
 _END_SIGMAS = 2.0
 # What a wire leaves of a hole tells the pose as well as its covariance says: only hardly anything is too little.
@@ -54,29 +54,29 @@ def localise_behind_wires(
     """
     view = WireView(upright, calibration, guide.camera_from_guide, guide.covariance)
     if known is not None:
-        start: Accepted[Transform[Camera, Nail]] | Rejected = Accepted(known.camera_from_nail)
+        nail = _fitted(view, parts, known.camera_from_nail, _FITTED_PX)
     else:
         start = nail_beside_guide(upright, calibration, parts.guide, parts.nail, guide.camera_from_guide)
-    if isinstance(start, Rejected):
-        return conclude(calibration, parts, Method.MODEL, Accepted(guide), start)
-    nail = _fitted(view, parts, start.value)
+        nail = start if isinstance(start, Rejected) else _fitted(view, parts, start.value, _ROUGHLY_PLACED_PX)
     return None if nail is None else conclude(calibration, parts, Method.MODEL, Accepted(guide), nail)
 
 
-def _fitted(view: WireView, parts: Parts, start: Transform[Camera, Nail]) -> Accepted[NailEstimate] | Rejected | None:
-    """Wires, nail, and again until it stays: at first the wires are looked for around a nail that is roughly placed."""
+def _fitted(
+    view: WireView, parts: Parts, start: Transform[Camera, Nail], margins_px: tuple[float, ...]
+) -> Accepted[NailEstimate] | Rejected | None:
+    """Wires, nail, and again until it stays; None when there is no wire around a nail that was fitted."""
     pose = start
-    for margin_px in _MARGINS_PX:
+    for margin_px in margins_px:
         wires = _wires(view, parts, view.camera_from_guide.inverse() @ pose, margin_px)
+        if not wires and margin_px == MARGIN_PX:
+            return None
         measured = _measured_beside(view, parts, pose, wires)
         if isinstance(measured, Rejected):
             return measured
         found = measured.value
         moved, pose = pose.inverse() @ found.camera_from_nail, found.camera_from_nail
-        if _small(moved):
+        if wires and _small(moved):
             break
-    if not wires:
-        return None
     reasons = reasons_against(replace(found.evidence(parts.nail), least_openings=_BESIDE_WIRES))
     if reasons:
         return Rejected(reasons)
