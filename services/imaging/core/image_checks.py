@@ -9,6 +9,7 @@ LEAST_SIDE_PX = 256
 LEAST_LEVELS = 16
 CLIPPED_LIMIT = 0.6
 CLIPPED_SUSPECT = 0.2
+_SAMPLE = 25_000
 
 
 def unusable_reason(pixels: FloatImage, usable: Mask) -> Reason | None:
@@ -29,20 +30,24 @@ def unusable_reason(pixels: FloatImage, usable: Mask) -> Reason | None:
         return Reason(
             ReasonCode.IMAGE_UNUSABLE, "the image holds values that are not finite numbers (limit none); send it again"
         )
-    levels = len(np.unique(pixels[usable][:: max(1, usable.sum() // 100_000)]))
+    values = pixels[usable]
+    levels = len(np.unique(values[:: max(1, len(values) // _SAMPLE)]))
     if levels < LEAST_LEVELS:
         return Reason(
             ReasonCode.IMAGE_UNUSABLE,
             f"the image has only {levels} different grey values (at least {LEAST_LEVELS}); "
             "check exposure and collimation and take another image",
         )
-    clipped = clipped_fraction(pixels, usable)
+    clipped = _clipped(values)
     return saturated_reason(clipped, CLIPPED_LIMIT) if clipped > CLIPPED_LIMIT else None
 
 
 def clipped_fraction(pixels: FloatImage, usable: Mask) -> float:
     """Part of the usable pixels at the very brightest or the very darkest grey value."""
-    values = pixels[usable]
+    return _clipped(pixels[usable])
+
+
+def _clipped(values: FloatImage) -> float:
     return float(np.mean((values == values.max()) | (values == values.min())))
 
 
