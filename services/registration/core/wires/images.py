@@ -1,7 +1,7 @@
 """From localised images of one set-up to its wires, by way of what is known before the wires are looked at.
 
-The images that show the nail's holes, beside the wires, are fused, with earlier ones from before the wires if there are
-any. In the others the guide is found, with their help if it must be, and the nail's outline ties guide and nail together.
+The images that show the nail's holes, beside the wires, are fused, with earlier ones from before the wires if there
+are any. In the others the guide is found, with their help if it must be, and the nail's outline ties guide and nail.
 """
 
 from dataclasses import dataclass, replace
