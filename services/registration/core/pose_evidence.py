@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.guide.locate import GuideFit
+from services.registration.core.guide.locate import DISTORTION_CORRELATION_PX, GuideFit
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from shared.geometry.calibration import CArmCalibration
@@ -22,9 +22,9 @@ from shared.geometry.transform import Transform
 
 # What is left of the model's own errors after all that the fit floats: standard deviation of the tilt about the nail's
 # x and y axes, of the turn about its z axis, and of its place across the beam, from independent images and own scenes.
-MODEL_SD_DEG = 0.04
+MODEL_SD_DEG = 0.055
 MODEL_SD_ABOUT_Z_DEG = 0.02
-MODEL_SD_MM = 0.02
+MODEL_SD_MM = 0.01
 _RIM_POINTS = 8
 
 
@@ -82,6 +82,8 @@ def pose_evidence(
     for other in _poses_for_other_sources(calibration, guide, nail, guide_fit, camera_from_nail):
         motion = motion_between(guide_from_nail, other)
         covariance = covariance + np.outer(motion, motion)
+    depth = _depth_by_distortion(calibration, nail, camera_from_nail)
+    covariance = covariance + np.outer(depth, depth)
     ray_nail = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
     return PoseEvidence(guide_from_nail, ray_nail, covariance, model_loadings(nail, camera_from_nail))
 
@@ -94,13 +96,35 @@ def model_loadings(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) ->
     place, and depth is to its error as the distance is to its own. An error of depth moves the nail along the ray, and
     so across its holes when they are tilted against it.
     """
-    along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
-    known_mm = max(max(along) - min(along), nail.diameter_mm)
-    depth_sd_mm = MODEL_SD_MM * float(camera_from_nail.translation_mm[2]) / known_mm
+    depth_sd_mm = MODEL_SD_MM * float(camera_from_nail.translation_mm[2]) / _known_mm(nail)
     loadings = np.diag(np.radians([MODEL_SD_DEG, MODEL_SD_DEG, MODEL_SD_ABOUT_Z_DEG, 0.0, 0.0, 0.0]))
     loadings[[3, 4], [3, 4]] = MODEL_SD_MM
     loadings[3:, 5] = depth_sd_mm * (camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm))
     return loadings
+
+
+def _known_mm(nail: NailPart) -> float:
+    """The length that tells the depth: from hole to hole, or the nail's width where there is but one."""
+    along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
+    return max(max(along) - min(along), nail.diameter_mm)
+
+
+def _depth_by_distortion(
+    calibration: CArmCalibration, nail: NailPart, camera_from_nail: Transform[Camera, Nail]
+) -> NDArray[np.float64]:
+    """Motion of the nail, one standard deviation, by what the distortion's errors make of that length; shape (6,).
+
+    Of shifts that are common to the holes the guide's balls, which are seen in the same place, have their part.
+    """
+    ends = sorted((camera_from_nail @ hole.axis.point_mm for hole in nail.holes), key=lambda p: float(p[0]))
+    px = calibration.image_from_camera(np.array([ends[0], ends[-1]]))
+    deviation = float(np.sqrt(np.sum(calibration.distortion.standard_deviation_at(px) ** 2)))
+    apart = float(np.linalg.norm(px[1] - px[0])) / DISTORTION_CORRELATION_PX
+    deviation *= np.sqrt(1.0 - np.exp(-0.5 * apart**2))
+    depth_mm = float(camera_from_nail.translation_mm[2])
+    of_length_mm = deviation * depth_mm / calibration.camera.focal_length_px
+    ray = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
+    return np.concatenate([np.zeros(3), of_length_mm * depth_mm / _known_mm(nail) * ray])
 
 
 def model_covariance(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
     Given,
+    Noise,
     noise_of,
     problem_for,
     reweighted,
@@ -133,7 +134,7 @@ def follow_nail(given: Given, look: Look, predicted: Transform[Camera, Nail]) ->
     return Accepted(
         FollowedNail(
             pose,
-            _covariance(given, scene, solution, look, pose),
+            _covariance(given, problem, solution, noise, look),
             float(np.exp(solution.parameters[Unknown.LOG_BLUR_PX])),
             hole_views(problem, solution),
             residual.structure,
@@ -173,10 +174,10 @@ def _with_pose(parameters: NDArray[np.float64], scene: NailScene, pose: Transfor
     return start
 
 
-def _covariance(
-    given: Given, scene: NailScene, solution: Solution, look: Look, pose: Transform[Camera, Nail]
-) -> NDArray[np.float64]:
+def _covariance(given: Given, problem: Problem, solution: Solution, noise: Noise, look: Look) -> NDArray[np.float64]:
     """Of pose and blur in this frame, of what the key left open, and of the model's own errors."""
+    scene = problem.scene
     jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
     shared = jacobian @ look.shared_covariance @ jacobian.T
-    return np.asarray(pose_covariance(scene, solution) + shared + model_covariance(given.nail, pose))
+    own = model_covariance(given.nail, scene.pose(solution.parameters))
+    return np.asarray(pose_covariance(problem, solution, noise) + shared + own)

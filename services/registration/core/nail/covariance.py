@@ -3,22 +3,44 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.noise import covariance_of_sums
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters
-from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.solver import Solution
-
-# What nobody models (the display's true curve, the blur's true shape, chamfers) adds about as much again as two
-# thirds of the noise: standard deviations are widened by this factor.
-_UNMODELLED = 1.2
+from services.registration.core.nail.solver import Problem, Sensitivity, Solution, sensitivity
+from services.registration.core.nail.stages import Noise
+from services.registration.core.nail.unknowns import prior_precision
 
 
-def pose_covariance(scene: NailScene, solution: Solution) -> NDArray[np.float64]:
+def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArray[np.float64]:
     """Covariance of a small motion of the nail in its own frame, shape (6, 6): rotation vector (rad), translation (mm).
 
-    The true pose is `camera_from_nail @ motion` with `motion` this small motion. The solution's normal matrix must be
-    that of a cost which counts independent samples (`stages.reweighted`), with background, floor and nuisances
-    eliminated or among its rows.
+    The true pose is `camera_from_nail @ motion` with `motion` this small motion. The fit's weights are a compromise:
+    they count slow noise, which hides the tilt, as if it hid sharp rims too. What the noise does to the fit follows
+    from its correlation instead (the sandwich formula); to it comes what priors and background leave open.
     """
-    covariance = np.linalg.inv(solution.normal_matrix)[:POSE_SIZE, :POSE_SIZE] * _UNMODELLED**2
+    moves = sensitivity(problem, solution.linear)
+    gain = np.linalg.inv(solution.normal_matrix)[:POSE_SIZE]
+    by_noise = _by_noise(problem, noise, _after_background(problem, solution, moves) @ gain.T)
+    field = moves.of_linear[: problem.field.size]
+    open_ends = problem.texture_precision * (field.T @ problem.field.roughness @ field)
+    open_ends[np.diag_indices(len(open_ends))] += prior_precision()[problem.free]
+    covariance = by_noise + gain @ open_ends @ gain.T
+    scene = problem.scene
     jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
     return np.asarray(jacobian @ covariance @ jacobian.T)
+
+
+def _after_background(problem: Problem, solution: Solution, moves: Sensitivity) -> NDArray[np.float64]:
+    """Derivatives of the modelled grey values when background and floor follow, shape (N, P)."""
+    look, size = solution.linear.appearance, problem.field.size
+    background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in moves.of_linear[:size].T], axis=1)
+    floor = problem.floor @ moves.of_linear[size:]
+    return moves.of_pixels - (look.visible * look.delrin)[:, None] * background - (1.0 - look.visible)[:, None] * floor
+
+
+def _by_noise(problem: Problem, noise: Noise, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of the pose's parameters by noise alone; `moved_by`, shape (N, 6), weighs the pixels."""
+    window = problem.scene.window
+    images = np.zeros((moved_by.shape[1], *window.shape))
+    deviations = problem.weight * np.sqrt(noise.variance)
+    images.reshape(len(images), -1)[:, window.compared] = (moved_by * deviations[:, None]).T
+    return covariance_of_sums(images, ((noise.dark, 1.0 - noise.brightness), (noise.bright, noise.brightness)))

@@ -141,7 +141,7 @@ def measure_nail(
     return Accepted(
         NailFit(
             scene.pose(solution.parameters),
-            read_only(pose_covariance(scene, solution)),
+            read_only(pose_covariance(problem, solution, noise)),
             winner.margin,
             float(solution.parameters[Unknown.HOLE_RADIUS_EXCESS_MM]),
             float(solution.parameters[Unknown.NAIL_RADIUS_EXCESS_MM]),

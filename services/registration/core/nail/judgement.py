@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
-from services.registration.core.nail.solver import Problem, Solution
+from services.registration.core.nail.solver import Linear, Problem, Solution
 from services.registration.core.nail.stages import Noise
+from services.registration.core.nail.window import Window
 from shared.errors import Reason, ReasonCode, Rejected
 from shared.geometry.parts import Hole, NailPart
 
@@ -18,7 +19,10 @@ _MOST_RADIUS_EXCESS_MM = 0.12
 _MOST_STRUCTURE = 2.5
 _MOST_INFLATION = 10.0
 _LEAST_MIRROR_MARGIN = 8.0
-_STRUCTURE_BLUR_PX = 2.0
+_MOST_SPOT, _CERTAIN, _LEAST_STEP = 0.3, 8.0, 0.3
+_STRUCTURE_BLUR_PX, _SPOT_BLUR_PX = 2.0, 1.0
+_MEDIAN_TO_DEVIATION = 1.4826
+_ABOUT_HOLE_MM = 1.0
 _RIM = (0.03, 0.97)
 
 
@@ -65,11 +69,15 @@ class ResidualStatistics:
         Rms of the smoothed residual around rims and edges, over that elsewhere: one when only noise is left.
     noise_inflation
         Variance of a mean over many pixels, over that of independent pixels.
+    spot
+        Largest smoothed residual in and about a hole, as a share of the step from metal to background, if it is far
+        beyond noise: a wrong pose may explain all but a small piece of a hole that shows between two balls.
     """
 
     rms_grey: float
     structure: float
     noise_inflation: float
+    spot: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +153,27 @@ def residual_statistics(problem: Problem, solution: Solution, noise: Noise) -> R
     rms = float(np.sqrt(np.mean(residual**2))) * window.grey_scale
     reference = float(np.sqrt(np.mean(smooth[elsewhere] ** 2))) if np.any(elsewhere) else 1.0
     at_rims = float(np.sqrt(np.mean(smooth[rim] ** 2))) if np.any(rim) else 0.0
-    return ResidualStatistics(rms, at_rims / max(reference, 1e-9), float(noise.inflation.mean()))
+    inflation = float(noise.inflation.mean())
+    return ResidualStatistics(rms, at_rims / max(reference, 1e-9), inflation, _spot(problem, solution.linear, noise))
+
+
+def _spot(problem: Problem, linear: Linear, noise: Noise) -> float:
+    window = problem.scene.window
+    near = np.zeros(len(window.compared), dtype=bool)
+    for hole in problem.scene.nail.holes:
+        x, y = hole.axis.point_mm[:2]
+        near |= np.hypot(window.along_mm - x, window.across_mm - y) < 0.5 * hole.diameter_mm + _ABOUT_HOLE_MM
+    step = np.abs(linear.appearance.delrin * linear.background - linear.floor)
+    deviations = np.abs(_smoothed(window, linear.residual / np.sqrt(noise.variance)))
+    certain = deviations > _CERTAIN * _MEDIAN_TO_DEVIATION * np.median(deviations)
+    share = np.abs(_smoothed(window, linear.residual)) / np.maximum(step, _LEAST_STEP * np.median(step))
+    return float(share[near & certain].max(initial=0.0))
+
+
+def _smoothed(window: Window, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    image = np.zeros(window.shape)
+    image.ravel()[window.compared] = values
+    return blurred_image(image, _SPOT_BLUR_PX).ravel()[window.compared]
 
 
 def _unseen_holes(evidence: Evidence) -> list[Reason]:
@@ -187,6 +215,13 @@ def _mismatch(evidence: Evidence) -> list[Reason]:
             f"the residual along the nail's edges is {evidence.residual.structure:.1f} times that elsewhere "
             f"(limit {_MOST_STRUCTURE:.1f}); check the nail file, remove what lies over the holes, "
             "and take one more image"
+        )
+        reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
+    if evidence.residual.spot > _MOST_SPOT:
+        message = (
+            f"a spot at a hole differs from the best fit by {100 * evidence.residual.spot:.0f} % of the step from metal "
+            f"to background (limit {100 * _MOST_SPOT:.0f} %): something lies over it, or balls hide so much of its rim "
+            "that the pose is wrong; remove what lies there, or turn the C-arm by 5°, and take one more image"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     if evidence.residual.noise_inflation > _MOST_INFLATION:

@@ -36,6 +36,13 @@ class Correlation:
         """By how much the variance of a mean over many pixels exceeds that of independent ones (at least 1)."""
         return max(1.0, float((self.by_lag * _taper(_LAGS, _TAPER_PX)).sum()))
 
+    def spectrum(self, shape: tuple[int, int]) -> NDArray[np.float64]:
+        """Power by frequency, never negative, the same in all directions: half spectrum of a rectangle of a shape."""
+        kernel = np.zeros(shape)
+        lags = np.arange(-_LAGS, _LAGS + 1)
+        kernel[np.ix_(lags, lags)] = _isotropic(self.by_lag) * _taper(_LAGS, _TAPER_PX)
+        return np.maximum(fft.rfft2(kernel).real, 0.0)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whitening:
@@ -91,10 +98,7 @@ def whitening_for(dark: Correlation, bright: Correlation, brightness: NDArray[np
 
 def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float64]:
     rows, columns = padded_shape
-    kernel = np.zeros((rows, columns))
-    lags = np.arange(-_LAGS, _LAGS + 1)
-    kernel[np.ix_(lags, lags)] = _isotropic(correlation.by_lag) * _taper(_LAGS, _TAPER_PX)
-    power = np.maximum(fft.rfft2(kernel).real, 0.0)
+    power = correlation.spectrum(padded_shape)
     frequency = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :])
     slow = frequency < _LOWEST_FREQUENCY
     level = float(power[slow].mean())
@@ -104,6 +108,38 @@ def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArra
     distance = np.hypot(np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :])
     impulse *= _cosine_taper(distance, _FILTER_REACH_PX)
     return np.asarray(fft.rfft2(impulse / impulse.sum()).real)
+
+
+def covariance_of_sums(
+    images: NDArray[np.float64], kinds: tuple[tuple[Correlation, NDArray[np.float64]], ...]
+) -> NDArray[np.float64]:
+    """Covariance of sums of noise weighed by images.
+
+    Parameters
+    ----------
+    images
+        Weights times the noise's standard deviation, shape (K, rows, columns).
+    kinds
+        Correlation of each kind of noise, and its share in each pixel's variance, shape (rows, columns).
+
+    Returns
+    -------
+    NDArray
+        Shape (K, K).
+    """
+    rows, columns = (fft.next_fast_len(side + _LAGS, real=True) for side in images.shape[1:])
+    total = np.zeros((len(images), len(images)))
+    # a half spectrum holds all but its first column (and, for even widths, its last) once instead of twice
+    twice = np.full(columns // 2 + 1, 2.0)
+    twice[0] = 1.0
+    if columns % 2 == 0:
+        twice[-1] = 1.0
+    for correlation, share in kinds:
+        power = correlation.spectrum((rows, columns)) * twice / (rows * columns)
+        spectra = fft.rfft2(images * np.sqrt(share), (rows, columns))
+        flat = (spectra * np.sqrt(power)).reshape(len(images), -1)
+        total += (flat @ flat.conj().T).real
+    return total
 
 
 def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,9 +19,9 @@ from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
     Given,
+    evenly_weighted,
     noise_of,
     problem_for,
-    reweighted,
     scene_at,
 )
 from services.registration.core.nail.unknowns import Unknown, prior_mean
@@ -82,7 +82,8 @@ def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | No
         return None
     problem = problem_for(scene, detail, EVERYTHING)
     first = minimise(problem, _from_pose(problem, poses[0]), _WEIGHING_STEPS, _LOOSE)
-    problem = reweighted(problem, first.linear, noise_of(problem, first.linear))
+    # no pixel may weigh less because the first of them does not explain it
+    problem = evenly_weighted(problem, noise_of(problem, first.linear))
     optima = [optimum_of(scene, minimise_from(problem, first.linear.traced, _MIDDLE_STEPS, _TIGHT))]
     for rival in poses[1:2]:
         start = first.parameters.copy()

@@ -179,33 +179,43 @@ def _step_down(
     return None, damping
 
 
-def _sensitivities(linear: Linear, changes: list[Appearance]) -> NDArray[np.float64]:
-    """Derivative of the modelled grey values by the free parameters, background and floor held, shape (N, P)."""
-    look = linear.appearance
-    columns = [
-        d.visible * (look.delrin * linear.background - linear.floor) + d.delrin * look.visible * linear.background
-        for d in changes
-    ]
-    return np.column_stack(columns)
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensitivity:
+    """How the model moves with the free parameters, and what background and floor make up for.
+
+    Attributes
+    ----------
+    of_pixels
+        Derivative of the modelled grey values, background and floor held, shape (N, P).
+    of_linear
+        Change of the coefficients of background and floor that follows, shape (M + D, P).
+    cross
+        A'W times the derivative, shape (M + D, P).
+    """
+
+    of_pixels: NDArray[np.float64]
+    of_linear: NDArray[np.float64]
+    cross: NDArray[np.float64]
+
+
+def sensitivity(problem: Problem, here: Linear) -> Sensitivity:
+    """Derivatives at a solution."""
+    look = here.appearance
+    step = look.delrin * here.background - here.floor
+    changes = derivatives(problem.scene, here.traced, look, problem.free)
+    columns = np.column_stack([d.visible * step + d.delrin * look.visible * here.background for d in changes])
+    dense = (1.0 - look.visible)[:, None] * problem.floor
+    cross = _normal_equations(problem, look.visible * look.delrin, dense, columns)[1]
+    return Sensitivity(columns, cho_solve(here.factor, cross, check_finite=False), cross)
 
 
 def _projected(problem: Problem, here: Linear) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal matrix and gradient of the free parameters after the linear ones have been eliminated."""
-    look = here.appearance
-    sensitivities = _sensitivities(here, derivatives(problem.scene, here.traced, look, problem.free))
-    dense = (1.0 - look.visible)[:, None] * problem.floor
-    cross = _cross_terms(problem, look.visible * look.delrin, dense, sensitivities)
-    weighted = problem.weight[:, None] * sensitivities
-    normal = sensitivities.T @ weighted - cross.T @ cho_solve(here.factor, cross, check_finite=False)
+    moves = sensitivity(problem, here)
+    weighted = problem.weight[:, None] * moves.of_pixels
+    normal = moves.of_pixels.T @ weighted - moves.cross.T @ moves.of_linear
     precision = prior_precision()[problem.free]
     excess = (here.traced.parameters - prior_mean())[problem.free]
     gradient = weighted.T @ here.residual - precision * excess
     normal[np.diag_indices(len(precision))] += precision
     return normal, gradient
-
-
-def _cross_terms(
-    problem: Problem, gain: NDArray[np.float64], dense: NDArray[np.float64], columns: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """A'W columns, shape (M + D, P)."""
-    return _normal_equations(problem, gain, dense, columns)[1]

@@ -134,6 +134,11 @@ def reweighted(problem: Problem, linear: Linear, noise: Noise) -> Problem:
     return replace(problem, weight=weight)
 
 
+def evenly_weighted(problem: Problem, noise: Noise) -> Problem:
+    """The same problem with every pixel weighed by its variance, outliers as all others."""
+    return replace(problem, weight=1.0 / (noise.variance * noise.inflation))
+
+
 def with_contrast(problem: Problem, linear: Linear) -> Problem:
     """The same problem with the display's curve acting at every place between the grey values found there so far.
 

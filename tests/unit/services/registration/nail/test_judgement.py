@@ -18,7 +18,7 @@ NAIL = nail_part("steel", 12.0, 6.0)
 GOOD = Evidence(
     NAIL,
     (HoleView("distal", 0.9, 12.0), HoleView("proximal", 0.8, 9.0)),
-    ResidualStatistics(800.0, 1.1, 5.0),
+    ResidualStatistics(800.0, 1.1, 5.0, 0.1),
     0.01,
     -0.02,
     120.0,
@@ -50,14 +50,19 @@ def test_a_good_fit_has_nothing_against_it() -> None:
         (replace(GOOD, hole_radius_excess_mm=0.2), ReasonCode.NAIL_MODEL_MISMATCH, "the holes measure +0.40 mm"),
         (replace(GOOD, nail_radius_excess_mm=-0.15), ReasonCode.NAIL_MODEL_MISMATCH, "the nail measures -0.30 mm"),
         (
-            replace(GOOD, residual=ResidualStatistics(800.0, 3.1, 5.0)),
+            replace(GOOD, residual=ResidualStatistics(800.0, 3.1, 5.0, 0.1)),
             ReasonCode.NAIL_MODEL_MISMATCH,
             "along the nail's edges is 3.1 times",
         ),
         (
-            replace(GOOD, residual=ResidualStatistics(800.0, 1.1, 14.0)),
+            replace(GOOD, residual=ResidualStatistics(800.0, 1.1, 14.0, 0.1)),
             ReasonCode.NAIL_MODEL_MISMATCH,
             "over 14.0 pixels (limit 10)",
+        ),
+        (
+            replace(GOOD, residual=ResidualStatistics(800.0, 1.1, 5.0, 0.7)),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "by 70 % of the step from metal to background (limit 30 %)",
         ),
         (replace(GOOD, mirror_margin=3.0), ReasonCode.MIRROR_AMBIGUOUS, "likelihood ratio 3.0 (limit 8)"),
     ],
