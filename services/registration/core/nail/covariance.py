@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.noise import covariance_of_sums
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters
-from services.registration.core.nail.solver import Problem, Sensitivity, Solution, sensitivity
+from services.registration.core.nail.solver import Problem, Solution
 from services.registration.core.nail.stages import Noise
 from services.registration.core.nail.unknowns import prior_precision
 
@@ -17,10 +17,9 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
     they count slow noise, which hides the tilt, as if it hid sharp rims too. What the noise does to the fit follows
     from its correlation instead (the sandwich formula); to it comes what priors and background leave open.
     """
-    moves = sensitivity(problem, solution.linear)
     gain = np.linalg.inv(solution.normal_matrix)[:POSE_SIZE]
-    by_noise = _by_noise(problem, noise, _after_background(problem, solution, moves) @ gain.T)
-    field = moves.of_linear[: problem.field.size]
+    by_noise = _by_noise(problem, noise, _after_background(problem, solution) @ gain.T)
+    field = solution.moves.of_linear[: problem.field.size]
     open_ends = problem.texture_precision * (field.T @ problem.field.roughness @ field)
     open_ends[np.diag_indices(len(open_ends))] += prior_precision()[problem.free]
     covariance = by_noise + gain @ open_ends @ gain.T
@@ -29,9 +28,9 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
     return np.asarray(jacobian @ covariance @ jacobian.T)
 
 
-def _after_background(problem: Problem, solution: Solution, moves: Sensitivity) -> NDArray[np.float64]:
+def _after_background(problem: Problem, solution: Solution) -> NDArray[np.float64]:
     """Derivatives of the modelled grey values when background and floor follow, shape (N, P)."""
-    look, size = solution.linear.appearance, problem.field.size
+    look, moves, size = solution.linear.appearance, solution.moves, problem.field.size
     background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in moves.of_linear[:size].T], axis=1)
     floor = problem.floor @ moves.of_linear[size:]
     return moves.of_pixels - (look.visible * look.delrin)[:, None] * background - (1.0 - look.visible)[:, None] * floor

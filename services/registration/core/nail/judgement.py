@@ -218,10 +218,11 @@ def _mismatch(evidence: Evidence) -> list[Reason]:
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     if evidence.residual.spot > _MOST_SPOT:
+        spot, most = 100.0 * evidence.residual.spot, 100.0 * _MOST_SPOT
         message = (
-            f"a spot at a hole differs from the best fit by {100 * evidence.residual.spot:.0f} % of the step from "
-            f"metal to background (limit {100 * _MOST_SPOT:.0f} %): something lies over it, or balls hide so much of its rim "
-            "that the pose is wrong; remove what lies there, or turn the C-arm by 5°, and take one more image"
+            f"a spot at a hole differs from the best fit by {spot:.0f} % of the step from metal to background (limit "
+            f"{most:.0f} %): something lies over it, or balls hide so much of its rim that the pose is wrong; "
+            "remove what lies there, or turn the C-arm by 5°, and take one more image"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     if evidence.residual.noise_inflation > _MOST_INFLATION:

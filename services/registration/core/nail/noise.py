@@ -17,6 +17,8 @@ _LAGS = 9
 _TAPER_PX = 8.0
 _FILTER_REACH_PX = 7.0
 _PADDING = 8
+# Cores that filter a stack of pictures at once.
+_WORKERS = 2
 _LOWEST_FREQUENCY = 0.06
 # The filter's gain at the highest frequencies is limited to about 7: beyond, it would amplify the grid of pixels.
 _NOISE_FLOOR = 0.02
@@ -67,13 +69,13 @@ class Whitening:
     def apply(self, images: NDArray[Real]) -> NDArray[Real]:
         """Filter images, shape (..., rows, columns), edge values repeated beyond their border."""
         around = [(0, 0)] * (images.ndim - 2) + [(_PADDING, _PADDING)] * 2
-        spectra = fft.rfft2(np.pad(images, around, mode="edge"), self.padded_shape)
+        spectra = fft.rfft2(np.pad(images, around, mode="edge"), self.padded_shape, workers=_WORKERS)
         dark, bright = (self._filtered(spectra, response) for response in (self.dark, self.bright))
         return np.ascontiguousarray(dark + self.brightness.astype(images.dtype) * (bright - dark))
 
     def _filtered(self, spectra: NDArray[np.complexfloating], response: NDArray[np.float64]) -> NDArray[np.floating]:
         rows, columns = self.brightness.shape
-        out = fft.irfft2(spectra * response.astype(spectra.real.dtype), self.padded_shape)
+        out = fft.irfft2(spectra * response.astype(spectra.real.dtype), self.padded_shape, workers=_WORKERS)
         return out[..., _PADDING : _PADDING + rows, _PADDING : _PADDING + columns]
 
 

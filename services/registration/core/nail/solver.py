@@ -62,14 +62,34 @@ class Linear:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sensitivity:
+    """How the model moves with the free parameters, and what background and floor make up for.
+
+    Attributes
+    ----------
+    of_pixels
+        Derivative of the modelled grey values, background and floor held, shape (N, P).
+    of_linear
+        Change of the coefficients of background and floor that follows, shape (M + D, P).
+    cross
+        A'W times the derivative, shape (M + D, P).
+    """
+
+    of_pixels: NDArray[np.float64]
+    of_linear: NDArray[np.float64]
+    cross: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """End of a fit: parameters, linear solution there, and the projected normal matrix of the free parameters.
+    """End of a fit: linear solution and derivatives there, and the projected normal matrix of the free parameters.
 
     `cost` is the sum of weighted squared residuals and priors (twice the negative logarithm of the likelihood, for
     independent pixels).
     """
 
     linear: Linear
+    moves: Sensitivity
     normal_matrix: NDArray[np.float64]
     steps: int
     converged: bool
@@ -143,7 +163,7 @@ def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tole
 def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: float) -> Solution:
     """The same where the start's rays have been traced already."""
     here, damping, converged, steps = solution_for(problem, traced), _LEAST_DAMPING, False, 0
-    normal, gradient = _projected(problem, here)
+    moves, normal, gradient = _projected(problem, here)
     while steps < most_steps and not converged:
         steps += 1
         below, damping = _step_down(problem, here, normal, gradient, damping, tolerance)
@@ -152,8 +172,8 @@ def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: f
             break
         converged = here.cost - below.cost < tolerance
         here = below
-        normal, gradient = _projected(problem, here)
-    return Solution(here, normal, steps, converged)
+        moves, normal, gradient = _projected(problem, here)
+    return Solution(here, moves, normal, steps, converged)
 
 
 def _step_down(
@@ -179,27 +199,7 @@ def _step_down(
     return None, damping
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sensitivity:
-    """How the model moves with the free parameters, and what background and floor make up for.
-
-    Attributes
-    ----------
-    of_pixels
-        Derivative of the modelled grey values, background and floor held, shape (N, P).
-    of_linear
-        Change of the coefficients of background and floor that follows, shape (M + D, P).
-    cross
-        A'W times the derivative, shape (M + D, P).
-    """
-
-    of_pixels: NDArray[np.float64]
-    of_linear: NDArray[np.float64]
-    cross: NDArray[np.float64]
-
-
-def sensitivity(problem: Problem, here: Linear) -> Sensitivity:
-    """Derivatives at a solution."""
+def _sensitivity(problem: Problem, here: Linear) -> Sensitivity:
     look = here.appearance
     step = look.delrin * here.background - here.floor
     changes = derivatives(problem.scene, here.traced, look, problem.free)
@@ -209,13 +209,13 @@ def sensitivity(problem: Problem, here: Linear) -> Sensitivity:
     return Sensitivity(columns, cho_solve(here.factor, cross, check_finite=False), cross)
 
 
-def _projected(problem: Problem, here: Linear) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Normal matrix and gradient of the free parameters after the linear ones have been eliminated."""
-    moves = sensitivity(problem, here)
+def _projected(problem: Problem, here: Linear) -> tuple[Sensitivity, NDArray[np.float64], NDArray[np.float64]]:
+    """Derivatives, then normal matrix and gradient of the free parameters with the linear ones eliminated."""
+    moves = _sensitivity(problem, here)
     weighted = problem.weight[:, None] * moves.of_pixels
     normal = moves.of_pixels.T @ weighted - moves.cross.T @ moves.of_linear
     precision = prior_precision()[problem.free]
     excess = (here.traced.parameters - prior_mean())[problem.free]
     gradient = weighted.T @ here.residual - precision * excess
     normal[np.diag_indices(len(precision))] += precision
-    return normal, gradient
+    return moves, normal, gradient
