@@ -7,6 +7,7 @@ from scipy.ndimage import gaussian_filter
 
 from services.registration.core.nail.noise import (
     correlation_of,
+    covariance_of_sums,
     robust_weight,
     variance_by_brightness,
     whitening_for,
@@ -65,3 +66,16 @@ def test_variance_follows_brightness() -> None:
 def test_outliers_weigh_less_than_their_variance_says() -> None:
     weight = robust_weight(np.array([0.5, 3.0, 30.0]), np.full(3, 4.0))
     assert weight == pytest.approx([0.25, 0.25, 0.25 * 3.0 / 15.0])
+
+
+def test_covariance_of_sums_is_that_of_many_draws() -> None:
+    rng = np.random.default_rng(8)
+    images = np.stack([np.outer(np.hanning(160), np.sin(np.arange(180) / width)) for width in (1.5, 9.0)])
+    noises = np.stack([blurred_noise(1.0, seed) for seed in range(300)])
+    bright = correlation_of(noises[0].ravel(), EVERYWHERE, SHAPE)
+    dark = correlation_of(rng.normal(size=SHAPE).ravel(), EVERYWHERE, SHAPE)
+    brightness = np.tile(np.linspace(0.0, 1.0, 160)[:, None], (1, 180))
+    mixed = np.sqrt(brightness) * noises + np.sqrt(1.0 - brightness) * rng.normal(size=noises.shape)
+    sums = np.einsum("kij,nij->nk", images, mixed)
+    foretold = covariance_of_sums(images, ((dark, 1.0 - brightness), (bright, brightness)))
+    assert np.sqrt(np.diag(foretold)) == pytest.approx(sums.std(axis=0), rel=0.2)

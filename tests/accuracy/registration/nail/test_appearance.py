@@ -1,0 +1,81 @@
+"""How the window looks, and that its derivatives are those of the picture."""
+
+import numpy as np
+import pytest
+
+from services.registration.core.nail.appearance import derivatives, paths, render
+from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
+from services.registration.core.nail.scene import NailScene
+from services.registration.core.nail.stages import EVERYTHING, Detail, Given, scene_at
+from services.registration.core.nail.unknowns import Unknown, prior_mean, within_reason
+from services.registration.core.nail.window import Scale
+from tests.accuracy.registration.nail.fluoroscope import nail_part, posed, shoot
+
+_OF_MATERIAL_AND_DISPLAY = tuple(Unknown)[Unknown.LOG_ATTENUATION : Unknown.CURVE_EXPONENT + 1]
+
+
+def scene_and_parameters() -> tuple[NailScene, np.ndarray]:
+    truth = posed(3.0, -4.0, 20.0)
+    shot = shoot(nail_part("Ti6Al4V", 11.0, 5.3, 4.5), truth, (1.0, -1.0), 3)
+    given = Given(shot.pixels, shot.calibration, shot.nail, shot.occluders)
+    scene = scene_at(given, truth, Detail(Scale(1, 0.0), 3.5, 1.5, 0.015))
+    assert scene is not None
+    parameters = prior_mean()
+    parameters[:POSE_SIZE] = parameters_from_pose(truth, scene.camera, scene.anchors)
+    return scene, parameters
+
+
+@pytest.mark.parametrize("unknown", _OF_MATERIAL_AND_DISPLAY, ids=lambda unknown: unknown.name.lower())
+def test_derivatives_are_those_of_the_picture(unknown: Unknown) -> None:
+    scene, parameters = scene_and_parameters()
+    traced = paths(scene, parameters)
+    free = np.zeros_like(EVERYTHING)
+    free[unknown] = True
+    (found,) = derivatives(scene, traced, render(scene, traced), free)
+    sides = []
+    for by in (0.01, -0.01):
+        moved = parameters.copy()
+        moved[unknown] += by
+        sides.append(render(scene, paths(scene, moved)).visible)
+    expected = (sides[0] - sides[1]) / 0.02
+    # single pixels jump where the number of rays through them changes: the whole is compared
+    assert float(found.visible @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.01)
+    assert np.corrcoef(found.visible, expected)[0, 1] > 0.99
+
+
+def test_light_that_spreads_further_makes_a_hole_brighter_outside_and_darker_inside() -> None:
+    scene, parameters = scene_and_parameters()
+    parameters[Unknown.SHARPENING] = 0.0
+    shares = []
+    for tail in (0.0, 0.4):
+        parameters[Unknown.TAIL_SHARE] = tail
+        shares.append(render(scene, paths(scene, parameters)).visible)
+    without, with_tail = shares
+    dark = without.min() + 0.02
+    assert np.all((with_tail - without)[without < dark] > -1e-6)
+    assert (with_tail - without)[without < dark].max() > 0.01
+    assert (with_tail - without)[without > 0.98].min() < -0.01
+
+
+def test_a_tail_stays_a_share() -> None:
+    parameters = prior_mean()
+    parameters[Unknown.TAIL_SHARE] = -0.5
+    assert within_reason(parameters)[Unknown.TAIL_SHARE] == 0.0
+
+
+def test_a_curve_through_a_known_zero_bends_more_where_the_step_is_larger() -> None:
+    """On a display that shows a power of the intensity, the ratio of intensities follows from the grey values."""
+    scene, parameters = scene_and_parameters()
+    exponent, dark = 0.5, 0.3
+    steps = np.linspace(0.2, 1.5, scene.step.size).reshape(scene.step.shape)
+    usual = 0.6
+    parameters[Unknown.CURVE_EXPONENT] = exponent
+    parameters[Unknown.CURVE] = 0.5 * (1.0 - exponent) * np.log1p(usual / dark) / exponent
+    parameters[Unknown.SHARPENING] = parameters[Unknown.TAIL_SHARE] = 0.0
+    scene.step[:] = steps / usual
+    traced = paths(scene, parameters)
+    half = np.full_like(traced.passed, 0.5)
+    found = render(scene, type(traced)(parameters, half, traced.by_cause)).visible
+    bright = scene.compared(dark + steps)
+    grey = np.sqrt(0.5 * (dark**2 + bright**2))
+    assert found == pytest.approx((grey - dark) / (bright - dark), rel=1e-6)
