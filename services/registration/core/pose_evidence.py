@@ -22,7 +22,7 @@ from shared.geometry.transform import Transform
 
 # What is left of the model's own errors after all that the fit floats: standard deviation of the tilt about the nail's
 # x and y axes, of the turn about its z axis, and of its place across the beam, from independent images and own scenes.
-MODEL_SD_DEG = 0.055
+MODEL_SD_DEG = 0.04
 MODEL_SD_ABOUT_Z_DEG = 0.02
 MODEL_SD_MM = 0.01
 _RIM_POINTS = 8
