@@ -1,7 +1,8 @@
 """Frames of a running fluoroscopy on their way to the record: most of them are looked at for a moment and never again.
 
 A frame belongs to a run when it was received soon after the one before it; everything else is a single shot. What was
-measured in a run's frames is held back until one of them is claimed, or the run has ended.
+measured in a run's frames is held back until one of them is claimed, or the run has ended. A full localisation may take
+longer than what is left of its run: frames that were not among the newest can be claimed for a while afterwards too.
 """
 
 from collections import OrderedDict
@@ -9,7 +10,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
-# A full localisation takes seconds: a frame must be held for so long that it can still be claimed afterwards.
+# Of a run, and of those that have ended. A full localisation takes seconds: a frame must be held for so long that it
+# can still be claimed afterwards.
 MOST_HELD = 256
 
 
@@ -35,6 +37,7 @@ class FluoroscopyRun(Generic[T]):
     def __init__(self, limits: RunLimits) -> None:
         self._limits = limits
         self._held: OrderedDict[str, T] = OrderedDict()
+        self._passed: OrderedDict[str, T] = OrderedDict()
         self._last_ns: int | None = None
 
     def holds(self, sha256: str, received_at_ns: int, value: T) -> bool:
@@ -45,16 +48,25 @@ class FluoroscopyRun(Generic[T]):
             if since_ns is None or not 0 < since_ns < 1e9 * self._limits.interval_s:
                 return False
         self._held[sha256] = value
-        while len(self._held) > MOST_HELD:
-            self._held.popitem(last=False)
+        _bound(self._held)
         return True
 
     def claim(self, sha256: str) -> T | None:
         """What is held of a frame that somebody needs; it is held no longer."""
-        return self._held.pop(sha256, None)
+        value = self._held.pop(sha256, None)
+        return self._passed.pop(sha256, None) if value is None else value
 
     def end(self) -> list[T]:
-        """What is left of a run that has ended: its newest frames, the oldest of them first. Nothing is held then."""
-        left = list(self._held.values())[max(len(self._held) - self._limits.newest, 0) :]
+        """What is left of a run that has ended: its newest frames, the oldest first; the others wait for a claim."""
+        names = list(self._held)
+        newest = [self._held.pop(name) for name in names[max(len(names) - self._limits.newest, 0) :]]
+        self._passed.update(self._held)
+        _bound(self._passed)
         self._held.clear()
-        return left
+        return newest
+
+
+def _bound(frames: OrderedDict[str, T]) -> None:
+    """Forget the oldest."""
+    while len(frames) > MOST_HELD:
+        frames.popitem(last=False)

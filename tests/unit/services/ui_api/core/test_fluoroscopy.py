@@ -51,3 +51,23 @@ def test_a_long_run_takes_no_more_memory_than_a_short_one() -> None:
 def test_nothing_is_left_when_nothing_is_wanted() -> None:
     run, _ = run_of([1.0, 1.1, 1.2], RunLimits(0.5, 0))
     assert run.end() == []
+
+
+def test_a_frame_can_be_claimed_after_its_run_has_ended() -> None:
+    run, _ = run_of([1.0 + 0.1 * k for k in range(20)])
+    assert run.end() == [17, 18, 19]
+    assert run.claim("18") is None
+    assert run.claim("5") == 5
+    assert run.claim("5") is None
+    assert run.end() == []
+
+
+def test_many_runs_take_no_more_memory_than_one() -> None:
+    run, _ = run_of([])
+    for first in range(0, 3 * MOST_HELD, 32):
+        for number in range(first, first + 32):
+            run.holds(str(number), int(1e9 * (1.0 + 0.1 * number)), number)
+        run.end()
+    left = [k for k in range(3 * MOST_HELD) if run.claim(str(k)) is not None]
+    assert len(left) == MOST_HELD
+    assert left[-1] == 3 * MOST_HELD - 4

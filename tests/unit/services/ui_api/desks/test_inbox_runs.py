@@ -61,6 +61,18 @@ def test_of_a_run_the_newest_and_the_localised_frames_are_recorded_whole(tmp_pat
     assert sum(b"distalock/calibration/" in content for content in documents) == len(kept)
 
 
+def test_a_frame_whose_localisation_comes_after_the_run_has_ended_is_recorded_whole(tmp_path: Path) -> None:
+    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
+        case_id = room.open_case()
+        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        shot = frame(room, case_id, FRAMES, 60.0)
+        kept = [run[0], *run[-NEWEST:], shot]
+        room.log.wait_for(lambda: len(calibrated(room, case_id)) == len(kept))
+        room.registration.publish(run[5])
+        room.log.wait_for(lambda: len(case_of(room, case_id).localisations) == 1)
+        assert calibrated(room, case_id) == [one.sha256 for one in (*kept, run[5])]
+
+
 def test_a_run_has_ended_when_no_frame_follows(tmp_path: Path) -> None:
     with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=0.3) as room:
         case_id = room.open_case()
