@@ -41,7 +41,7 @@ def images_in(folder: Path) -> list[Path]:
     Raises
     ------
     InputError
-        When the folder cannot be read.
+        When the folder, or a file in it that may be a DICOM one, cannot be read.
     """
     try:
         return sorted(file for file in folder.iterdir() if file.is_file() and _is_image(file))
@@ -52,8 +52,12 @@ def images_in(folder: Path) -> list[Path]:
 def _is_image(file: Path) -> bool:
     if file.suffix.lower() in _SUFFIXES:
         return True
-    with file.open("rb") as content:
-        return is_dicom(content.read(_DICOM_HEAD))
+    try:
+        with file.open("rb") as content:
+            return is_dicom(content.read(_DICOM_HEAD))
+    except OSError as error:
+        why = error.strerror or error
+        raise InputError(f"{file}: cannot be read: {why}; allow it, or move it out of the folder") from None
 
 
 def read_image_file(file: Path, source: str | None = None) -> ImageFile:

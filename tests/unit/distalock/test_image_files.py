@@ -9,6 +9,9 @@ from distalock.image_files import images_in
 from services.imaging.devices.dicom_file import dicom_of_pixels
 from shared.errors import InputError
 
+# Opens as a file, but nothing can be read at its beginning.
+UNREADABLE = Path("/proc/self/mem")
+
 
 def test_images_are_told_by_their_ending_and_dicom_files_by_their_content(tmp_path: Path) -> None:
     dicom, uid = dicom_of_pixels(np.zeros((8, 8), np.uint16))
@@ -25,3 +28,11 @@ def test_images_are_told_by_their_ending_and_dicom_files_by_their_content(tmp_pa
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"gone: cannot be read: No such file or directory; allow it, or name another"):
         images_in(tmp_path / "gone")
+
+
+@pytest.mark.skipif(not UNREADABLE.exists(), reason="needs Linux's /proc")
+def test_a_file_whose_content_cannot_be_read_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"")
+    (tmp_path / "IM0001").symlink_to(UNREADABLE)
+    with pytest.raises(InputError, match=r"IM0001: cannot be read: .*; allow it, or move it out of the folder"):
+        images_in(tmp_path)
