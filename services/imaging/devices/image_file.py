@@ -48,12 +48,11 @@ def read_image(content: bytes, source: str) -> ReceivedImage:
 
 def _require_whole_png(content: bytes, source: str) -> None:
     """Walk from chunk to chunk to the end mark; the decoder would believe any length and any size, for many seconds."""
-    at, names = len(_PNG), []
-    while at + _PNG_OVERHEAD <= len(content) and b"IEND" not in names:
-        length, name = int.from_bytes(content[at : at + 4], "big"), content[at + 4 : at + 8]
-        names.append(name)
+    at, first, last = len(_PNG), content[len(_PNG) + 4 : len(_PNG) + 8], b""
+    while at + _PNG_OVERHEAD <= len(content) and last != b"IEND":
+        length, last = int.from_bytes(content[at : at + 4], "big"), content[at + 4 : at + 8]
         at += _PNG_OVERHEAD + length
-    if names[:1] != [b"IHDR"] or names[-1] != b"IEND" or at > len(content):
+    if first != b"IHDR" or last != b"IEND" or at > len(content):
         raise ImageUnreadable(
             f"{source}: the PNG of {len(content)} bytes lacks its header or its end mark (damaged or truncated); "
             "send it again"

@@ -73,6 +73,14 @@ def test_a_png_that_claims_to_be_huge_is_refused_before_it_is_decoded() -> None:
         read_image(bytes(content), "file")
 
 
+def test_a_png_of_a_million_empty_chunks_is_walked_through_once() -> None:
+    """To look through all names at every chunk would take hours."""
+    whole = encoded(np.zeros((64, 64), np.uint8), ".png")
+    header, chunk = whole[: 8 + 12 + 13], bytes(4) + b"tEXt" + bytes(4)
+    with pytest.raises(ImageUnreadable, match=LACKING):
+        read_image(header + 1_000_000 * chunk, "file")
+
+
 def test_a_png_without_a_header_is_refused() -> None:
     whole = encoded(np.zeros((64, 64), np.uint8), ".png")
     with pytest.raises(ImageUnreadable, match=LACKING):
