@@ -11,6 +11,10 @@ from shared.geometry.camera import PinholeCamera
 
 _ITERATIONS = 30
 _CAUCHY_SIGMAS = 1.5
+# Variance of the estimate over that of least squares when errors are normal and as large as stated.
+_AS_STATED = 1.16
+_FREEDOM_OF_STATED = 4
+_LEAST_SLOPE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,6 +112,25 @@ def down_weighted(camera: PinholeCamera, pose: RigidPose, seen: Correspondences)
     """The same points with the standard deviations that their weights in `refine_pose` amount to."""
     weight = _cauchy_weights(residuals_px(camera, pose, seen), seen)
     return Correspondences(seen.body_mm, seen.ideal_px, 1.0 / np.sqrt(weight))
+
+
+def covariance_by_residuals(camera: PinholeCamera, pose: RigidPose, seen: Correspondences) -> NDArray[np.float64]:
+    """Covariance of what `refine_pose` found, shape (6, 6), of errors as large as the residuals say.
+
+    Huber's formula for an M-estimate: the least-squares covariance times the mean square of the influence function over
+    the square of its mean slope, with his correction for few points. The stated standard deviations count as a few
+    degrees of freedom, which matters when there are hardly more points than a pose needs.
+    """
+    deviations = residuals_px(camera, pose, seen) / seen.standard_deviation_px[:, None]
+    weight = 1.0 / (1.0 + np.sum(deviations**2, axis=1, keepdims=True) / _CAUCHY_SIGMAS**2)
+    slopes = weight - 2.0 * (deviations / _CAUCHY_SIGMAS * weight) ** 2
+    slope = max(float(slopes.mean()), _LEAST_SLOPE)
+    few = 1.0 + 6.0 / deviations.size * float(slopes.var()) / slope**2
+    freedom = max(deviations.size - 6, 1)
+    found = few**2 * float(np.sum((deviations * weight) ** 2)) / freedom / slope**2
+    scale = (found * freedom + _AS_STATED * _FREEDOM_OF_STATED) / (freedom + _FREEDOM_OF_STATED)
+    plain = pose_covariance(camera, pose, seen, np.zeros((len(seen), len(seen))))
+    return np.asarray(scale * plain)
 
 
 def pose_covariance(

@@ -116,8 +116,8 @@ def _depth_by_distortion(
 
     Of shifts that are common to the holes the guide's balls, which are seen in the same place, have their part.
     """
-    ends = sorted((camera_from_nail @ hole.axis.point_mm for hole in nail.holes), key=lambda p: float(p[0]))
-    px = calibration.image_from_camera(np.array([ends[0], ends[-1]]))
+    along = sorted((hole.axis.point_mm for hole in nail.holes), key=lambda point: float(point[0]))
+    px = calibration.image_from_camera(camera_from_nail.points(np.array([along[0], along[-1]])))
     deviation = float(np.sqrt(np.sum(calibration.distortion.standard_deviation_at(px) ** 2)))
     apart = float(np.linalg.norm(px[1] - px[0])) / DISTORTION_CORRELATION_PX
     deviation *= np.sqrt(1.0 - np.exp(-0.5 * apart**2))

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from services.registration.core.guidance.nail import FollowedNail, Look
+from services.registration.core.nail.judgement import CLEAR_VIEW
 from shared.errors import Reason, ReasonCode
 
-LEAST_OPENING = 0.35
 LEAST_CONTRAST_TO_NOISE = 3.0
 LARGEST_STRUCTURE = 2.5
 LARGEST_UNEXPLAINED = 0.02
@@ -62,11 +62,13 @@ def _blurred(nail: FollowedNail, look: Look) -> tuple[Reason, ...]:
 
 def _covered(nail: FollowedNail) -> tuple[Reason, ...]:
     reasons = []
+    clearest = max(nail.holes, key=lambda hole: hole.opening)
     for hole in nail.holes:
-        if hole.opening < LEAST_OPENING:
+        least = CLEAR_VIEW.of_best if hole is clearest else CLEAR_VIEW.of_others
+        if not hole.opening >= least:
             message = (
                 f"hole '{hole.id}' shows {100.0 * hole.opening:.0f} % of its disc in this frame (limit "
-                f"{100.0 * LEAST_OPENING:.0f} %); move what covers it, or keep the hole inside the image"
+                f"{100.0 * least:.0f} %); move what covers it, or keep the hole inside the image"
             )
             reasons.append(Reason(ReasonCode.HOLE_NOT_VISIBLE, message))
         elif hole.contrast_to_noise < LEAST_CONTRAST_TO_NOISE:

@@ -10,6 +10,7 @@ from services.registration.core.guide.search import GuideIdentity, search_guide
 from services.registration.core.pose import (
     Correspondences,
     RigidPose,
+    covariance_by_residuals,
     down_weighted,
     pose_covariance,
     residuals_px,
@@ -29,7 +30,6 @@ LEAST_IDENTIFIED = 7
 LEAST_MARGIN = 3
 DISTORTION_CORRELATION_PX = 80.0
 _MOST_DISCS = 70
-_SCALE_PER_CHI2, _FREEDOM_OF_STATED = 1.0 / (0.42 * 1.4), 4
 _RADIUS_RANGE = (0.55, 1.5)
 _SURROUNDINGS_PX = 60.0
 
@@ -197,10 +197,12 @@ def _guide_fit(
 ) -> GuideFit:
     chosen = down_weighted(calibration.camera, pose, seen.chosen(used))
     residual = residuals_px(calibration.camera, pose, chosen)
-    freedom = max(2 * len(chosen) - 6, 1)
-    chi2 = float(np.sum(residual**2 / chosen.standard_deviation_px[:, None] ** 2)) / freedom
-    scale = _scale_of_errors(chi2, freedom)
-    covariance = scale * pose_covariance(calibration.camera, pose, chosen, _shared_error(calibration, chosen))
+    shared = _shared_error(calibration, chosen)
+    nothing_shared = np.zeros_like(shared)
+    # what neighbours share does not show in the residuals: it counts as stated
+    by_shared = pose_covariance(calibration.camera, pose, chosen, shared)
+    by_shared -= pose_covariance(calibration.camera, pose, chosen, nothing_shared)
+    covariance = covariance_by_residuals(calibration.camera, pose, seen.chosen(used)) + by_shared
     return GuideFit(
         camera_from_guide=Transform.from_rotation_translation(pose.rotation, pose.translation_mm),
         covariance=read_only(covariance),
@@ -211,16 +213,6 @@ def _guide_fit(
         reprojection_rms_px=float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))),
         runner_up_margin=margin,
     )
-
-
-def _scale_of_errors(chi2: float, freedom: int) -> float:
-    """By how much the pose's variance differs from what the balls' standard deviations say, from the residuals.
-
-    The sum of squares is counted with weights that fall with the residual: of normal errors of the size that was stated
-    it leaves 0.42 of the degrees of freedom, while the covariance with these weights is 1.4 times too large. With few
-    degrees of freedom what was stated counts as some of them.
-    """
-    return (_SCALE_PER_CHI2 * chi2 * freedom + _FREEDOM_OF_STATED) / (freedom + _FREEDOM_OF_STATED)
 
 
 def _shared_error(calibration: CArmCalibration, chosen: Correspondences) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ The opening of a bore is the overlap of two nearly equal circles, so that a tilt
 On a smoothed and reduced image the likelihood has hardly any optimum but these two, whatever the start.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ _FURTHER_TILTS_RAD = np.radians([(6.0, 6.0), (6.0, -6.0), (-6.0, 6.0), (-6.0, -6
 _DISTINCT_RAD = float(np.radians(1.5))
 _SCREENING_STEPS, _MOST_STEPS = 4, 10
 _TOLERANCE = 2.0
+_MOST_RESTARTS = 3
 POSE_ONLY = np.arange(PARAMETERS) < POSE_SIZE
 ANCHORS_ONLY = np.arange(PARAMETERS) < Unknown.PITCH_RAD
 
@@ -56,6 +58,32 @@ def without_repetition(found: list[Optimum]) -> list[Optimum]:
         if all(angle_between_rad(candidate.z_camera, other.z_camera) > _DISTINCT_RAD for other in kept):
             kept.append(candidate)
     return kept
+
+
+def brought_to_rest(
+    end: Optimum, look_nearby: Callable[[Optimum], Optimum], go_on: Callable[[Optimum], Optimum]
+) -> tuple[Optimum, float]:
+    """Follow an end of a fit to where nothing nearby costs less; that optimum, and the cost of the next.
+
+    If the tilt costs less elsewhere, the fit had not ended in an optimum: balls over a hole had stopped it. The search
+    goes on from there. Ends left behind stay rivals; a search that does not come to rest has no margin at all.
+
+    Parameters
+    ----------
+    look_nearby
+        The best fit with the tilt held some degrees away.
+    go_on
+        The end of a fit from there with everything free.
+    """
+    ends = [end]
+    for _ in range(_MOST_RESTARTS + 1):
+        nearby = look_nearby(ends[-1])
+        best, *others = without_repetition(ends)
+        if nearby.solution.cost >= best.solution.cost:
+            return best, min([nearby.solution.cost, *(other.solution.cost for other in others)])
+        ends.append(go_on(nearby))
+    best = min(ends, key=lambda o: o.solution.cost)
+    return best, best.solution.cost
 
 
 def optimum_of(scene: NailScene, solution: Solution) -> Optimum:

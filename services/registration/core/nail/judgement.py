@@ -94,7 +94,7 @@ class Evidence:
 
 
 def reasons_against(evidence: Evidence) -> tuple[Reason, ...]:
-    """Why the fit must be refused; empty when it may be used."""
+    """Why the fit must be refused; empty when it may be used. What is no number is a reason too."""
     return (*_unseen_holes(evidence), *_mismatch(evidence), *_ambiguity(evidence))
 
 
@@ -186,13 +186,13 @@ def _unseen_holes(evidence: Evidence) -> list[Reason]:
 
 
 def _unseen(view: HoleView, least_opening: float) -> Iterator[Reason]:
-    if view.opening < least_opening:
+    if not view.opening >= least_opening:
         message = (
             f"hole '{view.id}' shows {100 * view.opening:.0f} % of its disc (limit {100 * least_opening:.0f} %); "
             "turn the C-arm towards the hole's axis, or move what covers it, and take one more image"
         )
         yield Reason(ReasonCode.HOLE_NOT_VISIBLE, message)
-    elif view.contrast_to_noise < _LEAST_CONTRAST_TO_NOISE:
+    elif not view.contrast_to_noise >= _LEAST_CONTRAST_TO_NOISE:
         message = (
             f"hole '{view.id}' is {view.contrast_to_noise:.1f} standard deviations of the noise brighter than the "
             f"metal around it (limit {_LEAST_CONTRAST_TO_NOISE:.1f}); raise the dose and take one more image"
@@ -204,20 +204,20 @@ def _mismatch(evidence: Evidence) -> list[Reason]:
     reasons = []
     measured = (("holes measure", evidence.hole_radius_excess_mm), ("nail measures", evidence.nail_radius_excess_mm))
     for what, excess in measured:
-        if abs(excess) > _MOST_RADIUS_EXCESS_MM:
+        if not abs(excess) <= _MOST_RADIUS_EXCESS_MM:
             message = (
                 f"the {what} {2 * excess:+.2f} mm in diameter against the nail file "
                 f"(limit {2 * _MOST_RADIUS_EXCESS_MM:.2f} mm); check that the file is that of the implanted nail"
             )
             reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
-    if evidence.residual.structure > _MOST_STRUCTURE:
+    if not evidence.residual.structure <= _MOST_STRUCTURE:
         message = (
             f"the residual along the nail's edges is {evidence.residual.structure:.1f} times that elsewhere "
             f"(limit {_MOST_STRUCTURE:.1f}); check the nail file, remove what lies over the holes, "
             "and take one more image"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
-    if evidence.residual.spot > _MOST_SPOT:
+    if not evidence.residual.spot <= _MOST_SPOT:
         spot, most = 100.0 * evidence.residual.spot, 100.0 * _MOST_SPOT
         message = (
             f"a spot at a hole differs from the best fit by {spot:.0f} % of the step from metal to background (limit "
@@ -225,7 +225,7 @@ def _mismatch(evidence: Evidence) -> list[Reason]:
             "remove what lies there, or turn the C-arm by 5°, and take one more image"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
-    if evidence.residual.noise_inflation > _MOST_INFLATION:
+    if not evidence.residual.noise_inflation <= _MOST_INFLATION:
         message = (
             f"after removal of the noise's own correlation the residuals around the nail still go together over "
             f"{evidence.residual.noise_inflation:.1f} pixels (limit {_MOST_INFLATION:.0f}): something that the nail "

@@ -9,12 +9,13 @@ from services.registration.core.nail.capture import (
     ANCHORS_ONLY,
     POSE_ONLY,
     Optimum,
+    brought_to_rest,
     distinct_optima,
     optimum_of,
     without_repetition,
 )
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
-from services.registration.core.nail.solver import Problem, Solution, minimise, minimise_from
+from services.registration.core.nail.solver import Problem, minimise, minimise_from
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
@@ -32,7 +33,6 @@ from shared.geometry.transform import Transform
 _HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 11.0
 _CENTRING_STEPS, _WEIGHING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 3, 8, 3
 _LOOSE, _TIGHT = 2.0, 0.2
-_MOST_RESTARTS = 3
 _TILTS = [Unknown.PITCH_RAD, Unknown.ROLL_RAD]
 _NEARBY_RAD = np.radians([(3.0, 0.0), (-3.0, 0.0), (0.0, 3.0), (0.0, -3.0)])
 
@@ -89,38 +89,32 @@ def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | No
         start = first.parameters.copy()
         start[:POSE_SIZE] = parameters_from_pose(rival, scene.camera, scene.anchors)
         optima.append(optimum_of(scene, minimise(problem, start, _MIDDLE_STEPS, _TIGHT)))
-    best, runner_up = _best_and_next(problem, without_repetition(optima))
-    return Winner(best.parameters, scene.pose(best.parameters), 0.5 * (runner_up - best.cost))
+    best, *others = without_repetition(optima)
+    if others:
+        runner_up = others[0].solution.cost
+    else:
+        best, runner_up = brought_to_rest(best, lambda end: _nearby(problem, end), lambda end: _free(problem, end))
+    parameters = best.solution.parameters
+    return Winner(parameters, scene.pose(parameters), 0.5 * (runner_up - best.solution.cost))
 
 
-def _best_and_next(problem: Problem, optima: list[Optimum]) -> tuple[Solution, float]:
-    """Best solution, and the cost of the next: another optimum, or what the best costs with its tilt held elsewhere.
-
-    If it costs less elsewhere it was no optimum, but an end of a fit that balls over a hole had stopped: the search
-    goes on from there.
-    """
-    best = optima[0].solution
-    if len(optima) > 1:
-        return best, optima[1].solution.cost
-    for _ in range(_MOST_RESTARTS):
-        nearby = _nearby(problem, best)
-        if nearby.cost >= best.cost:
-            break
-        best = minimise_from(problem, nearby.linear.traced, _MIDDLE_STEPS, _TIGHT)
-    return best, nearby.cost
+def _free(problem: Problem, held: Optimum) -> Optimum:
+    """Where a fit with its tilt held ends once it is free."""
+    solution = minimise_from(problem, held.solution.linear.traced, _MIDDLE_STEPS, _TIGHT)
+    return optimum_of(problem.scene, solution)
 
 
-def _nearby(problem: Problem, best: Solution) -> Solution:
+def _nearby(problem: Problem, best: Optimum) -> Optimum:
     """Best of the fits with the tilt held 3° away in four directions."""
     free = EVERYTHING.copy()
     free[_TILTS] = False
     held = replace(problem, free=free)
     found = []
     for tilt in _NEARBY_RAD:
-        start = best.parameters.copy()
+        start = best.solution.parameters.copy()
         start[_TILTS] += tilt
         found.append(minimise(held, start, _NEARBY_STEPS, _LOOSE))
-    return min(found, key=lambda solution: solution.cost)
+    return optimum_of(problem.scene, min(found, key=lambda solution: solution.cost))
 
 
 def _from_pose(problem: Problem, pose: Transform[Camera, Nail]) -> NDArray[np.float64]:

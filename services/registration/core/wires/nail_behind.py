@@ -24,7 +24,7 @@ from services.registration.core.wires.find import WIRE_DIAMETER_MM, find_wire
 from services.registration.core.wires.fit import WireFit
 from services.registration.core.wires.nail_start import nail_beside_guide
 from services.registration.core.wires.view import MARGIN_PX, WireView, prepare_view
-from shared.errors import Accepted, Reason, Rejected
+from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
@@ -36,6 +36,7 @@ _END_SIGMAS = 2.0
 # What a wire leaves of a hole tells the pose as well as its covariance says: only hardly anything is too little.
 _BESIDE_WIRES = LeastOpenings(0.15, 0.1)
 _SAME_DEG, _SAME_MM = 0.3, 0.1
+_RESTLESS_DEG, _RESTLESS_MM = 1.0, 0.3
 
 
 def localise_behind_wires(
@@ -65,18 +66,21 @@ def _fitted(
     view: WireView, parts: Parts, start: Transform[Camera, Nail], margins_px: tuple[float, ...]
 ) -> Accepted[NailEstimate] | Rejected | None:
     """Wires, nail, and again until it stays; None when there is no wire around a nail that was fitted."""
-    pose = start
+    pose, seen = start, False
     for margin_px in margins_px:
         wires = _wires(view, parts, view.camera_from_guide.inverse() @ pose, margin_px)
         if not wires and margin_px == MARGIN_PX:
-            return None
+            return Rejected((_lost_again(),)) if seen else None
+        seen = bool(wires)
         measured = _measured_beside(view, parts, pose, wires)
         if isinstance(measured, Rejected):
             return measured
         found = measured.value
         moved, pose = pose.inverse() @ found.camera_from_nail, found.camera_from_nail
-        if wires and _small(moved):
+        if wires and _within(moved, _SAME_DEG, _SAME_MM):
             break
+    if not _within(moved, _RESTLESS_DEG, _RESTLESS_MM):
+        return Rejected((_restless(moved),))
     reasons = reasons_against(replace(found.evidence(parts.nail), least_openings=_BESIDE_WIRES))
     if reasons:
         return Rejected(reasons)
@@ -85,10 +89,34 @@ def _fitted(
     return Accepted(NailEstimate(found.camera_from_nail, covariance, found.mirror_margin, misfit))
 
 
-def _small(motion: Transform[Nail, Nail]) -> bool:
-    """Whether a motion of the nail changes nothing about where wires are looked for."""
-    turn_deg = float(np.degrees(np.linalg.norm(motion.rotation_vector_rad)))
-    return turn_deg < _SAME_DEG and float(np.linalg.norm(motion.translation_mm[:2])) < _SAME_MM
+def _within(motion: Transform[Nail, Nail], turn_deg: float, shift_mm: float) -> bool:
+    return _turn_deg(motion) < turn_deg and _shift_mm(motion) < shift_mm
+
+
+def _turn_deg(motion: Transform[Nail, Nail]) -> float:
+    return float(np.degrees(np.linalg.norm(motion.rotation_vector_rad)))
+
+
+def _shift_mm(motion: Transform[Nail, Nail]) -> float:
+    """Across the holes: depth is neither well known nor of consequence here."""
+    return float(np.linalg.norm(motion.translation_mm[:2]))
+
+
+def _restless(moved: Transform[Nail, Nail]) -> Reason:
+    return Reason(
+        ReasonCode.NAIL_MODEL_MISMATCH,
+        f"nail and wires do not come to rest together: the nail's last fit moved it by {_shift_mm(moved):.1f} mm and "
+        f"{_turn_deg(moved):.1f}° (limits {_RESTLESS_MM:g} mm and {_RESTLESS_DEG:g}°); add an image from before the "
+        "wires, or turn the C-arm by 5° and take one more image",
+    )
+
+
+def _lost_again() -> Reason:
+    return Reason(
+        ReasonCode.WIRE_NOT_FOUND,
+        "wires were found in front of the nail, and after the nail was fitted beside them 0 of them (limit: as many as "
+        "before); add an image from before the wires, or turn the C-arm by 5° and take one more image",
+    )
 
 
 def _measured_beside(

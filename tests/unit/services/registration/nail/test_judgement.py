@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from services.registration.core.nail.judgement import (
@@ -75,6 +76,23 @@ def test_each_limit_has_its_reason(evidence: Evidence, code: ReasonCode, words: 
 
 def test_one_hole_in_full_and_a_part_of_the_other_are_enough() -> None:
     assert reasons_against(replace(GOOD, holes=(HoleView("distal", 0.15, 12.0), GOOD.holes[1]))) == ()
+
+
+@pytest.mark.parametrize(
+    "evidence",
+    [
+        replace(GOOD, holes=(HoleView("distal", np.nan, 12.0), GOOD.holes[1])),
+        replace(GOOD, holes=(HoleView("distal", 0.9, np.nan), GOOD.holes[1])),
+        replace(GOOD, hole_radius_excess_mm=np.nan),
+        replace(GOOD, nail_radius_excess_mm=np.nan),
+        replace(GOOD, residual=ResidualStatistics(800.0, np.nan, 5.0, 0.1)),
+        replace(GOOD, residual=ResidualStatistics(800.0, 1.1, np.nan, 0.1)),
+        replace(GOOD, residual=ResidualStatistics(800.0, 1.1, 5.0, np.nan)),
+        replace(GOOD, mirror_margin=np.nan),
+    ],
+)
+def test_what_is_no_number_is_refused(evidence: Evidence) -> None:
+    assert len(reasons_against(evidence)) >= 1
 
 
 def test_a_nail_outside_the_image_names_its_holes() -> None:
