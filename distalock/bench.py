@@ -14,6 +14,7 @@ BENCHMARKS: Final = {
     "accuracy": "a thousand random scenes with random parts, by the model and by the paper's method, and the limit",
     "independent_images": "every method on images that others rendered, where there is a folder of them",
     "cramer_rao": "the smallest error possible in one random scene, and what it is made of",
+    "noise_draws": "scenes under many draws of noise: what is scatter, what stays, what was predicted",
     "ball_detection": "balls covered in part, beside OpenCV's detectors, correlation and the Cramér-Rao limit",
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
     "display": "the same pictures with other curves, edges, bit depths and compression",
@@ -36,7 +37,7 @@ BENCHMARKS: Final = {
     "verification": "K-wires from one image, from a pair, and with one from before the wires",
     "procedure": "twenty seeded procedures in the virtual operating room",
 }
-WITH_OPTIONS: Final = ("accuracy", "independent_images", "cramer_rao")
+WITH_OPTIONS: Final = ("accuracy", "independent_images", "cramer_rao", "noise_draws")
 
 
 def run_benchmarks(names: Sequence[str], options: Sequence[str] = ()) -> int:

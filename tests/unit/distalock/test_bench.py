@@ -34,6 +34,7 @@ def test_others_have_none(names: list[str], capsys: pytest.CaptureFixture[str]) 
         ("accuracy", ["--report", "/none/page.md"], "cannot be written: there is no folder /none"),
         ("cramer_rao", ["--seed", "x"], "'x' is not a seed from 0 to"),
         ("independent_images", ["--nope"], "unrecognized arguments: --nope"),
+        ("noise_draws", ["--draws", "1"], "'1' is not a number of draws from 2 to"),
     ],
 )
 def test_wrong_options_of_a_benchmark_are_one_line(
