@@ -122,7 +122,10 @@ def test_missing_and_foreign_files(command: str, files: dict[str, Path], capsys:
 def test_three_images_with_wires_are_too_many(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     names = [str(files["image"])] * 2
     assert main(["verify", *names, *locate(files)[1:]]) == EXIT_BAD_INPUT
-    assert "3 images with wires were given (limit 2: a lateral and an oblique one); leave out" in one_sentence(capsys)
+    assert (
+        "3 images with wires were given (limit 2: a lateral and an oblique one); leave the others out"
+        in one_sentence(capsys)
+    )
 
 
 @pytest.mark.parametrize(
