@@ -20,7 +20,8 @@ from services.registration.core.wires.view import PreparedView
 from shared.geometry.lines import Line, read_only
 
 LEAST_SEEN_PX, LEAST_SEEN_SHARE = 7.0, 0.6
-_SAME_MM, _TEMPER = 0.15, 0.5
+# The outline is read at neighbouring points, whose errors go together: likelihoods of rivals count with this share.
+_SAME_MM, _TEMPER = 0.15, 0.7
 # A wire yields by so much to pass a hole that it would not quite meet.
 _GIVES_MM = 0.3
 _REACHES_PX = (6.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.5, 2.5, 2.5, 2.5)
