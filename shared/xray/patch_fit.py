@@ -24,7 +24,6 @@ LEAST_PIXELS = 30
 
 # Columns of what is known of discs before a fit.
 X, Y, CENTRE_SD, RADIUS, RADIUS_SD = 0, 1, 2, 3, 4
-PRIOR_COLUMNS = 5
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION
 from services.registration.core.nail.solver import Linear, Problem, Solution
 from services.registration.core.nail.stages import Noise
 from services.registration.core.nail.window import Window
@@ -21,7 +22,6 @@ _MOST_INFLATION = 10.0
 _LEAST_MIRROR_MARGIN = 8.0
 _MOST_SPOT, _CERTAIN, _LEAST_STEP = 0.3, 8.0, 0.3
 _STRUCTURE_BLUR_PX, _SPOT_BLUR_PX = 2.0, 1.0
-_MEDIAN_TO_DEVIATION = 1.4826
 _ABOUT_HOLE_MM = 1.0
 _RIM = (0.03, 0.97)
 
@@ -165,7 +165,7 @@ def _spot(problem: Problem, linear: Linear, noise: Noise) -> float:
         near |= np.hypot(window.along_mm - x, window.across_mm - y) < 0.5 * hole.diameter_mm + _ABOUT_HOLE_MM
     step = np.abs(linear.appearance.delrin * linear.background - linear.floor)
     deviations = np.abs(_smoothed(window, linear.residual / np.sqrt(noise.variance)))
-    certain = deviations > _CERTAIN * _MEDIAN_TO_DEVIATION * np.median(deviations)
+    certain = deviations > _CERTAIN * MEDIAN_TO_DEVIATION * np.median(deviations)
     share = np.abs(_smoothed(window, linear.residual)) / np.maximum(step, _LEAST_STEP * np.median(step))
     return float(share[near & certain].max(initial=0.0))
 

@@ -24,7 +24,7 @@ _LOWEST_FREQUENCY = 0.06
 _NOISE_FLOOR = 0.02
 _BRIGHTNESS_CLASSES = 12
 _OUTLIER_DEVIATIONS = 3.0
-_MEDIAN_TO_DEVIATION = 1.4826
+MEDIAN_TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +154,7 @@ def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.f
         if np.count_nonzero(members) < 2 * _BRIGHTNESS_CLASSES:
             continue
         brightness.append(float(modelled[members].mean()))
-        variance.append(float((_MEDIAN_TO_DEVIATION * np.median(np.abs(residual[members]))) ** 2))
+        variance.append(float((MEDIAN_TO_DEVIATION * np.median(np.abs(residual[members]))) ** 2))
     least = 1e-3 * max(variance) + 1e-12
     return np.asarray(np.interp(modelled, brightness, np.maximum(variance, least)))
 

@@ -12,6 +12,8 @@ from services.registration.core.nail.window import Scale
 from tests.accuracy.registration.nail.fluoroscope import nail_part, posed, shoot
 
 _OF_MATERIAL_AND_DISPLAY = tuple(Unknown)[Unknown.LOG_ATTENUATION : Unknown.CURVE_EXPONENT + 1]
+# Not the step of the differences that are tested.
+_OWN_STEP = 0.004
 
 
 def scene_and_parameters() -> tuple[NailScene, np.ndarray]:
@@ -28,16 +30,17 @@ def scene_and_parameters() -> tuple[NailScene, np.ndarray]:
 @pytest.mark.parametrize("unknown", _OF_MATERIAL_AND_DISPLAY, ids=lambda unknown: unknown.name.lower())
 def test_derivatives_are_those_of_the_picture(unknown: Unknown) -> None:
     scene, parameters = scene_and_parameters()
+    parameters[Unknown.LOG_SHARPENING_WIDTH_PX] = np.log(2.4)
     traced = paths(scene, parameters)
     free = np.zeros_like(EVERYTHING)
     free[unknown] = True
     (found,) = derivatives(scene, traced, render(scene, traced), free)
     sides = []
-    for by in (0.01, -0.01):
+    for by in (_OWN_STEP, -_OWN_STEP):
         moved = parameters.copy()
         moved[unknown] += by
         sides.append(render(scene, paths(scene, moved)).visible)
-    expected = (sides[0] - sides[1]) / 0.02
+    expected = (sides[0] - sides[1]) / (2.0 * _OWN_STEP)
     # single pixels jump where the number of rays through them changes: the whole is compared
     assert float(found.visible @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.01)
     assert np.corrcoef(found.visible, expected)[0, 1] > 0.99
