@@ -1,4 +1,4 @@
-"""Pose of a rigid body from where its points appear in the image: robust least squares with an honest covariance."""
+"""Pose of a rigid body from where its points appear in the image: robust least squares."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,7 @@ from services.registration.core.pose_kernel import Seen, jacobian_row, refined
 from shared.geometry.camera import PinholeCamera
 
 _ITERATIONS = 30
-_CAUCHY_SIGMAS = 1.5
-# Variance of the estimate over that of least squares when errors are normal and as large as stated.
-_AS_STATED = 1.16
-_FREEDOM_OF_STATED = 4
-_LEAST_SLOPE = 0.1
+CAUCHY_SIGMAS = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +92,7 @@ def refine_pose(
         Seen(
             np.ascontiguousarray(seen.body_mm),
             np.ascontiguousarray(seen.ideal_px),
-            _CAUCHY_SIGMAS * seen.standard_deviation_px,
+            CAUCHY_SIGMAS * seen.standard_deviation_px,
         ),
         most_steps,
     )
@@ -104,7 +100,7 @@ def refine_pose(
 
 
 def _cauchy_weights(residual: NDArray[np.float64], seen: Correspondences) -> NDArray[np.float64]:
-    ratio = np.sum(residual**2, axis=1) / (_CAUCHY_SIGMAS * seen.standard_deviation_px) ** 2
+    ratio = np.sum(residual**2, axis=1) / (CAUCHY_SIGMAS * seen.standard_deviation_px) ** 2
     return np.asarray(1.0 / ((1.0 + ratio) * seen.standard_deviation_px**2))
 
 
@@ -114,45 +110,13 @@ def down_weighted(camera: PinholeCamera, pose: RigidPose, seen: Correspondences)
     return Correspondences(seen.body_mm, seen.ideal_px, 1.0 / np.sqrt(weight))
 
 
-def covariance_by_residuals(camera: PinholeCamera, pose: RigidPose, seen: Correspondences) -> NDArray[np.float64]:
-    """Covariance of what `refine_pose` found, shape (6, 6), of errors as large as the residuals say.
-
-    Huber's formula for an M-estimate: the least-squares covariance times the mean square of the influence function over
-    the square of its mean slope, with his correction for few points. The stated standard deviations count as a few
-    degrees of freedom, which matters when there are hardly more points than a pose needs.
-    """
-    deviations = residuals_px(camera, pose, seen) / seen.standard_deviation_px[:, None]
-    weight = 1.0 / (1.0 + np.sum(deviations**2, axis=1, keepdims=True) / _CAUCHY_SIGMAS**2)
-    slopes = weight - 2.0 * (deviations / _CAUCHY_SIGMAS * weight) ** 2
-    slope = max(float(slopes.mean()), _LEAST_SLOPE)
-    few = 1.0 + 6.0 / deviations.size * float(slopes.var()) / slope**2
-    freedom = max(deviations.size - 6, 1)
-    found = few**2 * float(np.sum((deviations * weight) ** 2)) / freedom / slope**2
-    scale = (found * freedom + _AS_STATED * _FREEDOM_OF_STATED) / (freedom + _FREEDOM_OF_STATED)
-    plain = pose_covariance(camera, pose, seen, np.zeros((len(seen), len(seen))))
-    return np.asarray(scale * plain)
-
-
-def pose_covariance(
-    camera: PinholeCamera, pose: RigidPose, seen: Correspondences, common_covariance_px2: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Covariance of a fitted pose when neighbouring points share an error (the distortion's).
-
-    Weighted least squares with the weights of independent errors, covariance by the sandwich formula.
-
-    Parameters
-    ----------
-    common_covariance_px2
-        Covariance per axis of the errors that points share, shape (N, N), besides the independent ones.
+def pose_covariance(camera: PinholeCamera, pose: RigidPose, seen: Correspondences) -> NDArray[np.float64]:
+    """Covariance of a pose fitted to points with independent errors of the stated size.
 
     Returns
     -------
     NDArray
         Shape (6, 6): rotation vector (rad) and translation (mm) in the body's frame, as `RigidPose.moved` takes them.
     """
-    J = projection_jacobian(camera, pose, seen.body_mm)
-    weighted = J / seen.standard_deviation_px[:, None, None] ** 2
-    inverse = np.linalg.inv(np.einsum("nik,nil->kl", weighted, J))
-    total = common_covariance_px2 + np.diag(seen.standard_deviation_px**2)
-    spread = np.einsum("nik,nm,mil->kl", weighted, total, weighted)
-    return np.asarray(inverse @ spread @ inverse)
+    J = projection_jacobian(camera, pose, seen.body_mm) / seen.standard_deviation_px[:, None, None]
+    return np.asarray(np.linalg.inv(np.einsum("nik,nil->kl", J, J)))

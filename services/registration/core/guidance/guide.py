@@ -87,7 +87,7 @@ def _judged(
         )
         return Rejected((Reason(ReasonCode.MOTION_BLUR, message),))
     weighed = down_weighted(calibration.camera, pose, seen)
-    covariance = pose_covariance(calibration.camera, pose, weighed, np.zeros((len(seen), len(seen))))
+    covariance = pose_covariance(calibration.camera, pose, weighed)
     found: Transform[Camera, Guide] = Transform.from_rotation_translation(pose.rotation, pose.translation_mm)
     return Accepted(FollowedGuide(found, covariance, len(seen), rms_px))
 

@@ -5,16 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.correlated_pose import fit_with_shared_errors
 from services.registration.core.guide.measurement import Look, measured_and_fitted_twice, ring_shadows, shrinkage
 from services.registration.core.guide.search import GuideIdentity, search_guide
-from services.registration.core.pose import (
-    Correspondences,
-    RigidPose,
-    covariance_by_residuals,
-    down_weighted,
-    pose_covariance,
-    residuals_px,
-)
+from services.registration.core.pose import Correspondences, RigidPose, residuals_px
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
@@ -49,7 +43,8 @@ class GuideFit:
     used
         Balls the pose rests on, shape (N,).
     ideal_px, standard_deviation_px
-        Undistorted pixels, shape (N, 2), and their standard deviations, shape (N,), as the fit used them.
+        Undistorted pixels, shape (N, 2), and the standard deviations of the balls' own errors, shape (N,), as the fit
+        used them.
     balls_expected
         N.
     reprojection_rms_px
@@ -195,17 +190,12 @@ def _guide_fit(
     used: NDArray[np.bool_],
     margin: int,
 ) -> GuideFit:
-    chosen = down_weighted(calibration.camera, pose, seen.chosen(used))
-    residual = residuals_px(calibration.camera, pose, chosen)
-    shared = _shared_error(calibration, chosen)
-    nothing_shared = np.zeros_like(shared)
-    # what neighbours share does not show in the residuals: it counts as stated
-    by_shared = pose_covariance(calibration.camera, pose, chosen, shared)
-    by_shared -= pose_covariance(calibration.camera, pose, chosen, nothing_shared)
-    covariance = covariance_by_residuals(calibration.camera, pose, seen.chosen(used)) + by_shared
+    chosen = seen.chosen(used)
+    fit = fit_with_shared_errors(calibration.camera, pose, chosen, _shared_error(calibration, chosen))
+    residual = residuals_px(calibration.camera, fit.pose, chosen)
     return GuideFit(
-        camera_from_guide=Transform.from_rotation_translation(pose.rotation, pose.translation_mm),
-        covariance=read_only(covariance),
+        camera_from_guide=Transform.from_rotation_translation(fit.pose.rotation, fit.pose.translation_mm),
+        covariance=read_only(fit.covariance),
         used=used,
         ideal_px=read_only(seen.ideal_px),
         standard_deviation_px=read_only(seen.standard_deviation_px),
@@ -217,7 +207,8 @@ def _guide_fit(
 
 def _shared_error(calibration: CArmCalibration, chosen: Correspondences) -> NDArray[np.float64]:
     """Covariance per axis of the distortion's error at the balls: neighbours share it, shape (N, N)."""
-    apart = np.linalg.norm(chosen.ideal_px[:, None] - chosen.ideal_px[None], axis=-1)
-    deviation = calibration.distortion.standard_deviation_at(chosen.ideal_px)
-    correlation = np.exp(-0.5 * (apart / DISTORTION_CORRELATION_PX) ** 2) - np.eye(len(chosen))
+    measured_px = calibration.distortion.distort(chosen.ideal_px)
+    apart = np.linalg.norm(measured_px[:, None] - measured_px[None], axis=-1)
+    deviation = calibration.distortion.standard_deviation_at(measured_px)
+    correlation = np.exp(-0.5 * (apart / DISTORTION_CORRELATION_PX) ** 2)
     return np.asarray(deviation[:, None] * deviation[None] * correlation)

@@ -66,7 +66,7 @@ def ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
 
 
 def measured_and_fitted_twice(look: Look, pose: RigidPose) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
-    """Measure all balls where the pose puts them and fit the pose to them, twice."""
+    """Measure all balls where the pose puts them and fit the pose to them as if no error were shared, twice."""
     pose, seen, used = _measured_and_fitted(look, pose, _settings(look.calibration, _FIRST_DRIFT_PX))
     if np.count_nonzero(used) < 4:
         return pose, seen, used
@@ -90,14 +90,16 @@ def _measured_and_fitted(
     balls, alone = _measured(look, pose, settings)
     candidates = balls.seen & alone
     seen = _correspondences(look.calibration, look.guide, balls)
+    doubt_px = np.hypot(seen.standard_deviation_px, _distortion_deviation(look.calibration, balls))
+    unsure = Correspondences(seen.body_mm, seen.ideal_px, doubt_px)
     used = candidates
     for _ in range(_REJECTION_ROUNDS):
         if np.count_nonzero(used) < 4:
             break
-        pose = refine_pose(camera, pose, seen.chosen(used))
+        pose = refine_pose(camera, pose, unsure.chosen(used))
         distance = np.linalg.norm(residuals_px(camera, pose, seen), axis=1)
-        scale = max(1.0, float(np.median(distance[used] / seen.standard_deviation_px[used])) / _MEDIAN_OF_RAYLEIGH)
-        inliers = candidates & (distance < OUTLIER_SIGMAS * scale * seen.standard_deviation_px)
+        scale = max(1.0, float(np.median(distance[used] / doubt_px[used])) / _MEDIAN_OF_RAYLEIGH)
+        inliers = candidates & (distance < OUTLIER_SIGMAS * scale * doubt_px)
         if np.array_equal(inliers, used):
             break
         used = inliers
@@ -115,9 +117,14 @@ def _measured(look: Look, pose: RigidPose, settings: MeasurementSettings) -> tup
 
 
 def _correspondences(calibration: CArmCalibration, guide: GuidePart, balls: BallMeasurements) -> Correspondences:
+    """Where balls were seen, with the standard deviations of their own errors: not those of the distortion."""
     centre = np.where(balls.seen[:, None], balls.centre_px, 0.0)
-    distortion = calibration.distortion.standard_deviation_at(centre)
-    deviation = np.sqrt(balls.standard_deviation_px**2 + distortion**2 + _SYSTEMATIC_PX**2)
+    deviation = np.hypot(balls.standard_deviation_px, _SYSTEMATIC_PX)
     return Correspondences(
         guide.balls.position_mm, calibration.distortion.undistort(centre), np.where(balls.seen, deviation, 1.0)
     )
+
+
+def _distortion_deviation(calibration: CArmCalibration, balls: BallMeasurements) -> NDArray[np.float64]:
+    """Standard deviation of the distortion at the balls that were seen, shape (N,)."""
+    return calibration.distortion.standard_deviation_at(np.where(balls.seen[:, None], balls.centre_px, 0.0))

@@ -153,10 +153,9 @@ def _guide_fit(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose, 
     deviation = np.where(used, _CENTRE_SD_PX, 1.0)
     seen = Correspondences(guide.balls.position_mm, ideal, deviation).chosen(used)
     off = residuals_px(calibration.camera, pose, seen)
-    independent = np.zeros((len(seen), len(seen)))
     return GuideFit(
         camera_from_guide=Transform.from_rotation_translation(pose.rotation, pose.translation_mm),
-        covariance=read_only(pose_covariance(calibration.camera, pose, seen, independent)),
+        covariance=read_only(pose_covariance(calibration.camera, pose, seen)),
         used=used,
         ideal_px=read_only(ideal),
         standard_deviation_px=read_only(deviation),
