@@ -2,21 +2,26 @@
 
 Known to the limit, as they are to a perfect method: parts, C-arm, guide, where the balls are, noise, and the spectra of
 the background. Unknown: the nail's pose (6), the radii of holes and nail, the chamfers, the metal's attenuation, the
-blur, a floor that varies linearly, the display's curve (3) and edge enhancement (2); those with a width in `PRIORS` are
-known to that width, as they are to our own fit. The background is a random field that multiplies the signal:
-trabecular texture with the spectrum that the renderer has (measured on renders of the same bone with other texture and
-without metal), and soft tissue and bone as a smooth field of 20 % and 12 mm.
+blur (3), a floor that varies linearly, the display's curve (3) and edge enhancement (2); those with a width in
+`PRIORS` are known to that width, as they are to our own fit. The background is a random field that multiplies the
+signal: trabecular texture with the spectrum that the renderer has (measured on renders of the same bone with other
+texture and without metal), and soft tissue and bone as a smooth field of 20 % and 12 mm.
 
 With the derivatives J of the expected signal (differences of renders) and the covariance C of noise and background, the
-information is J' C⁻¹ J. C has the quanta and the texture, both correlated by the detector's blur, white noise, and the
-rounding of the grey values. Taken to be so: over the few pixels of the blur, brightness changes the size of noise and
-texture, not their correlation; the two holes' backgrounds are independent; only pixels within 3 mm of a hole count.
+information is J' C⁻¹ J. A pixel at an edge is rendered from a few samples of its area and of the focal spot, so J has
+an error, and J' C⁻¹ J would count the error's square as information: a limit too low. So J is rendered twice, from
+samples that have nothing in common, and the information is the symmetric part of J₁' C⁻¹ J₂, whose mean is without
+this bias whatever the number of samples.
 
-usage: distalock bench cramer_rao [--seed N]   (what the limit is made of, in one of the random scenes)
+C has the quanta and the texture, both correlated by the detector's blur, white noise, and the rounding of the grey
+values. Taken to be so: over the few pixels of the blur, brightness changes the size of noise and texture, not their
+correlation; the two holes' backgrounds are independent; only pixels within 3 mm of a hole count.
+
+usage: distalock bench cramer_rao [--seed N] [--samples N]   (what the limit is made of, in one of the random scenes)
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +29,7 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.linalg import cho_factor, cho_solve
 
+from benchmarks.cramer_rao_crop import SAMPLES
 from benchmarks.cramer_rao_images import SceneImages, scene_images
 from distalock.arguments import OneLineParser, seed_number
 from shared.geometry.parts import Hole, NailPart, hole_surface_points
@@ -33,6 +39,7 @@ Floats = NDArray[np.float64]
 SEED = 5003
 SMOOTH_SHARE, _SMOOTH_MM = 0.2, 12.0
 _KNOWN = 1e12
+_COUNTS = tuple(2**k for k in range(4, 11))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +58,33 @@ def axis_limits(scenario: Scenario) -> tuple[AxisLimit, ...]:
 
 def limits_of(images: SceneImages, nail: NailPart, smooth_share: float = SMOOTH_SHARE) -> tuple[AxisLimit, ...]:
     """Limits of all holes, from what shaped the image; `smooth_share` is the size of the background's smooth field."""
+    of_pose = _inverse(_information(images, smooth_share), images.scenario.seed)[:6, :6]
+    return tuple(_limit(nail, hole, of_pose) for hole in nail.holes)
+
+
+def _information(images: SceneImages, smooth_share: float) -> Floats:
+    """What is known beforehand and what the counted pixels tell, shape (6 + P, 6 + P)."""
     information = np.diag(images.prior_precision)
     for counted in images.counted:
-        columns = images.derivatives[:, counted]
+        one, other = images.derivatives[:, :, counted]
         covariance = pixel_covariance(images, counted, smooth_share)
         factor = cho_factor(covariance, lower=True, overwrite_a=True, check_finite=False)
-        information += columns @ cho_solve(factor, columns.T, check_finite=False)
-    of_pose = np.asarray(np.linalg.inv(information), dtype=np.float64)[:6, :6]
-    return tuple(_limit(nail, hole, of_pose) for hole in nail.holes)
+        told = one @ cho_solve(factor, other.T, check_finite=False)
+        information += 0.5 * (told + told.T)
+    return information
+
+
+def _inverse(information: Floats, seed: int) -> Floats:
+    """Refused unless every direction has some information, which that of two sets need not have."""
+    scale = np.sqrt(np.abs(np.diag(information)))
+    least = float(np.linalg.eigvalsh(information / scale / scale[:, None])[0])
+    if not least > 0.0:
+        raise ValueError(
+            f"the least eigenvalue of the information in the scene of seed {seed} is {least:.2g}, with 1 on the "
+            "diagonal, and must be above 0: its two sets of rays differ by too much; "
+            f"trace more (SAMPLES in cramer_rao_crop.py, now {SAMPLES})"
+        )
+    return np.asarray(np.linalg.inv(information), dtype=np.float64)
 
 
 def _limit(nail: NailPart, hole: Hole, covariance: Floats) -> AxisLimit:
@@ -106,30 +132,36 @@ def _smooth_spectrum(shape: tuple[int, int], length_px: float) -> Floats:
     return np.asarray(power / fft.irfft2(power, shape)[0, 0])
 
 
+def _cases(images: SceneImages) -> Iterator[tuple[str, SceneImages, float]]:
+    """Name of a case, what shapes the image in it, and the size of the background's smooth field."""
+    yield "as it is", images, SMOOTH_SHARE
+    same_twice = replace(images, derivatives=images.derivatives[[0, 0]])
+    yield "with the rays' noise taken for information", same_twice, SMOOTH_SHARE
+    plain = replace(images, texture_samples=1e-3 * images.texture_samples)
+    yield "without texture", plain, SMOOTH_SHARE
+    yield "on a flat background", plain, 1e-3
+    shapes, all_else = images.prior_precision.copy(), images.prior_precision.copy()
+    shapes[6:9], all_else[6:] = _KNOWN, _KNOWN
+    yield "radii and chamfers known", replace(images, prior_precision=shapes), SMOOTH_SHARE
+    yield "all but the pose known", replace(images, prior_precision=all_else), SMOOTH_SHARE
+
+
 def main(arguments: Sequence[str] = ()) -> int:
     """Print the limit in one scene, and what it would be if more were known."""
     from benchmarks.random_scenes import scene_of_seed  # which needs this module
 
     parser = OneLineParser(prog="distalock bench cramer_rao", description="the limit in one of the random scenes")
     parser.add_argument("--seed", type=seed_number, default=SEED, help=f"seed of the scene ({SEED})")
-    seed = parser.parse_args(list(arguments)).seed
-    scenario = scene_of_seed(seed)
-    images, nail = scene_images(scenario), scenario.parts.nail
-    plain = replace(images, texture_samples=1e-3 * images.texture_samples)
-    shapes, all_else = images.prior_precision.copy(), images.prior_precision.copy()
-    shapes[6:9], all_else[6:] = _KNOWN, _KNOWN
-    texture = float(images.texture_samples[:, images.counted.any(axis=0)].std())
+    more = "rays in each of an edge pixel's two sets"
+    parser.add_argument("--samples", type=int, choices=_COUNTS, default=SAMPLES, help=f"{more} ({SAMPLES})")
+    given = parser.parse_args(list(arguments))
+    scenario = scene_of_seed(given.seed)
+    images, nail = scene_images(scenario, given.samples), scenario.parts.nail
+    texture = 100.0 * float(images.texture_samples[:, images.counted.any(axis=0)].std())
     dose = scenario.exposure.photons_per_px
-    print(
-        f"scene {seed}: {nail.material}, {dose:.0f} quanta a pixel, texture {100.0 * texture:.1f} % of the background"
-    )
-    for name, limits in (
-        ("as it is", limits_of(images, nail)),
-        ("without texture", limits_of(plain, nail)),
-        ("on a flat background", limits_of(plain, nail, 1e-3)),
-        ("radii and chamfers known", limits_of(replace(images, prior_precision=shapes), nail)),
-        ("all but the pose known", limits_of(replace(images, prior_precision=all_else), nail)),
-    ):
+    print(f"scene {given.seed}: {nail.material}, {dose:.0f} quanta a pixel, texture {texture:.1f} % of the background")
+    for name, known, smooth_share in _cases(images):
+        limits = limits_of(known, nail, smooth_share)
         print(f"| {name} | {max(limit.axis_deg for limit in limits):.4f}° |", flush=True)
     return 0
 

@@ -14,14 +14,32 @@ Floats = NDArray[np.float64]
 _LOG_STEP, _SHARE_STEP = 0.04, 0.02
 
 
-def blurred(scenario: Scenario, image: Floats, log_wider: float = 0.0) -> Floats:
-    """The detector's blur without its halo."""
-    image, e = np.ascontiguousarray(image, dtype=np.float64), scenario.exposure
-    parts = [
-        cv2.GaussianBlur(image, (0, 0), s * np.exp(log_wider), borderType=cv2.BORDER_REPLICATE)
-        for s in (e.blur_px, e.tail_px)
-    ]
-    return np.asarray((1.0 - e.glare_share) * ((1.0 - e.tail_share) * parts[0] + e.tail_share * parts[1]))
+@dataclass(frozen=True, slots=True)
+class Blur:
+    """The detector's blur without its halo: a narrow Gaussian, and a share that goes into a wide one."""
+
+    narrow_px: float
+    wide_px: float
+    wide_share: float
+
+    def of(self, image: Floats) -> Floats:
+        """The image after it."""
+        narrow, wide = (
+            cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+            for sigma in (self.narrow_px, self.wide_px)
+        )
+        return np.asarray((1.0 - self.wide_share) * narrow + self.wide_share * wide)
+
+
+def _blur_of(scenario: Scenario) -> Blur:
+    e = scenario.exposure
+    return Blur(e.blur_px, e.tail_px, e.tail_share)
+
+
+def blurred(scenario: Scenario, image: Floats) -> Floats:
+    """The image after the detector's blur without its halo."""
+    kept = 1.0 - scenario.exposure.glare_share
+    return np.asarray(kept * _blur_of(scenario).of(np.ascontiguousarray(image, dtype=np.float64)))
 
 
 def averaged(scenario: Scenario, image: Floats) -> Floats:
@@ -62,10 +80,10 @@ def derivatives_after_tracing(
     where: tuple[slice, slice],
     shown: Shown,
 ) -> Iterator[Floats]:
-    """Of the signal by the blur, a linear floor, the display's curve and its edge enhancement."""
-    around = np.ascontiguousarray(signal, dtype=np.float64)
-    wider, narrower = (blurred(scenario, around, s * _LOG_STEP) for s in (0.5, -0.5))
-    yield ((wider - narrower) / _LOG_STEP)[where]
+    """Of the signal by the blur (3), a linear floor (3), the display's curve (3) and its edge enhancement (2)."""
+    for more, less, step in _blurs_to_either_side(_blur_of(scenario)):
+        around = np.ascontiguousarray(signal, dtype=np.float64)
+        yield ((1.0 - scenario.exposure.glare_share) * (more.of(around) - less.of(around)) / step)[where]
     level = float(np.median(seen))
     shape = seen[where].shape
     yield np.full(shape, level)
@@ -85,6 +103,20 @@ def derivatives_after_tracing(
         _unsharpened(scenario, np.asarray(-max(display.sharpening, 0.05) * (wide[1] - wide[2]) / 0.04, np.float64))
         / slope
     )[where]
+
+
+def _blurs_to_either_side(blur: Blur) -> Iterator[tuple[Blur, Blur, float]]:
+    """Blurs half a step to either side and the step: in log width, in the wide one's share, in its own log width."""
+    step = _LOG_STEP
+    wider, narrower = float(np.exp(0.5 * step)), float(np.exp(-0.5 * step))
+    yield _widened(blur, wider, wider), _widened(blur, narrower, narrower), step
+    more, less = (replace(blur, wide_share=blur.wide_share + s * _SHARE_STEP) for s in (0.5, -0.5))
+    yield more, less, _SHARE_STEP
+    yield _widened(blur, 1.0, wider), _widened(blur, 1.0, narrower), step
+
+
+def _widened(blur: Blur, narrow_by: float, wide_by: float) -> Blur:
+    return replace(blur, narrow_px=narrow_by * blur.narrow_px, wide_px=wide_by * blur.wide_px)
 
 
 def _unsharpened(scenario: Scenario, image: Floats) -> Floats:

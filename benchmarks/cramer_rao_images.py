@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.cramer_rao_crop import Crop, crop_about_holes
+from benchmarks.cramer_rao_crop import SAMPLES, Crop, crop_about_holes
 from benchmarks.cramer_rao_display import Shown, averaged, blurred, derivatives_after_tracing
 from shared.geometry.frames import Nail
 from shared.geometry.parts import NailPart
@@ -25,7 +25,9 @@ from simulation.world import World, starting_state, world_at
 
 Floats = NDArray[np.float64]
 _TEXTURES = 4
-# Steps of the pose: rotation vector (rad) and translation (mm) in the nail's frame; its depth hardly moves the image.
+# Steps of the pose: rotation vector (rad) and translation (mm) in the nail's frame, the last along the holes' ray,
+# where it only changes how large they appear. Along the nail's own z so long a step would move them across the image
+# as well, farther than a derivative allows, and the error would look like information on the depth.
 _POSE_STEPS = (*np.radians([0.3, 0.3, 0.3]).tolist(), 0.05, 0.05, 2.0)
 _RADIUS_STEP_MM, _CHAMFER_STEP_MM, _LOG_STEP = 0.05, 0.1, 0.04
 _USUAL_CHAMFER_MM = 0.4
@@ -36,6 +38,8 @@ PRIORS = {
     "chamfer, mm": 0.15,
     "log attenuation": 0.5,
     "log blur": 0.35,
+    "share of the wide blur": 0.15,
+    "log width of the wide blur": 0.2,
     "floor": np.inf,
     "floor along columns": np.inf,
     "floor along rows": np.inf,
@@ -56,7 +60,8 @@ class SceneImages:
     counted
         Pixels that count: near one hole and not clipped, shape (holes, rows, columns).
     derivatives
-        Of the expected signal by the pose and then by the unknowns of `PRIORS`, shape (6 + P, rows, columns).
+        Of the expected signal by the pose and then by the unknowns of `PRIORS`, shape (2, 6 + P, rows, columns): twice,
+        with errors from the rays' samples that have nothing in common.
     prior_precision
         Shape (6 + P,).
     quanta, white
@@ -87,33 +92,35 @@ class SceneImages:
         return np.asarray((1.0 - e.glare_share) * ((1.0 - e.tail_share) * narrow + e.tail_share * wide))
 
 
-def scene_images(scenario: Scenario) -> SceneImages:
-    """Everything about the first image of a scene."""
+def scene_images(scenario: Scenario, samples: int = SAMPLES) -> SceneImages:
+    """Everything about the first image of a scene; `samples` rays, a power of two, in each set of an edge's pixel."""
     world = world_at(scenario, starting_state(scenario))
     balls = balls_in_view(scenario, world)
     packed = pack_scene(scenario, world, balls)
     primary = trace_primary(scenario, world, packed)
     signal = detector.noise_free_signal(primary, scenario.detector, scenario.exposure, scenario.c_arm.pixel_mm)
     seen = detector.detected(signal, scenario.exposure, scenario.c_arm.pixel_mm)
-    crop = crop_about_holes(scenario, world, packed, primary)
+    crop = crop_about_holes(scenario, world, packed, primary, samples)
     where = (crop.rows, crop.columns)
     loss = _loss(scenario)[where].astype(np.float64)
-    derivatives = [blurred(scenario, loss * d) for d in _traced_derivatives(scenario, world, balls, crop)]
+    traced = [
+        np.stack([blurred(scenario, loss * by_one_set) for by_one_set in derivative])
+        for derivative in _traced_derivatives(scenario, world, balls, crop)
+    ]
     shown = Shown(scenario, seen, np.asarray(detector.window(scenario.detector, scenario.c_arm.size_px)))
-    derivatives += list(derivatives_after_tracing(scenario, signal, seen, where, shown))
-    samples = _texture_samples(scenario, world, crop)
+    after = np.stack(list(derivatives_after_tracing(scenario, signal, seen, where, shown)))
     exposure = scenario.exposure
     rounding = (1.0 / (2**scenario.display.bits - 1)) ** 2 / 12.0 / shown.slope()[where] ** 2
     return SceneImages(
         counted=crop.holes & shown.unclipped()[where],
-        derivatives=np.stack(derivatives),
+        derivatives=np.concatenate([np.stack(traced, axis=1), np.stack([after, after])], axis=1),
         prior_precision=np.array([0.0] * 6 + [sd**-2.0 for sd in PRIORS.values()]),
         quanta=averaged(
             scenario, signal[where].astype(np.float64) * float(np.median(signal)) / exposure.photons_per_px
         ),
         white=(exposure.electronic_noise * float(np.median(seen))) ** 2 + rounding,
         gain=averaged(scenario, loss * primary[where]),
-        texture_samples=samples,
+        texture_samples=_texture_samples(scenario, world, crop),
         px_per_mm=_px_per_mm(world),
         scenario=scenario,
     )
@@ -131,16 +138,11 @@ def _loss(scenario: Scenario) -> NDArray[np.float32]:
 
 
 def _traced_derivatives(scenario: Scenario, world: World, balls: BallsInView, crop: Crop) -> Iterator[Floats]:
-    """Of the primary radiation: by the pose, the radii of holes and nail, the chamfers, the metal's attenuation."""
-    for k, step in enumerate(_POSE_STEPS):
-        sides = []
-        for sign in (0.5, -0.5):
-            motion = np.zeros(6)
-            motion[k] = sign * step
-            moved: Transform[Nail, Nail] = Transform.from_rotvec(motion[:3], motion[3:])
-            elsewhere = replace(world, beam_from_nail=world.beam_from_nail @ moved)
-            sides.append(crop.primary(pack_scene(scenario, elsewhere, balls)))
-        yield (sides[0] - sides[1]) / step
+    """Of the primary radiation: by the pose, the radii of holes and nail, the chamfers, the metal's attenuation.
+
+    Each of shape (2, rows, columns), by either set of samples.
+    """
+    yield from _pose_derivatives(scenario, world, balls, crop)
     for k, step in enumerate((_RADIUS_STEP_MM, _RADIUS_STEP_MM, _CHAMFER_STEP_MM)):
         sides = [
             crop.primary(pack_scene(_with_nail(scenario, _changed(scenario.parts.nail, k, s * step)), world, balls))
@@ -151,6 +153,29 @@ def _traced_derivatives(scenario: Scenario, world: World, balls: BallsInView, cr
     metal = Material(packed.nail_material)
     sides = [crop.primary(packed, _denser(crop.beam, metal, s * _LOG_STEP)) for s in (0.5, -0.5)]
     yield (sides[0] - sides[1]) / _LOG_STEP
+
+
+def _pose_derivatives(scenario: Scenario, world: World, balls: BallsInView, crop: Crop) -> Floats:
+    """By a small motion (rad, mm) of the nail in its own frame, shape (6, 2, rows, columns)."""
+    motions = _pose_steps(world, scenario.parts.nail)
+    changes = []
+    for motion in motions:
+        sides = []
+        for sign in (0.5, -0.5):
+            moved: Transform[Nail, Nail] = Transform.from_rotvec(sign * motion[:3], sign * motion[3:])
+            elsewhere = replace(world, beam_from_nail=world.beam_from_nail @ moved)
+            sides.append(crop.primary(pack_scene(scenario, elsewhere, balls)))
+        changes.append(sides[0] - sides[1])
+    return np.asarray(np.tensordot(np.linalg.inv(motions), np.stack(changes), axes=1))
+
+
+def _pose_steps(world: World, nail: NailPart) -> Floats:
+    """Motions (rad, mm) of the nail in its own frame, shape (6, 6), one a row."""
+    motions = np.diag(_POSE_STEPS)
+    middle = np.mean([hole.axis.point_mm for hole in nail.holes], axis=0)
+    ray = world.beam_from_nail.rotation.T @ (world.beam_from_nail @ middle)
+    motions[5, 3:] = _POSE_STEPS[5] * ray / np.linalg.norm(ray)
+    return motions
 
 
 def _changed(nail: NailPart, which: int, by_mm: float) -> NailPart:
