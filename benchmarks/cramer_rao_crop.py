@@ -27,8 +27,8 @@ class Crop:
     """A part of the image that can be traced by itself: its pixels' places on the detector, and which rays are traced.
 
     `holes`, shape (holes, rows, columns): pixels near each hole; `near`, shape (rows, columns): those and what the blur
-    mixes with them; `edges`: those of them over which the signal bends. `samples`, shape (2, S, 4): an edge pixel's rays,
-    as `sample_sets` draws them.
+    mixes with them; `edges`: those of them over which the signal bends. `samples`, shape (2, S, 4): an edge pixel's
+    rays, as `sample_sets` draws them.
     """
 
     rows: slice
