@@ -11,5 +11,5 @@ R = TypeVar("R")
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function to machine code on first use and keep the result on disk."""
-    machine_code: Callable[P, R] = numba.njit(cache=True, error_model="numpy")(function)
+    machine_code: Callable[P, R] = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
     return machine_code

@@ -24,7 +24,7 @@ from shared.geometry.transform import Transform
 # x and y axes, of the turn about its z axis, and of its place across the beam, from independent images and own scenes.
 MODEL_SD_DEG = 0.04
 MODEL_SD_ABOUT_Z_DEG = 0.02
-MODEL_SD_MM = 0.01
+MODEL_SD_MM = 0.007
 _RIM_POINTS = 8
 
 

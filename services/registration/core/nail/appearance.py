@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import Real, blurred_image
-from services.registration.core.nail.pixel_rays import SAMPLES_PX
+from services.registration.core.nail.pixel_rays import SAMPLES_PX, PixelRays
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, rotation_and_translation
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.shade import DERIVATIVES, MOTION_SIZE
@@ -26,17 +26,22 @@ from services.registration.core.nail.unknowns import (
 )
 from services.registration.core.nail.window import Window
 from shared.geometry.parts import Hole, NailPart
+from shared.two_cores import mapped, on_both_halves
 
 _STRAIGHT = 1e-6
-_STEP = 0.02
+# One-sided: what the second derivative adds is below a per cent.
+_STEP = 0.005
 # Share of the grey value that may be gone on the way from dark to bright, for falling curves.
 _LEAST_RISE = -0.9
 # Of the usual grey value of the floor, counted from black.
 _LEAST_FLOOR = 0.2
 _MOST_CURVE = 5.0
+# Fewer are done sooner than handed to another core.
+_LEAST_RAYS, _LEAST_PICTURES = 1000, 2
 # Unknowns in the order of the kernel's derivatives, then those that act on the picture afterwards.
 _OF_PATHS = tuple(Unknown)[: Unknown.POWER + 1]
 _OF_BLUR = (Unknown.LOG_BLUR_PX, Unknown.TAIL_SHARE, Unknown.LOG_TAIL_WIDTH)
+_OF_CURVE = (Unknown.CURVE, Unknown.CURVE_EXPONENT)
 _OF_DISPLAY = tuple(Unknown)[Unknown.LOG_BLUR_PX : Unknown.CURVE_EXPONENT + 1]
 
 
@@ -72,32 +77,52 @@ def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
     window, count = scene.window, len(scene.window.support)
     passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES))
     steel_mm = STEEL_IN_NAIL_MATERIAL[scene.nail.material] * window.steel_mm
-    trace(window.rays, SAMPLES_PX, window.crossed, steel_mm, _nail_shape(scene, parameters), passed, by_cause)
+    shape = _nail_shape(scene, parameters)
+
+    def trace_part(part: slice) -> None:
+        rays = PixelRays(*(of_all[part] for of_all in window.rays))
+        trace(rays, SAMPLES_PX, window.crossed[part], steel_mm[part], shape, passed[part], by_cause[part])
+
+    on_both_halves(trace_part, count, _LEAST_RAYS)
     return Paths(parameters, _on_rectangle(window, passed, 1.0), by_cause)
 
 
 def render(scene: NailScene, traced: Paths) -> Appearance:
     """How the window looks."""
     display = _display(scene, traced.parameters)
-    bent = display.bent(display.blurred(traced.passed))
     delrin = np.exp(-traced.parameters[Unknown.DELRIN_PER_MM] * scene.body_mm)
-    return Appearance(scene.compared(display.sharpened(bent)), delrin)
+    return Appearance(scene.compared(display.stages(traced.passed).sharpened), delrin)
 
 
 def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray[np.bool_]) -> list[Appearance]:
     """Derivatives of the appearance by the free parameters, in their order; in single precision, which is plenty."""
     display = _display(scene, traced.parameters)
-    blurred = display.blurred(traced.passed)
-    slope = display.slope(blurred).astype(np.float32)
-    pictures = [
-        *(display.sharpened(slope * display.blurred(p)) for p in _paths_derivatives(scene, traced, free)),
-        *(_display_derivative(u, scene, traced, blurred) for u in _OF_DISPLAY if free[u]),
-    ]
+    stages = display.stages(traced.passed)
+    slope = display.slope(stages.blurred).astype(np.float32)
+    by_paths = mapped(
+        lambda p: display.sharpened(slope * display.blurred(p)),
+        _paths_derivatives(scene, traced, free),
+        _LEAST_PICTURES,
+    )
+    by_display = mapped(
+        lambda unknown: _display_derivative(unknown, scene, traced, stages),
+        [unknown for unknown in _OF_DISPLAY if free[unknown]],
+        _LEAST_PICTURES,
+    )
     unchanged = np.zeros_like(look.visible)
-    columns = [Appearance(visible, unchanged) for visible in scene.compared(np.stack(pictures))]
+    columns = [Appearance(visible, unchanged) for visible in scene.compared(np.stack([*by_paths, *by_display]))]
     if free[Unknown.DELRIN_PER_MM]:
         columns.append(Appearance(unchanged, -scene.body_mm * look.delrin))
     return columns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stages:
+    """The share that passes after each thing that happens to it, on the whole rectangle, shape of it."""
+
+    blurred: NDArray[np.float64]
+    bent: NDArray[np.float64]
+    sharpened: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,6 +142,12 @@ class _Display:
     exponent: float
     sharpening: float
     width_px: float
+
+    def stages(self, passed: NDArray[np.float64]) -> _Stages:
+        """All that happens, one after the other."""
+        blurred = self.blurred(passed)
+        bent = self.bent(blurred)
+        return _Stages(blurred, bent, self.sharpened(bent))
 
     def blurred(self, image: NDArray[Real]) -> NDArray[Real]:
         """As the detector blurs the intensity."""
@@ -182,21 +213,17 @@ def _paths_derivatives(scene: NailScene, traced: Paths, free: NDArray[np.bool_])
         yield _on_rectangle(scene.window, values, 0.0)
 
 
-def _display_derivative(
-    unknown: Unknown,
-    scene: NailScene,
-    traced: Paths,
-    blurred: NDArray[np.float64],
-) -> NDArray[np.float32]:
-    """Derivative of the visible share by one of the display's parameters: a central difference."""
-    sides = []
-    for by in (0.5 * _STEP, -0.5 * _STEP):
-        moved = traced.parameters.copy()
-        moved[unknown] += by
-        display = _display(scene, moved)
-        share = display.blurred(traced.passed) if unknown in _OF_BLUR else blurred
-        sides.append(display.sharpened(display.bent(share)))
-    return np.asarray((sides[0] - sides[1]) / _STEP, dtype=np.float32)
+def _display_derivative(unknown: Unknown, scene: NailScene, traced: Paths, before: _Stages) -> NDArray[np.float32]:
+    """Derivative of the visible share by one of the display's parameters: a difference, from where it first acts."""
+    moved = traced.parameters.copy()
+    moved[unknown] += _STEP
+    display = _display(scene, moved)
+    bent = before.bent
+    if unknown in _OF_BLUR:
+        bent = display.bent(display.blurred(traced.passed))
+    elif unknown in _OF_CURVE:
+        bent = display.bent(before.blurred)
+    return np.asarray((display.sharpened(bent) - before.sharpened) / _STEP, dtype=np.float32)
 
 
 def _nail_shape(scene: NailScene, parameters: NDArray[np.float64]) -> NailShape:

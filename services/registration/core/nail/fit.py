@@ -159,5 +159,5 @@ def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise
     problem = whitened(problem, here, noise_of(problem, here))
     solution = minimise_from(problem, here.traced, _FIRST_STEPS, _TOLERANCE)
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
-    solution = minimise_from(problem, solution.linear.traced, _LAST_STEPS, _TOLERANCE)
+    solution = minimise_from(problem, solution.linear.traced, _LAST_STEPS, _TOLERANCE, solution.moves)
     return problem, solution, noise_of(problem, solution.linear)

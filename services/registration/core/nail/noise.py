@@ -15,13 +15,13 @@ from services.registration.core.nail.blur import Real
 
 _LAGS = 9
 _TAPER_PX = 8.0
-_FILTER_REACH_PX = 7.0
-_PADDING = 8
+_FILTER_REACH_PX = 9.0
+_PADDING = 9
 # Cores that filter a stack of pictures at once.
 _WORKERS = 2
 _LOWEST_FREQUENCY = 0.06
 # The filter's gain at the highest frequencies is limited to about 7: beyond, it would amplify the grid of pixels.
-_NOISE_FLOOR = 0.02
+_NOISE_FLOOR = 0.002
 _BRIGHTNESS_CLASSES = 12
 _OUTLIER_DEVIATIONS = 3.0
 MEDIAN_TO_DEVIATION = 1.4826

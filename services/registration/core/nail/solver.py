@@ -10,6 +10,7 @@ from services.registration.core.nail.appearance import Appearance, Paths, deriva
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.texture import SplineField, accumulate_normal_equations
 from services.registration.core.nail.unknowns import prior_mean, prior_precision, within_reason
+from shared.two_cores import on_both_halves
 
 _LEAST_RIDGE = 1e-9
 _LEAST_CURVATURE = 1e-3
@@ -19,6 +20,11 @@ _LEAST_DAMPING, _DAMPING_AFTER_FAILURE, _MOST_DAMPING = 1e-3, 0.1, 1e6
 _DAMPING_FACTOR = 10.0
 # A step that promises less than this part of the tolerance is not worth tracing the rays for.
 _HOPELESS = 0.3
+# The normal equations of fewer are done sooner than handed to another core.
+_LEAST_PIXELS = 5000
+# Derivatives are renewed once the parameters are so many standard deviations away: taking them costs five times what
+# the rays cost, and that far they change by some per cent.
+_CLOSE_DEVIATIONS = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +73,8 @@ class Sensitivity:
 
     Attributes
     ----------
+    at
+        All parameters where `of_pixels` was taken, shape (PARAMETERS,).
     of_pixels
         Derivative of the modelled grey values, background and floor held, shape (N, P).
     of_linear
@@ -75,14 +83,24 @@ class Sensitivity:
         A'W times the derivative, shape (M + D, P).
     """
 
+    at: NDArray[np.float64]
     of_pixels: NDArray[np.float64]
     of_linear: NDArray[np.float64]
     cross: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Equations:
+    """What a step follows from: derivatives, normal matrix, shape (P, P), and gradient, shape (P,)."""
+
+    moves: Sensitivity
+    normal_matrix: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """End of a fit: linear solution and derivatives there, and the projected normal matrix of the free parameters.
+    """End of a fit: linear solution, derivatives there or close by, projected normal matrix of the free parameters.
 
     `cost` is the sum of weighted squared residuals and priors (twice the negative logarithm of the likelihood, for
     independent pixels).
@@ -135,21 +153,25 @@ def _normal_equations(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     field = problem.field
     total = field.size + dense.shape[1]
-    matrix = np.zeros((total, total))
-    right = np.zeros((total, targets.shape[1]))
-    accumulate_normal_equations(
-        field.order,
-        field.corner,
-        field.along_weights,
-        field.across_weights,
-        field.grid[1],
-        gain,
-        dense,
-        problem.weight,
-        targets,
-        matrix,
-        right,
-    )
+
+    def of_part(part: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        sums = np.zeros((total, total)), np.zeros((total, targets.shape[1]))
+        accumulate_normal_equations(
+            field.order[part],
+            field.corner,
+            field.along_weights,
+            field.across_weights,
+            field.grid[1],
+            gain,
+            dense,
+            problem.weight,
+            targets,
+            *sums,
+        )
+        return sums
+
+    halves = on_both_halves(of_part, len(field.order), _LEAST_PIXELS)
+    matrix, right = (np.sum(sums, axis=0) for sums in zip(*halves, strict=True))
     matrix[: field.size, : field.size] += problem.texture_precision * field.roughness
     matrix[np.diag_indices(total)] += _LEAST_RIDGE * np.trace(matrix) / total
     return matrix, right
@@ -160,31 +182,33 @@ def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tole
     return minimise_from(problem, paths(problem.scene, start), most_steps, tolerance)
 
 
-def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: float) -> Solution:
-    """The same where the start's rays have been traced already."""
+def minimise_from(
+    problem: Problem, traced: Paths, most_steps: int, tolerance: float, known: Sensitivity | None = None
+) -> Solution:
+    """The same where the start's rays have been traced already, perhaps with derivatives known from close by."""
     here, damping, converged, steps = solution_for(problem, traced), _LEAST_DAMPING, False, 0
-    moves, normal, gradient = _projected(problem, here)
+    equations = _equations(problem, here, known)
     while steps < most_steps and not converged:
         steps += 1
-        below, damping = _step_down(problem, here, normal, gradient, damping, tolerance)
+        below, damping = _step_down(problem, here, equations, damping, tolerance)
         if below is None:
             converged = True
             break
         converged = here.cost - below.cost < tolerance
         here = below
-        moves, normal, gradient = _projected(problem, here)
-    return Solution(here, moves, normal, steps, converged)
+        equations = _equations(problem, here, equations.moves if _is_close(problem, here, equations) else None)
+    return Solution(here, equations.moves, equations.normal_matrix, steps, converged)
 
 
 def _step_down(
     problem: Problem,
     here: Linear,
-    normal: NDArray[np.float64],
-    gradient: NDArray[np.float64],
+    equations: _Equations,
     damping: float,
     tolerance: float,
 ) -> tuple[Linear | None, float]:
     """Solution after a step that lowers the cost (None when none does by enough), and the damping for the next."""
+    normal, gradient = equations.normal_matrix, equations.gradient
     scale = np.diag(np.maximum(np.diag(normal), _LEAST_CURVATURE))
     while damping <= _MOST_DAMPING:
         step = np.linalg.solve(normal + damping * scale, gradient)
@@ -199,23 +223,34 @@ def _step_down(
     return None, damping
 
 
-def _sensitivity(problem: Problem, here: Linear) -> Sensitivity:
+def _is_close(problem: Problem, here: Linear, equations: _Equations) -> bool:
+    """Whether derivatives taken elsewhere will do: fewer standard deviations away than change an edge's profile."""
+    way = (here.traced.parameters - equations.moves.at)[problem.free]
+    return float(way @ equations.normal_matrix @ way) < _CLOSE_DEVIATIONS**2
+
+
+def _derivatives_at(problem: Problem, here: Linear) -> NDArray[np.float64]:
+    """Of the modelled grey values, background and floor held, shape (N, P)."""
     look = here.appearance
     step = look.delrin * here.background - here.floor
     changes = derivatives(problem.scene, here.traced, look, problem.free)
-    columns = np.column_stack([d.visible * step + d.delrin * look.visible * here.background for d in changes])
+    return np.column_stack([d.visible * step + d.delrin * look.visible * here.background for d in changes])
+
+
+def _equations(problem: Problem, here: Linear, known: Sensitivity | None) -> _Equations:
+    """Normal matrix and gradient of the free parameters with the linear ones eliminated."""
+    look, at = here.appearance, here.traced.parameters
+    if known is None:
+        columns = _derivatives_at(problem, here)
+    else:
+        columns, at = known.of_pixels, known.at
     dense = (1.0 - look.visible)[:, None] * problem.floor
     cross = _normal_equations(problem, look.visible * look.delrin, dense, columns)[1]
-    return Sensitivity(columns, cho_solve(here.factor, cross, check_finite=False), cross)
-
-
-def _projected(problem: Problem, here: Linear) -> tuple[Sensitivity, NDArray[np.float64], NDArray[np.float64]]:
-    """Derivatives, then normal matrix and gradient of the free parameters with the linear ones eliminated."""
-    moves = _sensitivity(problem, here)
-    weighted = problem.weight[:, None] * moves.of_pixels
-    normal = moves.of_pixels.T @ weighted - moves.cross.T @ moves.of_linear
+    moves = Sensitivity(at, columns, cho_solve(here.factor, cross, check_finite=False), cross)
+    weighted = problem.weight[:, None] * columns
+    normal = columns.T @ weighted - cross.T @ moves.of_linear
     precision = prior_precision()[problem.free]
     excess = (here.traced.parameters - prior_mean())[problem.free]
     gradient = weighted.T @ here.residual - precision * excess
     normal[np.diag_indices(len(precision))] += precision
-    return moves, normal, gradient
+    return _Equations(moves, normal, gradient)

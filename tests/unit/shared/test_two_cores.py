@@ -1,0 +1,47 @@
+"""Sharing work between two cores gives what one gives, in order, also in a process forked from a busy one."""
+
+import os
+import threading
+
+import numpy as np
+import pytest
+
+from shared.two_cores import mapped, on_both_halves
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 100])
+def test_every_item_is_done_once(count: int) -> None:
+    done = np.zeros(count, dtype=np.int64)
+
+    def work(part: slice) -> None:
+        done[part] += 1
+
+    on_both_halves(work, count, 2)
+    assert np.array_equal(done, np.ones(count))
+
+
+def test_the_halves_run_at_the_same_time() -> None:
+    both = threading.Barrier(2, timeout=10.0)
+    assert on_both_halves(lambda part: both.wait() >= 0, 2, 2) == [True, True]
+
+
+def test_few_items_stay_on_the_caller_s_core() -> None:
+    assert on_both_halves(lambda part: threading.get_ident(), 3, 4) == [threading.get_ident()]
+
+
+def test_values_come_in_order() -> None:
+    assert mapped(lambda n: n * n, iter(range(9)), 2) == [n * n for n in range(9)]
+
+
+@pytest.mark.parametrize("bad", [0, 8])
+def test_an_error_in_either_half_is_the_caller_s(bad: int) -> None:
+    with pytest.raises(ZeroDivisionError):
+        mapped(lambda n: 1 // (n - bad), range(9), 2)
+
+
+def test_a_forked_process_has_a_second_core_of_its_own() -> None:
+    mapped(abs, range(4), 2)
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if mapped(abs, range(4), 2) == [0, 1, 2, 3] else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
