@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
+from shared.two_cores import on_both_halves
 from shared.xray.discs import Array, FloatImage, Mask
 from shared.xray.patch_fit import (
     FIT_CONTRAST,
@@ -32,6 +33,8 @@ _RADIUS_TOLERANCE = 0.25
 _CONTRAST_TO_SD = 6.0
 _COARSE_RADIUS_PX = 1.6
 _FILL_PX = 15
+# Fewer are fitted sooner than handed to another core.
+_LEAST_SEEDS = 8
 _NOTHING_KNOWN: Array = np.zeros((0, 2))
 
 
@@ -88,7 +91,11 @@ def detect_balls(
         seeds, radii = seeds[new], radii[new]
     drift, tolerance = np.full(len(radii), _DRIFT_PX), _RADIUS_TOLERANCE * radii
     known = np.column_stack([seeds, drift, radii, tolerance])
-    fits = fit_each(pixels, usable, known, (_BLUR_PX, _BLUR_SD_PX), _MARGIN_PX, 1)
+    blur = (_BLUR_PX, _BLUR_SD_PX)
+    halves = on_both_halves(
+        lambda part: fit_each(pixels, usable, known[part], blur, _MARGIN_PX, 1), len(known), _LEAST_SEEDS
+    )
+    fits = np.concatenate(halves)
     return _candidates(fits[_are_balls(fits, seeds, radius_range_px, limits)], 0.5 * radius_range_px[0])
 
 

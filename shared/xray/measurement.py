@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from shared.two_cores import mapped
 from shared.xray.discs import Array, DiscFit, DiscPriors, FloatImage, Mask, fit_discs
 from shared.xray.hidden import Refit, noise_factor, usual_correlation, with_hidden
 
@@ -14,6 +15,8 @@ _TOUCH_PX = 2.5
 _LOOSENING_PX = 0.75
 _KEEP_OUT_PX = 2.0
 _LARGEST_GROUP = 5
+# Fewer are done sooner than handed to another core.
+_LEAST_GROUPS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +87,15 @@ class BallMeasurements:
     noise_factor: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """Discs that are fitted together: their indices, what is known of them, and how to fit them."""
+
+    members: NDArray[np.int64]
+    priors: DiscPriors
+    refit: Refit
+
+
 def measure_balls(
     pixels: FloatImage,
     predicted_px: Array,
@@ -125,19 +137,18 @@ def measure_balls(
     )
     inside = _inside(usable, predicted)
     near = _near(discs, settings.reach_px)
-    fitted = []
+    groups = []
     for members in _groups(discs):
-        if not inside[members[members < count]].any():
-            continue
-        priors = _priors(discs, members, settings)
-        refit = _fitting(pixels, usable, priors, settings.reach_px, _others(discs, members, near))
-        if (fit := refit(priors)) is not None:
-            fitted.append((members, priors, refit, fit))
-    correlation = usual_correlation([fit for *_, fit in fitted])
+        if inside[members[members < count]].any():
+            priors, others = _priors(discs, members, settings), _others(discs, members, near)
+            groups.append(_Group(members, priors, _fitting(pixels, usable, priors, settings.reach_px, others)))
+    fits = mapped(lambda group: group.refit(group.priors), groups, _LEAST_GROUPS)
+    fitted = [(group, fit) for group, fit in zip(groups, fits, strict=True) if fit is not None]
+    correlation = usual_correlation([fit for _, fit in fitted])
+    wholes = mapped(lambda of: with_hidden(of[1], of[0].priors, correlation, of[0].refit), fitted, _LEAST_GROUPS)
     rows: dict[int, tuple[DiscFit, int]] = {}
-    for members, priors, refit, fit in fitted:
-        whole = with_hidden(fit, priors, correlation, refit)
-        rows.update({int(disc): (whole, place) for place, disc in enumerate(members)})
+    for (group, _), whole in zip(fitted, wholes, strict=True):
+        rows.update({int(disc): (whole, place) for place, disc in enumerate(group.members)})
     return _measurements(predicted, inside, rows, settings, noise_factor(correlation))
 
 

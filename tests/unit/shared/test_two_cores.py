@@ -22,11 +22,11 @@ def test_every_item_is_done_once(count: int) -> None:
 
 def test_the_halves_run_at_the_same_time() -> None:
     both = threading.Barrier(2, timeout=10.0)
-    assert on_both_halves(lambda part: both.wait() >= 0, 2, 2) == [True, True]
+    assert on_both_halves(lambda _: both.wait() >= 0, 2, 2) == [True, True]
 
 
 def test_few_items_stay_on_the_caller_s_core() -> None:
-    assert on_both_halves(lambda part: threading.get_ident(), 3, 4) == [threading.get_ident()]
+    assert on_both_halves(lambda _: threading.get_ident(), 3, 4) == [threading.get_ident()]
 
 
 def test_values_come_in_order() -> None:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.covariance import pose_covariance
+from services.registration.core.nail.equations import Problem
 from services.registration.core.nail.judgement import HoleView, hole_views, nail_outside, residual_statistics
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, parameters_from_pose
 from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.solver import Problem, Solution, minimise
+from services.registration.core.nail.solver import Solution, minimise
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,

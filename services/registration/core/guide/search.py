@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from services.registration.core.guide.vote import vote
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from shared.geometry.camera import PinholeCamera
+from shared.two_cores import on_both_halves
 
 DEPTH_RANGE_MM = (420.0, 920.0)
 # Range of angles between drilling and beam, their grid, and how many pairs of discs are tried there.
@@ -25,6 +26,8 @@ TIGHT_PX = 1.5
 _CELL_PX = 2.0
 _SHORTEST_PAIR = 0.3
 _PROBES = 7
+# Fewer are voted on sooner than handed to another core.
+_LEAST_DIRECTIONS = 16
 _REFINED_PER_PAIR = 4
 _LOOKED_AT = 40
 _LEAST_SCORE = 6
@@ -185,16 +188,13 @@ def _identities(
     """The best few identities in which a pair of discs are two of the guide's balls."""
     rays = camera.rays(discs.ideal_px[list(pair)])
     slopes = np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
-    scores = vote(
-        views.turned_mm,
-        views.first,
-        views.second,
-        slopes,
-        DEPTH_RANGE_MM,
-        discs.cell_from_slope,
-        discs.occupied,
-        _PROBES,
-    )
+
+    def votes(part: slice) -> NDArray[np.int16]:
+        turned_mm = views.turned_mm[part]
+        seen = discs.cell_from_slope, discs.occupied
+        return vote(turned_mm, views.first, views.second, slopes, DEPTH_RANGE_MM, *seen, _PROBES)
+
+    scores = np.concatenate(on_both_halves(votes, len(views.turned_mm), _LEAST_DIRECTIONS))
     best = np.argpartition(-scores.ravel(), _LOOKED_AT)[:_LOOKED_AT]
     best = best[np.argsort(-scores.ravel()[best], kind="stable")]
     poses: list[RigidPose] = []

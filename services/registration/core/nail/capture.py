@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.equations import Problem
 from services.registration.core.nail.pose import POSE_SIZE
 from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.solver import Problem, Solution, minimise, minimise_from
+from services.registration.core.nail.solver import Solution, minimise, minimise_from
 from services.registration.core.nail.unknowns import PARAMETERS, Unknown, prior_mean
 from shared.geometry.lines import angle_between_rad
 

@@ -19,6 +19,7 @@ from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
+from shared.two_cores import mapped
 
 _BANDS_TRIED = 6
 _LOWEST_DARKNESS = 0.06
@@ -114,7 +115,8 @@ def _dark_candidates(
     width_at_1_mm = nail.diameter_mm * calibration.camera.focal_length_px / image.step_px
     bands = find_bands(image, (width_at_1_mm / far_mm, width_at_1_mm / near_mm), _BANDS_TRIED)
     strips = [straighten(image, band) for band in bands]
-    return [find_pattern(strip, nail) for strip in strips if strip.typical_darkness >= _LOWEST_DARKNESS]
+    dark = [strip for strip in strips if strip.typical_darkness >= _LOWEST_DARKNESS]
+    return mapped(lambda strip: find_pattern(strip, nail), dark, 2)
 
 
 def _quality(pattern: HolePattern) -> float:

@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.equations import Problem
 from services.registration.core.nail.noise import covariance_of_sums
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters
-from services.registration.core.nail.solver import Problem, Solution
+from services.registration.core.nail.solver import Solution
 from services.registration.core.nail.stages import Noise
 from services.registration.core.nail.unknowns import prior_precision
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.covariance import pose_covariance
+from services.registration.core.nail.equations import Problem, solution_at
 from services.registration.core.nail.judgement import (
     Evidence,
     HoleView,
@@ -20,7 +21,7 @@ from services.registration.core.nail.judgement import (
 )
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.rivals import Winner, find_winner
-from services.registration.core.nail.solver import Problem, Solution, minimise_from, solution_at
+from services.registration.core.nail.solver import Solution, minimise_from
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,

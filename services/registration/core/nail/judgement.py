@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.equations import Linear, Problem
 from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION
-from services.registration.core.nail.solver import Linear, Problem, Solution
+from services.registration.core.nail.solver import Solution
 from services.registration.core.nail.stages import Noise
 from services.registration.core.nail.window import Window
 from shared.errors import Reason, ReasonCode, Rejected

@@ -14,8 +14,9 @@ from services.registration.core.nail.capture import (
     optimum_of,
     without_repetition,
 )
+from services.registration.core.nail.equations import Problem
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
-from services.registration.core.nail.solver import Problem, minimise, minimise_from
+from services.registration.core.nail.solver import minimise, minimise_from
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,

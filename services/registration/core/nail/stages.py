@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.equations import Linear, Problem, solution_for
 from services.registration.core.nail.noise import (
     Correlation,
     correlation_of,
@@ -16,7 +17,6 @@ from services.registration.core.nail.noise import (
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.pose import anchors_of
 from services.registration.core.nail.scene import NailScene, nail_scene, whitened_scene
-from services.registration.core.nail.solver import Linear, Problem, solution_for
 from services.registration.core.nail.texture import spline_field
 from services.registration.core.nail.unknowns import PARAMETERS
 from services.registration.core.nail.window import Scale, Window, cut_window

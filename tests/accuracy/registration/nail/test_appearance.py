@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from services.registration.core.nail.appearance import derivatives, paths, render
+from services.registration.core.nail.appearance import derivatives, render
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.stages import EVERYTHING, Detail, Given, scene_at
+from services.registration.core.nail.tracing import paths
 from services.registration.core.nail.unknowns import Unknown, prior_mean, within_reason
 from services.registration.core.nail.window import Scale
 from tests.accuracy.registration.nail.fluoroscope import nail_part, posed, shoot

@@ -3,9 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.appearance import Appearance, Paths
+from services.registration.core.nail.appearance import Appearance
 from services.registration.core.nail.capture import Optimum, brought_to_rest
-from services.registration.core.nail.solver import Linear, Sensitivity, Solution
+from services.registration.core.nail.equations import Linear, Sensitivity
+from services.registration.core.nail.solver import Solution
+from services.registration.core.nail.tracing import Paths
 
 NOTHING: NDArray[np.float64] = np.zeros(0)
 
