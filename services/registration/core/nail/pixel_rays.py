@@ -34,6 +34,11 @@ def pixel_rays(slopes: NDArray[np.float64], places: NDArray[np.int64]) -> PixelR
     return PixelRays(*(np.ascontiguousarray(a.reshape(-1, 2)[places]) for a in (slopes, right, down)))
 
 
+def rays_of(rays: PixelRays, part: slice) -> PixelRays:
+    """Those of some of the pixels."""
+    return PixelRays(*(of_all[part] for of_all in rays))
+
+
 def sample_directions(rays: PixelRays, places_px: NDArray[np.float64]) -> NDArray[np.float64]:
     """Directions at places within each pixel, shape (K, 2); pixel by pixel, shape (S * K, 2)."""
     samples = rays.slopes[:, None] + places_px[:, :1] * rays.right[:, None] + places_px[:, 1:] * rays.down[:, None]

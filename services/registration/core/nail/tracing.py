@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import Real
-from services.registration.core.nail.pixel_rays import SAMPLES_PX, PixelRays
+from services.registration.core.nail.pixel_rays import SAMPLES_PX, rays_of
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, rotation_and_translation
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.shade import DERIVATIVES, MOTION_SIZE
@@ -57,8 +57,15 @@ def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
     shape = _nail_shape(scene, parameters)
 
     def trace_part(part: slice) -> None:
-        rays = PixelRays(*(of_all[part] for of_all in window.rays))
-        trace(rays, SAMPLES_PX, window.crossed[part], steel_mm[part], shape, passed[part], by_cause[part])
+        trace(
+            rays_of(window.rays, part),
+            SAMPLES_PX,
+            window.crossed[part],
+            steel_mm[part],
+            shape,
+            passed[part],
+            by_cause[part],
+        )
 
     on_both_halves(trace_part, count, _LEAST_RAYS)
     return Paths(parameters, _on_rectangle(window, passed, 1.0), by_cause)

@@ -1,25 +1,32 @@
 """The pixels that take part in the fit, with their rays: a strip along the nail around its holes."""
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.grid import PixelGrid, grid_around, strip_of
 from services.registration.core.nail.occluders import Occluders, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
-from services.registration.core.nail.pixel_rays import SAMPLES_PX, PixelRays, pixel_rays, sample_directions
+from services.registration.core.nail.pixel_rays import (
+    SAMPLES_PX,
+    PixelRays,
+    pixel_rays,
+    rays_of,
+    sample_directions,
+)
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
-
-Scalar = TypeVar("Scalar", bound=np.generic)
+from shared.two_cores import on_both_halves
 
 _BLUR_REACH_PX = 8
 _INSIDE_APERTURE_PX = 9.0
-_LEAST_PIXELS, _LEAST_SIDE = 200, 8
+_LEAST_PIXELS = 200
+# Fewer are done sooner than handed to another core.
+_LEAST_RAYS = 5000
 _MOVES_MM, _BORE_REACH_MM = 0.5, 0.8
 
 
@@ -78,25 +85,6 @@ class Scale:
     smoothing: float
 
 
-@dataclass(frozen=True, slots=True)
-class Strip:
-    """Part of the nail that is looked at, in the nail's frame: from x to x, and to either side of its axis, in mm."""
-
-    first_x_mm: float
-    last_x_mm: float
-    half_width_mm: float
-
-
-def strip_of(nail: NailPart, surroundings_mm: float) -> Strip:
-    """The holes with so many mm of surroundings along and beside the nail, without the rounded tip."""
-    first = min(h.axis.point_mm[0] - 0.5 * h.diameter_mm for h in nail.holes)
-    last = max(h.axis.point_mm[0] + 0.5 * h.diameter_mm for h in nail.holes)
-    before_tip = max(last, nail.tip_x_mm - nail.radius_mm)
-    return Strip(
-        float(first) - surroundings_mm, float(min(last + surroundings_mm, before_tip)), nail.radius_mm + surroundings_mm
-    )
-
-
 def cut_window(
     pixels: NDArray[np.float32],
     calibration: CArmCalibration,
@@ -108,7 +96,7 @@ def cut_window(
 ) -> Window | None:
     """Take the strip out of the image; `None` when fewer than 200 of its pixels are inside image and aperture."""
     strip = strip_of(nail, surroundings_mm)
-    grid = _grid_around(calibration, strip, camera_from_nail, scale.reduction)
+    grid = grid_around(calibration, strip, camera_from_nail, scale.reduction, _BLUR_REACH_PX + 1)
     if grid is None:
         return None
     slopes = _slopes(calibration, grid.centres_px)
@@ -120,7 +108,13 @@ def cut_window(
     compared = np.flatnonzero(inside)
     support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
     rays = pixel_rays(slopes, support)
-    steel = steel_path_mm(sample_directions(rays, SAMPLES_PX), occluders, calibration).reshape(len(support), -1)
+    steel = np.concatenate(
+        on_both_halves(
+            lambda part: steel_path_mm(sample_directions(rays_of(rays, part), SAMPLES_PX), occluders, calibration),
+            len(support),
+            _LEAST_RAYS,
+        )
+    ).reshape(len(support), -1)
     grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
@@ -143,54 +137,7 @@ def cut_window(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    """Rectangle of the image in pixels of `reduction` squared: its first pixel's corner, and rows and columns."""
-
-    left: int
-    top: int
-    shape: tuple[int, int]
-    reduction: int
-
-    @property
-    def origin_px(self) -> tuple[float, float]:
-        """Centre of the first reduced pixel."""
-        centre = 0.5 * (self.reduction - 1)
-        return self.left + centre, self.top + centre
-
-    @property
-    def centres_px(self) -> NDArray[np.float64]:
-        """Centres (x, y) of the reduced pixels in the image, shape (rows, columns, 2)."""
-        rows, columns = (self.reduction * np.arange(count) for count in self.shape)
-        x, y = np.meshgrid(self.origin_px[0] + columns, self.origin_px[1] + rows)
-        return np.stack([x, y], axis=-1)
-
-    def blocks_of(self, image: NDArray[Scalar]) -> NDArray[Scalar]:
-        """What an image holds, shape (rows, reduction, columns, reduction)."""
-        rows, columns = self.shape
-        side = self.reduction
-        block = image[self.top : self.top + rows * side, self.left : self.left + columns * side]
-        return block.reshape(rows, side, columns, side)
-
-
-def _grid_around(
-    calibration: CArmCalibration, strip: Strip, camera_from_nail: Transform[Camera, Nail], reduction: int
-) -> _Grid | None:
-    corners = np.array(
-        [(x, y, 0.0) for x in (strip.first_x_mm, strip.last_x_mm) for y in (-strip.half_width_mm, strip.half_width_mm)]
-    )
-    px = calibration.image_from_camera(camera_from_nail.points(corners))
-    margin = (_BLUR_REACH_PX + 1) * reduction
-    low = np.maximum(np.floor(px.min(axis=0)) - margin, 0.0).astype(int)
-    limit = np.array([calibration.width_px, calibration.height_px])
-    high = np.minimum(np.ceil(px.max(axis=0)) + margin + 1, limit).astype(int)
-    columns, rows = (int(v) for v in (high - low) // reduction)
-    if columns < _LEAST_SIDE or rows < _LEAST_SIDE:
-        return None
-    return _Grid(int(low[0]), int(low[1]), (rows, columns), reduction)
-
-
-def _usable(grid: _Grid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
+def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
     """Inside the aperture, and not hidden by something of unknown shape; shape (rows, columns)."""
     seen = _in_aperture(calibration, grid.centres_px)
     if occluders.hidden is not None:
