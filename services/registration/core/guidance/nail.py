@@ -16,12 +16,13 @@ from services.registration.core.nail.equations import Problem
 from services.registration.core.nail.judgement import HoleView, hole_views, nail_outside, residual_statistics
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, parameters_from_pose
 from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.solver import Solution, minimise
+from services.registration.core.nail.solver import Solution, minimise, minimise_from
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
     Given,
     Noise,
+    evenly_weighted,
     noise_of,
     problem_for,
     reweighted,
@@ -86,7 +87,7 @@ class FollowedNail:
         Residual at rims and edges over that elsewhere.
     unexplained
         Share of the pixels whose residual is beyond four standard deviations of the noise.
-    problem, solution
+    problem, solution, noise
         What the pose came from, for `mirror_margin`.
     """
 
@@ -98,6 +99,7 @@ class FollowedNail:
     unexplained: float
     problem: Problem
     solution: Solution
+    noise: Noise
 
 
 def learn_look(given: Given, camera_from_nail: Transform[Camera, Nail]) -> Look | None:
@@ -142,6 +144,7 @@ def follow_nail(given: Given, look: Look, predicted: Transform[Camera, Nail]) ->
             float(np.mean(beyond)),
             problem,
             solution,
+            noise,
         )
     )
 
@@ -153,12 +156,14 @@ def mirror_margin(found: FollowedNail) -> float | None:
     """
     start = found.solution.parameters.copy()
     start[_TILTS] *= -1.0
-    problem = found.problem
+    # no pixel may weigh less because the pose that was found does not explain it
+    problem = evenly_weighted(found.problem, found.noise)
+    here = minimise_from(problem, found.solution.linear.traced, _LAST_STEPS, _LOOSE)
     rival = minimise(problem, start, _RIVAL_STEPS, _LOOSE)
     z = problem.scene.pose(rival.parameters).rotation[:, 2]
     if angle_between_rad(z, found.camera_from_nail.rotation[:, 2]) < _DISTINCT_RAD:
         return None
-    return 0.5 * (rival.cost - found.solution.cost)
+    return 0.5 * (rival.cost - here.cost)
 
 
 def _detail(given: Given, pose: Transform[Camera, Nail]) -> Detail:
