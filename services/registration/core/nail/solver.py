@@ -59,12 +59,10 @@ def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tole
     return minimise_from(problem, paths(problem.scene, start), most_steps, tolerance)
 
 
-def minimise_from(
-    problem: Problem, traced: Paths, most_steps: int, tolerance: float, known: Sensitivity | None = None
-) -> Solution:
-    """The same where the start's rays have been traced already, perhaps with derivatives known from close by."""
+def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: float) -> Solution:
+    """The same where the start's rays have been traced already."""
     here, damping, converged, steps = solution_for(problem, traced), _LEAST_DAMPING, False, 0
-    equations = equations_at(problem, here, known)
+    equations = equations_at(problem, here, None)
     while steps < most_steps and not converged:
         steps += 1
         below, damping = _step_down(problem, here, equations, damping, tolerance)

@@ -89,5 +89,7 @@ def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     clipped = np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
     exponent = Unknown.CURVE_EXPONENT
     clipped[exponent] = np.clip(clipped[exponent], _LEAST_EXPONENT, _MOST_EXPONENT)
+    # below, the curve is straight and nothing would tell the way back
+    clipped[Unknown.CURVE] = max(clipped[Unknown.CURVE], 0.0)
     clipped[Unknown.TAIL_SHARE] = np.clip(clipped[Unknown.TAIL_SHARE], 0.0, _MOST_TAIL)
     return np.asarray(clipped)

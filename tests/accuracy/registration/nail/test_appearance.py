@@ -67,6 +67,18 @@ def test_a_tail_stays_a_share() -> None:
     assert within_reason(parameters)[Unknown.TAIL_SHARE] == 0.0
 
 
+def test_a_curve_that_became_straight_finds_its_way_back() -> None:
+    scene, parameters = scene_and_parameters()
+    parameters[Unknown.CURVE] = -0.2
+    parameters = within_reason(parameters)
+    assert parameters[Unknown.CURVE] == 0.0
+    traced = paths(scene, parameters)
+    free = np.zeros_like(EVERYTHING)
+    free[Unknown.CURVE] = True
+    (found,) = derivatives(scene, traced, render(scene, traced), free)
+    assert np.abs(found.visible).max() > 0.1
+
+
 def test_a_curve_through_a_known_zero_bends_more_where_the_step_is_larger() -> None:
     """On a display that shows a power of the intensity, the ratio of intensities follows from the grey values."""
     scene, parameters = scene_and_parameters()
