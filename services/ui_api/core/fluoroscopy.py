@@ -38,6 +38,7 @@ class FluoroscopyRun(Generic[T]):
         self._limits = limits
         self._held: OrderedDict[str, T] = OrderedDict()
         self._passed: OrderedDict[str, T] = OrderedDict()
+        self._awaited: OrderedDict[str, None] = OrderedDict()
         self._last_ns: int | None = None
 
     def holds(self, sha256: str, received_at_ns: int, value: T) -> bool:
@@ -52,9 +53,18 @@ class FluoroscopyRun(Generic[T]):
         return True
 
     def claim(self, sha256: str) -> T | None:
-        """What is held of a frame that somebody needs; it is held no longer."""
+        """What is held of a frame that somebody needs; it is held no longer. What is not there yet is awaited."""
         value = self._held.pop(sha256, None)
-        return self._passed.pop(sha256, None) if value is None else value
+        if value is None:
+            value = self._passed.pop(sha256, None)
+        if value is None:
+            self._awaited[sha256] = None
+            _bound(self._awaited)
+        return value
+
+    def was_awaited(self, sha256: str) -> bool:
+        """Whether a frame was claimed before it was held; it is awaited no longer."""
+        return sha256 in self._awaited and self._awaited.pop(sha256) is None
 
     def end(self) -> list[T]:
         """What is left of a run that has ended: its newest frames, the oldest first; the others wait for a claim."""
@@ -66,7 +76,7 @@ class FluoroscopyRun(Generic[T]):
         return newest
 
 
-def _bound(frames: OrderedDict[str, T]) -> None:
+def _bound(frames: OrderedDict[str, T] | OrderedDict[str, None]) -> None:
     """Forget the oldest."""
     while len(frames) > MOST_HELD:
         frames.popitem(last=False)

@@ -148,6 +148,10 @@ class Inbox:
         if not self._run.holds(message.image.sha256, message.image.received_at_ns, payload):
             self._run_ended()
             self._record_calibration(message, payload)
+        elif self._run.was_awaited(message.image.sha256):
+            # two services spoke of it, and the later word came first
+            self._run.claim(message.image.sha256)
+            self._record_calibration(message, payload)
 
     def _record_calibration(self, message: CalibrationMessage, payload: bytes) -> None:
         codes = tuple(reason.code.value for reason in message.reasons)

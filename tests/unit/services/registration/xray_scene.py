@@ -20,7 +20,7 @@ from shared.geometry.transform import Transform
 FOCAL_PX = 4200.0
 RING_DEPTH_MM = 950.0
 METAL_PER_MM: dict[Material, float] = {"steel": 0.9, "Ti6Al4V": 0.3}
-_DEPTH_STEP_MM = 0.5
+_DEPTH_STEP_MM = 0.25
 _X = np.array([1.0, 0.0, 0.0])
 _Z = np.array([0.0, 0.0, 1.0])
 

@@ -71,3 +71,12 @@ def test_many_runs_take_no_more_memory_than_one() -> None:
     left = [k for k in range(3 * MOST_HELD) if run.claim(str(k)) is not None]
     assert len(left) == MOST_HELD
     assert left[-1] == 3 * MOST_HELD - 4
+
+
+def test_a_frame_that_is_claimed_before_it_comes_is_told_once() -> None:
+    run, _ = run_of([1.0, 1.1])
+    assert run.claim("2") is None
+    assert run.holds("2", int(1.2e9), 2)
+    assert run.was_awaited("2")
+    assert not run.was_awaited("2")
+    assert run.claim("2") == 2

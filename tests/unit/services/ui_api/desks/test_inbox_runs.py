@@ -15,14 +15,26 @@ LONGER_THAN_ANY_TEST_S = 10.0
 
 
 def frame(room: Room, case_id: str, number: int, at_s: float) -> FrameHeader:
-    """A frame arrives and is calibrated (here: rejected, which is as much a calibration)."""
+    """A frame arrives and is calibrated."""
+    header = arriving(room, case_id, number, at_s)
+    calibrate(room, header)
+    return header
+
+
+def arriving(room: Room, case_id: str, number: int, at_s: float) -> FrameHeader:
+    """A frame of which nothing is known yet."""
     name = f"frame {number}"
     header = samples.frame_header(name, case_id, 1, number).model_copy(update={"received_at_ns": int(1e9 * at_s)})
     room.imaging.keep(header)
     room.imaging.bus.publisher(room.imaging.keys.frame).put(samples.pixels(), encode(header))
+    return header
+
+
+def calibrate(room: Room, header: FrameHeader) -> None:
+    """Its calibration arrives (here: rejected, which is as much a calibration)."""
     message = CalibrationMessage(
         image=samples.reference(header),
-        case_id=case_id,
+        case_id=header.case_id,
         case_revision=1,
         ring_sha256=samples.sha("ring"),
         software_version="0.1.0",
@@ -32,7 +44,6 @@ def frame(room: Room, case_id: str, number: int, at_s: float) -> FrameHeader:
         elapsed_ms=1.0,
     )
     room.imaging.bus.retained_publisher(room.imaging.keys.calibration).put(encode(message))
-    return header
 
 
 def calibrated(room: Room, case_id: str) -> list[str]:
@@ -48,7 +59,10 @@ def test_of_a_run_the_newest_and_the_localised_frames_are_recorded_whole(tmp_pat
         case_id = room.open_case()
         run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
         room.registration.publish(run[5])
-        room.log.wait_for(lambda: len(case_of(room, case_id).localisations) == 1)
+        # the localisation and the calibration that goes with it are recorded one after the other
+        room.log.wait_for(
+            lambda: len(case_of(room, case_id).localisations) == 1 and len(calibrated(room, case_id)) == 2
+        )
         assert calibrated(room, case_id) == [run[0].sha256, run[5].sha256]
         # the next image comes after a pause: the run has ended
         shot = frame(room, case_id, FRAMES, 60.0)
@@ -71,6 +85,18 @@ def test_a_frame_whose_localisation_comes_after_the_run_has_ended_is_recorded_wh
         room.registration.publish(run[5])
         room.log.wait_for(lambda: len(case_of(room, case_id).localisations) == 1)
         assert calibrated(room, case_id) == [one.sha256 for one in (*kept, run[5])]
+
+
+def test_a_localisation_that_overtakes_its_frames_calibration_loses_nothing(tmp_path: Path) -> None:
+    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
+        case_id = room.open_case()
+        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        next_one = arriving(room, case_id, FRAMES, 1.0 + 0.1 * FRAMES)
+        room.registration.publish(next_one)
+        room.log.wait_for(lambda: len(case_of(room, case_id).localisations) == 1)
+        calibrate(room, next_one)
+        room.log.wait_for(lambda: len(calibrated(room, case_id)) == 2)
+        assert calibrated(room, case_id) == [run[0].sha256, next_one.sha256]
 
 
 def test_a_run_has_ended_when_no_frame_follows(tmp_path: Path) -> None:
