@@ -81,8 +81,8 @@ def derivatives_after_tracing(
     shown: Shown,
 ) -> Iterator[Floats]:
     """Of the signal by the blur (3), a linear floor (3), the display's curve (3) and its edge enhancement (2)."""
+    around = np.ascontiguousarray(signal, dtype=np.float64)
     for more, less, step in _blurs_to_either_side(_blur_of(scenario)):
-        around = np.ascontiguousarray(signal, dtype=np.float64)
         yield ((1.0 - scenario.exposure.glare_share) * (more.of(around) - less.of(around)) / step)[where]
     level = float(np.median(seen))
     shape = seen[where].shape

@@ -6,7 +6,7 @@ after a first frame that is localised in full. Some frames are localised in full
 image. Then the run is disturbed: the leg moves during an exposure, an instrument lies over a hole, the nail is not
 there, the view jumps. Tilts are compared with the truth about the image's x and y axes, at every hole; an answer is
 wrong when it is off by more than three of its own standard deviations and by more than half a degree. Times are those
-of one core.
+of one frame at a time, which may use a second core.
 """
 
 import sys
@@ -201,11 +201,11 @@ def report(tally: Tally, scenes: int) -> str:
     lines = [
         _scenes_line(tally, scenes),
         "",
-        "| on one core, median | ms | frames/s | full localisations |",
+        "| one frame at a time, median | ms | frames/s | full localisations |",
         "|---|---|---|---|",
         f"| full localisation | {full:.0f} | {1e3 / full:.1f} | 1 |",
         f"| frame followed | {follow:.0f} | {1e3 / follow:.1f} | {follow / full:.3f} |",
-        f"| its calibration, on the other core | {calibrate:.0f} | {1e3 / calibrate:.1f} | {calibrate / full:.3f} |",
+        f"| its calibration | {calibrate:.0f} | {1e3 / calibrate:.1f} | {calibrate / full:.3f} |",
         "",
         "| error of the tilt at the worse hole | median | 95 % | worst | normalised, rms |",
         "|---|---|---|---|---|",

@@ -1,7 +1,7 @@
 """How fast, and whether memory grows: `python -m benchmarks.live_mode [IMAGES]`.
 
 Images of 1024 x 1024 pixels of a C-arm that stands still and moves now and then, as fluoroscopy shows them. Each is
-calibrated by itself, or with the one before it in mind, as the imaging service does. Times are those of one core,
+calibrated by itself, or with the one before it in mind, as the imaging service does. Times are those of one process,
 beside OpenCV's HoughCircles on the same images (which only looks for circles) as a measure of the machine. Memory is
 the process's resident set after every two hundred images.
 """
@@ -98,7 +98,7 @@ def main(images: int = 2000) -> int:
     speed, every = images / sum(following), ", ".join(f"{m:.1f}" for m in memory)
     lines.append("")
     lines.append(
-        f"{images} images, {refused} refused, {speed:.1f} images/s on one core; another view every {EACH} images."
+        f"{images} images, {refused} refused, {speed:.1f} images/s; another view every {EACH} images."
     )
     lines.append(
         f"Resident memory after every {REPORT_EVERY} images, MiB: {every}; the second half added {growth:+.1f}."

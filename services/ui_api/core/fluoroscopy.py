@@ -64,7 +64,10 @@ class FluoroscopyRun(Generic[T]):
 
     def was_awaited(self, sha256: str) -> bool:
         """Whether a frame was claimed before it was held; it is awaited no longer."""
-        return sha256 in self._awaited and self._awaited.pop(sha256) is None
+        if sha256 not in self._awaited:
+            return False
+        del self._awaited[sha256]
+        return True
 
     def end(self) -> list[T]:
         """What is left of a run that has ended: its newest frames, the oldest first; the others wait for a claim."""

@@ -20,7 +20,7 @@ _PADDING = 9
 # Cores that filter a stack of pictures at once.
 _WORKERS = 2
 _LOWEST_FREQUENCY = 0.06
-# The filter's gain at the highest frequencies is limited to about 7: beyond, it would amplify the grid of pixels.
+# Limits the filter's gain at the highest frequencies to about 22.
 _NOISE_FLOOR = 0.002
 _BRIGHTNESS_CLASSES = 12
 _OUTLIER_DEVIATIONS = 3.0
