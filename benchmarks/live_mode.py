@@ -97,9 +97,7 @@ def main(images: int = 2000) -> int:
     growth = memory[-1] - memory[len(memory) // 2] if len(memory) > 1 else 0.0
     speed, every = images / sum(following), ", ".join(f"{m:.1f}" for m in memory)
     lines.append("")
-    lines.append(
-        f"{images} images, {refused} refused, {speed:.1f} images/s; another view every {EACH} images."
-    )
+    lines.append(f"{images} images, {refused} refused, {speed:.1f} images/s; another view every {EACH} images.")
     lines.append(
         f"Resident memory after every {REPORT_EVERY} images, MiB: {every}; the second half added {growth:+.1f}."
     )
