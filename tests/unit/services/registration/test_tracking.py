@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from services.registration.core.alignment import hole_tilts
 from services.registration.core.guidance.guide import follow_guide
+from services.registration.core.guidance.nail import follow_nail, mirror_margin
 from services.registration.core.guidance.tracking import (
     CHECK_EVERY,
     MOST_MISSED,
@@ -23,6 +24,8 @@ from services.registration.core.guidance.tracking import (
     localised_sight,
 )
 from services.registration.core.localise import Method, localise
+from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.stages import Given
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera
@@ -200,6 +203,20 @@ def test_the_mirrored_tilt_is_looked_at_when_it_is_due_and_its_age_is_told() -> 
     assert sight.margin is not None
     assert sight.margin.frames_ago == 0
     assert sight.margin.log_likelihood_ratio != 5000.0
+
+
+def test_the_mirrored_tilt_is_compared_whatever_the_fit_weighed_less() -> None:
+    """Weights by the pose that was found would hide what speaks for the other one."""
+    _, _, track = begun()
+    seen = still()
+    balls = Occluders(PlacedGuide(PARTS.guide, CAMERA_FROM_GUIDE), PARTS.ring)
+    given = Given(seen.pixels, seen.calibration, PARTS.nail, balls)
+    followed = follow_nail(given, track.key.look, CAMERA_FROM_NAIL)
+    assert isinstance(followed, Accepted), followed
+    found = followed.value
+    dismissive = replace(found.problem, weight=1e-3 * found.problem.weight)
+    assert mirror_margin(replace(found, problem=dismissive)) == mirror_margin(found)
+    assert mirror_margin(found) is not None
 
 
 def test_disagreement_is_more_than_both_allow() -> None:
