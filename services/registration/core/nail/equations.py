@@ -4,7 +4,7 @@ Variable projection: at given pose and nuisances, background and floor are solve
 those two eliminated.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,15 @@ from scipy.linalg import cho_factor, cho_solve
 
 from services.registration.core.nail.appearance import Appearance, derivatives, render
 from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.texture import SplineField, accumulate_normal_equations
+from services.registration.core.nail.texture import SplineField
+from services.registration.core.nail.texture_sums import Columns, add_normal_matrix, add_right_sides, columns_of
 from services.registration.core.nail.tracing import Paths, paths
 from services.registration.core.nail.unknowns import prior_mean, prior_precision
 from shared.two_cores import on_both_halves
 
 _LEAST_RIDGE = 1e-9
 # The normal equations of fewer are done sooner than handed to another core.
-_LEAST_PIXELS = 5000
+_LEAST_CELLS = 100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,14 +75,11 @@ class Sensitivity:
         Derivative of the modelled grey values, background and floor held, shape (N, P).
     of_linear
         Change of the coefficients of background and floor that follows, shape (M + D, P).
-    cross
-        A'W times the derivative, shape (M + D, P).
     """
 
     at: NDArray[np.float64]
     of_pixels: NDArray[np.float64]
     of_linear: NDArray[np.float64]
-    cross: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,9 +100,9 @@ def solution_for(problem: Problem, traced: Paths) -> Linear:
     """Best background and floor where the rays have been traced already."""
     look = render(problem.scene, traced)
     gain = look.visible * look.delrin
-    dense = (1.0 - look.visible)[:, None] * problem.floor
-    matrix, right = _normal_equations(problem, gain, dense, problem.grey[:, None])
-    factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+    columns = _columns(problem, look)
+    factor = cho_factor(_normal_matrix(problem, columns), lower=True, overwrite_a=True, check_finite=False)
+    right = _right_sides(columns, problem.grey[:, None])
     coefficients = cho_solve(factor, right, check_finite=False)[:, 0]
     size = problem.field.size
     c = coefficients[:size]
@@ -118,33 +116,38 @@ def solution_for(problem: Problem, traced: Paths) -> Linear:
     return Linear(traced, look, background, floor, residual, cost, factor)
 
 
-def _normal_equations(
-    problem: Problem, gain: NDArray[np.float64], dense: NDArray[np.float64], targets: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    field = problem.field
-    total = field.size + dense.shape[1]
+def _columns(problem: Problem, look: Appearance) -> Columns:
+    """What background and floor act through."""
+    dense = (1.0 - look.visible)[:, None] * problem.floor
+    return columns_of(problem.field, look.visible * look.delrin, dense, problem.weight)
 
-    def of_part(part: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        sums = np.zeros((total, total)), np.zeros((total, targets.shape[1]))
-        accumulate_normal_equations(
-            field.order[part],
-            field.corner,
-            field.along_weights,
-            field.across_weights,
-            field.grid[1],
-            gain,
-            dense,
-            problem.weight,
-            targets,
-            *sums,
-        )
-        return sums
 
-    halves = on_both_halves(of_part, len(field.order), _LEAST_PIXELS)
-    matrix, right = (np.sum(sums, axis=0) for sums in zip(*halves, strict=True))
-    matrix[: field.size, : field.size] += problem.texture_precision * field.roughness
+def _normal_matrix(problem: Problem, columns: Columns) -> NDArray[np.float64]:
+    """Lower triangle of A'WA and the background's prior, shape (M + D, M + D)."""
+    size = problem.field.size
+    total = size + columns.dense.shape[1]
+
+    def of_part(part: slice) -> NDArray[np.float64]:
+        matrix = np.zeros((total, total))
+        add_normal_matrix(columns, part.start, part.stop, matrix)
+        return matrix
+
+    matrix = np.sum(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS), axis=0)
+    matrix[:size, :size] += problem.texture_precision * problem.field.roughness
     matrix[np.diag_indices(total)] += _LEAST_RIDGE * np.trace(matrix) / total
-    return matrix, right
+    return np.asarray(matrix)
+
+
+def _right_sides(columns: Columns, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A'W times targets, shape (N, T); the result has shape (M + D, T)."""
+    total = columns.coefficients + columns.dense.shape[1]
+
+    def of_part(part: slice) -> NDArray[np.float64]:
+        sides = np.zeros((total, targets.shape[1]))
+        add_right_sides(columns, part.start, part.stop, targets, sides)
+        return sides
+
+    return np.asarray(np.sum(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS), axis=0))
 
 
 def _derivatives_at(problem: Problem, here: Linear) -> NDArray[np.float64]:
@@ -155,20 +158,25 @@ def _derivatives_at(problem: Problem, here: Linear) -> NDArray[np.float64]:
     return np.column_stack([d.visible * step + d.delrin * look.visible * here.background for d in changes])
 
 
-def equations_at(problem: Problem, here: Linear, known: Sensitivity | None) -> Equations:
+def equations_at(problem: Problem, here: Linear) -> Equations:
     """Normal matrix and gradient of the free parameters with the linear ones eliminated."""
-    look, at = here.appearance, here.traced.parameters
-    if known is None:
-        columns = _derivatives_at(problem, here)
-    else:
-        columns, at = known.of_pixels, known.at
-    dense = (1.0 - look.visible)[:, None] * problem.floor
-    cross = _normal_equations(problem, look.visible * look.delrin, dense, columns)[1]
-    moves = Sensitivity(at, columns, cho_solve(here.factor, cross, check_finite=False), cross)
-    weighted = problem.weight[:, None] * columns
-    normal = columns.T @ weighted - cross.T @ moves.of_linear
-    precision = prior_precision()[problem.free]
+    columns = _derivatives_at(problem, here)
+    cross = _right_sides(_columns(problem, here.appearance), columns)
+    moves = Sensitivity(here.traced.parameters, columns, cho_solve(here.factor, cross, check_finite=False))
+    normal = columns.T @ (problem.weight[:, None] * columns) - cross.T @ moves.of_linear
+    normal[np.diag_indices(len(normal))] += prior_precision()[problem.free]
+    return Equations(moves, normal, _gradient(problem, here, columns))
+
+
+def with_gradient_at(problem: Problem, here: Linear, known: Equations) -> Equations:
+    """The same equations a small way on, where only the gradient is another."""
+    return replace(known, gradient=_gradient(problem, here, known.moves.of_pixels))
+
+
+def _gradient(problem: Problem, here: Linear, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half of the cost's fall by the free parameters, shape (P,).
+
+    The linear ones may be held: at their optimum the cost does not change with them.
+    """
     excess = (here.traced.parameters - prior_mean())[problem.free]
-    gradient = weighted.T @ here.residual - precision * excess
-    normal[np.diag_indices(len(precision))] += precision
-    return Equations(moves, normal, gradient)
+    return np.asarray((problem.weight * here.residual) @ columns - prior_precision()[problem.free] * excess)

@@ -7,18 +7,20 @@ smaller than they are.
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
 from services.registration.core.nail.blur import Real
+from shared.two_cores import mapped
 
 _LAGS = 9
 _TAPER_PX = 8.0
 _FILTER_REACH_PX = 9.0
 _PADDING = 9
-# Cores that filter a stack of pictures at once.
-_WORKERS = 2
+# Fewer are filtered sooner than handed to another core.
+_LEAST_PICTURES = 2
 _LOWEST_FREQUENCY = 0.06
 # Limits the filter's gain at the highest frequencies to about 22.
 _NOISE_FLOOR = 0.002
@@ -56,27 +58,37 @@ class Whitening:
     Attributes
     ----------
     dark, bright
-        Responses of the two filters on the padded rectangle's half spectrum.
+        Impulse responses of the two filters on the padded rectangle, their middles at its first pixel.
     brightness
         Share of the bright one in each pixel's filter, shape (rows, columns).
     """
 
     dark: NDArray[np.float64]
     bright: NDArray[np.float64]
-    padded_shape: tuple[int, int]
     brightness: NDArray[np.float64]
 
     def apply(self, images: NDArray[Real]) -> NDArray[Real]:
         """Filter images, shape (..., rows, columns), edge values repeated beyond their border."""
-        around = [(0, 0)] * (images.ndim - 2) + [(_PADDING, _PADDING)] * 2
-        spectra = fft.rfft2(np.pad(images, around, mode="edge"), self.padded_shape, workers=_WORKERS)
-        dark, bright = (self._filtered(spectra, response) for response in (self.dark, self.bright))
-        return np.ascontiguousarray(dark + self.brightness.astype(images.dtype) * (bright - dark))
+        pictures = images.reshape(-1, *images.shape[-2:])
+        dark, bright = (cv2.dft(response.astype(images.dtype)) for response in (self.dark, self.bright))
+        brightness = self.brightness.astype(images.dtype)
+        filtered = mapped(lambda picture: _filtered(picture, dark, bright, brightness), pictures, _LEAST_PICTURES)
+        return np.asarray(np.stack(filtered).reshape(images.shape), dtype=images.dtype)
 
-    def _filtered(self, spectra: NDArray[np.complexfloating], response: NDArray[np.float64]) -> NDArray[np.floating]:
-        rows, columns = self.brightness.shape
-        out = fft.irfft2(spectra * response.astype(spectra.real.dtype), self.padded_shape, workers=_WORKERS)
-        return out[..., _PADDING : _PADDING + rows, _PADDING : _PADDING + columns]
+
+def _filtered(
+    picture: NDArray[Real], dark: NDArray[Real], bright: NDArray[Real], brightness: NDArray[Real]
+) -> NDArray[Real]:
+    """A picture after two filters, in the shares that each pixel has of them; picture by picture it stays in cache."""
+    rows, columns = picture.shape
+    here = slice(_PADDING, _PADDING + rows), slice(_PADDING, _PADDING + columns)
+    below, beside = dark.shape[0] - rows - _PADDING, dark.shape[1] - columns - _PADDING
+    padded = cv2.copyMakeBorder(picture, _PADDING, below, _PADDING, beside, cv2.BORDER_REPLICATE)
+    spectrum = cv2.dft(padded, dst=padded)
+    after_dark, after_bright = (
+        cv2.idft(cv2.mulSpectrums(spectrum, response, 0), flags=cv2.DFT_SCALE)[here] for response in (dark, bright)
+    )
+    return np.asarray(after_dark + brightness * (after_bright - after_dark))
 
 
 def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]) -> Correlation:
@@ -93,12 +105,11 @@ def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64],
 
 def whitening_for(dark: Correlation, bright: Correlation, brightness: NDArray[np.float64]) -> Whitening:
     """Filters whose responses are the inverse roots of the noise's power spectra, the same in all directions."""
-    rows, columns = (fft.next_fast_len(side + 2 * _PADDING, real=True) for side in brightness.shape)
-    padded = (rows, columns)
-    return Whitening(_response(dark, padded), _response(bright, padded), padded, brightness)
+    rows, columns = (cv2.getOptimalDFTSize(side + 2 * _PADDING) for side in brightness.shape)
+    return Whitening(_impulse(dark, (rows, columns)), _impulse(bright, (rows, columns)), brightness)
 
 
-def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float64]:
+def _impulse(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float64]:
     rows, columns = padded_shape
     power = correlation.spectrum(padded_shape)
     frequency = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :])
@@ -109,7 +120,7 @@ def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArra
     impulse = fft.irfft2((power / level + _NOISE_FLOOR) ** -0.5, (rows, columns))
     distance = np.hypot(np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :])
     impulse *= _cosine_taper(distance, _FILTER_REACH_PX)
-    return np.asarray(fft.rfft2(impulse / impulse.sum()).real)
+    return np.asarray(impulse / impulse.sum())
 
 
 def covariance_of_sums(

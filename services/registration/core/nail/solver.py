@@ -13,6 +13,7 @@ from services.registration.core.nail.equations import (
     equations_at,
     solution_at,
     solution_for,
+    with_gradient_at,
 )
 from services.registration.core.nail.tracing import Paths, paths
 from services.registration.core.nail.unknowns import within_reason
@@ -62,7 +63,7 @@ def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tole
 def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: float) -> Solution:
     """The same where the start's rays have been traced already."""
     here, damping, converged, steps = solution_for(problem, traced), _LEAST_DAMPING, False, 0
-    equations = equations_at(problem, here, None)
+    equations = equations_at(problem, here)
     while steps < most_steps and not converged:
         steps += 1
         below, damping = _step_down(problem, here, equations, damping, tolerance)
@@ -71,7 +72,10 @@ def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: f
             break
         converged = here.cost - below.cost < tolerance
         here = below
-        equations = equations_at(problem, here, equations.moves if _is_close(problem, here, equations) else None)
+        if _is_close(problem, here, equations):
+            equations = with_gradient_at(problem, here, equations)
+        else:
+            equations = equations_at(problem, here)
     return Solution(here, equations.moves, equations.normal_matrix, steps, converged)
 
 

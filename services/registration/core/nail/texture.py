@@ -18,6 +18,8 @@ class SplineField:
         Index of the first of the 4 x 4 coefficients that act at each place, shape (N,).
     order
         The places, cell by cell, shape (N,).
+    cells
+        Where in `order` each cell begins, and where the last ends, shape (C + 1,).
     along_weights, across_weights
         Weights of those coefficients along the two axes, shape (N, 4).
     grid
@@ -28,6 +30,7 @@ class SplineField:
 
     corner: NDArray[np.int64]
     order: NDArray[np.int64]
+    cells: NDArray[np.int64]
     along_weights: NDArray[np.float64]
     across_weights: NDArray[np.float64]
     grid: tuple[int, int]
@@ -52,7 +55,8 @@ def spline_field(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], 
     roughness = _roughness(count_along, count_across)
     corner = first * count_across + second
     order = np.argsort(corner, kind="stable")
-    return SplineField(corner, order, weights_along, weights_across, (count_along, count_across), roughness)
+    cells = np.flatnonzero(np.diff(corner[order], prepend=-1, append=-1))
+    return SplineField(corner, order, cells, weights_along, weights_across, (count_along, count_across), roughness)
 
 
 def _axis_weights(places: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.int64], int, NDArray[np.float64]]:
@@ -91,73 +95,3 @@ def _evaluate(
             for j in range(4):
                 total += along_weights[n, i] * across_weights[n, j] * coefficients[base + j]
         out[n] = total
-
-
-@compiled
-def _add_cell(
-    index: NDArray[np.int64],
-    block: NDArray[np.float64],
-    sides: NDArray[np.float64],
-    matrix: NDArray[np.float64],
-    right_sides: NDArray[np.float64],
-) -> None:
-    """Add what the pixels of one cell between knots gave, columns at increasing places `index`, and clear it."""
-    for a in range(index.shape[0]):
-        for b in range(a + 1):
-            matrix[index[a], index[b]] += block[a, b]
-        for t in range(sides.shape[1]):
-            right_sides[index[a], t] += sides[a, t]
-    block[:] = 0.0
-    sides[:] = 0.0
-
-
-@compiled
-def accumulate_normal_equations(
-    order: NDArray[np.int64],
-    corner: NDArray[np.int64],
-    along_weights: NDArray[np.float64],
-    across_weights: NDArray[np.float64],
-    count_across: int,
-    field_gain: NDArray[np.float64],
-    dense: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    targets: NDArray[np.float64],
-    matrix: NDArray[np.float64],
-    right_sides: NDArray[np.float64],
-) -> None:
-    """Add A'WA to `matrix` and A'W targets to `right_sides` for the columns A = [field_gain * spline basis, dense].
-
-    Parameters
-    ----------
-    order
-        Pixels in an order that keeps those of a cell together, shape (N,).
-    field_gain, weight
-        Shape (N,).
-    dense
-        Columns that act everywhere, shape (N, D).
-    targets
-        Shape (N, T).
-    matrix, right_sides
-        Shapes (M + D, M + D), of which the lower triangle is filled, and (M + D, T).
-    """
-    size = matrix.shape[0] - dense.shape[1]
-    columns = 16 + dense.shape[1]
-    index = np.empty(columns, dtype=np.int64)
-    index[16:] = size + np.arange(dense.shape[1])
-    value, block, sides = np.empty(columns), np.zeros((columns, columns)), np.zeros((columns, targets.shape[1]))
-    for m in range(order.shape[0]):
-        n = order[m]
-        for i in range(4):
-            for j in range(4):
-                value[4 * i + j] = along_weights[n, i] * across_weights[n, j] * field_gain[n]
-        value[16:] = dense[n]
-        for a in range(columns):
-            scaled = weight[n] * value[a]
-            for b in range(a + 1):
-                block[a, b] += scaled * value[b]
-            for t in range(targets.shape[1]):
-                sides[a, t] += scaled * targets[n, t]
-        if m + 1 == order.shape[0] or corner[order[m + 1]] != corner[n]:
-            for i in range(4):
-                index[4 * i : 4 * i + 4] = corner[n] + i * count_across + np.arange(4)
-            _add_cell(index, block, sides, matrix, right_sides)

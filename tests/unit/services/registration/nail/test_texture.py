@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from services.registration.core.nail.texture import SplineField, accumulate_normal_equations, spline_field
+from services.registration.core.nail.texture import SplineField, spline_field
+from services.registration.core.nail.texture_sums import add_normal_matrix, add_right_sides, columns_of
 
 
 def field_at(count: int, seed: int) -> SplineField:
@@ -35,19 +36,10 @@ def test_normal_equations_are_those_of_the_dense_matrix() -> None:
     gain, weight, targets = rng.uniform(0.0, 1.0, 300), rng.uniform(0.5, 2.0, 300), rng.normal(size=(300, 2))
     dense = rng.normal(size=(300, 3))
     matrix, right = np.zeros((field.size + 3, field.size + 3)), np.zeros((field.size + 3, 2))
-    accumulate_normal_equations(
-        field.order,
-        field.corner,
-        field.along_weights,
-        field.across_weights,
-        field.grid[1],
-        gain,
-        dense,
-        weight,
-        targets,
-        matrix,
-        right,
-    )
+    of_field, cells = columns_of(field, gain, dense, weight), len(field.cells) - 1
+    for first, end in ((0, cells // 3), (cells // 3, cells)):
+        add_normal_matrix(of_field, first, end, matrix)
+        add_right_sides(of_field, first, end, targets, right)
     columns = np.column_stack([gain[:, None] * basis_matrix(field), dense])
     expected = columns.T @ (weight[:, None] * columns)
     assert np.abs(np.tril(matrix) - np.tril(expected)).max() < 1e-9
