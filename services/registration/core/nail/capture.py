@@ -81,7 +81,7 @@ def brought_to_rest(
         nearby = look_nearby(ends[-1])
         best, *others = without_repetition(ends)
         if nearby.solution.cost >= best.solution.cost:
-            return best, min([nearby.solution.cost, *(other.solution.cost for other in others)])
+            return best, min([nearby.solution.least_cost, *(other.solution.least_cost for other in others)])
         ends.append(go_on(nearby))
     best = min(ends, key=lambda o: o.solution.cost)
     return best, best.solution.cost

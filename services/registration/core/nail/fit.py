@@ -63,7 +63,8 @@ class NailFit:
     mirror_margin
         Logarithm of the likelihood ratio between this pose and the other optimum (at least 1.5° away, in practice the
         reflected tilt), or, when there is no other, the best pose with pitch or roll 3° away. The noise's correlation
-        is divided out, so that the ratio is that of as many independent samples.
+        is divided out, so that the ratio is that of as many independent samples. Of a rival that is clearly worse it
+        is what it exceeds.
     hole_radius_excess_mm, nail_radius_excess_mm
         Fitted radii less those of the part.
     blur_px

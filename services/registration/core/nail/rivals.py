@@ -15,6 +15,7 @@ from services.registration.core.nail.capture import (
     without_repetition,
 )
 from services.registration.core.nail.equations import Problem
+from services.registration.core.nail.judgement import LEAST_MIRROR_MARGIN
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
 from services.registration.core.nail.solver import minimise, minimise_from
 from services.registration.core.nail.stages import (
@@ -34,6 +35,8 @@ from shared.geometry.transform import Transform
 _HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 11.0
 _CENTRING_STEPS, _WEIGHING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 3, 8, 3
 _LOOSE, _TIGHT = 2.0, 0.2
+# A rival that costs so much more need not be followed to its end.
+_CLEARLY_WORSE = 2.0 * 3.0 * LEAST_MIRROR_MARGIN
 _TILTS = [Unknown.PITCH_RAD, Unknown.ROLL_RAD]
 _NEARBY_RAD = np.radians([(3.0, 0.0), (-3.0, 0.0), (0.0, 3.0), (0.0, -3.0)])
 
@@ -89,10 +92,11 @@ def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | No
     for rival in poses[1:2]:
         start = first.parameters.copy()
         start[:POSE_SIZE] = parameters_from_pose(rival, scene.camera, scene.anchors)
-        optima.append(optimum_of(scene, minimise(problem, start, _MIDDLE_STEPS, _TIGHT)))
+        clearly_worse = optima[0].solution.cost + _CLEARLY_WORSE
+        optima.append(optimum_of(scene, minimise(problem, start, _MIDDLE_STEPS, _TIGHT, clearly_worse)))
     best, *others = without_repetition(optima)
     if others:
-        runner_up = others[0].solution.cost
+        runner_up = others[0].solution.least_cost
     else:
         best, runner_up = brought_to_rest(best, lambda end: _nearby(problem, end), lambda end: _free(problem, end))
     parameters = best.solution.parameters
@@ -114,8 +118,8 @@ def _nearby(problem: Problem, best: Optimum) -> Optimum:
     for tilt in _NEARBY_RAD:
         start = best.solution.parameters.copy()
         start[_TILTS] += tilt
-        found.append(minimise(held, start, _NEARBY_STEPS, _LOOSE))
-    return optimum_of(problem.scene, min(found, key=lambda solution: solution.cost))
+        found.append(minimise(held, start, _NEARBY_STEPS, _LOOSE, best.solution.cost + _CLEARLY_WORSE))
+    return optimum_of(problem.scene, min(found, key=lambda solution: solution.least_cost))
 
 
 def _from_pose(problem: Problem, pose: Transform[Camera, Nail]) -> NDArray[np.float64]:

@@ -25,6 +25,8 @@ _LEAST_DAMPING, _DAMPING_AFTER_FAILURE, _MOST_DAMPING = 1e-3, 0.1, 1e6
 _DAMPING_FACTOR = 10.0
 # A step that promises less than this part of the tolerance is not worth tracing the rays for.
 _HOPELESS = 0.3
+# A fit is given up when even so many times what the derivatives promise would leave it above what it may cost.
+_TRUSTED_PROMISES = 2.0
 # Derivatives are renewed once the parameters are so many standard deviations away: taking them costs five times what
 # the rays cost, and that far they change by some per cent.
 _CLOSE_DEVIATIONS = 3.0
@@ -35,7 +37,7 @@ class Solution:
     """End of a fit: linear solution, derivatives there or close by, projected normal matrix of the free parameters.
 
     `cost` is the sum of weighted squared residuals and priors (twice the negative logarithm of the likelihood, for
-    independent pixels).
+    independent pixels). `least_cost` is the same, but for a fit that was given up: what its end can hardly fall below.
     """
 
     linear: Linear
@@ -43,6 +45,7 @@ class Solution:
     normal_matrix: NDArray[np.float64]
     steps: int
     converged: bool
+    least_cost: float
 
     @property
     def parameters(self) -> NDArray[np.float64]:
@@ -55,16 +58,26 @@ class Solution:
         return self.linear.cost
 
 
-def minimise(problem: Problem, start: NDArray[np.float64], most_steps: int, tolerance: float) -> Solution:
-    """Levenberg-Marquardt on the free parameters until a step lowers the cost by less than `tolerance`."""
-    return minimise_from(problem, paths(problem.scene, start), most_steps, tolerance)
+def minimise(
+    problem: Problem, start: NDArray[np.float64], most_steps: int, tolerance: float, hopeless_cost: float = np.inf
+) -> Solution:
+    """Levenberg-Marquardt on the free parameters until a step lowers the cost by less than `tolerance`.
+
+    Given up as soon as its end can hardly cost less than `hopeless_cost`.
+    """
+    return minimise_from(problem, paths(problem.scene, start), most_steps, tolerance, hopeless_cost)
 
 
-def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: float) -> Solution:
+def minimise_from(
+    problem: Problem, traced: Paths, most_steps: int, tolerance: float, hopeless_cost: float = np.inf
+) -> Solution:
     """The same where the start's rays have been traced already."""
     here, damping, converged, steps = solution_for(problem, traced), _LEAST_DAMPING, False, 0
     equations = equations_at(problem, here)
     while steps < most_steps and not converged:
+        least_cost = here.cost - _TRUSTED_PROMISES * _promise(equations)
+        if least_cost > hopeless_cost:
+            return Solution(here, equations.moves, equations.normal_matrix, steps, converged, least_cost)
         steps += 1
         below, damping = _step_down(problem, here, equations, damping, tolerance)
         if below is None:
@@ -76,7 +89,12 @@ def minimise_from(problem: Problem, traced: Paths, most_steps: int, tolerance: f
             equations = with_gradient_at(problem, here, equations)
         else:
             equations = equations_at(problem, here)
-    return Solution(here, equations.moves, equations.normal_matrix, steps, converged)
+    return Solution(here, equations.moves, equations.normal_matrix, steps, converged, here.cost)
+
+
+def _promise(equations: Equations) -> float:
+    """By how much the cost would fall if the model were as linear as it looks from here."""
+    return float(equations.gradient @ np.linalg.lstsq(equations.normal_matrix, equations.gradient)[0])
 
 
 def _step_down(
@@ -89,9 +107,10 @@ def _step_down(
     """Solution after a step that lowers the cost (None when none does by enough), and the damping for the next."""
     normal, gradient = equations.normal_matrix, equations.gradient
     scale = np.diag(np.maximum(np.diag(normal), _LEAST_CURVATURE))
+    least_promise = _HOPELESS * tolerance
     while damping <= _MOST_DAMPING:
         step = np.linalg.solve(normal + damping * scale, gradient)
-        if float(2.0 * gradient @ step - step @ normal @ step) < _HOPELESS * tolerance:
+        if float(2.0 * gradient @ step - step @ normal @ step) < least_promise:
             break
         trial = here.traced.parameters.copy()
         trial[problem.free] += step
@@ -99,6 +118,8 @@ def _step_down(
         if below.cost < here.cost:
             return below, max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
         damping = max(damping * _DAMPING_FACTOR, _DAMPING_AFTER_FAILURE)
+        # a promise that was broken once: what is left of it would end the fit anyway
+        least_promise = tolerance
     return None, damping
 
 
