@@ -8,6 +8,8 @@ from services.registration.core.nail.paths import cylinder_interval
 
 LEAST_STEP_MM = 1e-4
 _LEAST_RATE = 0.2
+_PARALLEL = 1e-14
+_LEAST_ACROSS = 0.1
 
 Ray = tuple[float, float, float, float, float, float]
 Tube = tuple[float, float, float, float]
@@ -33,13 +35,36 @@ def ray_through(cx: float, cy: float, rotation: NDArray[np.float64], translation
 
 @compiled
 def tube_of(ray: Ray, radius_mm: float, inner_mm: float) -> Tube:
-    """Where the ray is inside the nail, and where inside its cannulation: near, far, inner near, inner far."""
-    ox, oy, oz, dx, dy, dz = ray
-    near, far = cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, radius_mm)
-    inner_near, inner_far = 1.0, 0.0
-    if inner_mm > 0.0 and far > near:
-        inner_near, inner_far = cylinder_interval(ox, oy, oz, dx, dy, dz, 1.0, 0.0, 0.0, inner_mm)
-    return near, far, inner_near, inner_far
+    """Where the ray is inside the nail, and where inside its cannulation: near, far, inner near, inner far.
+
+    Both are cylinders about the x axis and share their middle.
+    """
+    _, oy, oz, _, dy, dz = ray
+    across2 = max(dy * dy + dz * dz, _PARALLEL)
+    middle = -(oy * dy + oz * dz) / across2
+    y, z = oy + middle * dy, oz + middle * dz
+    impact2 = y * y + z * z
+    outer2, inner2 = radius_mm * radius_mm - impact2, inner_mm * inner_mm - impact2
+    if outer2 <= 0.0:
+        return 1.0, 0.0, 1.0, 0.0
+    half = np.sqrt(outer2 / across2)
+    if inner2 <= 0.0:
+        return middle - half, middle + half, 1.0, 0.0
+    inner_half = np.sqrt(inner2 / across2)
+    return middle - half, middle + half, middle - inner_half, middle + inner_half
+
+
+@compiled
+def may_touch(ray: Ray, tube: Tube, bore: NDArray[np.float64], radius_mm: float, reach_mm: float) -> bool:
+    """Whether a ray comes as near along the nail as a bore reaches that is wider by `reach_mm`.
+
+    Quick, since most rays of a window pass far from all bores, and never wrongly no.
+    """
+    middle, half = 0.5 * (tube[0] + tube[1]), 0.5 * (tube[1] - tube[0])
+    wide_mm = bore[6] + reach_mm
+    leaning = abs(bore[3]) / max(np.sqrt(1.0 - bore[3] * bore[3]), _LEAST_ACROSS)
+    along_mm = leaning * (radius_mm + wide_mm + abs(bore[1]) + abs(bore[2]))
+    return bool(abs(ray[0] + middle * ray[3] - bore[0]) < wide_mm + along_mm + half * abs(ray[3]))
 
 
 @compiled

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from services.registration.core.compiled import compiled
 from services.registration.core.nail.bore_shade import shade_at_bore
 from services.registration.core.nail.pixel_rays import PixelRays
-from services.registration.core.nail.ray_geometry import LEAST_STEP_MM, Ray, in_bore, ray_through, tube_of
+from services.registration.core.nail.ray_geometry import LEAST_STEP_MM, Ray, in_bore, may_touch, ray_through, tube_of
 from services.registration.core.nail.shade import LOG_ATTENUATION, POWER
 from services.registration.core.nail.tube_shade import shade_at_tube
 
@@ -60,10 +60,11 @@ def _add_sample(
     touched = -1
     if tube[1] > tube[0]:
         for h in range(nail.bores.shape[0]):
-            chamfer_mm = max(radius_mm - nail.bores[h, 7], 0.0)
-            first, last = in_bore(ray, nail.bores[h], step_mm + chamfer_mm)
-            if min(last, tube[1]) > max(first, tube[0]):
-                touched = h
+            reach_mm = step_mm + max(radius_mm - nail.bores[h, 7], 0.0)
+            if may_touch(ray, tube, nail.bores[h], radius_mm, reach_mm):
+                first, last = in_bore(ray, nail.bores[h], reach_mm)
+                if min(last, tube[1]) > max(first, tube[0]):
+                    touched = h
     if touched >= 0:
         shade = shade_at_bore(ray, tube, nail.bores[touched], step_mm, unit_mm, steel_mm, material, slope)
     else:

@@ -15,7 +15,7 @@ NOTHING: NDArray[np.float64] = np.zeros(0)
 def optimum(cost: float, tilt_deg: float) -> Optimum:
     look = Appearance(NOTHING, NOTHING)
     linear = Linear(Paths(NOTHING, NOTHING, NOTHING), look, NOTHING, NOTHING, NOTHING, cost, (NOTHING, True))
-    solution = Solution(linear, Sensitivity(NOTHING, NOTHING, NOTHING), NOTHING, 1, converged=True)
+    solution = Solution(linear, Sensitivity(NOTHING, NOTHING, NOTHING), NOTHING, 1, converged=True, least_cost=cost)
     tilt = np.radians(tilt_deg)
     return Optimum(solution, np.array([np.sin(tilt), 0.0, np.cos(tilt)]))
 
