@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from shared.geometry.calibration import BallCandidates
+from shared.two_cores import on_both_halves
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -23,6 +24,8 @@ _NEIGHBOURHOOD_MM = 45.0
 _REACH_PX = 7.0
 _FEW = 6
 _KEPT = 4000
+# Fewer are scored sooner than handed to another core.
+_LEAST_GUESSES = 5000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,16 +145,14 @@ def _guesses(
 def _scored(seeds: Seeds, candidates: BallCandidates, flat_mm: Array) -> Seeds:
     """Count discs close to the predicted balls of each guess's neighbourhood; keep the best guesses, best first."""
     occupied, low_px = _occupied(candidates.centre_px)
-    balls = _complex(flat_mm)
-    inside, hit = _counted(
-        seeds.factor,
-        seeds.offset - complex(*low_px),
-        seeds.mirrored,
-        seeds.anchor,
-        balls,
-        _neighbours(flat_mm),
-        occupied,
-    )
+    balls, neighbours, offset = _complex(flat_mm), _neighbours(flat_mm), seeds.offset - complex(*low_px)
+
+    def counted(part: slice) -> tuple[Ints, Ints]:
+        of_part = seeds.factor[part], offset[part], seeds.mirrored[part], seeds.anchor[part]
+        return _counted(*of_part, balls, neighbours, occupied)
+
+    halves = on_both_halves(counted, len(seeds), _LEAST_GUESSES)
+    inside, hit = (np.concatenate(counts) for counts in zip(*halves, strict=True))
     score = (hit - float(occupied.mean()) * inside) / np.sqrt(np.maximum(inside, _FEW))
     return seeds.select(np.argsort(-score, kind="stable")[:_KEPT])
 

@@ -132,10 +132,10 @@ def _normal_matrix(problem: Problem, columns: Columns) -> NDArray[np.float64]:
         add_normal_matrix(columns, part.start, part.stop, matrix)
         return matrix
 
-    matrix = np.sum(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS), axis=0)
+    matrix = _total(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS))
     matrix[:size, :size] += problem.texture_precision * problem.field.roughness
     matrix[np.diag_indices(total)] += _LEAST_RIDGE * np.trace(matrix) / total
-    return np.asarray(matrix)
+    return matrix
 
 
 def _right_sides(columns: Columns, targets: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -147,7 +147,15 @@ def _right_sides(columns: Columns, targets: NDArray[np.float64]) -> NDArray[np.f
         add_right_sides(columns, part.start, part.stop, targets, sides)
         return sides
 
-    return np.asarray(np.sum(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS), axis=0))
+    return _total(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS))
+
+
+def _total(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Sum of arrays that nobody else needs, in the first of them."""
+    total, *others = parts
+    for other in others:
+        total += other
+    return total
 
 
 def _derivatives_at(problem: Problem, here: Linear) -> NDArray[np.float64]:
