@@ -41,15 +41,19 @@ def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray
     slope = display.slope(stages.blurred).astype(np.float32)
     least = 2 + _LEAST_PX // traced.passed.size
     by_paths = mapped(
-        lambda p: display.sharpened(slope * display.blurred(p)), derivatives_of_paths(scene, traced, free), least
+        lambda p: scene.compared(display.sharpened(slope * display.blurred(p))),
+        derivatives_of_paths(scene, traced, free),
+        least,
     )
     by_display = mapped(
-        lambda unknown: derivative_of_display(unknown, scene, traced.parameters, traced.passed, stages),
+        lambda unknown: scene.compared(
+            derivative_of_display(unknown, scene, traced.parameters, traced.passed, display, stages)
+        ),
         [unknown for unknown in OF_DISPLAY if free[unknown]],
         least,
     )
     unchanged = np.zeros_like(look.visible)
-    columns = [Appearance(visible, unchanged) for visible in scene.compared(np.stack([*by_paths, *by_display]))]
+    columns = [Appearance(visible, unchanged) for visible in (*by_paths, *by_display)]
     if free[Unknown.DELRIN_PER_MM]:
         columns.append(Appearance(unchanged, -scene.body_mm * look.delrin))
     return columns

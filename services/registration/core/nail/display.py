@@ -1,6 +1,6 @@
 """What detector and display make of the share that passes: blur, the display's curve, edge enhancement."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from services.registration.core.nail.blur import Real, blurred_image
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.unknowns import Unknown
+from services.registration.core.nail.window import Window
 
 _STRAIGHT = 1e-6
 # One-sided: what the second derivative adds is below a per cent.
@@ -38,14 +39,16 @@ class Display:
 
     The blur is a Gaussian with a wider one about it: light spreads further in a phosphor than its core does, and
     a tail that is not modelled passes for wider holes. The curve is a power of the intensity (a logarithm when
-    `exponent` is 0), of which an edge shows the part from dark to bright: `curve` is the logarithm of their ratio,
-    shape (rows, columns).
+    `exponent` is 0), of which an edge shows the part from dark to bright: `rise` is by how much the bright intensity
+    exceeds the dark one, over the dark one, and `grey_rise` the same of their powers, each for every place or one for
+    all, shape (rows, columns) or (1, 1).
     """
 
     blur_px: float
     tail_share: float
     tail_px: float
-    curve: NDArray[np.float64]
+    rise: NDArray[np.float64]
+    grey_rise: NDArray[np.float64]
     exponent: float
     sharpening: float
     width_px: float
@@ -64,14 +67,12 @@ class Display:
 
     def bent(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
         """Share of the grey step that a share of the intensity step makes."""
-        brighter = np.log1p(np.expm1(self.curve) * share)
-        return np.asarray(np.expm1(self.exponent * brighter) / np.expm1(self.exponent * self.curve))
+        return np.asarray(np.expm1(self.exponent * np.log1p(self.rise * share)) / self.grey_rise)
 
     def slope(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivative of `bent` by the share."""
-        rise = np.expm1(self.curve)
-        steepness = np.exp((self.exponent - 1.0) * np.log1p(rise * share))
-        return np.asarray(self.exponent * rise * steepness / np.expm1(self.exponent * self.curve))
+        steepness = np.exp((self.exponent - 1.0) * np.log1p(self.rise * share))
+        return np.asarray(self.exponent * self.rise * steepness / self.grey_rise)
 
     def sharpened(self, image: NDArray[Real]) -> NDArray[Real]:
         """Edge enhancement: what differs from the surroundings is enlarged."""
@@ -80,34 +81,37 @@ class Display:
 
 def display_of(scene: NailScene, parameters: NDArray[np.float64]) -> Display:
     """The display that the parameters stand for."""
-    window = scene.window
     exponent = float(parameters[Unknown.CURVE_EXPONENT])
     if abs(exponent) < _STRAIGHT:
         exponent = _STRAIGHT
     # so that the bend hardly depends on the exponent
-    usual_curve = 2.0 * parameters[Unknown.CURVE] / (1.0 - exponent)
-    curve = _curve(scene, exponent, float(np.clip(usual_curve, _STRAIGHT, _MOST_CURVE)))
+    usual_curve = float(np.clip(2.0 * parameters[Unknown.CURVE] / (1.0 - exponent), _STRAIGHT, _MOST_CURVE))
+    grey_rise = _grey_rise(scene, float(np.expm1(exponent * usual_curve)))
+    rise = np.expm1(np.log1p(grey_rise) / exponent)
+    return _with_optics(Display(0.0, 0.0, 0.0, rise, grey_rise, exponent, 0.0, 0.0), scene.window, parameters)
+
+
+def _with_optics(display: Display, window: Window, parameters: NDArray[np.float64]) -> Display:
+    """A display with the same curve, and the parameters' blur and edge enhancement."""
     blur_px, width = np.exp(parameters[[Unknown.LOG_BLUR_PX, Unknown.LOG_TAIL_WIDTH]])
-    return Display(
-        float(np.hypot(blur_px / window.reduction, window.smoothing)),
-        float(parameters[Unknown.TAIL_SHARE]),
-        float(np.hypot(width * blur_px / window.reduction, window.smoothing)),
-        curve,
-        exponent,
-        float(parameters[Unknown.SHARPENING]),
-        float(np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX])) / window.reduction,
+    return replace(
+        display,
+        blur_px=float(np.hypot(blur_px / window.reduction, window.smoothing)),
+        tail_share=float(parameters[Unknown.TAIL_SHARE]),
+        tail_px=float(np.hypot(width * blur_px / window.reduction, window.smoothing)),
+        sharpening=float(parameters[Unknown.SHARPENING]),
+        width_px=float(np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX])) / window.reduction,
     )
 
 
-def _curve(scene: NailScene, exponent: float, usual: float) -> NDArray[np.float64]:
-    """Logarithm of the intensities' ratio from dark to bright at every place, from that at the usual grey values.
+def _grey_rise(scene: NailScene, usual: float) -> NDArray[np.float64]:
+    """How far the powers of the intensities rise from dark to bright at every place, from the usual grey values' rise.
 
     On a display that shows a power of the intensity, of an unknown zero, the ratio follows from the grey values: how
     far the usual step goes with the usual ratio tells where their zero lies.
     """
-    rise = np.expm1(exponent * usual)
-    ratio = rise * scene.step / np.maximum(1.0 + rise * scene.floor_excess, _LEAST_FLOOR)
-    return np.asarray(np.log1p(np.maximum(ratio, _LEAST_RISE)) / exponent)
+    ratio = usual * scene.step / np.maximum(1.0 + usual * scene.floor_excess, _LEAST_FLOOR)
+    return np.asarray(np.maximum(ratio, _LEAST_RISE))
 
 
 def derivative_of_display(
@@ -115,15 +119,23 @@ def derivative_of_display(
     scene: NailScene,
     parameters: NDArray[np.float64],
     passed: NDArray[np.float64],
+    display: Display,
     before: Stages,
 ) -> NDArray[np.float32]:
-    """Derivative of the visible share by one of the display's parameters: a difference, from where it first acts."""
+    """Derivative of the visible share by one of the display's parameters: a difference where it acts, then the chain.
+
+    Parameters
+    ----------
+    display, before
+        The display of the parameters, and what it makes of what passed.
+    """
     moved = parameters.copy()
     moved[unknown] += _STEP
-    display = display_of(scene, moved)
-    bent = before.bent
     if unknown in _OF_BLUR:
-        bent = display.bent(display.blurred(passed))
-    elif unknown in _OF_CURVE:
-        bent = display.bent(before.blurred)
-    return np.asarray((display.sharpened(bent) - before.sharpened) / _STEP, dtype=np.float32)
+        change = _with_optics(display, scene.window, moved).blurred(passed) - before.blurred
+        return display.sharpened((display.slope(before.blurred) * change / _STEP).astype(np.float32))
+    if unknown in _OF_CURVE:
+        change = display_of(scene, moved).bent(before.blurred) - before.bent
+        return display.sharpened((change / _STEP).astype(np.float32))
+    change = _with_optics(display, scene.window, moved).sharpened(before.bent) - before.sharpened
+    return np.asarray(change / _STEP, dtype=np.float32)

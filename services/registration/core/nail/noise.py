@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from services.registration.core.nail.blur import Real
-from shared.two_cores import mapped
 
 _LAGS = 9
 _TAPER_PX = 8.0
 _FILTER_REACH_PX = 9.0
 _PADDING = 9
-# Fewer are filtered sooner than handed to another core.
-_LEAST_PICTURES = 2
 _LOWEST_FREQUENCY = 0.06
 # Limits the filter's gain at the highest frequencies to about 22.
 _NOISE_FLOOR = 0.002
@@ -58,7 +55,7 @@ class Whitening:
     Attributes
     ----------
     dark, bright
-        Impulse responses of the two filters on the padded rectangle, their middles at its first pixel.
+        Spectra of the two filters on the padded rectangle, packed as OpenCV packs those of real pictures.
     brightness
         Share of the bright one in each pixel's filter, shape (rows, columns).
     """
@@ -67,28 +64,17 @@ class Whitening:
     bright: NDArray[np.float64]
     brightness: NDArray[np.float64]
 
-    def apply(self, images: NDArray[Real]) -> NDArray[Real]:
-        """Filter images, shape (..., rows, columns), edge values repeated beyond their border."""
-        pictures = images.reshape(-1, *images.shape[-2:])
-        dark, bright = (cv2.dft(response.astype(images.dtype)) for response in (self.dark, self.bright))
-        brightness = self.brightness.astype(images.dtype)
-        filtered = mapped(lambda picture: _filtered(picture, dark, bright, brightness), pictures, _LEAST_PICTURES)
-        return np.asarray(np.stack(filtered).reshape(images.shape), dtype=images.dtype)
-
-
-def _filtered(
-    picture: NDArray[Real], dark: NDArray[Real], bright: NDArray[Real], brightness: NDArray[Real]
-) -> NDArray[Real]:
-    """A picture after two filters, in the shares that each pixel has of them; picture by picture it stays in cache."""
-    rows, columns = picture.shape
-    here = slice(_PADDING, _PADDING + rows), slice(_PADDING, _PADDING + columns)
-    below, beside = dark.shape[0] - rows - _PADDING, dark.shape[1] - columns - _PADDING
-    padded = cv2.copyMakeBorder(picture, _PADDING, below, _PADDING, beside, cv2.BORDER_REPLICATE)
-    spectrum = cv2.dft(padded, dst=padded)
-    after_dark, after_bright = (
-        cv2.idft(cv2.mulSpectrums(spectrum, response, 0), flags=cv2.DFT_SCALE)[here] for response in (dark, bright)
-    )
-    return np.asarray(after_dark + brightness * (after_bright - after_dark))
+    def apply(self, picture: NDArray[Real]) -> NDArray[Real]:
+        """Filter a picture, shape (rows, columns), edge values repeated beyond its border; in its own precision."""
+        rows, columns = picture.shape
+        here = slice(_PADDING, _PADDING + rows), slice(_PADDING, _PADDING + columns)
+        below, beside = self.dark.shape[0] - rows - _PADDING, self.dark.shape[1] - columns - _PADDING
+        spectrum = cv2.dft(cv2.copyMakeBorder(picture, _PADDING, below, _PADDING, beside, cv2.BORDER_REPLICATE))
+        dark, bright = (
+            cv2.idft(cv2.mulSpectrums(spectrum, response.astype(picture.dtype), 0), flags=cv2.DFT_SCALE)[here]
+            for response in (self.dark, self.bright)
+        )
+        return np.asarray(dark + self.brightness.astype(picture.dtype) * (bright - dark))
 
 
 def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]) -> Correlation:
@@ -106,10 +92,10 @@ def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64],
 def whitening_for(dark: Correlation, bright: Correlation, brightness: NDArray[np.float64]) -> Whitening:
     """Filters whose responses are the inverse roots of the noise's power spectra, the same in all directions."""
     rows, columns = (cv2.getOptimalDFTSize(side + 2 * _PADDING) for side in brightness.shape)
-    return Whitening(_impulse(dark, (rows, columns)), _impulse(bright, (rows, columns)), brightness)
+    return Whitening(_response(dark, (rows, columns)), _response(bright, (rows, columns)), brightness)
 
 
-def _impulse(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float64]:
+def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float64]:
     rows, columns = padded_shape
     power = correlation.spectrum(padded_shape)
     frequency = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :])
@@ -120,7 +106,7 @@ def _impulse(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray
     impulse = fft.irfft2((power / level + _NOISE_FLOOR) ** -0.5, (rows, columns))
     distance = np.hypot(np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :])
     impulse *= _cosine_taper(distance, _FILTER_REACH_PX)
-    return np.asarray(impulse / impulse.sum())
+    return np.asarray(cv2.dft(impulse / impulse.sum()))
 
 
 def covariance_of_sums(

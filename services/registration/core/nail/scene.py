@@ -26,7 +26,7 @@ class NailScene:
         Path in the guide's body at the compared pixels, blurred (and whitened) as the image is, shape (N,).
     step, floor_excess
         Step of the grey value between floor and background, and the floor's own over the usual one, both in units of
-        the usual step, on the whole rectangle, shape of it.
+        the usual step, on the whole rectangle, shape of it, or the same for all of it, shape (1, 1).
     whitening
         Filter that image and model both go through.
     """
@@ -40,12 +40,9 @@ class NailScene:
     floor_excess: NDArray[np.float64]
     whitening: Whitening | None
 
-    def compared(self, images: NDArray[Real]) -> NDArray[Real]:
-        """The strip's pixels of images of the window, shape (..., rows, columns), whitened when the scene says so.
-
-        The result has shape (..., N).
-        """
-        return _compared(self.window, self.whitening, images)
+    def compared(self, picture: NDArray[Real]) -> NDArray[Real]:
+        """The strip's pixels, shape (N,), of a picture of the window, whitened when the scene says so."""
+        return _compared(self.window, self.whitening, picture)
 
     @property
     def grey(self) -> NDArray[np.float64]:
@@ -59,8 +56,9 @@ class NailScene:
 
 def nail_scene(window: Window, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> NailScene:
     """Scene as it is before anything has been learned from a fit."""
-    usual = np.ones(window.shape)
-    return NailScene(window, camera, anchors, nail, _body_mm(window, None), usual, np.zeros(window.shape), None)
+    return NailScene(
+        window, camera, anchors, nail, _body_mm(window, None), np.ones((1, 1)), np.zeros((1, 1)), None
+    )
 
 
 def whitened_scene(scene: NailScene, whitening: Whitening) -> NailScene:
@@ -68,9 +66,9 @@ def whitened_scene(scene: NailScene, whitening: Whitening) -> NailScene:
     return replace(scene, body_mm=_body_mm(scene.window, whitening), whitening=whitening)
 
 
-def _compared(window: Window, whitening: Whitening | None, images: NDArray[Real]) -> NDArray[Real]:
-    filtered = images if whitening is None else whitening.apply(images)
-    return filtered.reshape(*images.shape[:-2], -1)[..., window.compared]
+def _compared(window: Window, whitening: Whitening | None, picture: NDArray[Real]) -> NDArray[Real]:
+    filtered = picture if whitening is None else whitening.apply(picture)
+    return filtered.ravel()[window.compared]
 
 
 def _body_mm(window: Window, whitening: Whitening | None) -> NDArray[np.float64]:

@@ -1,5 +1,7 @@
 """How the window looks, and that its derivatives are those of the picture."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,12 +85,12 @@ def test_a_curve_through_a_known_zero_bends_more_where_the_step_is_larger() -> N
     """On a display that shows a power of the intensity, the ratio of intensities follows from the grey values."""
     scene, parameters = scene_and_parameters()
     exponent, dark = 0.5, 0.3
-    steps = np.linspace(0.2, 1.5, scene.step.size).reshape(scene.step.shape)
+    steps = np.linspace(0.2, 1.5, scene.window.grey.size).reshape(scene.window.shape)
     usual = 0.6
     parameters[Unknown.CURVE_EXPONENT] = exponent
     parameters[Unknown.CURVE] = 0.5 * (1.0 - exponent) * np.log1p(usual / dark) / exponent
     parameters[Unknown.SHARPENING] = parameters[Unknown.TAIL_SHARE] = 0.0
-    scene.step[:] = steps / usual
+    scene = replace(scene, step=steps / usual)
     traced = paths(scene, parameters)
     half = np.full_like(traced.passed, 0.5)
     found = render(scene, type(traced)(parameters, half, traced.by_cause)).visible
