@@ -53,7 +53,7 @@ def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray
         least,
     )
     unchanged = np.zeros_like(look.visible)
-    columns = [Appearance(visible, unchanged) for visible in (*by_paths, *by_display)]
+    columns = [Appearance(visible.astype(np.float64), unchanged) for visible in (*by_paths, *by_display)]
     if free[Unknown.DELRIN_PER_MM]:
         columns.append(Appearance(unchanged, -scene.body_mm * look.delrin))
     return columns

@@ -4,6 +4,7 @@ Variable projection: at given pose and nuisances, background and floor are solve
 those two eliminated.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 from services.registration.core.nail.appearance import Appearance, derivatives, render
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.texture import SplineField
-from services.registration.core.nail.texture_sums import Columns, add_normal_matrix, add_right_sides, columns_of
+from services.registration.core.nail.texture_sums import Columns, add_normal_equations, add_right_sides, columns_of
 from services.registration.core.nail.tracing import Paths, paths
 from services.registration.core.nail.unknowns import prior_mean, prior_precision
 from shared.two_cores import on_both_halves
@@ -101,9 +102,9 @@ def solution_for(problem: Problem, traced: Paths) -> Linear:
     look = render(problem.scene, traced)
     gain = look.visible * look.delrin
     columns = _columns(problem, look)
-    factor = cho_factor(_normal_matrix(problem, columns), lower=True, overwrite_a=True, check_finite=False)
-    right = _right_sides(columns, problem.grey[:, None])
-    coefficients = cho_solve(factor, right, check_finite=False)[:, 0]
+    matrix, side = _normal_equations(problem, columns)
+    factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+    coefficients = cho_solve(factor, side, check_finite=False)
     size = problem.field.size
     c = coefficients[:size]
     background = problem.field.at_places(c)
@@ -122,20 +123,21 @@ def _columns(problem: Problem, look: Appearance) -> Columns:
     return columns_of(problem.field, look.visible * look.delrin, dense, problem.weight)
 
 
-def _normal_matrix(problem: Problem, columns: Columns) -> NDArray[np.float64]:
-    """Lower triangle of A'WA and the background's prior, shape (M + D, M + D)."""
+def _normal_equations(problem: Problem, columns: Columns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower triangle of A'WA and the background's prior, shape (M + D, M + D), and A'W grey, shape (M + D,)."""
     size = problem.field.size
     total = size + columns.dense.shape[1]
 
-    def of_part(part: slice) -> NDArray[np.float64]:
-        matrix = np.zeros((total, total))
-        add_normal_matrix(columns, part.start, part.stop, matrix)
-        return matrix
+    def of_part(part: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        matrix, side = np.zeros((total, total)), np.zeros(total)
+        add_normal_equations(columns, part.start, part.stop, problem.grey, matrix, side)
+        return matrix, side
 
-    matrix = _total(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS))
+    halves = on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS)
+    matrix, side = (_total(parts) for parts in zip(*halves, strict=True))
     matrix[:size, :size] += problem.texture_precision * problem.field.roughness
     matrix[np.diag_indices(total)] += _LEAST_RIDGE * np.trace(matrix) / total
-    return matrix
+    return matrix, side
 
 
 def _right_sides(columns: Columns, targets: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -150,7 +152,7 @@ def _right_sides(columns: Columns, targets: NDArray[np.float64]) -> NDArray[np.f
     return _total(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS))
 
 
-def _total(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _total(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Sum of arrays that nobody else needs, in the first of them."""
     total, *others = parts
     for other in others:

@@ -34,7 +34,7 @@ def pixel_rays(slopes: NDArray[np.float64], places: NDArray[np.int64]) -> PixelR
     return PixelRays(*(np.ascontiguousarray(a.reshape(-1, 2)[places]) for a in (slopes, right, down)))
 
 
-def rays_of(rays: PixelRays, part: slice) -> PixelRays:
+def rays_of(rays: PixelRays, part: slice | NDArray[np.int64]) -> PixelRays:
     """Those of some of the pixels."""
     return PixelRays(*(of_all[part] for of_all in rays))
 

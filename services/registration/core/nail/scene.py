@@ -56,9 +56,7 @@ class NailScene:
 
 def nail_scene(window: Window, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> NailScene:
     """Scene as it is before anything has been learned from a fit."""
-    return NailScene(
-        window, camera, anchors, nail, _body_mm(window, None), np.ones((1, 1)), np.zeros((1, 1)), None
-    )
+    return NailScene(window, camera, anchors, nail, _body_mm(window, None), np.ones((1, 1)), np.zeros((1, 1)), None)
 
 
 def whitened_scene(scene: NailScene, whitening: Whitening) -> NailScene:

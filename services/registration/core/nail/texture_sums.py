@@ -82,12 +82,30 @@ def _places_and_weights(columns: Columns, cell: int) -> tuple[NDArray[np.int64],
 
 
 @compiled
-def add_normal_matrix(columns: Columns, first: int, end: int, matrix: NDArray[np.float64]) -> None:
-    """Add A'WA of the cells from `first` to before `end` to the lower triangle of `matrix`, shape (M + D, M + D)."""
+def add_normal_equations(
+    columns: Columns,
+    first: int,
+    end: int,
+    target: NDArray[np.float64],
+    matrix: NDArray[np.float64],
+    side: NDArray[np.float64],
+) -> None:
+    """Add A'WA and A'W target of the cells from `first` to before `end`.
+
+    Parameters
+    ----------
+    target
+        Shape (N,).
+    matrix, side
+        Results, shapes (M + D, M + D), of which the lower triangle is filled, and (M + D,).
+    """
     for cell in range(first, end):
         index, rows = _cell_index(columns, cell), _cell_rows(columns, cell)
-        block = np.dot(rows.T, _places_and_weights(columns, cell)[1] * rows)
+        places, weight = _places_and_weights(columns, cell)
+        weighted = weight * rows
+        block, of_target = np.dot(rows.T, weighted), np.dot(weighted.T, target[places])
         for a in range(index.shape[0]):
+            side[index[a]] += of_target[a]
             for b in range(a + 1):
                 matrix[index[a], index[b]] += block[a, b]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import blurred_image
 from services.registration.core.nail.grid import PixelGrid, grid_around, strip_of
-from services.registration.core.nail.occluders import Occluders, delrin_path_mm, steel_path_mm
+from services.registration.core.nail.occluders import Occluders, ball_discs_px, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
 from services.registration.core.nail.pixel_rays import (
     SAMPLES_PX,
@@ -20,13 +20,12 @@ from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
-from shared.two_cores import on_both_halves
 
 _BLUR_REACH_PX = 8
 _INSIDE_APERTURE_PX = 9.0
 _LEAST_PIXELS = 200
-# Fewer are done sooner than handed to another core.
-_LEAST_RAYS = 5000
+# A ball's shadow reaches so much further than its radius: it is stretched away from the beam's middle.
+_BALL_STRETCH = 0.1
 _MOVES_MM, _BORE_REACH_MM = 0.5, 0.8
 
 
@@ -108,13 +107,7 @@ def cut_window(
     compared = np.flatnonzero(inside)
     support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
     rays = pixel_rays(slopes, support)
-    steel = np.concatenate(
-        on_both_halves(
-            lambda part: steel_path_mm(sample_directions(rays_of(rays, part), SAMPLES_PX), occluders, calibration),
-            len(support),
-            _LEAST_RAYS,
-        )
-    ).reshape(len(support), -1)
+    steel = _steel_mm(rays, grid.centres_px.reshape(-1, 2)[support], grid.reduction, occluders, calibration)
     grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
@@ -135,6 +128,25 @@ def cut_window(
         steel,
         _delrin_map(slopes, occluders),
     )
+
+
+def _steel_mm(
+    rays: PixelRays, centres_px: NDArray[np.float64], side_px: int, occluders: Occluders, calibration: CArmCalibration
+) -> NDArray[np.float64]:
+    """Path in balls and wires at each of the `SAMPLES_PX`, shape (S, samples); rays far from all are left at zero."""
+    near = np.full(len(centres_px), bool(occluders.rods))
+    discs_px = ball_discs_px(occluders, calibration)
+    reach_px = discs_px[:, 2:] * (1.0 + _BALL_STRETCH) + side_px
+    around = (discs_px[:, :2] + reach_px > centres_px.min(axis=0)) & (
+        discs_px[:, :2] - reach_px < centres_px.max(axis=0)
+    )
+    for x, y, radius in np.column_stack([discs_px[:, :2], reach_px])[np.all(around, axis=1)]:
+        near |= (centres_px[:, 0] - x) ** 2 + (centres_px[:, 1] - y) ** 2 < radius**2
+    places = np.flatnonzero(near)
+    steel = np.zeros((len(centres_px), len(SAMPLES_PX)))
+    directions = sample_directions(rays_of(rays, places), SAMPLES_PX)
+    steel[places] = steel_path_mm(directions, occluders, calibration).reshape(len(places), len(SAMPLES_PX))
+    return steel
 
 
 def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from services.registration.core.nail.texture import SplineField, spline_field
-from services.registration.core.nail.texture_sums import add_normal_matrix, add_right_sides, columns_of
+from services.registration.core.nail.texture_sums import add_normal_equations, add_right_sides, columns_of
 
 
 def field_at(count: int, seed: int) -> SplineField:
@@ -35,12 +35,14 @@ def test_normal_equations_are_those_of_the_dense_matrix() -> None:
     field = field_at(300, 3)
     gain, weight, targets = rng.uniform(0.0, 1.0, 300), rng.uniform(0.5, 2.0, 300), rng.normal(size=(300, 2))
     dense = rng.normal(size=(300, 3))
-    matrix, right = np.zeros((field.size + 3, field.size + 3)), np.zeros((field.size + 3, 2))
+    total, target = field.size + 3, rng.normal(size=300)
+    matrix, right, side = np.zeros((total, total)), np.zeros((total, 2)), np.zeros(total)
     of_field, cells = columns_of(field, gain, dense, weight), len(field.cells) - 1
     for first, end in ((0, cells // 3), (cells // 3, cells)):
-        add_normal_matrix(of_field, first, end, matrix)
+        add_normal_equations(of_field, first, end, target, matrix, side)
         add_right_sides(of_field, first, end, targets, right)
     columns = np.column_stack([gain[:, None] * basis_matrix(field), dense])
     expected = columns.T @ (weight[:, None] * columns)
     assert np.abs(np.tril(matrix) - np.tril(expected)).max() < 1e-9
+    assert np.abs(side - columns.T @ (weight * target)).max() < 1e-9
     assert np.abs(right - columns.T @ (weight[:, None] * targets)).max() < 1e-9
