@@ -15,6 +15,7 @@ BENCHMARKS: Final = {
     "independent_images": "every method on images that others rendered, where there is a folder of them",
     "cramer_rao": "the smallest error possible in one random scene, and what it is made of",
     "noise_draws": "scenes under many draws of noise: what is scatter, what stays, what was predicted",
+    "image_time": "how long one image takes, stage by stage, on both cores and on one",
     "ball_detection": "balls covered in part, beside OpenCV's detectors, correlation and the Cramér-Rao limit",
     "calibration": "C-arm calibration on independent images, where there is a folder of them",
     "display": "the same pictures with other curves, edges, bit depths and compression",
@@ -37,7 +38,7 @@ BENCHMARKS: Final = {
     "verification": "K-wires from one image, from a pair, and with one from before the wires",
     "procedure": "twenty seeded procedures in the virtual operating room",
 }
-WITH_OPTIONS: Final = ("accuracy", "independent_images", "cramer_rao", "noise_draws")
+WITH_OPTIONS: Final = ("accuracy", "independent_images", "cramer_rao", "noise_draws", "image_time")
 
 
 def run_benchmarks(names: Sequence[str], options: Sequence[str] = ()) -> int:

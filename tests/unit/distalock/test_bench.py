@@ -34,6 +34,7 @@ def test_others_have_none(names: list[str], capsys: pytest.CaptureFixture[str]) 
         ("accuracy", ["--report", "/none/page.md"], "cannot be written: there is no folder /none"),
         ("cramer_rao", ["--seed", "x"], "'x' is not a seed from 0 to"),
         ("independent_images", ["--nope"], "unrecognized arguments: --nope"),
+        ("image_time", ["--count", "0"], "'0' is not a number of scenes from 1 to"),
         ("noise_draws", ["--draws", "1"], "'1' is not a number of draws from 2 to"),
     ],
 )
