@@ -12,7 +12,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +59,8 @@ def on_one_core() -> Iterator[None]:
 
 def _confine(cores: set[int]) -> None:
     for thread in Path("/proc/self/task").iterdir():
-        os.sched_setaffinity(int(thread.name), cores)
+        with suppress(ProcessLookupError):  # it may have ended meanwhile
+            os.sched_setaffinity(int(thread.name), cores)
 
 
 def measured(seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
@@ -74,7 +75,7 @@ def measured(seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float
         both.append(stage_seconds(*case))
         with on_one_core():
             one.append(stage_seconds(*case))
-        peer.append(peer_seconds(pixels))
+            peer.append(peer_seconds(pixels))
     of_all, of_one = (np.median(np.array(rounds, dtype=np.float64), axis=0) for rounds in (both, one))
     return of_all, of_one, float(np.median(peer))
 

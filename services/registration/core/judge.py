@@ -7,6 +7,7 @@ import numpy as np
 
 from services.registration.core.alignment import CArmTurn
 from services.registration.core.hole_axes import HoleEstimate, NailEstimate
+from services.registration.core.nail.judgement import LEAST_MARGIN_OF_ONE_HOLE
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
@@ -20,8 +21,6 @@ LARGEST_TILT_DEG = 14.0
 LARGEST_DISTORTION_SD_PX = 0.5
 LARGEST_RADIUS_EXCESS_MM = 0.12
 LARGEST_STRUCTURE = 2.0
-# One opening alone was measured to be explained by a pose 9 degrees or 2 mm off with margins up to 13.
-LEAST_MARGIN_OF_ONE_HOLE = 40.0
 
 
 def judge(

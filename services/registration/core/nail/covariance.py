@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.equations import Problem
+from services.registration.core.nail.equations import Problem, followed_by_linear
 from services.registration.core.nail.noise import covariance_of_sums
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters
 from services.registration.core.nail.solver import Solution
@@ -19,8 +19,9 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
     from its correlation instead (the sandwich formula); to it comes what priors and background leave open.
     """
     gain = np.linalg.inv(solution.normal_matrix)[:POSE_SIZE]
-    by_noise = _by_noise(problem, noise, _after_background(problem, solution) @ gain.T)
-    field = solution.moves.of_linear[: problem.field.size]
+    linear = followed_by_linear(problem, solution.linear, solution.moves.of_pixels)
+    by_noise = _by_noise(problem, noise, _after_background(problem, solution, linear) @ gain.T)
+    field = linear[: problem.field.size]
     open_ends = problem.texture_precision * (field.T @ problem.field.roughness @ field)
     open_ends[np.diag_indices(len(open_ends))] += prior_precision()[problem.free]
     covariance = by_noise + gain @ open_ends @ gain.T
@@ -29,12 +30,16 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
     return np.asarray(jacobian @ covariance @ jacobian.T)
 
 
-def _after_background(problem: Problem, solution: Solution) -> NDArray[np.float64]:
-    """Derivatives of the modelled grey values when background and floor follow, shape (N, P)."""
-    look, moves, size = solution.linear.appearance, solution.moves, problem.field.size
-    background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in moves.of_linear[:size].T], axis=1)
-    floor = problem.floor @ moves.of_linear[size:]
-    return moves.of_pixels - (look.visible * look.delrin)[:, None] * background - (1.0 - look.visible)[:, None] * floor
+def _after_background(problem: Problem, solution: Solution, linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivatives of the modelled grey values when background and floor follow as `linear` says, shape (N, P)."""
+    look, size = solution.linear.appearance, problem.field.size
+    background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in linear[:size].T], axis=1)
+    floor = problem.floor @ linear[size:]
+    return (
+        solution.moves.of_pixels
+        - (look.visible * look.delrin)[:, None] * background
+        - (1.0 - look.visible)[:, None] * floor
+    )
 
 
 def _by_noise(problem: Problem, noise: Noise, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -66,7 +66,7 @@ class Linear:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensitivity:
-    """How the model moves with the free parameters, and what background and floor make up for.
+    """How the model moves with the free parameters.
 
     Attributes
     ----------
@@ -74,13 +74,10 @@ class Sensitivity:
         All parameters where `of_pixels` was taken, shape (PARAMETERS,).
     of_pixels
         Derivative of the modelled grey values, background and floor held, shape (N, P).
-    of_linear
-        Change of the coefficients of background and floor that follows, shape (M + D, P).
     """
 
     at: NDArray[np.float64]
     of_pixels: NDArray[np.float64]
-    of_linear: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +97,6 @@ def solution_at(problem: Problem, parameters: NDArray[np.float64]) -> Linear:
 def solution_for(problem: Problem, traced: Paths) -> Linear:
     """Best background and floor where the rays have been traced already."""
     look = render(problem.scene, traced)
-    gain = look.visible * look.delrin
     columns = _columns(problem, look)
     matrix, side = _normal_equations(problem, columns)
     factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
@@ -109,7 +105,7 @@ def solution_for(problem: Problem, traced: Paths) -> Linear:
     c = coefficients[:size]
     background = problem.field.at_places(c)
     floor = problem.floor @ coefficients[size:]
-    residual = problem.grey - gain * background - (1.0 - look.visible) * floor
+    residual = problem.grey - columns.gain * background - (1.0 - look.visible) * floor
     penalty = problem.texture_precision * float(c @ (problem.field.roughness @ c))
     excess = traced.parameters - prior_mean()
     prior = float((prior_precision() * problem.free) @ excess**2)
@@ -172,10 +168,21 @@ def equations_at(problem: Problem, here: Linear) -> Equations:
     """Normal matrix and gradient of the free parameters with the linear ones eliminated."""
     columns = _derivatives_at(problem, here)
     cross = _right_sides(_columns(problem, here.appearance), columns)
-    moves = Sensitivity(here.traced.parameters, columns, cho_solve(here.factor, cross, check_finite=False))
-    normal = columns.T @ (problem.weight[:, None] * columns) - cross.T @ moves.of_linear
+    normal = columns.T @ (problem.weight[:, None] * columns) - cross.T @ _made_up_for(here, cross)
     normal[np.diag_indices(len(normal))] += prior_precision()[problem.free]
-    return Equations(moves, normal, _gradient(problem, here, columns))
+    return Equations(Sensitivity(here.traced.parameters, columns), normal, _gradient(problem, here, columns))
+
+
+def followed_by_linear(problem: Problem, here: Linear, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coefficients of background and floor that make up best for changes of the grey values, shape (N, P).
+
+    The result has shape (M + D, P).
+    """
+    return _made_up_for(here, _right_sides(_columns(problem, here.appearance), columns))
+
+
+def _made_up_for(here: Linear, cross: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(cho_solve(here.factor, cross, check_finite=False))
 
 
 def with_gradient_at(problem: Problem, here: Linear, known: Equations) -> Equations:

@@ -20,7 +20,8 @@ _LEAST_CONTRAST_TO_NOISE = 3.0
 _MOST_RADIUS_EXCESS_MM = 0.12
 _MOST_STRUCTURE = 2.5
 _MOST_INFLATION = 10.0
-LEAST_MIRROR_MARGIN = 8.0
+# One opening alone was measured to be explained by a pose 9 degrees or 2 mm off with margins up to 13.
+_LEAST_MIRROR_MARGIN, LEAST_MARGIN_OF_ONE_HOLE = 8.0, 40.0
 _MOST_SPOT, _CERTAIN, _LEAST_STEP = 0.3, 8.0, 0.3
 _STRUCTURE_BLUR_PX, _SPOT_BLUR_PX = 2.0, 1.0
 _ABOUT_HOLE_MM = 1.0
@@ -237,10 +238,10 @@ def _mismatch(evidence: Evidence) -> list[Reason]:
 
 
 def _ambiguity(evidence: Evidence) -> list[Reason]:
-    if evidence.mirror_margin >= LEAST_MIRROR_MARGIN:
+    if evidence.mirror_margin >= _LEAST_MIRROR_MARGIN:
         return []
     message = (
         f"the reflected tilt explains the image nearly as well: logarithm of the likelihood ratio "
-        f"{evidence.mirror_margin:.1f} (limit {LEAST_MIRROR_MARGIN:.0f}); turn the C-arm by 5° and take one more image"
+        f"{evidence.mirror_margin:.1f} (limit {_LEAST_MIRROR_MARGIN:.0f}); turn the C-arm by 5° and take one more image"
     )
     return [Reason(ReasonCode.MIRROR_AMBIGUOUS, message)]

@@ -12,7 +12,7 @@ from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
 
-_PARALLEL = 1e-14
+PARALLEL = 1e-14
 _EVERYWHERE = 1e9
 
 
@@ -27,7 +27,7 @@ def cylinder_interval(
     qx, qy, qz = ox - along_o * wx, oy - along_o * wy, oz - along_o * wz
     a = px * px + py * py + pz * pz
     c = qx * qx + qy * qy + qz * qz - radius * radius
-    if a < _PARALLEL:
+    if a < PARALLEL:
         return (-_EVERYWHERE, _EVERYWHERE) if c < 0.0 else (1.0, 0.0)
     b = px * qx + py * qy + pz * qz
     discriminant = b * b - a * c

@@ -4,12 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
-from services.registration.core.nail.paths import cylinder_interval
+from services.registration.core.nail.paths import PARALLEL, cylinder_interval
 
 LEAST_STEP_MM = 1e-4
 _LEAST_RATE = 0.2
-_PARALLEL = 1e-14
-_LEAST_ACROSS = 0.1
+_LEAST_ACROSS = 1e-6
 
 Ray = tuple[float, float, float, float, float, float]
 Tube = tuple[float, float, float, float]
@@ -40,7 +39,7 @@ def tube_of(ray: Ray, radius_mm: float, inner_mm: float) -> Tube:
     Both are cylinders about the x axis and share their middle.
     """
     _, oy, oz, _, dy, dz = ray
-    across2 = max(dy * dy + dz * dz, _PARALLEL)
+    across2 = max(dy * dy + dz * dz, PARALLEL)
     middle = -(oy * dy + oz * dz) / across2
     y, z = oy + middle * dy, oz + middle * dz
     impact2 = y * y + z * z
@@ -62,7 +61,7 @@ def may_touch(ray: Ray, tube: Tube, bore: NDArray[np.float64], radius_mm: float,
     """
     middle, half = 0.5 * (tube[0] + tube[1]), 0.5 * (tube[1] - tube[0])
     wide_mm = bore[6] + reach_mm
-    leaning = abs(bore[3]) / max(np.sqrt(1.0 - bore[3] * bore[3]), _LEAST_ACROSS)
+    leaning = abs(bore[3]) / max(np.sqrt(max(1.0 - bore[3] * bore[3], 0.0)), _LEAST_ACROSS)
     along_mm = leaning * (radius_mm + wide_mm + abs(bore[1]) + abs(bore[2]))
     return bool(abs(ray[0] + middle * ray[3] - bore[0]) < wide_mm + along_mm + half * abs(ray[3]))
 

@@ -15,7 +15,7 @@ from services.registration.core.nail.capture import (
     without_repetition,
 )
 from services.registration.core.nail.equations import Problem
-from services.registration.core.nail.judgement import LEAST_MIRROR_MARGIN
+from services.registration.core.nail.judgement import LEAST_MARGIN_OF_ONE_HOLE
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
 from services.registration.core.nail.solver import minimise, minimise_from
 from services.registration.core.nail.stages import (
@@ -35,8 +35,8 @@ from shared.geometry.transform import Transform
 _HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 11.0
 _CENTRING_STEPS, _WEIGHING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 3, 8, 3
 _LOOSE, _TIGHT = 2.0, 0.2
-# A rival that costs so much more need not be followed to its end.
-_CLEARLY_WORSE = 2.0 * 3.0 * LEAST_MIRROR_MARGIN
+# A rival that costs so much more, half as much again as any limit asks for, need not be followed to its end.
+_CLEARLY_WORSE = 2.0 * 1.5 * LEAST_MARGIN_OF_ONE_HOLE
 _TILTS = [Unknown.PITCH_RAD, Unknown.ROLL_RAD]
 _NEARBY_RAD = np.radians([(3.0, 0.0), (-3.0, 0.0), (0.0, 3.0), (0.0, -3.0)])
 

@@ -34,7 +34,7 @@ _CLOSE_DEVIATIONS = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """End of a fit: linear solution, derivatives there or close by, projected normal matrix of the free parameters.
+    """End of a fit: linear solution there; derivatives and projected normal matrix from there or close by.
 
     `cost` is the sum of weighted squared residuals and priors (twice the negative logarithm of the likelihood, for
     independent pixels). `least_cost` is the same, but for a fit that was given up: what its end can hardly fall below.
@@ -75,7 +75,7 @@ def minimise_from(
     here, damping, converged, steps = solution_for(problem, traced), _LEAST_DAMPING, False, 0
     equations = equations_at(problem, here)
     while steps < most_steps and not converged:
-        least_cost = here.cost - _TRUSTED_PROMISES * _promise(equations)
+        least_cost = here.cost - _TRUSTED_PROMISES * _promise(equations) if here.cost > hopeless_cost else here.cost
         if least_cost > hopeless_cost:
             return Solution(here, equations.moves, equations.normal_matrix, steps, converged, least_cost)
         steps += 1
@@ -118,7 +118,7 @@ def _step_down(
         if below.cost < here.cost:
             return below, max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
         damping = max(damping * _DAMPING_FACTOR, _DAMPING_AFTER_FAILURE)
-        # a promise that was broken once: what is left of it would end the fit anyway
+        # after a broken promise, a step that promises less than the tolerance would end the fit: it is saved
         least_promise = tolerance
     return None, damping
 

@@ -24,8 +24,8 @@ from shared.geometry.transform import Transform
 _BLUR_REACH_PX = 8
 _INSIDE_APERTURE_PX = 9.0
 _LEAST_PIXELS = 200
-# A ball's shadow reaches so much further than its radius: it is stretched away from the beam's middle.
-_BALL_STRETCH = 0.1
+# A ball's shadow may reach so much further than its radius: distortion and the way from the beam's middle stretch it.
+_STRETCH, _WIRE_REACH_MM = 0.3, 0.5
 _MOVES_MM, _BORE_REACH_MM = 0.5, 0.8
 
 
@@ -55,7 +55,7 @@ class Window:
     crossed
         Whether an edge of nail, bore, cannulation or ball may cross a pixel of the support, shape (S,).
     steel_mm
-        Path in steel balls at each of the `SAMPLES_PX` of the support's pixels, shape (S, samples).
+        Path in steel balls and wires at each of the `SAMPLES_PX` of the support's pixels, shape (S, samples).
     delrin_mm
         Path in the guide's body, mean over the samples of each pixel, on the whole rectangle, shape of it.
     """
@@ -134,9 +134,10 @@ def _steel_mm(
     rays: PixelRays, centres_px: NDArray[np.float64], side_px: int, occluders: Occluders, calibration: CArmCalibration
 ) -> NDArray[np.float64]:
     """Path in balls and wires at each of the `SAMPLES_PX`, shape (S, samples); rays far from all are left at zero."""
-    near = np.full(len(centres_px), bool(occluders.rods))
-    discs_px = ball_discs_px(occluders, calibration)
-    reach_px = discs_px[:, 2:] * (1.0 + _BALL_STRETCH) + side_px
+    near = np.zeros(len(centres_px), dtype=bool)
+    wires_px = [rod.discs_px(calibration, _WIRE_REACH_MM) for rod in occluders.rods]
+    discs_px = np.concatenate([ball_discs_px(occluders, calibration), *wires_px])
+    reach_px = discs_px[:, 2:] * (1.0 + _STRETCH) + side_px
     around = (discs_px[:, :2] + reach_px > centres_px.min(axis=0)) & (
         discs_px[:, :2] - reach_px < centres_px.max(axis=0)
     )

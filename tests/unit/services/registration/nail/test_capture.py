@@ -12,10 +12,17 @@ from services.registration.core.nail.tracing import Paths
 NOTHING: NDArray[np.float64] = np.zeros(0)
 
 
-def optimum(cost: float, tilt_deg: float) -> Optimum:
+def optimum(cost: float, tilt_deg: float, least_cost: float | None = None) -> Optimum:
     look = Appearance(NOTHING, NOTHING)
     linear = Linear(Paths(NOTHING, NOTHING, NOTHING), look, NOTHING, NOTHING, NOTHING, cost, (NOTHING, True))
-    solution = Solution(linear, Sensitivity(NOTHING, NOTHING, NOTHING), NOTHING, 1, converged=True, least_cost=cost)
+    solution = Solution(
+        linear,
+        Sensitivity(NOTHING, NOTHING),
+        NOTHING,
+        1,
+        converged=True,
+        least_cost=cost if least_cost is None else least_cost,
+    )
     tilt = np.radians(tilt_deg)
     return Optimum(solution, np.array([np.sin(tilt), 0.0, np.cos(tilt)]))
 
@@ -33,6 +40,11 @@ class Landscape:
 def test_an_optimum_stays_and_its_rival_is_what_costs_least_nearby() -> None:
     start = optimum(100.0, 0.0)
     assert Landscape([optimum(150.0, 3.0)], []).rest(start) == (start, 150.0)
+
+
+def test_of_what_was_given_up_counts_what_it_can_hardly_fall_below() -> None:
+    start = optimum(100.0, 0.0)
+    assert Landscape([optimum(500.0, 3.0, least_cost=150.0)], []).rest(start) == (start, 150.0)
 
 
 def test_an_end_on_a_slope_is_left_and_stays_a_rival() -> None:

@@ -5,9 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.occluders import Occluders, PlacedGuide, steel_path_mm
+from services.registration.core.nail.pixel_rays import SAMPLES_PX, sample_directions
+from services.registration.core.nail.rods import SteelRod
 from services.registration.core.nail.window import Scale, Window, cut_window
-from tests.unit.services.registration.rendered_case import CAMERA_FROM_NAIL, Shown, rendered, rendered_parts
+from shared.geometry.frames import Camera
+from shared.geometry.transform import Transform
+from tests.unit.services.registration.rendered_case import (
+    CAMERA_FROM_GUIDE,
+    CAMERA_FROM_NAIL,
+    Shown,
+    rendered,
+    rendered_parts,
+)
+from tests.unit.services.registration.xray_scene import pincushion
 
 
 def window_with(hidden: tuple[slice, slice] | None, reduction: int) -> Window:
@@ -35,3 +46,19 @@ def test_hidden_pixels_are_not_compared_and_all_others_are(reduction: int) -> No
     assert len(left_out) >= 0.9 * (21 // reduction) ** 2  # the strip may end nearby
     assert np.ptp(rows) <= 20 // reduction + 1
     assert np.ptp(columns) <= 20 // reduction + 1
+
+
+@pytest.mark.parametrize("reduction", [1, 2, 3])
+@pytest.mark.parametrize(("edge_fraction", "aside_mm"), [(0.0, 0.0), (0.08, 0.0), (0.08, 38.0)])
+def test_steel_is_found_wherever_there_is_some(reduction: int, edge_fraction: float, aside_mm: float) -> None:
+    """Looking only near balls and wires must miss nothing, also where distortion stretches the image."""
+    parts, (pixels, view) = rendered_parts(), rendered(Shown(), seed=3)
+    view = replace(view, distortion=pincushion(view.width_px, edge_fraction))
+    aside: Transform[Camera, Camera] = Transform.from_rotvec(np.zeros(3), np.array([aside_mm, aside_mm, 0.0]))
+    wire = SteelRod(np.array([-60.0, -31.0, 700.0]), np.array([65.0, 68.0, 760.0]), 3.0)
+    occluders = Occluders(PlacedGuide(parts.guide, aside @ CAMERA_FROM_GUIDE), parts.ring, rods=(wire,))
+    window = cut_window(pixels, view, parts.nail, 3.5, aside @ CAMERA_FROM_NAIL, occluders, Scale(reduction, 0.0))
+    assert window is not None
+    everywhere = steel_path_mm(sample_directions(window.rays, SAMPLES_PX), occluders, view)
+    assert np.array_equal(window.steel_mm.ravel(), everywhere)
+    assert np.count_nonzero(everywhere) > 100
