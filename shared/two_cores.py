@@ -31,7 +31,10 @@ def on_both_halves(work: Callable[[slice], R], count: int, least: int) -> list[R
     if count < least:
         return [work(slice(0, count))]
     middle = count // 2
-    second = _second_core().submit(work, slice(middle, count))
+    try:
+        second = _second_core().submit(work, slice(middle, count))
+    except RuntimeError:  # the process ends, and starts nothing new; what it is at may still be finished
+        return [work(slice(0, middle)), work(slice(middle, count))]
     return [work(slice(0, middle)), second.result()]
 
 

@@ -2,10 +2,12 @@
 
 import os
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
+from shared import two_cores
 from shared.two_cores import mapped, on_both_halves
 
 
@@ -31,6 +33,13 @@ def test_few_items_stay_on_the_caller_s_core() -> None:
 
 def test_values_come_in_order() -> None:
     assert mapped(lambda n: n * n, iter(range(9)), 2) == [n * n for n in range(9)]
+
+
+def test_a_process_that_ends_finishes_on_one_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = ThreadPoolExecutor(max_workers=1)
+    ended.shutdown()
+    monkeypatch.setattr(two_cores, "_second_core", lambda: ended)
+    assert on_both_halves(lambda part: (part.start, part.stop), 5, 2) == [(0, 2), (2, 5)]
 
 
 @pytest.mark.parametrize("bad", [0, 8])
