@@ -103,7 +103,8 @@ class CArm:
 @pytest.fixture
 def c_arm() -> Iterator[CArm]:
     router = MemoryRouter()
-    settings = RegistrationSettings(live_check_every_s=600.0)
+    # on a busy machine frames that come one after another may be a second apart
+    settings = RegistrationSettings(live_check_every_s=600.0, live_interval_s=4.0)
     knowledge = Knowledge("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
     with router.open() as bus:
         seen = CArm(bus, queue.Queue(), queue.Queue(), knowledge)
