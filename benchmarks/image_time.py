@@ -5,7 +5,7 @@ usage: distalock bench image_time [--count 12] [--report docs/benchmarks/image-t
 Random scenes, each localised several times in a row after once to warm up; a stage's time is the median over the
 scenes of the median over the rounds. In turn with it runs OpenCV's search for circles of a ball's size on the same
 image (which only looks for circles): a measure of the machine. For the column of one core the process is confined to
-one. What is compiled on first use has been compiled.
+one, for the peer too. What is compiled on first use has been compiled.
 """
 
 import os
@@ -103,7 +103,7 @@ def report(both: NDArray[np.float64], one: NDArray[np.float64], peer: NDArray[np
 
 
 def main(arguments: Sequence[str] = ()) -> int:
-    """Measure, print the table, and write the page when one is asked for."""
+    """Measure, print the table, and write the page."""
     parser = OneLineParser(prog="distalock bench image_time", description="time of one image, stage by stage")
     parser.add_argument(
         "--count",

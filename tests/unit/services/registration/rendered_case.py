@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.localise import Parts
+from services.registration.core.nail.capture import POSE_ONLY
+from services.registration.core.nail.equations import Problem
+from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
+from services.registration.core.nail.stages import Detail, Given, problem_for, scene_at
+from services.registration.core.nail.unknowns import prior_mean
 from services.registration.parts import parts_from_json
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
@@ -72,6 +78,17 @@ def rendered(shown: Shown, seed: int) -> tuple[NDArray[np.float32], CArmCalibrat
     found = detect_balls(pixels, np.ones(pixels.shape, dtype=bool), (3.5, 9.0))
     received = np.ascontiguousarray(pixels[:, ::-1]) if shown.mirrored else pixels
     return received, replace(view, balls=found, mirrored=shown.mirrored)
+
+
+def pose_problem(detail: Detail) -> tuple[Problem, NDArray[np.float64]]:
+    """The nail's fit at the true pose with the pose alone free, and all its unknowns there."""
+    parts, (pixels, view) = rendered_parts(), rendered(Shown(), seed=3)
+    given = Given(pixels, view, parts.nail, Occluders(PlacedGuide(parts.guide, CAMERA_FROM_GUIDE), parts.ring))
+    scene = scene_at(given, CAMERA_FROM_NAIL, detail)
+    assert scene is not None
+    parameters = prior_mean()
+    parameters[:POSE_SIZE] = parameters_from_pose(CAMERA_FROM_NAIL, scene.camera, scene.anchors)
+    return problem_for(scene, detail, POSE_ONLY), parameters
 
 
 def true_guide_from_nail(shown: Shown) -> Transform[Guide, Nail]:
