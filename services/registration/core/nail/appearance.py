@@ -1,10 +1,9 @@
-"""What the pixels of the window should show: how much of the background each pixel sees past nail and balls.
+"""What the pixels of the window should show: how much of the background each pixel sees past guide, nail and balls.
 
-The grey value of a pixel is  background * visible + floor * (1 - visible). `visible` follows from the metal on the
-ray: transmission exp(-(mu * path)^power), blurred, bent by the display's curve, sharpened by edge enhancement.
+The grey value of a pixel is  background * visible + floor * (1 - visible). `visible` follows from what lies on the
+ray: transmission exp(-(mu * path)^power) of the metal and exp(-mu * path) of the guide's body, blurred, bent by the
+display's curve, sharpened by edge enhancement.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,41 +18,42 @@ from shared.two_cores import mapped
 _LEAST_PX = 100_000
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Appearance:
-    """Per compared pixel, shape (N,): share of the background that is seen, and what the guide's body leaves of it."""
-
-    visible: NDArray[np.float64]
-    delrin: NDArray[np.float64]
+def visible_share(scene: NailScene, traced: Paths) -> NDArray[np.float64]:
+    """Share of the background that each compared pixel sees, shape (N,)."""
+    passed = traced.passed * _guide_share(scene, traced.parameters)
+    return scene.compared(display_of(scene, traced.parameters).stages(passed).sharpened)
 
 
-def render(scene: NailScene, traced: Paths) -> Appearance:
-    """How the window looks."""
-    display = display_of(scene, traced.parameters)
-    delrin = np.exp(-traced.parameters[Unknown.DELRIN_PER_MM] * scene.body_mm)
-    return Appearance(scene.compared(display.stages(traced.passed).sharpened), delrin)
+def share_without_metal(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same if nothing but the guide's body were there, shape (N,)."""
+    return scene.compared(display_of(scene, parameters).stages(_guide_share(scene, parameters)).sharpened)
 
 
-def derivatives(scene: NailScene, traced: Paths, look: Appearance, free: NDArray[np.bool_]) -> list[Appearance]:
-    """Derivatives of the appearance by the free parameters, in their order; in single precision, which is plenty."""
-    display = display_of(scene, traced.parameters)
-    stages = display.stages(traced.passed)
+def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+    """Derivatives of `visible_share` by the free parameters, in their order; from single precision, which is plenty."""
+    display, guide = display_of(scene, traced.parameters), _guide_share(scene, traced.parameters)
+    passed = traced.passed * guide
+    stages = display.stages(passed)
     slope = display.slope(stages.blurred).astype(np.float32)
-    least = 2 + _LEAST_PX // traced.passed.size
-    by_paths = mapped(
-        lambda p: scene.compared(display.sharpened(slope * display.blurred(p))),
-        derivatives_of_paths(scene, traced, free),
-        least,
-    )
-    by_display = mapped(
+    thin = guide.astype(np.float32)
+    least = 2 + _LEAST_PX // passed.size
+
+    def by_passed(change: NDArray[np.float32]) -> NDArray[np.float32]:
+        return scene.compared(display.sharpened(slope * display.blurred(change)))
+
+    columns = mapped(lambda p: by_passed(p * thin), derivatives_of_paths(scene, traced, free), least)
+    columns += mapped(
         lambda unknown: scene.compared(
-            derivative_of_display(unknown, scene, traced.parameters, traced.passed, display, stages)
+            derivative_of_display(unknown, scene, traced.parameters, passed, display, stages)
         ),
         [unknown for unknown in OF_DISPLAY if free[unknown]],
         least,
     )
-    unchanged = np.zeros_like(look.visible)
-    columns = [Appearance(visible.astype(np.float64), unchanged) for visible in (*by_paths, *by_display)]
     if free[Unknown.DELRIN_PER_MM]:
-        columns.append(Appearance(unchanged, -scene.body_mm * look.delrin))
-    return columns
+        columns.append(by_passed((-scene.window.delrin_excess_mm * passed).astype(np.float32)))
+    return [column.astype(np.float64) for column in columns]
+
+
+def _guide_share(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of the X-rays that pass the guide's body, over the usual one (1 in most places), shape (rows, columns)."""
+    return np.asarray(np.exp(-parameters[Unknown.DELRIN_PER_MM] * scene.window.delrin_excess_mm))

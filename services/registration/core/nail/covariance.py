@@ -32,14 +32,10 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
 
 def _after_background(problem: Problem, solution: Solution, linear: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivatives of the modelled grey values when background and floor follow as `linear` says, shape (N, P)."""
-    look, size = solution.linear.appearance, problem.field.size
+    visible, size = solution.linear.visible, problem.field.size
     background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in linear[:size].T], axis=1)
     floor = problem.floor @ linear[size:]
-    return (
-        solution.moves.of_pixels
-        - (look.visible * look.delrin)[:, None] * background
-        - (1.0 - look.visible)[:, None] * floor
-    )
+    return np.asarray(solution.moves.of_pixels - visible[:, None] * background - (1.0 - visible)[:, None] * floor)
 
 
 def _by_noise(problem: Problem, noise: Noise, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:

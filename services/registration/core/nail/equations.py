@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from services.registration.core.nail.appearance import Appearance, derivatives, render
+from services.registration.core.nail.appearance import derivatives_of_share, visible_share
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.texture import SplineField
 from services.registration.core.nail.texture_sums import Columns, add_normal_equations, add_right_sides, columns_of
@@ -56,7 +56,7 @@ class Linear:
     """Solution for the parameters that enter linearly, at given other ones."""
 
     traced: Paths
-    appearance: Appearance
+    visible: NDArray[np.float64]
     background: NDArray[np.float64]
     floor: NDArray[np.float64]
     residual: NDArray[np.float64]
@@ -96,8 +96,8 @@ def solution_at(problem: Problem, parameters: NDArray[np.float64]) -> Linear:
 
 def solution_for(problem: Problem, traced: Paths) -> Linear:
     """Best background and floor where the rays have been traced already."""
-    look = render(problem.scene, traced)
-    columns = _columns(problem, look)
+    visible = visible_share(problem.scene, traced)
+    columns = _columns(problem, visible)
     matrix, side = _normal_equations(problem, columns)
     factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
     coefficients = cho_solve(factor, side, check_finite=False)
@@ -105,18 +105,18 @@ def solution_for(problem: Problem, traced: Paths) -> Linear:
     c = coefficients[:size]
     background = problem.field.at_places(c)
     floor = problem.floor @ coefficients[size:]
-    residual = problem.grey - columns.gain * background - (1.0 - look.visible) * floor
+    residual = problem.grey - columns.gain * background - (1.0 - visible) * floor
     penalty = problem.texture_precision * float(c @ (problem.field.roughness @ c))
     excess = traced.parameters - prior_mean()
     prior = float((prior_precision() * problem.free) @ excess**2)
     cost = float(problem.weight @ residual**2) + penalty + prior
-    return Linear(traced, look, background, floor, residual, cost, factor)
+    return Linear(traced, visible, background, floor, residual, cost, factor)
 
 
-def _columns(problem: Problem, look: Appearance) -> Columns:
+def _columns(problem: Problem, visible: NDArray[np.float64]) -> Columns:
     """What background and floor act through."""
-    dense = (1.0 - look.visible)[:, None] * problem.floor
-    return columns_of(problem.field, look.visible * look.delrin, dense, problem.weight)
+    dense = (1.0 - visible)[:, None] * problem.floor
+    return columns_of(problem.field, visible, dense, problem.weight)
 
 
 def _normal_equations(problem: Problem, columns: Columns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -158,16 +158,15 @@ def _total(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 def _derivatives_at(problem: Problem, here: Linear) -> NDArray[np.float64]:
     """Of the modelled grey values, background and floor held, shape (N, P)."""
-    look = here.appearance
-    step = look.delrin * here.background - here.floor
-    changes = derivatives(problem.scene, here.traced, look, problem.free)
-    return np.column_stack([d.visible * step + d.delrin * look.visible * here.background for d in changes])
+    step = here.background - here.floor
+    changes = derivatives_of_share(problem.scene, here.traced, problem.free)
+    return np.column_stack([change * step for change in changes])
 
 
 def equations_at(problem: Problem, here: Linear) -> Equations:
     """Normal matrix and gradient of the free parameters with the linear ones eliminated."""
     columns = _derivatives_at(problem, here)
-    cross = _right_sides(_columns(problem, here.appearance), columns)
+    cross = _right_sides(_columns(problem, here.visible), columns)
     normal = columns.T @ (problem.weight[:, None] * columns) - cross.T @ _made_up_for(here, cross)
     normal[np.diag_indices(len(normal))] += prior_precision()[problem.free]
     return Equations(Sensitivity(here.traced.parameters, columns), normal, _gradient(problem, here, columns))
@@ -178,7 +177,7 @@ def followed_by_linear(problem: Problem, here: Linear, columns: NDArray[np.float
 
     The result has shape (M + D, P).
     """
-    return _made_up_for(here, _right_sides(_columns(problem, here.appearance), columns))
+    return _made_up_for(here, _right_sides(_columns(problem, here.visible), columns))
 
 
 def _made_up_for(here: Linear, cross: NDArray[np.float64]) -> NDArray[np.float64]:

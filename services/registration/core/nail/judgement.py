@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.appearance import share_without_metal
 from services.registration.core.nail.blur import blurred_image
 from services.registration.core.nail.equations import Linear, Problem
 from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION
+from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.solver import Solution
 from services.registration.core.nail.stages import Noise
 from services.registration.core.nail.window import Window
@@ -117,8 +119,7 @@ def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
     parameters = solution.parameters
     clear = solution.linear.traced.passed.ravel()[window.compared] > _OPEN
     noise = float(np.sqrt(np.median(1.0 / problem.weight)))
-    linear = solution.linear
-    contrast = (linear.appearance.delrin * linear.background - linear.floor) / noise
+    contrast = _local_step(scene, solution.linear) / noise
     return tuple(_hole_view(problem, parameters, hole, clear, contrast) for hole in scene.nail.holes)
 
 
@@ -149,7 +150,7 @@ def residual_statistics(problem: Problem, solution: Solution, noise: Noise) -> R
     standardised = np.zeros(window.shape)
     standardised.ravel()[window.compared] = np.clip(residual * np.sqrt(problem.weight), -6.0, 6.0)
     smooth = blurred_image(standardised, _STRUCTURE_BLUR_PX).ravel()[window.compared]
-    visible = solution.linear.appearance.visible
+    visible = solution.linear.visible
     rim = (visible > _RIM[0]) & (visible < _RIM[1])
     elsewhere = ~rim
     rms = float(np.sqrt(np.mean(residual**2))) * window.grey_scale
@@ -165,11 +166,16 @@ def _spot(problem: Problem, linear: Linear, noise: Noise) -> float:
     for hole in problem.scene.nail.holes:
         x, y = hole.axis.point_mm[:2]
         near |= np.hypot(window.along_mm - x, window.across_mm - y) < 0.5 * hole.diameter_mm + _ABOUT_HOLE_MM
-    step = np.abs(linear.appearance.delrin * linear.background - linear.floor)
+    step = np.abs(_local_step(problem.scene, linear))
     deviations = np.abs(_smoothed(window, linear.residual / np.sqrt(noise.variance)))
     certain = deviations > _CERTAIN * MEDIAN_TO_DEVIATION * np.median(deviations)
     share = np.abs(_smoothed(window, linear.residual)) / np.maximum(step, _LEAST_STEP * np.median(step))
     return float(share[near & certain].max(initial=0.0))
+
+
+def _local_step(scene: NailScene, linear: Linear) -> NDArray[np.float64]:
+    """From the grey value behind metal to the one that no metal hides, under the guide's body, shape (N,)."""
+    return share_without_metal(scene, linear.traced.parameters) * (linear.background - linear.floor)
 
 
 def _smoothed(window: Window, values: NDArray[np.float64]) -> NDArray[np.float64]:

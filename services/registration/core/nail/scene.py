@@ -1,14 +1,13 @@
 """What is fixed while the nail is fitted: window, camera, the nail's shape, and how image and model are compared."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.blur import Real, blurred_image
+from services.registration.core.nail.blur import Real
 from services.registration.core.nail.noise import Whitening
 from services.registration.core.nail.pose import POSE_SIZE, Anchors, pose_from_parameters
-from services.registration.core.nail.unknowns import USUAL_BLUR_PX
 from services.registration.core.nail.window import Window
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
@@ -22,8 +21,6 @@ class NailScene:
 
     Attributes
     ----------
-    body_mm
-        Path in the guide's body at the compared pixels, blurred (and whitened) as the image is, shape (N,).
     step, floor_excess
         Step of the grey value between floor and background, and the floor's own over the usual one, both in units of
         the usual step, on the whole rectangle, shape of it, or the same for all of it, shape (1, 1).
@@ -35,14 +32,14 @@ class NailScene:
     camera: PinholeCamera
     anchors: Anchors
     nail: NailPart
-    body_mm: NDArray[np.float64]
     step: NDArray[np.float64]
     floor_excess: NDArray[np.float64]
     whitening: Whitening | None
 
     def compared(self, picture: NDArray[Real]) -> NDArray[Real]:
         """The strip's pixels, shape (N,), of a picture of the window, whitened when the scene says so."""
-        return _compared(self.window, self.whitening, picture)
+        filtered = picture if self.whitening is None else self.whitening.apply(picture)
+        return filtered.ravel()[self.window.compared]
 
     @property
     def grey(self) -> NDArray[np.float64]:
@@ -56,20 +53,4 @@ class NailScene:
 
 def nail_scene(window: Window, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> NailScene:
     """Scene as it is before anything has been learned from a fit."""
-    return NailScene(window, camera, anchors, nail, _body_mm(window, None), np.ones((1, 1)), np.zeros((1, 1)), None)
-
-
-def whitened_scene(scene: NailScene, whitening: Whitening) -> NailScene:
-    """The same scene, to be compared after a filter."""
-    return replace(scene, body_mm=_body_mm(scene.window, whitening), whitening=whitening)
-
-
-def _compared(window: Window, whitening: Whitening | None, picture: NDArray[Real]) -> NDArray[Real]:
-    filtered = picture if whitening is None else whitening.apply(picture)
-    return filtered.ravel()[window.compared]
-
-
-def _body_mm(window: Window, whitening: Whitening | None) -> NDArray[np.float64]:
-    """The guide's edges are weak: the usual blur is as good for them as the fitted one, and saves the time."""
-    blur = float(np.hypot(USUAL_BLUR_PX / window.reduction, window.smoothing))
-    return _compared(window, whitening, blurred_image(window.delrin_mm, blur))
+    return NailScene(window, camera, anchors, nail, np.ones((1, 1)), np.zeros((1, 1)), None)

@@ -16,7 +16,7 @@ from services.registration.core.nail.noise import (
 )
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.pose import anchors_of
-from services.registration.core.nail.scene import NailScene, nail_scene, whitened_scene
+from services.registration.core.nail.scene import NailScene, nail_scene
 from services.registration.core.nail.texture import spline_field
 from services.registration.core.nail.unknowns import PARAMETERS
 from services.registration.core.nail.window import Scale, Window, cut_window
@@ -146,7 +146,7 @@ def with_contrast(problem: Problem, linear: Linear) -> Problem:
     against bone and one against a bore of the guide.
     """
     window = problem.scene.window
-    step = linear.appearance.delrin * linear.background - linear.floor
+    step = linear.background - linear.floor
     usual = float(np.median(step))
     steps, excess = np.ones(window.shape), np.zeros(window.shape)
     steps.ravel()[window.compared] = np.clip(step / usual, *_STEP_RANGE)
@@ -156,7 +156,8 @@ def with_contrast(problem: Problem, linear: Linear) -> Problem:
 
 def whitened(problem: Problem, linear: Linear, noise: Noise) -> Problem:
     """The same problem on the image after the filter that makes its noise about independent, weights renewed."""
-    scene = whitened_scene(problem.scene, whitening_for(noise.dark, noise.bright, noise.brightness))
+    whitening = whitening_for(noise.dark, noise.bright, noise.brightness)
+    scene = replace(problem.scene, whitening=whitening)
     filtered = replace(problem, scene=scene, grey=scene.grey)
     after = solution_for(filtered, linear.traced)
     return reweighted(filtered, after, noise_of(filtered, after))

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 _MOST_DEVIATIONS = 6.0
 _MOST_RADIUS_EXCESS_MM = 0.6
-USUAL_BLUR_PX = 1.2
 
 
 class Unknown(IntEnum):
@@ -48,7 +47,7 @@ PRIOR = {
     Unknown.CHAMFER_DEVIATIONS: (0.0, 1.0),
     Unknown.LOG_ATTENUATION: (0.0, 0.5),
     Unknown.POWER: (0.8, 0.2),
-    Unknown.LOG_BLUR_PX: (float(np.log(USUAL_BLUR_PX)), 0.35),
+    Unknown.LOG_BLUR_PX: (float(np.log(1.2)), 0.35),
     Unknown.TAIL_SHARE: (0.2, 0.15),
     Unknown.LOG_TAIL_WIDTH: (float(np.log(2.2)), 0.2),
     Unknown.SHARPENING: (0.2, 0.4),

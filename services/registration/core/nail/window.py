@@ -56,8 +56,9 @@ class Window:
         Whether an edge of nail, bore, cannulation or ball may cross a pixel of the support, shape (S,).
     steel_mm
         Path in steel balls and wires at each of the `SAMPLES_PX` of the support's pixels, shape (S, samples).
-    delrin_mm
-        Path in the guide's body, mean over the samples of each pixel, on the whole rectangle, shape of it.
+    delrin_excess_mm
+        Path in the guide's body beyond the strip's usual one, mean over the samples of each pixel, on the whole
+        rectangle, shape of it: what all of the strip has in common cannot be told from the background.
     """
 
     reduction: int
@@ -73,7 +74,7 @@ class Window:
     rays: PixelRays
     crossed: NDArray[np.bool_]
     steel_mm: NDArray[np.float64]
-    delrin_mm: NDArray[np.float64]
+    delrin_excess_mm: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +108,7 @@ def cut_window(
     compared = np.flatnonzero(inside)
     support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
     rays = pixel_rays(slopes, support)
+    delrin = _delrin_map(slopes, occluders)
     steel = _steel_mm(rays, grid.centres_px.reshape(-1, 2)[support], grid.reduction, occluders, calibration)
     grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
@@ -126,7 +128,7 @@ def cut_window(
         rays,
         _may_be_crossed(along[support], across[support], nail, grid.reduction) | np.any(steel > 0.0, axis=1),
         steel,
-        _delrin_map(slopes, occluders),
+        delrin - np.median(delrin.ravel()[compared]),
     )
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.appearance import Appearance
 from services.registration.core.nail.capture import Optimum, brought_to_rest
 from services.registration.core.nail.equations import Linear, Sensitivity
 from services.registration.core.nail.solver import Solution
@@ -13,8 +12,7 @@ NOTHING: NDArray[np.float64] = np.zeros(0)
 
 
 def optimum(cost: float, tilt_deg: float, least_cost: float | None = None) -> Optimum:
-    look = Appearance(NOTHING, NOTHING)
-    linear = Linear(Paths(NOTHING, NOTHING, NOTHING), look, NOTHING, NOTHING, NOTHING, cost, (NOTHING, True))
+    linear = Linear(Paths(NOTHING, NOTHING, NOTHING), NOTHING, NOTHING, NOTHING, NOTHING, cost, (NOTHING, True))
     solution = Solution(
         linear,
         Sensitivity(NOTHING, NOTHING),
