@@ -1,8 +1,8 @@
 """What the pixels of the window should show: how much of the background each pixel sees past guide, nail and balls.
 
 The grey value of a pixel is  background * visible + floor * (1 - visible). `visible` follows from what lies on the
-ray: transmission exp(-(mu * path)^power) of the metal and exp(-mu * path) of the guide's body, blurred, bent by the
-display's curve, sharpened by edge enhancement.
+ray, metal (`shade.py`) and the guide's body, exp(-mu * path): blurred, bent by the display's curve, sharpened by edge
+enhancement.
 """
 
 import numpy as np

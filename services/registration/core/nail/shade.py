@@ -7,10 +7,13 @@ from services.registration.core.compiled import compiled
 
 # Columns of the derivatives: small motion of the nail in its own frame (rotation vector, translation), radii, material.
 MOTION_SIZE = 6
-HOLE_RADIUS, NAIL_RADIUS, CHAMFER, LOG_ATTENUATION, POWER = range(MOTION_SIZE, MOTION_SIZE + 5)
+HOLE_RADIUS, NAIL_RADIUS, CHAMFER, LOG_ATTENUATION, HARDENING = range(MOTION_SIZE, MOTION_SIZE + 5)
 DERIVATIVES = MOTION_SIZE + 5
 
-_OPAQUE = 200.0
+# The hardest X-rays of a tube at 60-80 kV are attenuated by this share of the mean: so much hardening leaves.
+_HARDEST = 0.4
+# Below, the law is the exponential one, and its derivative the first term of a series.
+_NO_HARDENING = 1e-3
 
 Material = tuple[float, float]
 Shade = tuple[float, float, float]
@@ -18,16 +21,22 @@ Shade = tuple[float, float, float]
 
 @compiled
 def shade_behind(path_mm: float, material: Material) -> Shade:
-    """exp(-depth^power) behind a path, and its derivatives by the logarithm of the depth and by the power."""
-    depth = material[0] * path_mm
+    """exp(-f * d) * (1 + h * (1 - f) * d)^(-1 / h) behind a path of depth d; its derivatives by log d and by h.
+
+    That is what passes of a beam whose attenuations are f times their mean (d counts the mean) and above that
+    distributed like a gamma variable of relative variance h, the hardening. The first tenths of a millimetre meet the
+    mean, and the rest what came through.
+    """
+    depth, hardening = material[0] * path_mm, material[1]
     if depth <= 0.0:
         return 1.0, 0.0, 0.0
-    if depth > _OPAQUE:
-        return 0.0, 0.0, 0.0
-    logarithm = np.log(depth)
-    shade = np.exp(material[1] * logarithm)
-    passed = np.exp(-shade)
-    return passed, -material[1] * shade * passed, -shade * logarithm * passed
+    soft = (1.0 - _HARDEST) * depth
+    if hardening < _NO_HARDENING:
+        passed = np.exp(-depth)
+        return passed, -depth * passed, 0.5 * soft * soft * passed
+    logarithm, left = np.log1p(hardening * soft) / hardening, soft / (1.0 + hardening * soft)
+    passed = np.exp(-_HARDEST * depth - logarithm)
+    return passed, -(_HARDEST * depth + left) * passed, (logarithm - left) / hardening * passed
 
 
 @compiled

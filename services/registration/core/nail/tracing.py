@@ -27,7 +27,7 @@ from shared.two_cores import on_both_halves
 # Fewer are done sooner than handed to another core.
 _LEAST_RAYS = 1000
 # Unknowns in the order of the kernel's derivatives.
-_OF_PATHS = tuple(Unknown)[: Unknown.POWER + 1]
+_OF_PATHS = tuple(Unknown)[: Unknown.HARDENING + 1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +94,7 @@ def _nail_shape(scene: NailScene, parameters: NDArray[np.float64]) -> NailShape:
         0.5 * nail.cannulation_diameter_mm,
         np.array([_bore_row(h, excess, radius_mm - _chamfer(nail, parameters)[0]) for h in nail.holes]),
         ATTENUATION_PER_MM[nail.material] * float(np.exp(parameters[Unknown.LOG_ATTENUATION])),
-        float(parameters[Unknown.POWER]),
+        float(parameters[Unknown.HARDENING]),
     )
 
 

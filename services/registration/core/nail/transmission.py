@@ -16,7 +16,7 @@ from services.registration.core.compiled import compiled
 from services.registration.core.nail.bore_shade import shade_at_bore
 from services.registration.core.nail.pixel_rays import PixelRays
 from services.registration.core.nail.ray_geometry import LEAST_STEP_MM, Ray, in_bore, may_touch, ray_through, tube_of
-from services.registration.core.nail.shade import LOG_ATTENUATION, POWER
+from services.registration.core.nail.shade import HARDENING, LOG_ATTENUATION
 from services.registration.core.nail.tube_shade import shade_at_tube
 
 _FIRST_SAMPLES = 4
@@ -36,8 +36,8 @@ class NailShape(NamedTuple):
     bores
         Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as
         it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
-    attenuation, power
-        A path of w mm lets pass exp(-(attenuation * w)^power).
+    attenuation, hardening
+        Mean of the X-rays' attenuations, per mm, and how much they differ (`shade.py`).
     """
 
     rotation: NDArray[np.float64]
@@ -46,7 +46,7 @@ class NailShape(NamedTuple):
     cannulation_radius_mm: float
     bores: NDArray[np.float64]
     attenuation: float
-    power: float
+    hardening: float
 
 
 @compiled
@@ -54,7 +54,7 @@ def _add_sample(
     ray: Ray, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float64]
 ) -> float:
     """Share that passes along one ray; its derivatives are added to `slope`."""
-    material = (nail.attenuation, nail.power)
+    material = (nail.attenuation, nail.hardening)
     radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
     tube = tube_of(ray, radius_mm, inner_mm)
     touched = -1
@@ -70,7 +70,7 @@ def _add_sample(
     else:
         shade = shade_at_tube(ray, radius_mm, inner_mm, step_mm, unit_mm, steel_mm, material, slope)
     slope[LOG_ATTENUATION] += shade[1]
-    slope[POWER] += shade[2]
+    slope[HARDENING] += shade[2]
     return shade[0]
 
 
@@ -84,7 +84,7 @@ def trace(
     passed: NDArray[np.float64],
     by_cause: NDArray[np.float64],
 ) -> None:
-    """Mean over each pixel of exp(-(attenuation * path)^power), with more samples where the first four differ.
+    """Mean over each pixel of the share that passes, with more samples where the first four differ.
 
     Parameters
     ----------

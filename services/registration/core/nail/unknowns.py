@@ -22,7 +22,7 @@ class Unknown(IntEnum):
     NAIL_RADIUS_EXCESS_MM = 7
     CHAMFER_DEVIATIONS = 8
     LOG_ATTENUATION = 9
-    POWER = 10
+    HARDENING = 10
     LOG_BLUR_PX = 11
     TAIL_SHARE = 12
     LOG_TAIL_WIDTH = 13
@@ -35,8 +35,9 @@ class Unknown(IntEnum):
 
 PARAMETERS = len(Unknown)
 
-# Mean and standard deviation of what is known before the image is seen. Attenuation: effective values of 40-80 keV.
-ATTENUATION_PER_MM = {"steel": 1.0, "Ti6Al4V": 0.33}
+# Mean and standard deviation of what is known before the image is seen. Attenuation: the mean of the X-rays that pass
+# 100-200 mm of muscle at 60-80 kV; hardening: `shade.py`.
+ATTENUATION_PER_MM = {"steel": 1.6, "Ti6Al4V": 0.5}
 # Rims are at least deburred. An image hardly shows by how much, and a tilt is off by a tenth of what a chamfer hides of
 # the bore's length: so the files of nails should say it.
 USUAL_CHAMFER_MM, USUAL_CHAMFER_SD_MM, STATED_CHAMFER_SD_MM = 0.15, 0.15, 0.05
@@ -46,7 +47,7 @@ PRIOR = {
     Unknown.NAIL_RADIUS_EXCESS_MM: (0.0, 0.03),
     Unknown.CHAMFER_DEVIATIONS: (0.0, 1.0),
     Unknown.LOG_ATTENUATION: (0.0, 0.5),
-    Unknown.POWER: (0.8, 0.2),
+    Unknown.HARDENING: (0.65, 0.3),
     Unknown.LOG_BLUR_PX: (float(np.log(1.2)), 0.35),
     Unknown.TAIL_SHARE: (0.2, 0.15),
     Unknown.LOG_TAIL_WIDTH: (float(np.log(2.2)), 0.2),
@@ -88,6 +89,7 @@ def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     clipped = np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
     exponent = Unknown.CURVE_EXPONENT
     clipped[exponent] = np.clip(clipped[exponent], _LEAST_EXPONENT, _MOST_EXPONENT)
+    clipped[Unknown.HARDENING] = max(clipped[Unknown.HARDENING], 0.0)
     # below, the curve is straight and nothing would tell the way back
     clipped[Unknown.CURVE] = max(clipped[Unknown.CURVE], 0.0)
     clipped[Unknown.TAIL_SHARE] = np.clip(clipped[Unknown.TAIL_SHARE], 0.0, _MOST_TAIL)

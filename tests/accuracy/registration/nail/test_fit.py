@@ -85,6 +85,18 @@ def test_the_reflected_tilt_is_worse_by_a_margin() -> None:
     assert min(o.fit.mirror_margin for o in outcomes()) > 8.0
 
 
+def test_the_hardening_of_the_beam_does_not_turn_a_titanium_nail() -> None:
+    """Where a rim's metal is thin, the law of what passes is seen as it is: a wrong one adds a share to all tilts."""
+    truth = posed(3.0, -4.0, 20.0)
+    nail, rng = nail_part("Ti6Al4V", 11.0, 5.3), np.random.default_rng(21)
+    errors_deg = []
+    for seed in range(6):
+        fit = accepted(shoot(nail, truth, (1.0, -1.0), seed, dose=4.0), start_beside(truth, rng)).fit
+        motion = truth.inverse() @ fit.camera_from_nail
+        errors_deg.append(np.degrees(motion.rotation_vector_rad[:2]))
+    assert np.abs(np.mean(errors_deg, axis=0)).max() < 0.06
+
+
 def test_radii_come_out_as_they_are() -> None:
     for outcome in outcomes():
         assert abs(outcome.fit.hole_radius_excess_mm) < 0.04

@@ -10,11 +10,11 @@ from services.registration.core.nail.pixel_rays import SAMPLES_PX, PixelRays
 from services.registration.core.nail.shade import (
     CHAMFER,
     DERIVATIVES,
+    HARDENING,
     HOLE_RADIUS,
     LOG_ATTENUATION,
     MOTION_SIZE,
     NAIL_RADIUS,
-    POWER,
 )
 from services.registration.core.nail.transmission import NailShape, trace
 from shared.geometry.frames import Camera, Nail
@@ -38,7 +38,7 @@ def transmitted(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.
     out, by_cause = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES))
     steel = np.zeros((len(rays), len(CENTRE_ONLY)))
     crossed = np.ones(len(rays), dtype=bool)
-    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 1.0)
+    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 0.0)
     trace(PixelRays(rays, none, none), CENTRE_ONLY, crossed, steel, nail, out, by_cause)
     return out
 
@@ -78,7 +78,7 @@ def test_pixels_that_an_edge_crosses_are_sampled_more_finely() -> None:
     out, by_cause = np.empty(1), np.empty((1, DERIVATIVES))
     steel = np.full((1, len(places)), 1e3)
     steel[:, :3] = 0.0
-    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 1.0)
+    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0)
     rays_beside = PixelRays(beside, right, np.zeros((1, 2)))
     trace(rays_beside, places, np.ones(1, dtype=bool), steel, nail, out, by_cause)
     assert out[0] == pytest.approx(3.0 / 8.0)
@@ -94,7 +94,7 @@ STEPS = {k: 0.004 if k < 3 else 0.02 for k in range(MOTION_SIZE)} | {
     NAIL_RADIUS: 0.02,
     CHAMFER: 0.04,
     LOG_ATTENUATION: 0.02,
-    POWER: 0.01,
+    HARDENING: 0.01,
 }
 
 
@@ -116,7 +116,7 @@ def nail_in_picture(cannulation_mm: float) -> NailShape:
         cannulation_mm,
         np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.1]]),
         0.33,
-        0.8,
+        0.7,
     )
 
 
@@ -146,7 +146,7 @@ def moved(nail: NailShape, cause: int, by: float) -> NailShape:
         return nail._replace(bores=nail.bores - by * np.eye(8)[7])
     if cause == LOG_ATTENUATION:
         return nail._replace(attenuation=nail.attenuation * np.exp(by))
-    return nail._replace(power=nail.power + by)
+    return nail._replace(hardening=nail.hardening + by)
 
 
 @pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])

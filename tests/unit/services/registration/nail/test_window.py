@@ -62,3 +62,14 @@ def test_steel_is_found_wherever_there_is_some(reduction: int, edge_fraction: fl
     everywhere = steel_path_mm(sample_directions(window.rays, SAMPLES_PX), occluders, view)
     assert np.array_equal(window.steel_mm.ravel(), everywhere)
     assert np.count_nonzero(everywhere) > 100
+
+
+def test_only_where_the_guides_body_differs_from_its_usual_path_is_told_from_the_background() -> None:
+    parts, (pixels, view) = rendered_parts(), rendered(Shown(), seed=3)
+    occluders = Occluders(PlacedGuide(parts.guide, CAMERA_FROM_GUIDE), parts.ring)
+    window = cut_window(pixels, view, parts.nail, 3.5, CAMERA_FROM_NAIL, occluders, Scale(1, 0.0))
+    assert window is not None
+    excess = window.delrin_excess_mm.ravel()[window.compared]
+    assert np.median(excess) == 0.0
+    thickness_mm = sum(box.size_mm[2] for box in parts.guide.body)
+    assert excess.min() == pytest.approx(-thickness_mm, rel=0.05)  # through a bore
