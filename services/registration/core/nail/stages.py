@@ -143,7 +143,7 @@ def with_contrast(problem: Problem, linear: Linear) -> Problem:
     """The same problem with the display's curve acting at every place between the grey values found there so far.
 
     The bend of an edge's profile by a smooth curve grows with the step across that edge: it differs between an edge
-    against bone and one against a bore of the guide.
+    against thick bone and one against thin. What the guide's body does to a step is in the share that passes.
     """
     window = problem.scene.window
     step = linear.background - linear.floor
