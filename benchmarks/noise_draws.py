@@ -1,5 +1,6 @@
 """One scene under many draws of noise: how much of the nail's tilt is scatter, how much stays, and what was predicted.
 
+Every second draw is the one before with its sign changed, so that what stays is hardly covered by what scatters.
 Guide and calibration are estimated from every picture too; the nail is compared in the ring's frame, where the camera's
 choice cancels. Beside each scene stands the Cramér-Rao limit, which counts what is the same in all draws (texture,
 chamfers) as unknown.
@@ -62,7 +63,8 @@ def draws_of(seed: int, draws: int) -> SceneDraws:
     view, nail = view_of(scenario, starting_state(scenario)), scenario.parts.nail
     errors, predicted = [], []
     for number in range(draws):
-        shot = exposed(scenario, view, number + 1, Noise.REAL, ImageFaults())
+        noise = Noise.OPPOSITE if number % 2 else Noise.REAL
+        shot = exposed(scenario, view, number // 2 + 1, noise, ImageFaults())
         run = run_model(shot.pixels.astype(np.float32), nominal_of(scenario), parts_of(scenario), shot.truth.holes)
         if run.calibration is None or run.result is None or run.result.nail is None or not run.outcome.accepted:
             continue
@@ -85,7 +87,8 @@ def report(scenes: Sequence[SceneDraws]) -> str:
     lines = [
         "# What noise does to the nail's tilt, and what stays",
         "",
-        f"Made by `distalock bench noise_draws`: {len(scenes)} random scenes, {scenes[0].draws} draws of noise each.",
+        f"Made by `distalock bench noise_draws`: {len(scenes)} random scenes, {scenes[0].draws} draws of noise each,",
+        "every second the opposite of the one before.",
         "Degrees about the nail's x and y axes; the limit (texture and chamfers unknown) is that of both together.",
         "",
         "| scene | accepted | scatter | predicted | what stays | limit |",

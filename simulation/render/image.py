@@ -41,9 +41,10 @@ _EDGE = 0.08
 
 
 class Noise(StrEnum):
-    """Whether an image has quantum and electronic noise."""
+    """Whether an image has quantum and electronic noise; `OPPOSITE`: that of the same shot with its sign changed."""
 
     REAL = "real"
+    OPPOSITE = "opposite"
     NONE = "none"
 
 
@@ -226,5 +227,10 @@ def _signal(
         expected = detector.smeared(expected, faults.motion_blur_px, generator)
     if noise is Noise.NONE:
         return detector.detected(expected, exposure, pixel_mm)
-    counted = detector.with_quantum_noise(expected, exposure, generator)
-    return detector.with_electronic_noise(detector.detected(counted, exposure, pixel_mm), exposure, generator)
+    counted = _signed(noise, expected, detector.with_quantum_noise(expected, exposure, generator))
+    seen = detector.detected(counted, exposure, pixel_mm)
+    return _signed(noise, seen, detector.with_electronic_noise(seen, exposure, generator))
+
+
+def _signed(noise: Noise, expected: Image, noisy: Image) -> Image:
+    return 2.0 * expected - noisy if noise is Noise.OPPOSITE else noisy

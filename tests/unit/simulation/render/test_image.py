@@ -149,6 +149,17 @@ def test_a_low_dose_is_noisy(faults: ImageFaults, noisier: float) -> None:
     assert np.std(faulty[100:150, 100:150]) > noisier * np.std(usual[100:150, 100:150])
 
 
+def test_opposite_noise_is_that_of_the_same_shot_with_its_sign_changed() -> None:
+    scenario = rooms.scenario()
+    quiet, real, opposite = (
+        shot_of(scenario, noise=noise).pixels.astype(float) for noise in (QUIET, Noise.REAL, Noise.OPPOSITE)
+    )
+    grey = (quiet > 5000.0) & (quiet < 50000.0)
+    apart, sum_of_both = (real - opposite)[grey], (real + opposite - 2.0 * quiet)[grey]
+    assert apart.std() > 200.0
+    assert sum_of_both.std() < 0.05 * apart.std()
+
+
 def test_overexposure_saturates() -> None:
     scenario = rooms.scenario()
     bright = render_scene(scenario, starting_state(scenario), faults=ImageFaults(overexposure=8.0)).pixels
