@@ -20,6 +20,8 @@ from shared.geometry.transform import Transform
 FOCAL_PX = 4200.0
 RING_DEPTH_MM = 950.0
 METAL_PER_MM: dict[Material, float] = {"steel": 0.9, "Ti6Al4V": 0.3}
+# A tube's X-rays are of several energies: their shares, and their attenuations by metal over the mean.
+_SHARES, _OVER_MEAN = np.array([0.3, 0.4, 0.3]), np.array([0.55, 0.9, 1.58])
 _DEPTH_STEP_MM = 0.25
 _X = np.array([1.0, 0.0, 0.0])
 _Z = np.array([0.0, 0.0, 1.0])
@@ -133,15 +135,16 @@ def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32
     rays = view.rays_camera(np.stack([x, y], axis=-1))
     rays = rays / rays[..., 2:]
     thickness = gaussian_filter(rng.standard_normal(x.shape), 9.0) * 9.0 * 3.5 * scene.texture
-    attenuation = 0.5 + thickness + 0.15 * x / scene.size_px
+    tissue, metal = 0.5 + thickness + 0.15 * x / scene.size_px, np.zeros_like(x)
     if scene.nail is not None and scene.camera_from_nail is not None:
         path_mm = _nail_path_mm(rays, scene.nail, scene.camera_from_nail)
-        attenuation = attenuation + METAL_PER_MM[scene.nail.material] * path_mm
+        metal = metal + METAL_PER_MM[scene.nail.material] * path_mm
     for rod in scene.rods:
-        attenuation = attenuation + rod.per_mm * _rod_path_mm(rays, rod)
+        metal = metal + rod.per_mm * _rod_path_mm(rays, rod)
     for ball in scene.balls:
-        attenuation = attenuation + METAL_PER_MM["steel"] * _ball_path_mm(rays, ball[:3], 0.5 * float(ball[3]))
-    light = gaussian_filter(np.exp(-attenuation), 1.2)
+        metal = metal + METAL_PER_MM["steel"] * _ball_path_mm(rays, ball[:3], 0.5 * float(ball[3]))
+    passed = np.exp(-metal[..., None] * _OVER_MEAN) @ _SHARES
+    light = gaussian_filter(np.exp(-tissue) * passed, 1.2)
     light = light + gaussian_filter(rng.standard_normal(x.shape), 0.8) * 2.8 * scene.noise * np.sqrt(light)
     return np.asarray((np.clip(light + 0.08, 0.0, None) ** 0.7), dtype=np.float32)
 
