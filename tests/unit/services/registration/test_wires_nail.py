@@ -28,7 +28,7 @@ from tests.unit.services.registration.test_wires import (
     Wired,
     oblique,
 )
-from tests.unit.services.registration.xray_scene import Scene, calibration, guide_part, nail_part, render
+from tests.unit.services.registration.xray_scene import AS_OF_A_TUBE, Scene, calibration, guide_part, nail_part, render
 
 # Over the holes, but not along them: the wires' stubs and what sticks out of them cover a part of each.
 OVER_THE_HOLES = Wired({"distal": np.array([0.4, -0.3, 1.0, -0.8]), "proximal": np.array([-0.3, 0.5, -0.4, 1.2])})
@@ -45,7 +45,7 @@ def guide_at(camera_from_guide: Transform[Camera, Guide]) -> GuideFit:
 def lateral_pixels() -> NDArray[np.float32]:
     """With as much noise as hides that the scene's paths are sampled in steps of half a millimetre."""
     rods = OVER_THE_HOLES.rods(LATERAL, 112.0)
-    scene = Scene(SIZE_PX, PARTS.nail, LATERAL @ GUIDE_FROM_NAIL, rods, noise=0.03)
+    scene = Scene(SIZE_PX, PARTS.nail, LATERAL @ GUIDE_FROM_NAIL, rods, noise=0.03, beam=AS_OF_A_TUBE)
     return render(scene, calibration(SIZE_PX), 71)
 
 

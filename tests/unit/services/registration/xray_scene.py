@@ -20,8 +20,9 @@ from shared.geometry.transform import Transform
 FOCAL_PX = 4200.0
 RING_DEPTH_MM = 950.0
 METAL_PER_MM: dict[Material, float] = {"steel": 0.9, "Ti6Al4V": 0.3}
-# A tube's X-rays are of several energies: their shares, and their attenuations by metal over the mean.
-_SHARES, _OVER_MEAN = np.array([0.3, 0.4, 0.3]), np.array([0.55, 0.9, 1.58])
+# Shares of a beam's energies, and their attenuations by metal over the mean.
+ONE_ENERGY = np.array([[1.0], [1.0]])
+AS_OF_A_TUBE = np.array([[0.3, 0.4, 0.3], [0.55, 0.9, 1.58]])
 _DEPTH_STEP_MM = 0.25
 _X = np.array([1.0, 0.0, 0.0])
 _Z = np.array([0.0, 0.0, 1.0])
@@ -39,7 +40,10 @@ class Rod:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """What is in front of the detector, in the camera's frame; `balls` are centres with a diameter, shape (B, 4)."""
+    """What is in front of the detector, in the camera's frame; `balls` are centres with a diameter, shape (B, 4).
+
+    `beam`, shape (2, E), has the energies: their shares, and their attenuations by metal over the mean.
+    """
 
     size_px: int
     nail: NailPart | None = None
@@ -48,6 +52,7 @@ class Scene:
     balls: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
     noise: float = 0.01
     texture: float = 0.05
+    beam: NDArray[np.float64] = field(default_factory=ONE_ENERGY.copy)
 
 
 def calibration(size_px: int, distortion: DisplacementField | None = None) -> CArmCalibration:
@@ -143,7 +148,8 @@ def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32
         metal = metal + rod.per_mm * _rod_path_mm(rays, rod)
     for ball in scene.balls:
         metal = metal + METAL_PER_MM["steel"] * _ball_path_mm(rays, ball[:3], 0.5 * float(ball[3]))
-    passed = np.exp(-metal[..., None] * _OVER_MEAN) @ _SHARES
+    shares, over_mean = scene.beam
+    passed = np.exp(-metal[..., None] * over_mean) @ shares
     light = gaussian_filter(np.exp(-tissue) * passed, 1.2)
     light = light + gaussian_filter(rng.standard_normal(x.shape), 0.8) * 2.8 * scene.noise * np.sqrt(light)
     return np.asarray((np.clip(light + 0.08, 0.0, None) ** 0.7), dtype=np.float32)
