@@ -58,6 +58,8 @@ def test_of_a_run_the_newest_and_the_localised_frames_are_recorded_whole(tmp_pat
     with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
         case_id = room.open_case()
         run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        # nothing orders messages of different keys: a localisation may overtake frames that came long before it
+        room.log.wait_for(lambda: len(case_of(room, case_id).images) == FRAMES)
         room.registration.publish(run[5])
         # the localisation and the calibration that goes with it are recorded one after the other
         room.log.wait_for(
