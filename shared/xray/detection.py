@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
-from shared.two_cores import on_both_halves
+from shared.two_cores import mapped, on_both_halves
 from shared.xray.discs import Array, FloatImage, Mask
 from shared.xray.patch_fit import (
     FIT_CONTRAST,
@@ -111,7 +111,8 @@ def _seeds(
     rows, columns = (side // step * step for side in pixels.shape)
     coarse_usable = np.ascontiguousarray(usable[:rows:step, :columns:step])
     filled = _filled(_reduced(pixels, step), coarse_usable, _FILL_PX // step)
-    scores = np.stack([disc_correlation(filled, float(radius) / step, 1.0 / step) for radius in radii])
+    correlations = mapped(lambda radius: disc_correlation(filled, float(radius) / step, 1.0 / step), radii, 2)
+    scores = np.stack(correlations)
     best = scores.max(axis=0)
     size = 2 * int(np.ceil(0.7 * low / step)) + 1
     peak = (best >= cv2.dilate(best, np.ones((size, size), np.uint8))) & (best > limits.correlation)

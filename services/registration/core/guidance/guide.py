@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from services.registration.core.guide.identity import Discs, settled
 from services.registration.core.guide.locate import needed_balls
-from services.registration.core.guide.search import Discs, settled
 from services.registration.core.pose import Correspondences, RigidPose, down_weighted, pose_covariance, refine_pose
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.correlated_pose import fit_with_shared_errors
+from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.measurement import Look, measured_and_fitted_twice, ring_shadows, shrinkage
-from services.registration.core.guide.search import GuideIdentity, search_guide
+from services.registration.core.guide.search import search_guide
 from services.registration.core.pose import Correspondences, RigidPose, residuals_px
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration

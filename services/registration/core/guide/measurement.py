@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.guide.search import GuideIdentity
+from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose, residuals_px
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.parts import GuidePart, RingPart

@@ -10,20 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.guide.identity import Discs, GuideIdentity, settled
 from services.registration.core.guide.vote import vote
-from services.registration.core.pose import Correspondences, RigidPose, refine_pose
+from services.registration.core.pose import RigidPose
 from shared.geometry.camera import PinholeCamera
 from shared.two_cores import on_both_halves
 
 DEPTH_RANGE_MM = (420.0, 920.0)
 # Range of angles between drilling and beam, their grid, and how many pairs of discs are tried there.
 _STAGES = (((0.0, 16.0), 3.0, 60), ((18.0, 46.0), 4.0, 30))
-LOOSE_PX = 6.0
-TIGHT_PX = 1.5
-_CELL_PX = 2.0
 _SHORTEST_PAIR = 0.3
 _PROBES = 7
 # Fewer are voted on sooner than handed to another core.
@@ -33,66 +30,11 @@ _LOOKED_AT = 40
 _LEAST_SCORE = 6
 _GOOD_SHARE = 0.4
 _CLEAR_SHARE = 0.6
+# A good identity that so many further pairs do not better is the best: most pairs are of two balls of the guide.
+_PAIRS_WITHOUT_GAIN = 12
 _RIVAL_PAIRS = 8
-_SETTLING_STEPS = 5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GuideIdentity:
-    """One way to name the discs.
-
-    Attributes
-    ----------
-    pose
-        Guide in the camera's frame.
-    ball_index, disc_index
-        Which ball is which disc, shape (K,) each.
-    """
-
-    pose: RigidPose
-    ball_index: NDArray[np.int64]
-    disc_index: NDArray[np.int64]
-
-    def __len__(self) -> int:
-        return len(self.ball_index)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Discs:
-    """Discs that may be balls of the guide, in ideal pixels, with a map for quick look-up.
-
-    Attributes
-    ----------
-    ideal_px
-        Shape (M, 2), those that are most likely balls first.
-    occupied
-        1 where a disc lies within the loose tolerance of a cell, shape (rows, columns).
-    cell_from_slope
-        Affine map from slopes (x/z, y/z) of rays to cells (column, row), shape (2, 3).
-    tree
-        The same discs for nearest-neighbour queries.
-    """
-
-    ideal_px: NDArray[np.float64]
-    occupied: NDArray[np.uint8]
-    cell_from_slope: NDArray[np.float64]
-    tree: cKDTree
-
-    @staticmethod
-    def of(camera: PinholeCamera, ideal_px: NDArray[np.float64]) -> "Discs":
-        """Build the look-up map; at least one disc."""
-        origin = ideal_px.min(axis=0) - 2 * LOOSE_PX
-        columns, rows = (np.ceil((ideal_px.max(axis=0) + 2 * LOOSE_PX - origin) / _CELL_PX)).astype(int) + 1
-        occupied = np.zeros((rows, columns), dtype=np.uint8)
-        reach = int(np.ceil(LOOSE_PX / _CELL_PX))
-        offsets = np.arange(-reach, reach + 1)
-        dx, dy = (o.ravel() for o in np.meshgrid(offsets, offsets))
-        inside = np.hypot(dx, dy) * _CELL_PX <= LOOSE_PX
-        cells = np.floor((ideal_px - origin) / _CELL_PX).astype(int)
-        occupied[cells[:, 1, None] + dy[inside], cells[:, 0, None] + dx[inside]] = 1
-        cell_from_slope = camera.intrinsic_matrix_px[:2].copy()
-        cell_from_slope[:, 2] -= origin
-        return Discs(ideal_px, occupied, cell_from_slope / _CELL_PX, cKDTree(ideal_px))
+# A rival matters when it explains nearly as many discs; before its pose is refined it may miss some.
+_RIVAL_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,15 +86,40 @@ def search_guide(
     found: list[GuideIdentity] = []
     for cone, grid_deg, pairs in _STAGES:
         views = _views(balls_mm, directions_within(cone, grid_deg))
-        for pair in _disc_pairs(camera, balls_mm, ideal_px, pairs):
-            found = _merged(found, _identities(camera, balls_mm, views, discs, pair))
-            if found and len(found[0]) >= _CLEAR_SHARE * len(balls_mm):
-                break
+        found = _from_likely_pairs(camera, balls_mm, views, discs, pairs, found)
         if found and len(found[0]) >= _GOOD_SHARE * len(balls_mm):
-            own = np.sort(found[0].disc_index)
-            for a, b in _disc_pairs(camera, balls_mm, ideal_px[own], _RIVAL_PAIRS):
-                found = _merged(found, _identities(camera, balls_mm, views, discs, (int(own[a]), int(own[b]))))
+            return _with_rivals(camera, balls_mm, views, discs, found)
+    return found
+
+
+def _from_likely_pairs(
+    camera: PinholeCamera,
+    balls_mm: NDArray[np.float64],
+    views: _Views,
+    discs: Discs,
+    pairs: int,
+    found: list[GuideIdentity],
+) -> list[GuideIdentity]:
+    """Identities found before and those of likely pairs of discs, until more pairs would hardly find a better one."""
+    best, since = len(found[0]) if found else 0, 0
+    for pair in _disc_pairs(camera, balls_mm, discs.ideal_px, pairs):
+        found = _merged(found, _identities(camera, balls_mm, views, discs, pair, _LEAST_SCORE))
+        reached = len(found[0]) if found else 0
+        best, since = max(best, reached), 0 if reached > best else since + 1
+        good = best >= _GOOD_SHARE * len(balls_mm) and since >= _PAIRS_WITHOUT_GAIN
+        if good or best >= _CLEAR_SHARE * len(balls_mm):
             break
+    return found
+
+
+def _with_rivals(
+    camera: PinholeCamera, balls_mm: NDArray[np.float64], views: _Views, discs: Discs, found: list[GuideIdentity]
+) -> list[GuideIdentity]:
+    """Identities found before and those in which pairs of the best one's discs are other balls."""
+    own = np.sort(found[0].disc_index)
+    least = max(_LEAST_SCORE, int(np.ceil(_RIVAL_SHARE * len(own))))
+    for a, b in _disc_pairs(camera, balls_mm, discs.ideal_px[own], _RIVAL_PAIRS):
+        found = _merged(found, _identities(camera, balls_mm, views, discs, (int(own[a]), int(own[b])), least))
     return found
 
 
@@ -183,9 +150,14 @@ def _disc_pairs(
 
 
 def _identities(
-    camera: PinholeCamera, balls_mm: NDArray[np.float64], views: _Views, discs: Discs, pair: tuple[int, int]
+    camera: PinholeCamera,
+    balls_mm: NDArray[np.float64],
+    views: _Views,
+    discs: Discs,
+    pair: tuple[int, int],
+    least_score: int,
 ) -> list[GuideIdentity]:
-    """The best few identities in which a pair of discs are two of the guide's balls."""
+    """The best few identities in which a pair of discs are two of the guide's balls, from so many balls on discs."""
     rays = camera.rays(discs.ideal_px[list(pair)])
     slopes = np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
 
@@ -199,7 +171,7 @@ def _identities(
     best = best[np.argsort(-scores.ravel()[best], kind="stable")]
     poses: list[RigidPose] = []
     for d, p in zip(*np.unravel_index(best, scores.shape), strict=True):
-        if scores[d, p] < _LEAST_SCORE or len(poses) == _REFINED_PER_PAIR:
+        if scores[d, p] < least_score or len(poses) == _REFINED_PER_PAIR:
             break
         pose = _posed(views, int(d), int(p), slopes)
         if not any(_same(pose, other, 8.0, 15.0) for other in poses):
@@ -219,30 +191,6 @@ def _posed(views: _Views, direction: int, pair: int, slopes: NDArray[np.float64]
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     xy = slopes[0] * (depth + a[2]) - (rotation @ a)[:2]
     return RigidPose(rotation @ views.rotation[direction], np.array([xy[0], xy[1], depth]))
-
-
-def settled(camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: RigidPose) -> GuideIdentity:
-    """Assign discs to balls and refine, with a shrinking tolerance."""
-    for tolerance_px in (10.0, 6.0, 4.0, 2.5, TIGHT_PX):
-        ball, disc = _assigned(camera, balls_mm, discs, pose, tolerance_px)
-        if len(ball) < 4:
-            return GuideIdentity(pose, ball, disc)
-        spread = np.full(len(ball), 0.3 * tolerance_px)
-        pose = refine_pose(camera, pose, Correspondences(balls_mm[ball], discs.ideal_px[disc], spread), _SETTLING_STEPS)
-    return GuideIdentity(pose, *_assigned(camera, balls_mm, discs, pose, TIGHT_PX))
-
-
-def _assigned(
-    camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: RigidPose, tolerance_px: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Nearest disc of each ball within the tolerance, no disc twice: ball and disc indices."""
-    nearest = discs.tree.query(camera.project(pose.points(balls_mm)), distance_upper_bound=tolerance_px)
-    distance, disc = (np.asarray(part) for part in nearest)
-    order = np.argsort(distance, kind="stable")
-    order = order[np.isfinite(distance[order])]
-    _, first = np.unique(disc[order], return_index=True)
-    ball = np.sort(order[first])
-    return ball.astype(np.int64), np.asarray(disc[ball], dtype=np.int64)
 
 
 def _merged(found: list[GuideIdentity], new: list[GuideIdentity]) -> list[GuideIdentity]:

@@ -43,6 +43,8 @@ def covered_pixels(
     stubs = np.zeros(pixels.shape, dtype=np.uint8)
     for opening in openings:
         _add_stub(stubs, pixels, calibration, opening, known_discs_px)
+    if not stubs.any():
+        return np.zeros(pixels.shape, dtype=bool)
     reach_px = int(np.ceil(_REACH_MM * calibration.camera.focal_length_px / depth_mm))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1, 2 * reach_px + 1))
     return np.asarray(cv2.dilate(stubs, kernel) > 0)

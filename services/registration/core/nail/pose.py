@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.compiled import compiled
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
@@ -45,25 +46,63 @@ def pose_from_parameters(
     return Transform.from_rotation_translation(*rotation_and_translation(parameters, camera, anchors))
 
 
+@compiled
+def _norm(vector: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.sum(vector * vector)))
+
+
+@compiled
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@compiled
+def _ray(x_px: float, y_px: float, intrinsic_matrix_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """As `PinholeCamera.rays`, for one pixel."""
+    y = (y_px - intrinsic_matrix_px[1, 2]) / intrinsic_matrix_px[1, 1]
+    x = (x_px - intrinsic_matrix_px[0, 2] - intrinsic_matrix_px[0, 1] * y) / intrinsic_matrix_px[0, 0]
+    direction = np.array([x, y, 1.0])
+    return np.asarray(direction / _norm(direction))
+
+
+@compiled
+def _place(
+    parameters: NDArray[np.float64],
+    intrinsic_matrix_px: NDArray[np.float64],
+    ends_mm: tuple[float, float],
+    rotation: NDArray[np.float64],
+    translation_mm: NDArray[np.float64],
+) -> None:
+    """Poses of parameters, shape (K, 6), into shapes (K, 3, 3) and (K, 3)."""
+    distance_mm = ends_mm[1] - ends_mm[0]
+    for k in range(parameters.shape[0]):
+        first = _ray(parameters[k, 0], parameters[k, 1], intrinsic_matrix_px)
+        second = _ray(parameters[k, 2], parameters[k, 3], intrinsic_matrix_px)
+        pitch, roll = parameters[k, 4], parameters[k, 5]
+        half_angle = np.arctan2(_norm(second - first), _norm(second + first))
+        total = distance_mm * np.cos(pitch) / np.sin(half_angle)
+        difference = distance_mm * np.sin(pitch) / np.cos(half_angle)
+        near_end = 0.5 * (total - difference) * first
+        x = 0.5 * (total + difference) * second - near_end
+        x = x / _norm(x)
+        middle = first + second
+        level = middle - x * np.sum(middle * x)
+        level = level / _norm(level)
+        z = np.cos(roll) * level - np.sin(roll) * _cross(level, x)
+        rotation[k, :, 0], rotation[k, :, 1], rotation[k, :, 2] = x, _cross(z, x), z
+        translation_mm[k] = near_end - ends_mm[0] * x
+
+
 def rotation_and_translation(
     parameters: NDArray[np.float64], camera: PinholeCamera, anchors: Anchors
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same poses as bare arrays, shapes (..., 6) to (..., 3, 3) and (..., 3), for the inner loop: no checks."""
-    rays = camera.rays(parameters[..., :4].reshape(*parameters.shape[:-1], 2, 2))
-    first, second = rays[..., 0, :], rays[..., 1, :]
-    pitch, roll = parameters[..., 4:5], parameters[..., 5:6]
-    half_angle = np.arctan2(_norm(second - first), _norm(second + first))
-    distance = anchors.second_x_mm - anchors.first_x_mm
-    total = distance * np.cos(pitch) / np.sin(half_angle)
-    difference = distance * np.sin(pitch) / np.cos(half_angle)
-    near_end = 0.5 * (total - difference) * first
-    x = 0.5 * (total + difference) * second - near_end
-    x = x / _norm(x)
-    middle = first + second
-    level = middle - x * np.sum(middle * x, axis=-1, keepdims=True)
-    level = level / _norm(level)
-    z = np.cos(roll) * level - np.sin(roll) * _cross(level, x)
-    return np.stack([x, _cross(z, x), z], axis=-1), near_end - anchors.first_x_mm * x
+    shape = parameters.shape[:-1]
+    flat = np.ascontiguousarray(parameters.reshape(-1, POSE_SIZE))
+    rotation, translation_mm = np.empty((len(flat), 3, 3)), np.empty((len(flat), 3))
+    ends_mm = anchors.first_x_mm, anchors.second_x_mm
+    _place(flat, camera.intrinsic_matrix_px, ends_mm, rotation, translation_mm)
+    return rotation.reshape(*shape, 3, 3), translation_mm.reshape(*shape, 3)
 
 
 def motion_by_parameters(
@@ -81,17 +120,6 @@ def motion_by_parameters(
     skew = 0.5 * (turns - turns.swapaxes(-1, -2))
     vectors = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=-1)
     return np.asarray((np.concatenate([vectors, shifts], axis=-1) / (2.0 * _STEP[:, None])).T)
-
-
-def _norm(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True)))
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Numpy's own takes several times as long for single vectors."""
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def parameters_from_pose(

@@ -113,14 +113,12 @@ def noise_of(problem: Problem, linear: Linear) -> Noise:
     standardised = np.clip(residual / np.sqrt(variance), -_CLIPPED_DEVIATIONS, _CLIPPED_DEVIATIONS)
     brightness = np.clip(blurred_image(linear.traced.passed, _BRIGHTNESS_BLUR_PX), 0.0, 1.0)
     here = brightness.ravel()[window.compared]
-    pooled = correlation_of(standardised, window.compared, window.shape)
-    kinds = []
-    for kind in (here < 0.5, here >= 0.5):
-        if np.count_nonzero(kind) < _LEAST_OF_A_KIND:
-            kinds.append(pooled)
-        else:
-            kinds.append(correlation_of(standardised[kind], window.compared[kind], window.shape))
-    dark, bright = kinds
+
+    def of_kind(kind: NDArray[np.bool_]) -> Correlation:
+        enough = kind if np.count_nonzero(kind) >= _LEAST_OF_A_KIND else np.ones_like(kind)
+        return correlation_of(standardised[enough], window.compared[enough], window.shape)
+
+    dark, bright = of_kind(here < 0.5), of_kind(here >= 0.5)
     inflation = (1.0 - here) * dark.inflation + here * bright.inflation
     return Noise(variance, brightness, dark, bright, inflation)
 

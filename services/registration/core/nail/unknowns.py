@@ -74,14 +74,18 @@ def _reach_of(unknown: Unknown) -> float:
 _REACH = np.array([_reach_of(unknown) for unknown in Unknown])
 
 
+_MEAN = np.array([PRIOR[u][0] if u in PRIOR else 0.0 for u in Unknown])
+_PRECISION = np.array([PRIOR[u][1] ** -2 if u in PRIOR else 0.0 for u in Unknown])
+
+
 def prior_mean() -> NDArray[np.float64]:
     """Shape (PARAMETERS,); zero for the pose."""
-    return np.array([PRIOR[u][0] if u in PRIOR else 0.0 for u in Unknown])
+    return _MEAN.copy()
 
 
 def prior_precision() -> NDArray[np.float64]:
     """Inverse variances, shape (PARAMETERS,); zero for the pose."""
-    return np.array([PRIOR[u][1] ** -2 if u in PRIOR else 0.0 for u in Unknown])
+    return _PRECISION.copy()
 
 
 def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.locate import GuideFit, needed_balls
-from services.registration.core.guide.search import GuideIdentity, search_guide
+from services.registration.core.guide.search import search_guide
 from services.registration.core.pose import Correspondences, RigidPose, pose_covariance, residuals_px
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration

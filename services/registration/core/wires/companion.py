@@ -8,8 +8,8 @@ Each way to name the balls puts the nail somewhere: only that counts which puts 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.locate import GuideFit, Named, guide_identities, measured_guide
-from services.registration.core.guide.search import GuideIdentity
 from services.registration.core.localise import Parts
 from services.registration.core.wires.view import in_border
 from shared.errors import Accepted, Reason, ReasonCode, Rejected

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.varied_parts import random_guide
+from services.registration.core.guide import search
 from services.registration.core.guide.locate import GuideFit, locate_guide, needed_balls
 from services.registration.core.guide.search import search_guide
+from services.registration.core.guide.vote import vote
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
@@ -190,3 +193,26 @@ def test_no_ball_is_indispensable_to_the_search(guide: GuidePart) -> None:
         shown = np.setdiff1d(np.arange(28), np.arange(first, 28, 4))
         best = search_guide(camera, balls, camera.project(true.points(balls[shown])))[0]
         assert np.array_equal(best.ball_index, shown), f"every fourth ball missing from {first}"
+
+
+def test_a_guide_of_which_half_is_covered_is_soon_found(guide: GuidePart, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No pair of discs finds three in five of the balls: the search must end all the same, and look for rivals."""
+    camera = calibration(1024).camera
+    balls = guide.balls.position_mm
+    tried: set[bytes] = set()
+
+    def counted(*given: Any) -> NDArray[np.int16]:
+        tried.add(given[3].tobytes())
+        return vote(*given)
+
+    monkeypatch.setattr(search, "vote", counted)
+    for trial in range(6):
+        rng = np.random.default_rng(trial)
+        shown = rng.permutation(28)[:14]
+        px = camera.project(posed((40.0 * trial, 4.0, 3.0)).points(balls[shown])) + rng.normal(0.0, 0.1, (14, 2))
+        tried.clear()
+        best, *rivals = search_guide(camera, balls, np.concatenate([px, rng.uniform(200.0, 820.0, (14, 2))]))
+        print(f"trial {trial}: {len(tried)} pairs, {len(best)} balls, {max(map(len, rivals), default=0)} by the next")
+        assert np.array_equal(shown[best.disc_index], best.ball_index)
+        assert len(best) == 14
+        assert len(tried) <= 35
