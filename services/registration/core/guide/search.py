@@ -30,7 +30,8 @@ _LOOKED_AT = 40
 _LEAST_SCORE = 6
 _GOOD_SHARE = 0.4
 _CLEAR_SHARE = 0.6
-# A good identity that so many further pairs do not better is the best: most pairs are of two balls of the guide.
+# A good identity that so many further pairs do not better is kept: likely pairs are of two balls of the guide often
+# enough that one of them would have shown a better one.
 _PAIRS_WITHOUT_GAIN = 12
 _RIVAL_PAIRS = 8
 # A rival matters when it explains nearly as many discs; before its pose is refined it may miss some.

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 _LATTICE = np.stack([np.arange(16), 7 * np.arange(16) % 16], axis=1)
 SAMPLES_PX = (np.concatenate([_LATTICE[start::4] for start in (1, 3, 0, 2)]) + 0.5) / 16.0 - 0.5
 
+# Fewer are followed sooner than handed to another core.
+LEAST_RAYS_TO_SHARE = 1000
+
 
 class PixelRays(NamedTuple):
     """Directions (x, y) at z = 1 in the camera's frame, shape (S, 2) each.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import Real
-from services.registration.core.nail.pixel_rays import SAMPLES_PX, rays_of
+from services.registration.core.nail.pixel_rays import LEAST_RAYS_TO_SHARE, SAMPLES_PX, rays_of
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, rotation_and_translation
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.shade import DERIVATIVES, MOTION_SIZE
@@ -24,8 +24,6 @@ from services.registration.core.nail.window import Window
 from shared.geometry.parts import Hole, NailPart
 from shared.two_cores import on_both_halves
 
-# Fewer are done sooner than handed to another core.
-_LEAST_RAYS = 1000
 # Unknowns in the order of the kernel's derivatives.
 _OF_PATHS = tuple(Unknown)[: Unknown.HARDENING + 1]
 
@@ -67,7 +65,7 @@ def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
             by_cause[part],
         )
 
-    on_both_halves(trace_part, count, _LEAST_RAYS)
+    on_both_halves(trace_part, count, LEAST_RAYS_TO_SHARE)
     return Paths(parameters, _on_rectangle(window, passed, 1.0), by_cause)
 
 

@@ -10,6 +10,7 @@ from services.registration.core.nail.grid import PixelGrid, grid_around, strip_o
 from services.registration.core.nail.occluders import Occluders, ball_discs_px, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
 from services.registration.core.nail.pixel_rays import (
+    LEAST_RAYS_TO_SHARE,
     SAMPLES_PX,
     PixelRays,
     pixel_rays,
@@ -27,8 +28,6 @@ _INSIDE_APERTURE_PX = 9.0
 _LEAST_PIXELS = 200
 # A ball's shadow may reach so much further than its radius: distortion and the way from the beam's middle stretch it.
 _STRETCH, _WIRE_REACH_MM = 0.3, 0.5
-# Fewer are followed sooner than handed to another core.
-_LEAST_RAYS = 1000
 _MOVES_MM, _BORE_REACH_MM = 0.5, 0.8
 
 
@@ -225,5 +224,5 @@ def _delrin_map(slopes: NDArray[np.float64], occluders: Occluders) -> NDArray[np
         path = delrin_path_mm(sample_directions(rays_of(everywhere, part), places), occluders)
         return np.asarray(path.reshape(-1, len(places)).mean(axis=-1))
 
-    halves = on_both_halves(mean_path, len(everywhere.slopes), _LEAST_RAYS)
+    halves = on_both_halves(mean_path, len(everywhere.slopes), LEAST_RAYS_TO_SHARE)
     return np.concatenate(halves).reshape(slopes.shape[:2])
