@@ -21,20 +21,20 @@ _LEAST_PX = 100_000
 def visible_share(scene: NailScene, traced: Paths) -> NDArray[np.float64]:
     """Share of the background that each compared pixel sees, shape (N,)."""
     passed = traced.passed * _guide_share(scene, traced.parameters)
-    return scene.compared(display_of(scene, traced.parameters).stages(passed).sharpened)
+    return scene.compared(display_of(scene.window, traced.parameters).stages(passed).sharpened)
 
 
 def share_without_metal(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same if nothing but the guide's body were there, shape (N,)."""
-    return scene.compared(display_of(scene, parameters).stages(_guide_share(scene, parameters)).sharpened)
+    return scene.compared(display_of(scene.window, parameters).stages(_guide_share(scene, parameters)).sharpened)
 
 
 def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
     """Derivatives of `visible_share` by the free parameters, in their order; from single precision, which is plenty."""
-    display, guide = display_of(scene, traced.parameters), _guide_share(scene, traced.parameters)
+    display, guide = display_of(scene.window, traced.parameters), _guide_share(scene, traced.parameters)
     passed = traced.passed * guide
     stages = display.stages(passed)
-    slope = display.slope(stages.blurred).astype(np.float32)
+    slope = display.slope(stages).astype(np.float32)
     thin = guide.astype(np.float32)
     least = 2 + _LEAST_PX // passed.size
 
@@ -44,7 +44,7 @@ def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_
     columns = mapped(lambda p: by_passed(p * thin), derivatives_of_paths(scene, traced, free), least)
     columns += mapped(
         lambda unknown: scene.compared(
-            derivative_of_display(unknown, scene, traced.parameters, passed, display, stages)
+            derivative_of_display(unknown, scene.window, traced.parameters, passed, display, stages)
         ),
         [unknown for unknown in OF_DISPLAY if free[unknown]],
         least,

@@ -6,17 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.blur import Real, blurred_image
-from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.unknowns import Unknown
 from services.registration.core.nail.window import Window
 
 _STRAIGHT = 1e-6
 # One-sided: what the second derivative adds is below a per cent.
 _STEP = 0.005
-# Share of the grey value that may be gone on the way from dark to bright, for falling curves.
-_LEAST_RISE = -0.9
-# Of the usual grey value of the floor, counted from black.
-_LEAST_FLOOR = 0.2
 _MOST_CURVE = 5.0
 _OF_BLUR = (Unknown.LOG_BLUR_PX, Unknown.TAIL_SHARE, Unknown.LOG_TAIL_WIDTH)
 _OF_CURVE = (Unknown.CURVE, Unknown.CURVE_EXPONENT)
@@ -40,15 +35,14 @@ class Display:
     The blur is a Gaussian with a wider one about it: light spreads further in a phosphor than its core does, and
     a tail that is not modelled passes for wider holes. The curve is a power of the intensity (a logarithm when
     `exponent` is 0), of which an edge shows the part from dark to bright: `rise` is by how much the bright intensity
-    exceeds the dark one, over the dark one, and `grey_rise` the same of their powers, each for every place or one for
-    all, shape (rows, columns) or (1, 1).
+    exceeds the dark one, over the dark one, and `grey_rise` the same of their powers.
     """
 
     blur_px: float
     tail_share: float
     tail_px: float
-    rise: NDArray[np.float64]
-    grey_rise: NDArray[np.float64]
+    rise: float
+    grey_rise: float
     exponent: float
     sharpening: float
     width_px: float
@@ -69,26 +63,25 @@ class Display:
         """Share of the grey step that a share of the intensity step makes."""
         return np.asarray(np.expm1(self.exponent * np.log1p(self.rise * share)) / self.grey_rise)
 
-    def slope(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivative of `bent` by the share."""
-        steepness = np.exp((self.exponent - 1.0) * np.log1p(self.rise * share))
-        return np.asarray(self.exponent * self.rise * steepness / self.grey_rise)
+    def slope(self, before: Stages) -> NDArray[np.float64]:
+        """Derivative of `bent` by the share, where both are known."""
+        steepness = (1.0 + self.grey_rise * before.bent) / (1.0 + self.rise * before.blurred)
+        return np.asarray(self.exponent * self.rise / self.grey_rise * steepness)
 
     def sharpened(self, image: NDArray[Real]) -> NDArray[Real]:
         """Edge enhancement: what differs from the surroundings is enlarged."""
         return (1.0 + self.sharpening) * image - self.sharpening * blurred_image(image, self.width_px)
 
 
-def display_of(scene: NailScene, parameters: NDArray[np.float64]) -> Display:
+def display_of(window: Window, parameters: NDArray[np.float64]) -> Display:
     """The display that the parameters stand for."""
     exponent = float(parameters[Unknown.CURVE_EXPONENT])
     if abs(exponent) < _STRAIGHT:
         exponent = _STRAIGHT
     # so that the bend hardly depends on the exponent
-    usual_curve = float(np.clip(2.0 * parameters[Unknown.CURVE] / (1.0 - exponent), _STRAIGHT, _MOST_CURVE))
-    grey_rise = _grey_rise(scene, float(np.expm1(exponent * usual_curve)))
-    rise = np.expm1(np.log1p(grey_rise) / exponent)
-    return _with_optics(Display(0.0, 0.0, 0.0, rise, grey_rise, exponent, 0.0, 0.0), scene.window, parameters)
+    curve = float(np.clip(2.0 * parameters[Unknown.CURVE] / (1.0 - exponent), _STRAIGHT, _MOST_CURVE))
+    rise, grey_rise = float(np.expm1(curve)), float(np.expm1(exponent * curve))
+    return _with_optics(Display(0.0, 0.0, 0.0, rise, grey_rise, exponent, 0.0, 0.0), window, parameters)
 
 
 def _with_optics(display: Display, window: Window, parameters: NDArray[np.float64]) -> Display:
@@ -104,19 +97,9 @@ def _with_optics(display: Display, window: Window, parameters: NDArray[np.float6
     )
 
 
-def _grey_rise(scene: NailScene, usual: float) -> NDArray[np.float64]:
-    """How far the powers of the intensities rise from dark to bright at every place, from the usual grey values' rise.
-
-    On a display that shows a power of the intensity, of an unknown zero, the ratio follows from the grey values: how
-    far the usual step goes with the usual ratio tells where their zero lies.
-    """
-    ratio = usual * scene.step / np.maximum(1.0 + usual * scene.floor_excess, _LEAST_FLOOR)
-    return np.asarray(np.maximum(ratio, _LEAST_RISE))
-
-
 def derivative_of_display(
     unknown: Unknown,
-    scene: NailScene,
+    window: Window,
     parameters: NDArray[np.float64],
     passed: NDArray[np.float64],
     display: Display,
@@ -132,10 +115,10 @@ def derivative_of_display(
     moved = parameters.copy()
     moved[unknown] += _STEP
     if unknown in _OF_BLUR:
-        change = _with_optics(display, scene.window, moved).blurred(passed) - before.blurred
-        return display.sharpened((display.slope(before.blurred) * change / _STEP).astype(np.float32))
+        change = _with_optics(display, window, moved).blurred(passed) - before.blurred
+        return display.sharpened((display.slope(before) * change / _STEP).astype(np.float32))
     if unknown in _OF_CURVE:
-        change = display_of(scene, moved).bent(before.blurred) - before.bent
+        change = display_of(window, moved).bent(before.blurred) - before.bent
         return display.sharpened((change / _STEP).astype(np.float32))
-    change = _with_optics(display, scene.window, moved).sharpened(before.bent) - before.sharpened
+    change = _with_optics(display, window, moved).sharpened(before.bent) - before.sharpened
     return np.asarray(change / _STEP, dtype=np.float32)

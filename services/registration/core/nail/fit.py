@@ -32,7 +32,6 @@ from services.registration.core.nail.stages import (
     reweighted,
     scene_at,
     whitened,
-    with_contrast,
 )
 from services.registration.core.nail.unknowns import Unknown
 from services.registration.core.nail.window import Scale
@@ -155,9 +154,8 @@ def measure_nail(
 
 
 def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise]:
-    """Full resolution: learn contrast and noise where the coarser stage ended, filter the noise, fit, weigh, fit."""
+    """Full resolution: learn the noise where the coarser stage ended, filter the noise, fit, weigh, fit."""
     here = solution_at(problem, winner.parameters)
-    problem = with_contrast(problem, here)
     problem = whitened(problem, here, noise_of(problem, here))
     solution = minimise_from(problem, here.traced, _FIRST_STEPS, _TOLERANCE)
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))

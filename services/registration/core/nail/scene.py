@@ -21,9 +21,6 @@ class NailScene:
 
     Attributes
     ----------
-    step, floor_excess
-        Step of the grey value between floor and background, and the floor's own over the usual one, both in units of
-        the usual step, on the whole rectangle, shape of it, or the same for all of it, shape (1, 1).
     whitening
         Filter that image and model both go through.
     """
@@ -32,8 +29,6 @@ class NailScene:
     camera: PinholeCamera
     anchors: Anchors
     nail: NailPart
-    step: NDArray[np.float64]
-    floor_excess: NDArray[np.float64]
     whitening: Whitening | None
 
     def compared(self, picture: NDArray[Real]) -> NDArray[Real]:
@@ -53,4 +48,4 @@ class NailScene:
 
 def nail_scene(window: Window, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> NailScene:
     """Scene as it is before anything has been learned from a fit."""
-    return NailScene(window, camera, anchors, nail, np.ones((1, 1)), np.zeros((1, 1)), None)
+    return NailScene(window, camera, anchors, nail, None)

@@ -28,7 +28,6 @@ from shared.geometry.transform import Transform
 EVERYTHING = np.ones(PARAMETERS, dtype=bool)
 _ASSUMED_NOISE = 0.025
 _CLIPPED_DEVIATIONS = 4.0
-_STEP_RANGE, _EXCESS_RANGE = (0.2, 3.0), (-0.2, 0.5)
 _BRIGHTNESS_BLUR_PX = 1.5
 _LEAST_OF_A_KIND = 400
 
@@ -135,21 +134,6 @@ def reweighted(problem: Problem, linear: Linear, noise: Noise) -> Problem:
 def evenly_weighted(problem: Problem, noise: Noise) -> Problem:
     """The same problem with every pixel weighed by its variance, outliers as all others."""
     return replace(problem, weight=1.0 / (noise.variance * noise.inflation))
-
-
-def with_contrast(problem: Problem, linear: Linear) -> Problem:
-    """The same problem with the display's curve acting at every place between the grey values found there so far.
-
-    The bend of an edge's profile by a smooth curve grows with the step across that edge: it differs between an edge
-    against thick bone and one against thin. What the guide's body does to a step is in the share that passes.
-    """
-    window = problem.scene.window
-    step = linear.background - linear.floor
-    usual = float(np.median(step))
-    steps, excess = np.ones(window.shape), np.zeros(window.shape)
-    steps.ravel()[window.compared] = np.clip(step / usual, *_STEP_RANGE)
-    excess.ravel()[window.compared] = np.clip((linear.floor - np.median(linear.floor)) / usual, *_EXCESS_RANGE)
-    return replace(problem, scene=replace(problem.scene, step=steps, floor_excess=excess))
 
 
 def whitened(problem: Problem, linear: Linear, noise: Noise) -> Problem:
