@@ -129,7 +129,7 @@ def follow_nail(given: Given, look: Look, predicted: Transform[Camera, Nail]) ->
     problem = replace(problem, weight=np.full(len(problem.grey), look.weight))
     solution = minimise(problem, start, _FIRST_STEPS, _LOOSE)
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
-    solution = minimise(problem, solution.parameters, _LAST_STEPS, _TIGHT)
+    solution = minimise_from(problem, solution.linear, _LAST_STEPS, _TIGHT)
     noise = noise_of(problem, solution.linear)
     residual = residual_statistics(problem, solution, noise)
     beyond = np.abs(solution.linear.residual) > _UNEXPLAINED_DEVIATIONS * np.sqrt(noise.variance)
@@ -158,7 +158,7 @@ def mirror_margin(found: FollowedNail) -> float | None:
     start[_TILTS] *= -1.0
     # no pixel may weigh less because the pose that was found does not explain it
     problem = evenly_weighted(found.problem, found.noise)
-    here = minimise_from(problem, found.solution.linear.traced, _LAST_STEPS, _LOOSE)
+    here = minimise_from(problem, found.solution.linear, _LAST_STEPS, _LOOSE)
     rival = minimise(problem, start, _RIVAL_STEPS, _LOOSE)
     z = problem.scene.pose(rival.parameters).rotation[:, 2]
     if angle_between_rad(z, found.camera_from_nail.rotation[:, 2]) < _DISTINCT_RAD:

@@ -46,16 +46,21 @@ def _balls_on_discs(
 ) -> int:
     """Number of balls, shape (N, 3), on discs; 0 when given up."""
     t, cos, sin, tx, ty = placement
+    # turn, shift and map to cells are one affine step
+    (c0, c1, column0), (r0, r1, row0) = cell_from_slope[0], cell_from_slope[1]
+    cx, cy, ct = c0 * cos + c1 * sin, c1 * cos - c0 * sin, c0 * tx + c1 * ty
+    rx, ry, rt = r0 * cos + r1 * sin, r1 * cos - r0 * sin, r0 * tx + r1 * ty
+    rows, columns = np.uint64(occupied.shape[0]), np.uint64(occupied.shape[1])
     hits = 0
     # balls are visited in strides, so that the first few already reach all over the pattern
     for offset in range(stride):
         for n in range(offset, turned_mm.shape[0], stride):
-            z = t + turned_mm[n, 2]
-            x = (cos * turned_mm[n, 0] - sin * turned_mm[n, 1] + tx) / z
-            y = (sin * turned_mm[n, 0] + cos * turned_mm[n, 1] + ty) / z
-            column = int(cell_from_slope[0, 0] * x + cell_from_slope[0, 1] * y + cell_from_slope[0, 2])
-            row = int(cell_from_slope[1, 0] * x + cell_from_slope[1, 1] * y + cell_from_slope[1, 2])
-            if 0 <= row < occupied.shape[0] and 0 <= column < occupied.shape[1]:
+            x, y = turned_mm[n, 0], turned_mm[n, 1]
+            nearness = 1.0 / (t + turned_mm[n, 2])
+            # without a sign, what lies before the first row or column lies far behind the last
+            column = np.uint64(int((cx * x + cy * y + ct) * nearness + column0))
+            row = np.uint64(int((rx * x + ry * y + rt) * nearness + row0))
+            if row < rows and column < columns:
                 hits += occupied[row, column]
         if hits < 2 * offset and offset < 3:
             return 0

@@ -19,18 +19,18 @@ _LEAST_PX = 100_000
 
 
 def visible_share(scene: NailScene, traced: Paths) -> NDArray[np.float64]:
-    """Share of the background that each compared pixel sees, shape (N,)."""
-    passed = traced.passed * _guide_share(scene, traced.parameters)
-    return scene.compared(display_of(scene.window, traced.parameters).stages(passed).sharpened)
+    """Share of the background that each compared pixel sees, shape (N,); in single precision, which is plenty."""
+    passed = (traced.passed * _guide_share(scene, traced.parameters)).astype(np.float32)
+    return scene.compared(display_of(scene.window, traced.parameters).shown(passed))
 
 
 def share_without_metal(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same if nothing but the guide's body were there, shape (N,)."""
-    return scene.compared(display_of(scene.window, parameters).stages(_guide_share(scene, parameters)).sharpened)
+    return scene.compared(display_of(scene.window, parameters).shown(_guide_share(scene, parameters)))
 
 
 def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
-    """Derivatives of `visible_share` by the free parameters, in their order; from single precision, which is plenty."""
+    """Derivatives of `visible_share` by the free parameters, in their order."""
     display, guide = display_of(scene.window, traced.parameters), _guide_share(scene, traced.parameters)
     passed = traced.passed * guide
     stages = display.stages(passed)
@@ -38,7 +38,7 @@ def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_
     thin = guide.astype(np.float32)
     least = 2 + _LEAST_PX // passed.size
 
-    def by_passed(change: NDArray[np.float32]) -> NDArray[np.float32]:
+    def by_passed(change: NDArray[np.float32]) -> NDArray[np.float64]:
         return scene.compared(display.sharpened(slope * display.blurred(change)))
 
     columns = mapped(lambda p: by_passed(p * thin), derivatives_of_paths(scene, traced, free), least)
@@ -51,7 +51,7 @@ def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_
     )
     if free[Unknown.DELRIN_PER_MM]:
         columns.append(by_passed((-scene.window.delrin_excess_mm * passed).astype(np.float32)))
-    return [column.astype(np.float64) for column in columns]
+    return columns
 
 
 def _guide_share(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -113,5 +113,5 @@ def _optimum(problem: Problem, start: NDArray[np.float64], most_steps: int) -> O
 def _carried_on(problem: Problem, optimum: Optimum) -> Optimum:
     if optimum.solution.converged:
         return optimum
-    solution = minimise_from(problem, optimum.solution.linear.traced, _MOST_STEPS - _SCREENING_STEPS, _TOLERANCE)
+    solution = minimise_from(problem, optimum.solution.linear, _MOST_STEPS - _SCREENING_STEPS, _TOLERANCE)
     return optimum_of(problem.scene, solution)

@@ -18,9 +18,9 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
     they count slow noise, which hides the tilt, as if it hid sharp rims too. What the noise does to the fit follows
     from its correlation instead (the sandwich formula); to it comes what priors and background leave open.
     """
-    gain = np.linalg.inv(solution.normal_matrix)[:POSE_SIZE]
+    gain = np.asarray(np.linalg.inv(solution.normal_matrix)[:POSE_SIZE], dtype=np.float64)
     linear = followed_by_linear(problem, solution.linear, solution.moves.of_pixels)
-    by_noise = _by_noise(problem, noise, _after_background(problem, solution, linear) @ gain.T)
+    by_noise = _by_noise(problem, noise, _after_background(problem, solution, linear, gain))
     field = linear[: problem.field.size]
     open_ends = problem.texture_precision * (field.T @ problem.field.roughness @ field)
     open_ends[np.diag_indices(len(open_ends))] += prior_precision()[problem.free]
@@ -30,12 +30,18 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
     return np.asarray(jacobian @ covariance @ jacobian.T)
 
 
-def _after_background(problem: Problem, solution: Solution, linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivatives of the modelled grey values when background and floor follow as `linear` says, shape (N, P)."""
-    visible, size = solution.linear.visible, problem.field.size
-    background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in linear[:size].T], axis=1)
-    floor = problem.floor @ linear[size:]
-    return np.asarray(solution.moves.of_pixels - visible[:, None] * background - (1.0 - visible)[:, None] * floor)
+def _after_background(
+    problem: Problem, solution: Solution, linear: NDArray[np.float64], gain: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Derivatives of the modelled grey values when background and floor follow as `linear` says, times `gain`.
+
+    Shape (N, 6), from a gain of shape (6, P).
+    """
+    visible, size, followed = solution.linear.visible, problem.field.size, linear @ gain.T
+    background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in followed[:size].T], axis=1)
+    floor = problem.floor @ followed[size:]
+    direct = solution.moves.of_pixels @ gain.T
+    return np.asarray(direct - visible[:, None] * background - (1.0 - visible)[:, None] * floor)
 
 
 def _by_noise(problem: Problem, noise: Noise, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:

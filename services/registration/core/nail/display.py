@@ -47,8 +47,12 @@ class Display:
     sharpening: float
     width_px: float
 
+    def shown(self, passed: NDArray[Real]) -> NDArray[Real]:
+        """What becomes of the share that passes."""
+        return self.sharpened(self.bent(self.blurred(passed)))
+
     def stages(self, passed: NDArray[np.float64]) -> Stages:
-        """All that happens, one after the other."""
+        """The same, step by step."""
         blurred = self.blurred(passed)
         bent = self.bent(blurred)
         return Stages(blurred, bent, self.sharpened(bent))
@@ -59,9 +63,9 @@ class Display:
         wide = blurred_image(core, float(np.sqrt(max(self.tail_px**2 - self.blur_px**2, 0.0))))
         return np.asarray(core + image.dtype.type(self.tail_share) * (wide - core), dtype=image.dtype)
 
-    def bent(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
+    def bent(self, share: NDArray[Real]) -> NDArray[Real]:
         """Share of the grey step that a share of the intensity step makes."""
-        return np.asarray(np.expm1(self.exponent * np.log1p(self.rise * share)) / self.grey_rise)
+        return np.asarray(np.expm1(self.exponent * np.log1p(self.rise * share)) / self.grey_rise, dtype=share.dtype)
 
     def slope(self, before: Stages) -> NDArray[np.float64]:
         """Derivative of `bent` by the share, where both are known."""

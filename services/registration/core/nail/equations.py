@@ -96,7 +96,15 @@ def solution_at(problem: Problem, parameters: NDArray[np.float64]) -> Linear:
 
 def solution_for(problem: Problem, traced: Paths) -> Linear:
     """Best background and floor where the rays have been traced already."""
-    visible = visible_share(problem.scene, traced)
+    return _solution(problem, traced, visible_share(problem.scene, traced))
+
+
+def solution_again(problem: Problem, known: Linear) -> Linear:
+    """Best background and floor of another problem with the same scene, where one has been solved."""
+    return _solution(problem, known.traced, known.visible)
+
+
+def _solution(problem: Problem, traced: Paths, visible: NDArray[np.float64]) -> Linear:
     columns = _columns(problem, visible)
     matrix, side = _normal_equations(problem, columns)
     factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)

@@ -156,10 +156,10 @@ def measure_nail(
 def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise]:
     """Full resolution: learn the noise where the coarser stage ended, filter the noise, fit, weigh, fit."""
     here = solution_at(problem, winner.parameters)
-    problem = whitened(problem, here, noise_of(problem, here))
-    solution = minimise_from(problem, here.traced, _FIRST_STEPS, _TOLERANCE)
+    problem, here = whitened(problem, here, noise_of(problem, here))
+    solution = minimise_from(problem, here, _FIRST_STEPS, _TOLERANCE)
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
     # with derivatives from here: those of the first steps may have led along the valley in which radii, curve and tilt
     # nearly make up for one another, and ended in it
-    solution = minimise_from(problem, solution.linear.traced, _LAST_STEPS, _TOLERANCE)
+    solution = minimise_from(problem, solution.linear, _LAST_STEPS, _TOLERANCE)
     return problem, solution, noise_of(problem, solution.linear)

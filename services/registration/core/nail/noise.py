@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from services.registration.core.nail.blur import Real
+from shared.two_cores import mapped
 
 _LAGS = 9
 _TAPER_PX = 8.0
@@ -60,21 +61,22 @@ class Whitening:
         Share of the bright one in each pixel's filter, shape (rows, columns).
     """
 
-    dark: NDArray[np.float64]
-    bright: NDArray[np.float64]
-    brightness: NDArray[np.float64]
+    dark: NDArray[np.float32]
+    bright: NDArray[np.float32]
+    brightness: NDArray[np.float32]
 
-    def apply(self, picture: NDArray[Real]) -> NDArray[Real]:
-        """Filter a picture, shape (rows, columns), edge values repeated beyond its border; in its own precision."""
+    def apply(self, picture: NDArray[Real]) -> NDArray[np.float32]:
+        """Filter a picture, shape (rows, columns), edge values repeated beyond its border."""
+        picture = picture.astype(np.float32, copy=False)
         rows, columns = picture.shape
         here = slice(_PADDING, _PADDING + rows), slice(_PADDING, _PADDING + columns)
         below, beside = self.dark.shape[0] - rows - _PADDING, self.dark.shape[1] - columns - _PADDING
         spectrum = cv2.dft(cv2.copyMakeBorder(picture, _PADDING, below, _PADDING, beside, cv2.BORDER_REPLICATE))
         dark, bright = (
-            cv2.idft(cv2.mulSpectrums(spectrum, response.astype(picture.dtype), 0), flags=cv2.DFT_SCALE)[here]
+            cv2.idft(cv2.mulSpectrums(spectrum, response, 0), flags=cv2.DFT_SCALE)[here]
             for response in (self.dark, self.bright)
         )
-        return np.asarray(dark + self.brightness.astype(picture.dtype) * (bright - dark))
+        return np.asarray(dark + self.brightness * (bright - dark))
 
 
 def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]) -> Correlation:
@@ -92,10 +94,11 @@ def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64],
 def whitening_for(dark: Correlation, bright: Correlation, brightness: NDArray[np.float64]) -> Whitening:
     """Filters whose responses are the inverse roots of the noise's power spectra, the same in all directions."""
     rows, columns = (cv2.getOptimalDFTSize(side + 2 * _PADDING) for side in brightness.shape)
-    return Whitening(_response(dark, (rows, columns)), _response(bright, (rows, columns)), brightness)
+    of_dark, of_bright = mapped(lambda kind: _response(kind, (rows, columns)), (dark, bright), 2)
+    return Whitening(of_dark, of_bright, brightness.astype(np.float32))
 
 
-def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float64]:
+def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float32]:
     rows, columns = padded_shape
     power = correlation.spectrum(padded_shape)
     frequency = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :])
@@ -106,7 +109,7 @@ def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArra
     impulse = fft.irfft2((power / level + _NOISE_FLOOR) ** -0.5, (rows, columns))
     distance = np.hypot(np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :])
     impulse *= _cosine_taper(distance, _FILTER_REACH_PX)
-    return np.asarray(cv2.dft(impulse / impulse.sum()))
+    return np.asarray(cv2.dft(impulse / impulse.sum()), dtype=np.float32)
 
 
 def covariance_of_sums(
@@ -127,18 +130,20 @@ def covariance_of_sums(
         Shape (K, K).
     """
     rows, columns = (fft.next_fast_len(side + _LAGS, real=True) for side in images.shape[1:])
-    total = np.zeros((len(images), len(images)))
     # a half spectrum holds all but its first column (and, for even widths, its last) once instead of twice
     twice = np.full(columns // 2 + 1, 2.0)
     twice[0] = 1.0
     if columns % 2 == 0:
         twice[-1] = 1.0
-    for correlation, share in kinds:
+
+    def of_kind(kind: tuple[Correlation, NDArray[np.float64]]) -> NDArray[np.float64]:
+        correlation, share = kind
         power = correlation.spectrum((rows, columns)) * twice / (rows * columns)
         spectra = fft.rfft2(images * np.sqrt(share), (rows, columns))
         flat = (spectra * np.sqrt(power)).reshape(len(images), -1)
-        total += (flat @ flat.conj().T).real
-    return total
+        return np.asarray((flat @ flat.conj().T).real)
+
+    return np.asarray(sum(mapped(of_kind, kinds, 2)))
 
 
 def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.float64]) -> NDArray[np.float64]:

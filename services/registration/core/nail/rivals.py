@@ -88,7 +88,7 @@ def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | No
     first = minimise(problem, _from_pose(problem, poses[0]), _WEIGHING_STEPS, _LOOSE)
     # no pixel may weigh less because the first of them does not explain it
     problem = evenly_weighted(problem, noise_of(problem, first.linear))
-    optima = [optimum_of(scene, minimise_from(problem, first.linear.traced, _MIDDLE_STEPS, _TIGHT))]
+    optima = [optimum_of(scene, minimise_from(problem, first.linear, _MIDDLE_STEPS, _TIGHT))]
     for rival in poses[1:2]:
         start = first.parameters.copy()
         start[:POSE_SIZE] = parameters_from_pose(rival, scene.camera, scene.anchors)
@@ -105,7 +105,7 @@ def _compared(given: Given, poses: list[Transform[Camera, Nail]]) -> Winner | No
 
 def _free(problem: Problem, held: Optimum) -> Optimum:
     """Where a fit with its tilt held ends once it is free."""
-    solution = minimise_from(problem, held.solution.linear.traced, _MIDDLE_STEPS, _TIGHT)
+    solution = minimise_from(problem, held.solution.linear, _MIDDLE_STEPS, _TIGHT)
     return optimum_of(problem.scene, solution)
 
 

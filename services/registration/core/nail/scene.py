@@ -31,10 +31,10 @@ class NailScene:
     nail: NailPart
     whitening: Whitening | None
 
-    def compared(self, picture: NDArray[Real]) -> NDArray[Real]:
+    def compared(self, picture: NDArray[Real]) -> NDArray[np.float64]:
         """The strip's pixels, shape (N,), of a picture of the window, whitened when the scene says so."""
         filtered = picture if self.whitening is None else self.whitening.apply(picture)
-        return filtered.ravel()[self.window.compared]
+        return filtered.ravel()[self.window.compared].astype(np.float64, copy=False)
 
     @property
     def grey(self) -> NDArray[np.float64]:

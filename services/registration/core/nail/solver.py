@@ -11,11 +11,10 @@ from services.registration.core.nail.equations import (
     Problem,
     Sensitivity,
     equations_at,
+    solution_again,
     solution_at,
-    solution_for,
     with_gradient_at,
 )
-from services.registration.core.nail.tracing import Paths, paths
 from services.registration.core.nail.unknowns import within_reason
 
 _LEAST_CURVATURE = 1e-3
@@ -65,14 +64,16 @@ def minimise(
 
     Given up as soon as its end can hardly cost less than `hopeless_cost`.
     """
-    return minimise_from(problem, paths(problem.scene, start), most_steps, tolerance, hopeless_cost)
+    return _descended(problem, solution_at(problem, start), most_steps, tolerance, hopeless_cost)
 
 
-def minimise_from(
-    problem: Problem, traced: Paths, most_steps: int, tolerance: float, hopeless_cost: float = np.inf
-) -> Solution:
-    """The same where the start's rays have been traced already."""
-    here, damping, converged, steps = solution_for(problem, traced), _LEAST_DAMPING, False, 0
+def minimise_from(problem: Problem, known: Linear, most_steps: int, tolerance: float) -> Solution:
+    """The same from where another problem with the same scene has been solved."""
+    return _descended(problem, solution_again(problem, known), most_steps, tolerance, np.inf)
+
+
+def _descended(problem: Problem, here: Linear, most_steps: int, tolerance: float, hopeless_cost: float) -> Solution:
+    damping, converged, steps = _LEAST_DAMPING, False, 0
     equations = equations_at(problem, here)
     while steps < most_steps and not converged:
         least_cost = here.cost - _TRUSTED_PROMISES * _promise(equations) if here.cost > hopeless_cost else here.cost

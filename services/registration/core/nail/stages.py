@@ -24,6 +24,7 @@ from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
+from shared.two_cores import mapped
 
 EVERYTHING = np.ones(PARAMETERS, dtype=bool)
 _ASSUMED_NOISE = 0.025
@@ -117,7 +118,7 @@ def noise_of(problem: Problem, linear: Linear) -> Noise:
         enough = kind if np.count_nonzero(kind) >= _LEAST_OF_A_KIND else np.ones_like(kind)
         return correlation_of(standardised[enough], window.compared[enough], window.shape)
 
-    dark, bright = of_kind(here < 0.5), of_kind(here >= 0.5)
+    dark, bright = mapped(of_kind, (here < 0.5, here >= 0.5), 2)
     inflation = (1.0 - here) * dark.inflation + here * bright.inflation
     return Noise(variance, brightness, dark, bright, inflation)
 
@@ -136,13 +137,16 @@ def evenly_weighted(problem: Problem, noise: Noise) -> Problem:
     return replace(problem, weight=1.0 / (noise.variance * noise.inflation))
 
 
-def whitened(problem: Problem, linear: Linear, noise: Noise) -> Problem:
-    """The same problem on the image after the filter that makes its noise about independent, weights renewed."""
+def whitened(problem: Problem, linear: Linear, noise: Noise) -> tuple[Problem, Linear]:
+    """The same problem on the image after the filter that makes its noise about independent, weights renewed.
+
+    With it, what solved it before they were.
+    """
     whitening = whitening_for(noise.dark, noise.bright, noise.brightness)
     scene = replace(problem.scene, whitening=whitening)
     filtered = replace(problem, scene=scene, grey=scene.grey)
     after = solution_for(filtered, linear.traced)
-    return reweighted(filtered, after, noise_of(filtered, after))
+    return reweighted(filtered, after, noise_of(filtered, after)), after
 
 
 def _floor_basis(window: Window) -> NDArray[np.float64]:

@@ -222,7 +222,7 @@ def _delrin_map(slopes: NDArray[np.float64], occluders: Occluders) -> NDArray[np
 
     def mean_path(part: slice) -> NDArray[np.float64]:
         path = delrin_path_mm(sample_directions(rays_of(everywhere, part), places), occluders)
-        return np.asarray(path.reshape(-1, len(places)).mean(axis=-1))
+        return np.asarray(path.reshape(-1, len(places)) @ np.full(len(places), 1.0 / len(places)))
 
     halves = on_both_halves(mean_path, len(everywhere.slopes), LEAST_RAYS_TO_SHARE)
     return np.concatenate(halves).reshape(slopes.shape[:2])

@@ -38,7 +38,7 @@ def test_whitening_takes_most_of_the_correlation_and_leaves_slow_variations() ->
     noise = blurred_noise(1.0, 3)
     before = correlation_of(noise.ravel(), EVERYWHERE, SHAPE)
     whitening = whitening_for(before, before, np.full(SHAPE, 0.5))
-    after = correlation_of(whitening.apply(noise).ravel(), EVERYWHERE, SHAPE)
+    after = correlation_of(whitening.apply(noise).ravel().astype(np.float64), EVERYWHERE, SHAPE)
     assert after.inflation < 0.5 * before.inflation
     slope = np.tile(np.linspace(1.0, 3.0, SHAPE[1]), (SHAPE[0], 1))
     assert np.abs(whitening.apply(slope) - slope)[20:-20, 20:-20].max() < 1e-3
@@ -51,7 +51,7 @@ def test_dark_and_bright_places_are_whitened_each_by_their_own() -> None:
     of_dark, of_bright = (correlation_of(noise[kind], kind, SHAPE) for kind in (dark, bright))
     brightness = np.zeros(SHAPE)
     brightness.ravel()[bright] = 1.0
-    filtered = whitening_for(of_dark, of_bright, brightness).apply(noise.reshape(SHAPE)).ravel()
+    filtered = whitening_for(of_dark, of_bright, brightness).apply(noise.reshape(SHAPE)).ravel().astype(np.float64)
     assert correlation_of(filtered[bright], bright, SHAPE).inflation < 0.5 * of_bright.inflation
     assert np.corrcoef(filtered[dark], noise[dark])[0, 1] > 0.98
 
