@@ -5,10 +5,20 @@ ray, metal (`shade.py`) and the guide's body, exp(-mu * path): blurred, bent by 
 enhancement.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.display import OF_DISPLAY, derivative_of_display, display_of
+from services.registration.core.nail.display import (
+    OF_DISPLAY,
+    OF_SHARPENING,
+    Display,
+    derivative_before_sharpening,
+    derivative_of_sharpening,
+    display_of,
+)
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.tracing import Paths, derivatives_of_paths
 from services.registration.core.nail.unknowns import Unknown
@@ -38,20 +48,29 @@ def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_
     thin = guide.astype(np.float32)
     least = 2 + _LEAST_PX // passed.size
 
+    sharpened = _sharpened(scene, display)
+
     def by_passed(change: NDArray[np.float32]) -> NDArray[np.float64]:
-        return scene.compared(display.sharpened(slope * display.blurred(change)))
+        return sharpened(slope * display.blurred(change))
+
+    def by_display(unknown: Unknown) -> NDArray[np.float64]:
+        of_display = unknown, scene.window, traced.parameters
+        if unknown in OF_SHARPENING:
+            return scene.compared(derivative_of_sharpening(*of_display, display, stages))
+        return sharpened(derivative_before_sharpening(*of_display, passed, display, stages))
 
     columns = mapped(lambda p: by_passed(p * thin), derivatives_of_paths(scene, traced, free), least)
-    columns += mapped(
-        lambda unknown: scene.compared(
-            derivative_of_display(unknown, scene.window, traced.parameters, passed, display, stages)
-        ),
-        [unknown for unknown in OF_DISPLAY if free[unknown]],
-        least,
-    )
+    columns += mapped(by_display, [unknown for unknown in OF_DISPLAY if free[unknown]], least)
     if free[Unknown.DELRIN_PER_MM]:
         columns.append(by_passed((-scene.window.delrin_excess_mm * passed).astype(np.float32)))
     return columns
+
+
+def _sharpened(scene: NailScene, display: Display) -> Callable[[NDArray[np.float32]], NDArray[np.float64]]:
+    """Edge enhancement and `NailScene.compared` of a change of the bent share; the scene's filter takes both in one."""
+    if scene.whitening is None:
+        return lambda change: scene.compared(display.sharpened(change))
+    return replace(scene, whitening=scene.whitening.after(display.sharpened)).compared
 
 
 def _guide_share(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:

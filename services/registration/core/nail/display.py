@@ -14,7 +14,7 @@ _STRAIGHT = 1e-6
 _STEP = 0.005
 _MOST_CURVE = 5.0
 _OF_BLUR = (Unknown.LOG_BLUR_PX, Unknown.TAIL_SHARE, Unknown.LOG_TAIL_WIDTH)
-_OF_CURVE = (Unknown.CURVE, Unknown.CURVE_EXPONENT)
+OF_SHARPENING = (Unknown.SHARPENING, Unknown.LOG_SHARPENING_WIDTH_PX)
 # All unknowns that act on the picture after the rays.
 OF_DISPLAY = tuple(Unknown)[Unknown.LOG_BLUR_PX : Unknown.CURVE_EXPONENT + 1]
 
@@ -101,7 +101,7 @@ def _with_optics(display: Display, window: Window, parameters: NDArray[np.float6
     )
 
 
-def derivative_of_display(
+def derivative_before_sharpening(
     unknown: Unknown,
     window: Window,
     parameters: NDArray[np.float64],
@@ -109,20 +109,30 @@ def derivative_of_display(
     display: Display,
     before: Stages,
 ) -> NDArray[np.float32]:
-    """Derivative of the visible share by one of the display's parameters: a difference where it acts, then the chain.
+    """Derivative of the bent share by one of the unknowns of blur and curve: a difference, and the curve's slope.
 
     Parameters
     ----------
     display, before
         The display of the parameters, and what it makes of what passed.
     """
+    moved = _moved(unknown, parameters)
+    if unknown in _OF_BLUR:
+        change = display.slope(before) * (_with_optics(display, window, moved).blurred(passed) - before.blurred)
+    else:
+        change = display_of(window, moved).bent(before.blurred) - before.bent
+    return np.asarray(change / _STEP, dtype=np.float32)
+
+
+def derivative_of_sharpening(
+    unknown: Unknown, window: Window, parameters: NDArray[np.float64], display: Display, before: Stages
+) -> NDArray[np.float32]:
+    """Derivative of the sharpened share by one of the unknowns of the edge enhancement; parameters as above."""
+    change = _with_optics(display, window, _moved(unknown, parameters)).sharpened(before.bent) - before.sharpened
+    return np.asarray(change / _STEP, dtype=np.float32)
+
+
+def _moved(unknown: Unknown, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     moved = parameters.copy()
     moved[unknown] += _STEP
-    if unknown in _OF_BLUR:
-        change = _with_optics(display, window, moved).blurred(passed) - before.blurred
-        return display.sharpened((display.slope(before) * change / _STEP).astype(np.float32))
-    if unknown in _OF_CURVE:
-        change = display_of(window, moved).bent(before.blurred) - before.bent
-        return display.sharpened((change / _STEP).astype(np.float32))
-    change = _with_optics(display, window, moved).sharpened(before.bent) - before.sharpened
-    return np.asarray(change / _STEP, dtype=np.float32)
+    return moved

@@ -5,6 +5,7 @@ takes them for independent weighs blurred and sharp detail wrongly and believes 
 smaller than they are.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -64,6 +65,21 @@ class Whitening:
     dark: NDArray[np.float32]
     bright: NDArray[np.float32]
     brightness: NDArray[np.float32]
+
+    def after(self, filtered: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> "Whitening":
+        """What a symmetric filter and then this one do, in one.
+
+        Parameters
+        ----------
+        filtered
+            That filter, of a picture of any size.
+        """
+        rows, columns = self.dark.shape
+        impulse = np.zeros((rows, columns), dtype=np.float32)
+        impulse[rows // 2, columns // 2] = 1.0
+        before = cv2.dft(np.roll(filtered(impulse), (-(rows // 2), -(columns // 2)), axis=(0, 1)))
+        dark, bright = (cv2.mulSpectrums(own, before, 0) for own in (self.dark, self.bright))
+        return Whitening(np.asarray(dark, dtype=np.float32), np.asarray(bright, dtype=np.float32), self.brightness)
 
     def apply(self, picture: NDArray[Real]) -> NDArray[np.float32]:
         """Filter a picture, shape (rows, columns), edge values repeated beyond its border."""

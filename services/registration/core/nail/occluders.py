@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.paths import add_ball_paths, guide_body_path
+from services.registration.core.nail.pixel_rays import PixelRays
 from services.registration.core.nail.rods import SteelRod, add_rod_path
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
@@ -62,11 +63,11 @@ def ball_discs_px(occluders: Occluders, calibration: CArmCalibration) -> NDArray
     return np.concatenate(discs)
 
 
-def delrin_path_mm(directions: NDArray[np.float64], occluders: Occluders) -> NDArray[np.float64]:
-    """Length of rays, directions of shape (N, 2) at z = 1, in the guide's body; shape (N,), in mm."""
+def delrin_path_mm(rays: PixelRays, places_px: NDArray[np.float64], occluders: Occluders) -> NDArray[np.float64]:
+    """Mean length in the guide's body over some places within each of S pixels, shape (S,), in mm."""
     if occluders.guide is None:
-        return np.zeros(len(directions))
-    return guide_body_path(directions, occluders.guide.camera_from_guide, occluders.guide.part)
+        return np.zeros(len(rays.slopes))
+    return guide_body_path(rays, places_px, occluders.guide.camera_from_guide, occluders.guide.part)
 
 
 def _balls_camera(

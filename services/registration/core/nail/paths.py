@@ -4,10 +4,13 @@ Rays are given by their direction in the camera frame with z = 1, so that `s` al
 are therefore multiplied by the direction's norm. All loops run over sub-pixel samples, flattened.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
+from services.registration.core.nail.pixel_rays import PixelRays
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
@@ -66,69 +69,79 @@ def add_ball_paths(
                 out_mm[n] += 2.0 * np.sqrt(inside)
 
 
+class Blocks(NamedTuple):
+    """Boxes with bores, in their own frame.
+
+    Attributes
+    ----------
+    rotation, translation_mm
+        `camera_from_` that frame, shapes (3, 3) and (3,).
+    boxes_mm
+        Centre and size, shape (B, 6).
+    bores
+        Point, unit direction and radius, shape (H, 7).
+    """
+
+    rotation: NDArray[np.float64]
+    translation_mm: NDArray[np.float64]
+    boxes_mm: NDArray[np.float64]
+    bores: NDArray[np.float64]
+
+
 @compiled
-def _block_paths(
-    directions: NDArray[np.float64],
-    rotation: NDArray[np.float64],
-    translation_mm: NDArray[np.float64],
-    boxes_mm: NDArray[np.float64],
-    bore_points_mm: NDArray[np.float64],
-    bore_directions: NDArray[np.float64],
-    bore_radii_mm: NDArray[np.float64],
-    out_mm: NDArray[np.float64],
-) -> None:
-    origin = -(rotation.T @ translation_mm)
-    d = np.empty(3)
-    for n in range(directions.shape[0]):
-        cx, cy = directions[n, 0], directions[n, 1]
-        for k in range(3):
-            d[k] = rotation[0, k] * cx + rotation[1, k] * cy + rotation[2, k]
-        total = 0.0
-        for box in range(boxes_mm.shape[0]):
-            near, far = -_EVERYWHERE, _EVERYWHERE
-            for k in range(3):
-                low = (boxes_mm[box, k] - 0.5 * boxes_mm[box, 3 + k] - origin[k]) / d[k]
-                high = (boxes_mm[box, k] + 0.5 * boxes_mm[box, 3 + k] - origin[k]) / d[k]
-                near, far = max(near, min(low, high)), min(far, max(low, high))
-            if far <= near:
-                continue
-            total += far - near
-            for h in range(bore_points_mm.shape[0]):
-                a, b = cylinder_interval(
-                    origin[0] - bore_points_mm[h, 0],
-                    origin[1] - bore_points_mm[h, 1],
-                    origin[2] - bore_points_mm[h, 2],
-                    d[0],
-                    d[1],
-                    d[2],
-                    bore_directions[h, 0],
-                    bore_directions[h, 1],
-                    bore_directions[h, 2],
-                    bore_radii_mm[h],
-                )
-                if b > a:
-                    total -= max(0.0, min(b, far) - max(a, near))
-        out_mm[n] = max(total, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0)
+def _path_in(blocks: Blocks, origin: NDArray[np.float64], cx: float, cy: float) -> float:
+    """Length of the ray in direction (cx, cy, 1) from the focal spot, which is at `origin` in the blocks' frame."""
+    turn, boxes, bores, total = blocks.rotation, blocks.boxes_mm, blocks.bores, 0.0
+    d = turn[0, 0] * cx + turn[1, 0] * cy + turn[2, 0]
+    e = turn[0, 1] * cx + turn[1, 1] * cy + turn[2, 1]
+    f = turn[0, 2] * cx + turn[1, 2] * cy + turn[2, 2]
+    for box in range(boxes.shape[0]):
+        near, far = _between(boxes[box, 0] - origin[0], 0.5 * boxes[box, 3], d, -_EVERYWHERE, _EVERYWHERE)
+        near, far = _between(boxes[box, 1] - origin[1], 0.5 * boxes[box, 4], e, near, far)
+        near, far = _between(boxes[box, 2] - origin[2], 0.5 * boxes[box, 5], f, near, far)
+        if far <= near:
+            continue
+        total += far - near
+        for h in range(bores.shape[0]):
+            ox, oy, oz = origin[0] - bores[h, 0], origin[1] - bores[h, 1], origin[2] - bores[h, 2]
+            a, b = cylinder_interval(ox, oy, oz, d, e, f, bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6])
+            if b > a:
+                total -= max(0.0, min(b, far) - max(a, near))
+    return float(max(total, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0))
+
+
+@compiled
+def _between(middle: float, half: float, slope: float, near: float, far: float) -> tuple[float, float]:
+    """Part of a ray, from `near` to `far`, that lies between two faces of a box."""
+    inverse = 1.0 / slope
+    first, last = (middle - half) * inverse, (middle + half) * inverse
+    return max(near, min(first, last)), min(far, max(first, last))
+
+
+@compiled
+def _mean_paths(rays: PixelRays, places_px: NDArray[np.float64], blocks: Blocks, out_mm: NDArray[np.float64]) -> None:
+    origin = -(blocks.rotation.T @ blocks.translation_mm)
+    for n in range(rays.slopes.shape[0]):
+        total, right, down = 0.0, rays.right[n], rays.down[n]
+        for k in range(places_px.shape[0]):
+            x, y = places_px[k, 0], places_px[k, 1]
+            cx = rays.slopes[n, 0] + x * right[0] + y * down[0]
+            cy = rays.slopes[n, 1] + x * right[1] + y * down[1]
+            total += _path_in(blocks, origin, cx, cy)
+        out_mm[n] = total / places_px.shape[0]
 
 
 def guide_body_path(
-    directions: NDArray[np.float64], camera_from_guide: Transform[Camera, Guide], guide: GuidePart
+    rays: PixelRays, places_px: NDArray[np.float64], camera_from_guide: Transform[Camera, Guide], guide: GuidePart
 ) -> NDArray[np.float64]:
-    """Length of each ray, shape (N, 2), in the guide's Delrin, bores left out; shape (N,), in mm."""
-    out = np.zeros(directions.shape[0])
+    """Length in the guide's Delrin, bores left out, mean over places, shape (K, 2), within each pixel; (S,), in mm."""
+    out = np.zeros(len(rays.slopes))
     if not guide.body:
         return out
     boxes = np.array([(*box.centre_mm, *box.size_mm) for box in guide.body])
-    _block_paths(
-        directions,
-        camera_from_guide.rotation,
-        camera_from_guide.translation_mm,
-        boxes,
-        np.array([hole.axis.point_mm for hole in guide.holes]).reshape(-1, 3),
-        np.array([hole.axis.direction for hole in guide.holes]).reshape(-1, 3),
-        np.array([0.5 * hole.diameter_mm for hole in guide.holes]),
-        out,
-    )
+    bores = [(*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm) for hole in guide.holes]
+    placed = camera_from_guide.rotation, camera_from_guide.translation_mm
+    _mean_paths(rays, places_px, Blocks(*placed, boxes, np.array(bores).reshape(-1, 7)), out)
     return out
 
 

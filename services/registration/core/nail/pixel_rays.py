@@ -30,11 +30,11 @@ class PixelRays(NamedTuple):
     down: NDArray[np.float64]
 
 
-def pixel_rays(slopes: NDArray[np.float64], places: NDArray[np.int64]) -> PixelRays:
-    """Rays at flat places, shape (S,), of a rectangle whose pixels' directions have shape (rows, columns, 2)."""
+def pixel_rays(slopes: NDArray[np.float64]) -> PixelRays:
+    """Rays of all pixels, row by row, of a rectangle whose directions have shape (rows, columns, 2)."""
     # differences between neighbours are good enough: distortion is smooth
     down, right = np.gradient(slopes, axis=(0, 1))
-    return PixelRays(*(np.ascontiguousarray(a.reshape(-1, 2)[places]) for a in (slopes, right, down)))
+    return PixelRays(*(np.ascontiguousarray(a.reshape(-1, 2)) for a in (slopes, right, down)))
 
 
 def rays_of(rays: PixelRays, part: slice | NDArray[np.int64]) -> PixelRays:

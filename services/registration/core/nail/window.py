@@ -109,8 +109,8 @@ def cut_window(
         return None
     compared = np.flatnonzero(inside)
     support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
-    rays = pixel_rays(slopes, support)
-    delrin = _delrin_map(slopes, occluders)
+    everywhere = pixel_rays(slopes)
+    rays, delrin = rays_of(everywhere, support), _delrin_map(everywhere, occluders).reshape(grid.shape)
     steel = _steel_mm(rays, grid.centres_px.reshape(-1, 2)[support], grid.reduction, occluders, calibration)
     grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
@@ -163,8 +163,14 @@ def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders)
 
 
 def _slopes(calibration: CArmCalibration, centres_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    rays = calibration.rays_camera(centres_px)
-    return np.asarray(rays[..., :2] / rays[..., 2:])
+    """Directions at z = 1 of the rays through pixels, shape (rows, columns, 2)."""
+
+    def of_rows(part: slice) -> NDArray[np.float64]:
+        rays = calibration.rays_camera(centres_px[part])
+        return np.asarray(rays[..., :2] / rays[..., 2:])
+
+    rows, columns = centres_px.shape[:2]
+    return np.concatenate(on_both_halves(of_rows, rows, LEAST_RAYS_TO_SHARE // columns + 2))
 
 
 def _nail_plane(
@@ -215,14 +221,11 @@ def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return grown
 
 
-def _delrin_map(slopes: NDArray[np.float64], occluders: Occluders) -> NDArray[np.float64]:
-    """Mean path in the guide's body over a few samples of every pixel of the rectangle, in mm."""
-    everywhere = pixel_rays(slopes, np.arange(slopes.shape[0] * slopes.shape[1]))
-    places = SAMPLES_PX[:4]
-
-    def mean_path(part: slice) -> NDArray[np.float64]:
-        path = delrin_path_mm(sample_directions(rays_of(everywhere, part), places), occluders)
-        return np.asarray(path.reshape(-1, len(places)) @ np.full(len(places), 1.0 / len(places)))
-
-    halves = on_both_halves(mean_path, len(everywhere.slopes), LEAST_RAYS_TO_SHARE)
-    return np.concatenate(halves).reshape(slopes.shape[:2])
+def _delrin_map(rays: PixelRays, occluders: Occluders) -> NDArray[np.float64]:
+    """Mean path in the guide's body over a few samples of every pixel, shape (S,), in mm."""
+    halves = on_both_halves(
+        lambda part: delrin_path_mm(rays_of(rays, part), SAMPLES_PX[:4], occluders),
+        len(rays.slopes),
+        LEAST_RAYS_TO_SHARE,
+    )
+    return np.concatenate(halves)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.nail.paths import add_ball_paths, guide_body_path
+from services.registration.core.nail.pixel_rays import PixelRays
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import Line
 from shared.geometry.parts import BallPattern, Box, GuidePart, Hole
@@ -23,5 +24,17 @@ def test_the_guides_body_is_as_thick_as_its_box_and_empty_in_its_bore() -> None:
     bore = Hole("distal", Line(np.array([10.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])), 8.0)
     guide = GuidePart(no_balls, (bore,), (Box((0.0, 0.0, 0.0), (55.0, 40.0, 15.0)),), "")
     pose = Transform[Camera, Guide].from_rotation_translation(np.eye(3), [0.0, 0.0, 630.0])
-    rays = np.array([[0.0, 0.0], [10.0 / 630.0, 0.0], [40.0 / 630.0, 0.0]])
-    assert guide_body_path(rays, pose, guide) == pytest.approx([15.0, 0.0, 0.0])
+    slopes = np.array([[0.0, 0.0], [10.0 / 630.0, 0.0], [40.0 / 630.0, 0.0]])
+    nothing = np.zeros_like(slopes)
+    middle = np.zeros((1, 2))
+    assert guide_body_path(PixelRays(slopes, nothing, nothing), middle, pose, guide) == pytest.approx([15.0, 0.0, 0.0])
+
+
+def test_a_pixel_across_the_bodys_side_sees_the_mean_of_its_places() -> None:
+    no_balls = BallPattern((), np.zeros((0, 3)), np.zeros(0))
+    guide = GuidePart(no_balls, (), (Box((0.0, 0.0, 0.0), (40.0, 40.0, 1e-3)),), "")
+    pose = Transform[Camera, Guide].from_rotation_translation(np.eye(3), [0.0, 0.0, 600.0])
+    slopes, step = np.array([[0.0, 20.0 / 600.0]]), np.array([[1.0 / 600.0, 0.0]])
+    places = np.array([[0.0, -0.4], [0.0, -0.1], [0.0, 0.1], [0.4, -0.2]])
+    found = guide_body_path(PixelRays(slopes, step, step[:, ::-1].copy()), places, pose, guide)
+    assert found == pytest.approx([0.75e-3], rel=2e-3)
