@@ -1,11 +1,14 @@
 """How the window looks, and that its derivatives are those of the picture."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from services.registration.core.nail.appearance import derivatives_of_share, visible_share
+from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.noise import correlation_of, whitening_for
 from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.stages import EVERYTHING, Detail, Given, scene_at
@@ -30,9 +33,19 @@ def scene_and_parameters() -> tuple[NailScene, np.ndarray]:
     return scene, parameters
 
 
+def filtered(scene: NailScene) -> NailScene:
+    """The scene with a filter against noise that the detector has blurred in bright places only."""
+    shape, everywhere = scene.window.shape, np.arange(scene.window.grey.size)
+    white = np.random.default_rng(5).normal(size=shape)
+    dark, bright = (correlation_of(n.ravel(), everywhere, shape) for n in (white, blurred_image(white, 0.9)))
+    return replace(scene, whitening=whitening_for(dark, bright, np.clip(scene.window.grey, 0.0, 1.0)))
+
+
+@pytest.mark.parametrize("prepared", [lambda scene: scene, filtered], ids=["plain", "filtered"])
 @pytest.mark.parametrize("unknown", _OF_ALL_BUT_SHAPE, ids=lambda unknown: unknown.name.lower())
-def test_derivatives_are_those_of_the_picture(unknown: Unknown) -> None:
+def test_derivatives_are_those_of_the_picture(unknown: Unknown, prepared: Callable[[NailScene], NailScene]) -> None:
     scene, parameters = scene_and_parameters()
+    scene = prepared(scene)
     parameters[Unknown.LOG_SHARPENING_WIDTH_PX] = np.log(2.4)
     traced = paths(scene, parameters)
     free = np.zeros_like(EVERYTHING)

@@ -56,6 +56,18 @@ def test_dark_and_bright_places_are_whitened_each_by_their_own() -> None:
     assert np.corrcoef(filtered[dark], noise[dark])[0, 1] > 0.98
 
 
+def test_a_filter_after_another_does_what_both_do() -> None:
+    noise = blurred_noise(1.0, 9)
+    of_noise = correlation_of(noise.ravel(), EVERYWHERE, SHAPE)
+    whitening = whitening_for(of_noise, of_noise, np.full(SHAPE, 0.5))
+
+    def smoothed(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.asarray(gaussian_filter(picture, 1.7, mode="nearest"), dtype=np.float32)
+
+    once = whitening.after(smoothed).apply(noise)
+    assert np.abs(once - whitening.apply(smoothed(noise.astype(np.float32))))[20:-20, 20:-20].max() < 1e-4 * once.std()
+
+
 def test_variance_follows_brightness() -> None:
     rng = np.random.default_rng(4)
     modelled = rng.uniform(0.2, 1.0, 20000)
