@@ -111,7 +111,7 @@ def learn_look(given: Given, camera_from_nail: Transform[Camera, Nail]) -> Look 
     problem = problem_for(scene, _detail(given, camera_from_nail), EVERYTHING)
     first = minimise(problem, start, _FIRST_STEPS, _LOOSE)
     problem = reweighted(problem, first.linear, noise_of(problem, first.linear))
-    solution = minimise(problem, first.parameters, _KEY_STEPS, _TIGHT)
+    solution = minimise_from(problem, first.linear, _KEY_STEPS, _TIGHT)
     normal = solution.normal_matrix
     alone = np.linalg.inv(normal[np.ix_(_FOLLOWED, _FOLLOWED)])[:POSE_SIZE, :POSE_SIZE]
     shared = np.linalg.inv(normal)[:POSE_SIZE, :POSE_SIZE] - alone

@@ -6,7 +6,6 @@ enhancement.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ _LEAST_PX = 100_000
 
 
 def visible_share(scene: NailScene, traced: Paths) -> NDArray[np.float64]:
-    """Share of the background that each compared pixel sees, shape (N,); in single precision, which is plenty."""
+    """Share of the background that each compared pixel sees, shape (N,); from single precision, which is plenty."""
     passed = (traced.passed * _guide_share(scene, traced.parameters)).astype(np.float32)
     return scene.compared(display_of(scene.window, traced.parameters).shown(passed))
 
@@ -48,16 +47,16 @@ def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_
     thin = guide.astype(np.float32)
     least = 2 + _LEAST_PX // passed.size
 
-    sharpened = _sharpened(scene, display)
+    once_sharpened = _compared_once_sharpened(scene, display)
 
     def by_passed(change: NDArray[np.float32]) -> NDArray[np.float64]:
-        return sharpened(slope * display.blurred(change))
+        return once_sharpened(slope * display.blurred(change))
 
     def by_display(unknown: Unknown) -> NDArray[np.float64]:
         of_display = unknown, scene.window, traced.parameters
         if unknown in OF_SHARPENING:
             return scene.compared(derivative_of_sharpening(*of_display, display, stages))
-        return sharpened(derivative_before_sharpening(*of_display, passed, display, stages))
+        return once_sharpened(derivative_before_sharpening(*of_display, passed, display, stages))
 
     columns = mapped(lambda p: by_passed(p * thin), derivatives_of_paths(scene, traced, free), least)
     columns += mapped(by_display, [unknown for unknown in OF_DISPLAY if free[unknown]], least)
@@ -66,11 +65,14 @@ def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_
     return columns
 
 
-def _sharpened(scene: NailScene, display: Display) -> Callable[[NDArray[np.float32]], NDArray[np.float64]]:
-    """Edge enhancement and `NailScene.compared` of a change of the bent share; the scene's filter takes both in one."""
+def _compared_once_sharpened(
+    scene: NailScene, display: Display
+) -> Callable[[NDArray[np.float32]], NDArray[np.float64]]:
+    """What `NailScene.compared` makes of a picture after edge enhancement; the scene's filter takes both in one."""
     if scene.whitening is None:
-        return lambda change: scene.compared(display.sharpened(change))
-    return replace(scene, whitening=scene.whitening.after(display.sharpened)).compared
+        return lambda picture: scene.compared(display.sharpened(picture))
+    both = scene.whitening.after(display.sharpened)
+    return lambda picture: scene.window.strip(both.apply(picture))
 
 
 def _guide_share(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:

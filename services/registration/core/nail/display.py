@@ -119,7 +119,7 @@ def derivative_before_sharpening(
     moved = _moved(unknown, parameters)
     if unknown in _OF_BLUR:
         change = display.slope(before) * (_with_optics(display, window, moved).blurred(passed) - before.blurred)
-    else:
+    else:  # of the curve
         change = display_of(window, moved).bent(before.blurred) - before.bent
     return np.asarray(change / _STEP, dtype=np.float32)
 

@@ -53,8 +53,9 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """Solution for the parameters that enter linearly, at given other ones."""
+    """Solution for the parameters that enter linearly, at given other ones, of a problem in a scene."""
 
+    scene: NailScene
     traced: Paths
     visible: NDArray[np.float64]
     background: NDArray[np.float64]
@@ -100,7 +101,9 @@ def solution_for(problem: Problem, traced: Paths) -> Linear:
 
 
 def solution_again(problem: Problem, known: Linear) -> Linear:
-    """Best background and floor of another problem with the same scene, where one has been solved."""
+    """Best background and floor of this or another problem in the same scene, where one has been solved."""
+    if problem.scene is not known.scene:
+        raise ValueError("a solution can be had again only in the scene it was found in: whitening changes the scene")
     return _solution(problem, known.traced, known.visible)
 
 
@@ -118,7 +121,7 @@ def _solution(problem: Problem, traced: Paths, visible: NDArray[np.float64]) -> 
     excess = traced.parameters - prior_mean()
     prior = float((prior_precision() * problem.free) @ excess**2)
     cost = float(problem.weight @ residual**2) + penalty + prior
-    return Linear(traced, visible, background, floor, residual, cost, factor)
+    return Linear(problem.scene, traced, visible, background, floor, residual, cost, factor)
 
 
 def _columns(problem: Problem, visible: NDArray[np.float64]) -> Columns:

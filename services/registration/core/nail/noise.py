@@ -67,12 +67,12 @@ class Whitening:
     brightness: NDArray[np.float32]
 
     def after(self, filtered: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> "Whitening":
-        """What a symmetric filter and then this one do, in one.
+        """What a symmetric filter and then this one do, in one; exact away from the picture's border.
 
         Parameters
         ----------
         filtered
-            That filter, of a picture of any size.
+            That filter, of a picture of any size; it reaches no further than a few times the padding.
         """
         rows, columns = self.dark.shape
         impulse = np.zeros((rows, columns), dtype=np.float32)

@@ -1,7 +1,7 @@
 """Lengths of rays in metal and plastic: closed forms for cylinders, balls and boxes.
 
 Rays are given by their direction in the camera frame with z = 1, so that `s` along a ray is the depth in mm; lengths
-are therefore multiplied by the direction's norm. All loops run over sub-pixel samples, flattened.
+are therefore multiplied by the direction's norm.
 """
 
 from typing import NamedTuple

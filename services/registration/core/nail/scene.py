@@ -33,8 +33,9 @@ class NailScene:
 
     def compared(self, picture: NDArray[Real]) -> NDArray[np.float64]:
         """The strip's pixels, shape (N,), of a picture of the window, whitened when the scene says so."""
-        filtered = picture if self.whitening is None else self.whitening.apply(picture)
-        return filtered.ravel()[self.window.compared].astype(np.float64, copy=False)
+        if self.whitening is None:
+            return self.window.strip(picture)
+        return self.window.strip(self.whitening.apply(picture))
 
     @property
     def grey(self) -> NDArray[np.float64]:

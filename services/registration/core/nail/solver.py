@@ -68,7 +68,7 @@ def minimise(
 
 
 def minimise_from(problem: Problem, known: Linear, most_steps: int, tolerance: float) -> Solution:
-    """The same from where another problem with the same scene has been solved."""
+    """The same from where this or another problem in the same scene has been solved."""
     return _descended(problem, solution_again(problem, known), most_steps, tolerance, np.inf)
 
 

@@ -140,7 +140,7 @@ def evenly_weighted(problem: Problem, noise: Noise) -> Problem:
 def whitened(problem: Problem, linear: Linear, noise: Noise) -> tuple[Problem, Linear]:
     """The same problem on the image after the filter that makes its noise about independent, weights renewed.
 
-    With it, what solved it before they were.
+    Also its solution, found with the old weights.
     """
     whitening = whitening_for(noise.dark, noise.bright, noise.brightness)
     scene = replace(problem.scene, whitening=whitening)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.blur import Real, blurred_image
 from services.registration.core.nail.grid import PixelGrid, grid_around, strip_of
 from services.registration.core.nail.occluders import Occluders, ball_discs_px, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
@@ -77,6 +77,10 @@ class Window:
     crossed: NDArray[np.bool_]
     steel_mm: NDArray[np.float64]
     delrin_excess_mm: NDArray[np.float64]
+
+    def strip(self, picture: NDArray[Real]) -> NDArray[np.float64]:
+        """The strip's pixels, shape (N,), of a picture of the whole rectangle."""
+        return picture.ravel()[self.compared].astype(np.float64, copy=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,13 @@
 """Where a search comes to rest, with costs that are written down."""
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.capture import Optimum, brought_to_rest
 from services.registration.core.nail.equations import Linear, Sensitivity
+from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.solver import Solution
 from services.registration.core.nail.tracing import Paths
 
@@ -12,7 +15,9 @@ NOTHING: NDArray[np.float64] = np.zeros(0)
 
 
 def optimum(cost: float, tilt_deg: float, least_cost: float | None = None) -> Optimum:
-    linear = Linear(Paths(NOTHING, NOTHING, NOTHING), NOTHING, NOTHING, NOTHING, NOTHING, cost, (NOTHING, True))
+    # costs alone are compared: no scene is looked at
+    scene = cast(NailScene, None)
+    linear = Linear(scene, Paths(NOTHING, NOTHING, NOTHING), NOTHING, NOTHING, NOTHING, NOTHING, cost, (NOTHING, True))
     solution = Solution(
         linear,
         Sensitivity(NOTHING, NOTHING),

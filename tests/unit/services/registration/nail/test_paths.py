@@ -1,4 +1,4 @@
-"""Lengths in metal and plastic, against stepping along the rays."""
+"""Lengths in metal and plastic where they are known."""
 
 import numpy as np
 import pytest

@@ -1,12 +1,13 @@
-"""Fits that are given up: only when they end above what they may cost, and by no more than they end there."""
+"""Fits that are given up, only when they end above what they may cost and by no more; solutions that are had again."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.nail.equations import Problem
+from services.registration.core.nail.equations import Problem, solution_again, solution_at
 from services.registration.core.nail.solver import Solution, minimise
 from services.registration.core.nail.stages import Detail
 from services.registration.core.nail.unknowns import Unknown
@@ -48,3 +49,18 @@ def test_a_fit_that_ends_a_little_below_what_it_may_cost_is_followed(tilt: int) 
     followed = fitted(tilt, ended(tilt).cost + _A_LITTLE)
     assert followed.cost == followed.least_cost == ended(tilt).cost
     assert followed.converged
+
+
+def test_a_solution_had_again_with_other_weights_is_that_of_the_traced_rays() -> None:
+    problem, start = case()
+    others = replace(problem, weight=problem.weight * np.linspace(0.5, 2.0, len(problem.weight)))
+    again, anew = solution_again(others, solution_at(problem, start)), solution_at(others, start)
+    assert again.cost == anew.cost != solution_at(problem, start).cost
+    assert np.array_equal(again.residual, anew.residual)
+
+
+def test_a_solution_cannot_be_had_again_in_another_scene() -> None:
+    problem, start = case()
+    elsewhere = replace(problem, scene=replace(problem.scene))
+    with pytest.raises(ValueError, match="whitening changes the scene"):
+        solution_again(elsewhere, solution_at(problem, start))
