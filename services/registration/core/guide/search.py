@@ -5,7 +5,7 @@ knew from which direction it is seen: so the directions are tried on a grid, and
 of the other balls fall on discs. The search assumes nothing about the pattern but that it is rigid.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from services.registration.core.guide.identity import Discs, GuideIdentity, sett
 from services.registration.core.guide.vote import vote
 from services.registration.core.pose import RigidPose
 from shared.geometry.camera import PinholeCamera
-from shared.two_cores import on_both_halves
+from shared.two_cores import mapped, on_both_halves
 
 DEPTH_RANGE_MM = (420.0, 920.0)
 # Range of angles between drilling and beam, their grid, and how many pairs of discs are tried there.
@@ -104,7 +104,7 @@ def _from_likely_pairs(
     """Identities found before and those of likely pairs of discs, until more pairs would hardly find a better one."""
     best, since = len(found[0]) if found else 0, 0
     for pair in _disc_pairs(camera, balls_mm, discs.ideal_px, pairs):
-        found = _merged(found, _identities(camera, balls_mm, views, discs, pair, _LEAST_SCORE))
+        found = _merged(found, _identities(camera, balls_mm, views, discs, pair, _LEAST_SCORE, _shared_votes))
         reached = len(found[0]) if found else 0
         best, since = max(best, reached), 0 if reached > best else since + 1
         good = best >= _GOOD_SHARE * len(balls_mm) and since >= _PAIRS_WITHOUT_GAIN
@@ -119,8 +119,9 @@ def _with_rivals(
     """Identities found before and those in which pairs of the best one's discs are other balls."""
     own = np.sort(found[0].disc_index)
     least = max(_LEAST_SCORE, int(np.ceil(_RIVAL_SHARE * len(own))))
-    for a, b in _disc_pairs(camera, balls_mm, discs.ideal_px[own], _RIVAL_PAIRS):
-        found = _merged(found, _identities(camera, balls_mm, views, discs, (int(own[a]), int(own[b])), least))
+    pairs = [(int(own[a]), int(own[b])) for a, b in _disc_pairs(camera, balls_mm, discs.ideal_px[own], _RIVAL_PAIRS)]
+    for rivals in mapped(lambda pair: _identities(camera, balls_mm, views, discs, pair, least, _votes), pairs, 2):
+        found = _merged(found, rivals)
     return found
 
 
@@ -157,17 +158,12 @@ def _identities(
     discs: Discs,
     pair: tuple[int, int],
     least_score: int,
+    votes: Callable[[_Views, Discs, NDArray[np.float64]], NDArray[np.int16]],
 ) -> list[GuideIdentity]:
     """The best few identities in which a pair of discs are two of the guide's balls, from so many balls on discs."""
     rays = camera.rays(discs.ideal_px[list(pair)])
     slopes = np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
-
-    def votes(part: slice) -> NDArray[np.int16]:
-        turned_mm = views.turned_mm[part]
-        seen = discs.cell_from_slope, discs.occupied
-        return vote(turned_mm, views.first, views.second, slopes, DEPTH_RANGE_MM, *seen, _PROBES)
-
-    scores = np.concatenate(on_both_halves(votes, len(views.turned_mm), _LEAST_DIRECTIONS))
+    scores = votes(views, discs, slopes)
     best = np.argpartition(-scores.ravel(), _LOOKED_AT)[:_LOOKED_AT]
     best = best[np.argsort(-scores.ravel()[best], kind="stable")]
     poses: list[RigidPose] = []
@@ -178,6 +174,18 @@ def _identities(
         if not any(_same(pose, other, 8.0, 15.0) for other in poses):
             poses.append(pose)
     return [settled(camera, balls_mm, discs, pose) for pose in poses]
+
+
+def _votes(views: _Views, discs: Discs, slopes: NDArray[np.float64], part: slice = slice(None)) -> NDArray[np.int16]:
+    """Balls on discs for directions and pairs of balls, when such a pair lies on two rays, shape (D, P)."""
+    turned_mm, seen = views.turned_mm[part], (discs.cell_from_slope, discs.occupied)
+    return vote(turned_mm, views.first, views.second, slopes, DEPTH_RANGE_MM, *seen, _PROBES)
+
+
+def _shared_votes(views: _Views, discs: Discs, slopes: NDArray[np.float64]) -> NDArray[np.int16]:
+    """The same, from both cores: for a single pair of discs."""
+    halves = on_both_halves(lambda part: _votes(views, discs, slopes, part), len(views.turned_mm), _LEAST_DIRECTIONS)
+    return np.concatenate(halves)
 
 
 def _posed(views: _Views, direction: int, pair: int, slopes: NDArray[np.float64]) -> RigidPose:

@@ -16,7 +16,7 @@ NOTHING: NDArray[np.float64] = np.zeros(0)
 
 def optimum(cost: float, tilt_deg: float, least_cost: float | None = None) -> Optimum:
     # costs alone are compared: no scene is looked at
-    scene = cast(NailScene, None)
+    scene = cast("NailScene", None)
     linear = Linear(scene, Paths(NOTHING, NOTHING, NOTHING), NOTHING, NOTHING, NOTHING, NOTHING, cost, (NOTHING, True))
     solution = Solution(
         linear,
