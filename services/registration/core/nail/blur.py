@@ -19,7 +19,7 @@ def blurred_image(image: NDArray[Real], sigma: float) -> NDArray[Real]:
     return np.asarray(blurred, dtype=image.dtype)
 
 
-# a set of derivatives blurs some forty pictures by the same three widths
+# a set of derivatives blurs dozens of pictures by the same few widths
 @lru_cache(maxsize=64)
 def _kernel(sigma: float) -> NDArray[np.float64]:
     # Not GaussianBlur: its kernel's length is odd in steps, so that the result would jump while a fit moves sigma.

@@ -66,18 +66,20 @@ class Whitening:
     bright: NDArray[np.float32]
     brightness: NDArray[np.float32]
 
-    def after(self, filtered: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> "Whitening":
-        """What a symmetric filter and then this one do, in one; exact away from the picture's border.
+    def after(self, earlier: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> "Whitening":
+        """What a symmetric filter and then this one do, in one, but for a rim of the picture.
+
+        There, beyond the padding, this one's spectrum wraps round, while the filters one by one repeat edge values.
 
         Parameters
         ----------
-        filtered
-            That filter, of a picture of any size; it reaches no further than a few times the padding.
+        earlier
+            That filter, of a picture of any size; far shorter than the picture.
         """
         rows, columns = self.dark.shape
         impulse = np.zeros((rows, columns), dtype=np.float32)
         impulse[rows // 2, columns // 2] = 1.0
-        before = cv2.dft(np.roll(filtered(impulse), (-(rows // 2), -(columns // 2)), axis=(0, 1)))
+        before = cv2.dft(np.roll(earlier(impulse), (-(rows // 2), -(columns // 2)), axis=(0, 1)))
         dark, bright = (cv2.mulSpectrums(own, before, 0) for own in (self.dark, self.bright))
         return Whitening(np.asarray(dark, dtype=np.float32), np.asarray(bright, dtype=np.float32), self.brightness)
 

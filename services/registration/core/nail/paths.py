@@ -92,19 +92,19 @@ class Blocks(NamedTuple):
 def _path_in(blocks: Blocks, origin: NDArray[np.float64], cx: float, cy: float) -> float:
     """Length of the ray in direction (cx, cy, 1) from the focal spot, which is at `origin` in the blocks' frame."""
     turn, boxes, bores, total = blocks.rotation, blocks.boxes_mm, blocks.bores, 0.0
-    d = turn[0, 0] * cx + turn[1, 0] * cy + turn[2, 0]
-    e = turn[0, 1] * cx + turn[1, 1] * cy + turn[2, 1]
-    f = turn[0, 2] * cx + turn[1, 2] * cy + turn[2, 2]
+    dx = turn[0, 0] * cx + turn[1, 0] * cy + turn[2, 0]
+    dy = turn[0, 1] * cx + turn[1, 1] * cy + turn[2, 1]
+    dz = turn[0, 2] * cx + turn[1, 2] * cy + turn[2, 2]
     for box in range(boxes.shape[0]):
-        near, far = _between(boxes[box, 0] - origin[0], 0.5 * boxes[box, 3], d, -_EVERYWHERE, _EVERYWHERE)
-        near, far = _between(boxes[box, 1] - origin[1], 0.5 * boxes[box, 4], e, near, far)
-        near, far = _between(boxes[box, 2] - origin[2], 0.5 * boxes[box, 5], f, near, far)
+        near, far = _between(boxes[box, 0] - origin[0], 0.5 * boxes[box, 3], dx, -_EVERYWHERE, _EVERYWHERE)
+        near, far = _between(boxes[box, 1] - origin[1], 0.5 * boxes[box, 4], dy, near, far)
+        near, far = _between(boxes[box, 2] - origin[2], 0.5 * boxes[box, 5], dz, near, far)
         if far <= near:
             continue
         total += far - near
         for h in range(bores.shape[0]):
             ox, oy, oz = origin[0] - bores[h, 0], origin[1] - bores[h, 1], origin[2] - bores[h, 2]
-            a, b = cylinder_interval(ox, oy, oz, d, e, f, bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6])
+            a, b = cylinder_interval(ox, oy, oz, dx, dy, dz, bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6])
             if b > a:
                 total -= max(0.0, min(b, far) - max(a, near))
     return float(max(total, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0))

@@ -26,8 +26,8 @@ _DAMPING_FACTOR = 10.0
 _HOPELESS = 0.3
 # A fit is given up when even so many times what the derivatives promise would leave it above what it may cost.
 _TRUSTED_PROMISES = 2.0
-# Derivatives are renewed once the parameters are so many standard deviations away: taking them costs five times what
-# the rays cost, and that far they change by some per cent.
+# Derivatives are renewed once the parameters are so many standard deviations away: taking them costs three to four
+# times what the rays cost, and that far they change by some per cent.
 _CLOSE_DEVIATIONS = 3.0
 
 
