@@ -26,7 +26,7 @@ from pydantic import TypeAdapter, ValidationError
 from benchmarks.accuracy_plots import write_plots
 from benchmarks.accuracy_report import report
 from benchmarks.capture import Capture
-from benchmarks.random_scenes import SceneRow, model_row, normalised, scene_row, scene_row_with_limit
+from benchmarks.localised_scenes import SceneRow, model_row, normalised, scene_row, scene_row_with_limit
 from benchmarks.statistics_of import Quantiles, quantiles
 from distalock.arguments import OneLineParser, seed_number, whole_number, writable_file
 

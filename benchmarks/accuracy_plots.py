@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from scipy.stats import chi2
 
 from benchmarks.accuracy_report import limit_ratios, outcomes
+from benchmarks.localised_scenes import SceneRow
 from benchmarks.methods import LARGEST_AXIS_ERROR_DEG, LARGEST_ENTRY_ERROR_MM, Compared, Outcome
-from benchmarks.random_scenes import SceneRow
 
 _COLOURS = {Compared.MODEL: "#1b7f4b", Compared.PAPER: "#c2321f", Compared.PAPER_RULE: "#d98f1f"}
 _FAINT = "#9aa7b4"

@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks.accuracy_strata import STRATA
 from benchmarks.capture import Capture
 from benchmarks.cramer_rao import AxisLimit
+from benchmarks.localised_scenes import SceneRow, normalised
 from benchmarks.methods import LARGEST_AXIS_ERROR_DEG, LARGEST_ENTRY_ERROR_MM, Compared, HoleError, Outcome
-from benchmarks.random_scenes import SceneRow, normalised, root_mean_square
-from benchmarks.statistics_of import quantiles, text_of
+from benchmarks.statistics_of import quantiles, root_mean_square, text_of
 
 _HEAD = """# Accuracy on random scenes
 

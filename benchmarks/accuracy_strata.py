@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.random_scenes import SceneRow
+from benchmarks.localised_scenes import SceneRow
 
 Stratum = tuple[str, Callable[[SceneRow], bool]]
 # Share of mineral times contrast of the texture: about the middle of what the scenes have.

@@ -31,6 +31,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from benchmarks.cramer_rao_crop import SAMPLES
 from benchmarks.cramer_rao_images import SceneImages, scene_images
+from benchmarks.random_scenes import scene_of_seed
 from distalock.arguments import OneLineParser, seed_number
 from shared.geometry.parts import Hole, NailPart, hole_surface_points
 from simulation.scenario.values import Scenario
@@ -148,8 +149,6 @@ def _cases(images: SceneImages) -> Iterator[tuple[str, SceneImages, float]]:
 
 def main(arguments: Sequence[str] = ()) -> int:
     """Print the limit in one scene, and what it would be if more were known."""
-    from benchmarks.random_scenes import scene_of_seed  # which needs this module
-
     parser = OneLineParser(prog="distalock bench cramer_rao", description="the limit in one of the random scenes")
     parser.add_argument("--seed", type=seed_number, default=SEED, help=f"seed of the scene ({SEED})")
     more = "rays in each of an edge pixel's two sets"

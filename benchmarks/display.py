@@ -15,7 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.random_scenes import AxisErrors, compared, root_mean_square, scene_of_seed
+from benchmarks.localised_scenes import AxisErrors, compared
+from benchmarks.random_scenes import scene_of_seed
+from benchmarks.statistics_of import root_mean_square
 from simulation.render.image import Shot, render_scene
 from simulation.scenario.values import Scenario
 from simulation.world import starting_state

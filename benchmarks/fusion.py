@@ -21,8 +21,8 @@ from benchmarks.fusion_peers import (
     by_covariance_intersection,
     joined,
 )
-from benchmarks.random_scenes import root_mean_square
 from benchmarks.set_ups import SetUp
+from benchmarks.statistics_of import root_mean_square
 from services.registration.core.fusion.agreement import disagreement
 from services.registration.core.fusion.fuse import SHARED_BY_THE_MODEL, SHARED_FROM_ONE_DIRECTION, SHARED_WITHIN_DEG
 from services.registration.core.hole_axes import HoleEstimate, evidence_of, holes_at

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from benchmarks.cramer_rao import limits_of
 from benchmarks.cramer_rao_images import scene_images
 from benchmarks.methods import run_model
-from benchmarks.random_scenes import nominal_of, parts_of, root_mean_square, scene_of_seed
+from benchmarks.random_scenes import nominal_of, parts_of, scene_of_seed
+from benchmarks.statistics_of import root_mean_square
 from distalock.arguments import OneLineParser, whole_number, writable_file
 from shared.geometry.frames import Nail, Ring
 from shared.geometry.transform import Transform

@@ -1,13 +1,12 @@
 """One patient and one position of the guide, seen from several directions: for benchmarks of several images."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.random_scenes import RANGES, scene_of_seed
+from benchmarks.random_scenes import scene_of_seed
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.localise import LocalisationResult, Method, Parts, localise
@@ -17,16 +16,8 @@ from shared.geometry.frames import Room
 from shared.geometry.lines import unit
 from shared.geometry.transform import Transform
 from simulation.render.image import Shot, render_scene
-from simulation.scenario.files import ScenarioFile
-from simulation.scenario.sampling import scenario_from_file
 from simulation.scenario.values import Scenario
 from simulation.world import WorldState, angles_of_beam, c_arm_rotation, starting_state, world_at
-
-
-def catalogue_scene_of_seed(seed: int) -> Scenario:
-    """The same ranges with parts of the catalogue, whose guide and nails have their holes the same distance apart."""
-    file = ScenarioFile.model_validate({"schema": "distalock/scenario/1", "seed": seed, "ranges": RANGES})
-    return scenario_from_file(file, Path())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

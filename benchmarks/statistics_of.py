@@ -1,4 +1,4 @@
-"""Numbers that stand for many: quantiles and their text."""
+"""Numbers that stand for many: quantiles, their text, and the root mean square."""
 
 from collections.abc import Iterable
 from typing import TypeAlias
@@ -19,3 +19,9 @@ def quantiles(values: Iterable[float | None]) -> Quantiles:
 def text_of(found: Quantiles, digits: int = 3) -> str:
     """The three beside one another; a dash where there is none."""
     return "-" if np.isnan(found[0]) else " / ".join(f"{value:.{digits}f}" for value in found)
+
+
+def root_mean_square(values: Iterable[float]) -> float:
+    """Of any number of values; NaN of none."""
+    array = np.array(list(values))
+    return float(np.sqrt(np.mean(array**2))) if len(array) else float("nan")

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.random_scenes import root_mean_square
-from benchmarks.set_ups import SeenImage, SetUp, catalogue_scene_of_seed
+from benchmarks.random_scenes import catalogue_scene_of_seed
+from benchmarks.set_ups import SeenImage, SetUp
+from benchmarks.statistics_of import root_mean_square
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.passing import across_basis

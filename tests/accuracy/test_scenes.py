@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.accuracy import statistics
 from benchmarks.capture import Capture
-from benchmarks.random_scenes import model_row
+from benchmarks.localised_scenes import model_row
 
 SEEDS = range(7000, 7008)
 

@@ -10,8 +10,8 @@ from benchmarks.accuracy import StoredRow, main, read_rows, summary_of, write_ro
 from benchmarks.accuracy_report import limit_ratios
 from benchmarks.capture import Capture
 from benchmarks.cramer_rao import AxisLimit
+from benchmarks.localised_scenes import SceneKind, SceneRow
 from benchmarks.methods import HoleError, Outcome
-from benchmarks.random_scenes import SceneKind, SceneRow
 
 KIND = SceneKind(3.0, 400.0, 1, 0.3, "steel", 11.0, False, 5.5, 0.5, 0.1, 20.0)
 
