@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
-from services.registration.core.nail.ray_geometry import Ray, Tube, chamfered, cone, in_bore, within
+from services.registration.core.nail.ray_geometry import Bore, Ray, Tube, chamfered, cone, in_bore, within
 from services.registration.core.nail.shade import (
     CHAMFER,
     HOLE_RADIUS,
@@ -37,7 +37,7 @@ def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float64]) -
 
 @compiled
 def _add_cone_end(
-    ray: Ray, place: float, inwards: float, bore: NDArray[np.float64], weight: float, slope: NDArray[np.float64]
+    ray: Ray, place: float, inwards: float, bore: Bore, weight: float, slope: NDArray[np.float64]
 ) -> None:
     """Add the motion of a path's end on a bore's chamfer; `weight` is the derivative of what passes by the length."""
     _, gx, gy, gz = cone(ray, place, bore)
@@ -51,7 +51,7 @@ def _add_cone_end(
 
 @compiled
 def _add_wall(
-    ray: Ray, tube: Tube, bore: NDArray[np.float64], first: float, last: float, share: float, slope: NDArray[np.float64]
+    ray: Ray, tube: Tube, bore: Bore, first: float, last: float, share: float, slope: NDArray[np.float64]
 ) -> None:
     """Add the motion of a bore's wall along a stretch of the ray, as the middle of the stretch sees it."""
     middle = 0.5 * (max(first, tube[0]) + min(last, tube[1]))
@@ -67,7 +67,7 @@ def _add_wall(
 def _behind_bore(
     ray: Ray,
     tube: Tube,
-    bore: NDArray[np.float64],
+    bore: Bore,
     bored: tuple[float, float],
     weight: float,
     unit_mm: float,
@@ -112,7 +112,7 @@ def _behind_bore(
 def shade_at_bore(
     ray: Ray,
     tube: Tube,
-    bore: NDArray[np.float64],
+    bore: Bore,
     step_mm: float,
     unit_mm: float,
     steel_mm: float,

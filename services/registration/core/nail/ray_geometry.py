@@ -12,6 +12,14 @@ _LEAST_ACROSS = 1e-6
 
 Ray = tuple[float, float, float, float, float, float]
 Tube = tuple[float, float, float, float]
+Bore = tuple[float, float, float, float, float, float, float, float]
+NO_TUBE = (1.0, 0.0, 1.0, 0.0)
+
+
+@compiled
+def bore_at(bores: NDArray[np.float64], h: int) -> Bore:
+    """One of the bores (see `NailShape`) as plain numbers: references to a view of it would be counted at every use."""
+    return (bores[h, 0], bores[h, 1], bores[h, 2], bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6], bores[h, 7])
 
 
 @compiled
@@ -45,7 +53,7 @@ def tube_of(ray: Ray, radius_mm: float, inner_mm: float) -> Tube:
     impact2 = y * y + z * z
     outer2, inner2 = radius_mm * radius_mm - impact2, inner_mm * inner_mm - impact2
     if outer2 <= 0.0:
-        return 1.0, 0.0, 1.0, 0.0
+        return NO_TUBE
     half = np.sqrt(outer2 / across2)
     if inner2 <= 0.0:
         return middle - half, middle + half, 1.0, 0.0
@@ -54,7 +62,7 @@ def tube_of(ray: Ray, radius_mm: float, inner_mm: float) -> Tube:
 
 
 @compiled
-def may_touch(ray: Ray, tube: Tube, bore: NDArray[np.float64], radius_mm: float, reach_mm: float) -> bool:
+def may_touch(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, reach_mm: float) -> bool:
     """Whether a ray comes as near along the nail as a bore reaches that is wider by `reach_mm`.
 
     Quick, since most rays of a window pass far from all bores, and never wrongly no.
@@ -67,6 +75,14 @@ def may_touch(ray: Ray, tube: Tube, bore: NDArray[np.float64], radius_mm: float,
 
 
 @compiled
+def outline_near(ray: Ray, radius_mm: float, inner_mm: float, reach_mm: float) -> bool:
+    """Whether a ray comes nearer than `reach_mm` to the outline of nail or cannulation."""
+    _, oy, oz, _, dy, dz = ray
+    impact = abs(oz * dy - oy * dz) / np.sqrt(dy * dy + dz * dz)
+    return bool(abs(impact - radius_mm) < reach_mm or (inner_mm > 0.0 and abs(impact - inner_mm) < reach_mm))
+
+
+@compiled
 def within(tube: Tube, first: float, last: float) -> float:
     """Length of a stretch of the ray that lies in the tube's metal."""
     near, far, inner_near, inner_far = tube
@@ -75,7 +91,7 @@ def within(tube: Tube, first: float, last: float) -> float:
 
 
 @compiled
-def in_bore(ray: Ray, bore: NDArray[np.float64], excess_mm: float) -> tuple[float, float]:
+def in_bore(ray: Ray, bore: Bore, excess_mm: float) -> tuple[float, float]:
     """Where the ray is inside a bore whose radius is larger by so much."""
     ox, oy, oz, dx, dy, dz = ray
     qx, qy, qz = ox - bore[0], oy - bore[1], oz - bore[2]
@@ -83,7 +99,7 @@ def in_bore(ray: Ray, bore: NDArray[np.float64], excess_mm: float) -> tuple[floa
 
 
 @compiled
-def cone(ray: Ray, place: float, bore: NDArray[np.float64]) -> tuple[float, float, float, float]:
+def cone(ray: Ray, place: float, bore: Bore) -> tuple[float, float, float, float]:
     """How far a point is inside a bore's chamfer (mm, negative outside), and the gradient of that."""
     px, py, pz = ray[0] + place * ray[3] - bore[0], ray[1] + place * ray[4] - bore[1], ray[2] + place * ray[5] - bore[2]
     along = px * bore[3] + py * bore[4] + pz * bore[5]
@@ -95,8 +111,35 @@ def cone(ray: Ray, place: float, bore: NDArray[np.float64]) -> tuple[float, floa
 
 
 @compiled
-def chamfered(ray: Ray, place: float, inwards: float, bore: NDArray[np.float64]) -> float:
+def chamfered(ray: Ray, place: float, inwards: float, bore: Bore) -> float:
     """Length of the ray, in units of its direction, from an end inwards, that a bore's chamfer takes away."""
     inside, gx, gy, gz = cone(ray, place, bore)
     rate = -inwards * (gx * ray[3] + gy * ray[4] + gz * ray[5])
     return max(inside, 0.0) / rate if rate > _LEAST_RATE else 0.0
+
+
+@compiled
+def meets(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, excess_mm: float) -> bool:
+    """Whether a ray is in both the nail and a bore or its chamfer, wider by `excess_mm`."""
+    wide_mm = excess_mm + max(radius_mm - bore[7], 0.0)
+    if not may_touch(ray, tube, bore, radius_mm, wide_mm):
+        return False
+    first, last = in_bore(ray, bore, wide_mm)
+    return bool(min(last, tube[1]) > max(first, tube[0]))
+
+
+@compiled
+def bore_and_rim_near(
+    ray: Ray, radius_mm: float, inner_mm: float, bores: NDArray[np.float64], reach_mm: float
+) -> tuple[bool, bool]:
+    """Whether a ray comes nearer than `reach_mm` to a bore, and whether to metal around it, too."""
+    tube = tube_of(ray, radius_mm + reach_mm, inner_mm)
+    near, rim_near = False, False
+    if tube[1] > tube[0]:
+        for h in range(bores.shape[0]):
+            bore = bore_at(bores, h)
+            if meets(ray, tube, bore, radius_mm, reach_mm):
+                near = True
+                first, last = in_bore(ray, bore, -reach_mm)
+                rim_near = rim_near or first > tube[0] or last < tube[1]
+    return near, rim_near

@@ -58,7 +58,7 @@ def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
         trace(
             rays_of(window.rays, part),
             SAMPLES_PX,
-            window.crossed[part],
+            window.beside_steel[part],
             steel_mm[part],
             shape,
             passed[part],

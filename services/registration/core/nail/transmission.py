@@ -15,13 +15,26 @@ from numpy.typing import NDArray
 from services.registration.core.compiled import compiled
 from services.registration.core.nail.bore_shade import shade_at_bore
 from services.registration.core.nail.pixel_rays import PixelRays
-from services.registration.core.nail.ray_geometry import LEAST_STEP_MM, Ray, in_bore, may_touch, ray_through, tube_of
+from services.registration.core.nail.ray_geometry import (
+    LEAST_STEP_MM,
+    NO_TUBE,
+    Ray,
+    Tube,
+    bore_and_rim_near,
+    bore_at,
+    meets,
+    outline_near,
+    ray_through,
+    tube_of,
+)
 from services.registration.core.nail.shade import HARDENING, LOG_ATTENUATION
 from services.registration.core.nail.tube_shade import shade_at_tube
 
 _FIRST_SAMPLES = 4
 _UNIFORM = 0.02
 _SOFTENING_PX = 0.15
+# Half a pixel's diagonal, what samples are softened by, and as much again: just inside an edge paths are much curved.
+_EDGE_REACH_PX = 1.5
 
 
 class NailShape(NamedTuple):
@@ -51,22 +64,18 @@ class NailShape(NamedTuple):
 
 @compiled
 def _add_sample(
-    ray: Ray, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float64]
+    ray: Ray, tube: Tube, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float64]
 ) -> float:
-    """Share that passes along one ray; its derivatives are added to `slope`."""
+    """Share that passes along one ray; its derivatives are added to `slope`. The tube matters where a bore is near."""
     material = (nail.attenuation, nail.hardening)
     radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
-    tube = tube_of(ray, radius_mm, inner_mm)
     touched = -1
     if tube[1] > tube[0]:
         for h in range(nail.bores.shape[0]):
-            reach_mm = step_mm + max(radius_mm - nail.bores[h, 7], 0.0)
-            if may_touch(ray, tube, nail.bores[h], radius_mm, reach_mm):
-                first, last = in_bore(ray, nail.bores[h], reach_mm)
-                if min(last, tube[1]) > max(first, tube[0]):
-                    touched = h
+            if meets(ray, tube, bore_at(nail.bores, h), radius_mm, step_mm):
+                touched = h
     if touched >= 0:
-        shade = shade_at_bore(ray, tube, nail.bores[touched], step_mm, unit_mm, steel_mm, material, slope)
+        shade = shade_at_bore(ray, tube, bore_at(nail.bores, touched), step_mm, unit_mm, steel_mm, material, slope)
     else:
         shade = shade_at_tube(ray, radius_mm, inner_mm, step_mm, unit_mm, steel_mm, material, slope)
     slope[LOG_ATTENUATION] += shade[1]
@@ -75,10 +84,19 @@ def _add_sample(
 
 
 @compiled
+def _bore_and_edge_near(cx: float, cy: float, nail: NailShape, reach_mm: float) -> tuple[bool, bool]:
+    """Whether a bore, and whether any edge of the nail, is less than `reach_mm` from the ray through (cx, cy, 1)."""
+    ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)
+    radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
+    bore, rim = bore_and_rim_near(ray, radius_mm, inner_mm, nail.bores, reach_mm)
+    return bore, rim or outline_near(ray, radius_mm, inner_mm, reach_mm)
+
+
+@compiled
 def trace(
     rays: PixelRays,
     samples_px: NDArray[np.float64],
-    crossed: NDArray[np.bool_],
+    beside_steel: NDArray[np.bool_],
     steel_mm: NDArray[np.float64],
     nail: NailShape,
     passed: NDArray[np.float64],
@@ -86,14 +104,16 @@ def trace(
 ) -> None:
     """Mean over each pixel of the share that passes, with more samples where the first four differ.
 
+    Of pixels away from all edges the middle is taken.
+
     Parameters
     ----------
     rays
         Of the S pixels.
     samples_px
         Places within a pixel, shape (K, 2); the first four stand for the pixel by themselves.
-    crossed
-        Whether an edge may cross the pixel, shape (S,); of the others, the middle is taken.
+    beside_steel
+        Whether other steel shades part of the pixel, shape (S,).
     steel_mm
         Path in balls, as much of the nail's material as attenuates the same, shape (S, K).
     passed
@@ -103,21 +123,27 @@ def trace(
         material.
     """
     for n in range(rays.slopes.shape[0]):
-        right, down = rays.right[n], rays.down[n]
+        right_x, right_y, down_x, down_y = rays.right[n, 0], rays.right[n, 1], rays.down[n, 0], rays.down[n, 1]
         slope = by_cause[n]
         slope[:] = 0.0
         total, least, most, count = 0.0, 2.0, -1.0, 0
-        pixel = np.sqrt(right[0] * right[0] + right[1] * right[1])
-        step_mm = max(_SOFTENING_PX * nail.translation_mm[2] * pixel, LEAST_STEP_MM)
+        pixel_mm = nail.translation_mm[2] * np.sqrt(right_x * right_x + right_y * right_y)
+        step_mm = max(_SOFTENING_PX * pixel_mm, LEAST_STEP_MM)
+        bore_near, edge_near = _bore_and_edge_near(
+            rays.slopes[n, 0], rays.slopes[n, 1], nail, _EDGE_REACH_PX * pixel_mm
+        )
+        several = edge_near or beside_steel[n]
         for k in range(samples_px.shape[0]):
-            if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not crossed[n]):
+            if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not several):
                 break
             cx, cy = rays.slopes[n, 0], rays.slopes[n, 1]
-            if crossed[n]:
-                cx += samples_px[k, 0] * right[0] + samples_px[k, 1] * down[0]
-                cy += samples_px[k, 0] * right[1] + samples_px[k, 1] * down[1]
+            if several:
+                cx += samples_px[k, 0] * right_x + samples_px[k, 1] * down_x
+                cy += samples_px[k, 0] * right_y + samples_px[k, 1] * down_y
             ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)
-            share = _add_sample(ray, nail, step_mm, np.sqrt(cx * cx + cy * cy + 1.0), steel_mm[n, k], slope)
+            tube = tube_of(ray, nail.radius_mm, nail.cannulation_radius_mm) if bore_near else NO_TUBE
+            unit_mm = np.sqrt(cx * cx + cy * cy + 1.0)
+            share = _add_sample(ray, tube, nail, step_mm, unit_mm, steel_mm[n, k], slope)
             total += share
             least, most = min(least, share), max(most, share)
             count += 1

@@ -34,11 +34,14 @@ def _tube_at_edge(
     """Shade near an edge, mean over the distance from the axis, and its derivatives by that distance and the radius."""
     metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
     low = shade_behind(chord * _half_chord(impact - step_mm, radius_mm, inner_mm) + steel_mm, material)
+    middle = shade_behind(metal_mm + steel_mm, material)
     high = shade_behind(chord * _half_chord(impact + step_mm, radius_mm, inner_mm) + steel_mm, material)
-    grown = shade_behind(chord * _half_chord(impact, radius_mm + step_mm, inner_mm) + steel_mm, material)
-    shrunk = shade_behind(chord * _half_chord(impact, radius_mm - step_mm, inner_mm) + steel_mm, material)
-    shade = mean_shade(low, shade_behind(metal_mm + steel_mm, material), high)
-    return shade, (high[0] - low[0]) / (2.0 * step_mm), (grown[0] - shrunk[0]) / (2.0 * step_mm)
+    by_impact = (high[0] - low[0]) / (2.0 * step_mm)
+    if radius_mm - abs(impact) < _NEAR_EDGE * step_mm:
+        by_radius = -by_impact * radius_mm / impact
+    else:
+        by_radius = middle[1] / (metal_mm + steel_mm) * chord * radius_mm / np.sqrt(radius_mm**2 - impact**2)
+    return mean_shade(low, middle, high), by_impact, by_radius
 
 
 @compiled

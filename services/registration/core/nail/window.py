@@ -28,7 +28,6 @@ _INSIDE_APERTURE_PX = 9.0
 _LEAST_PIXELS = 200
 # A ball's shadow may reach so much further than its radius: distortion and the way from the beam's middle stretch it.
 _STRETCH, _WIRE_REACH_MM = 0.3, 0.5
-_MOVES_MM, _BORE_REACH_MM = 0.5, 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,8 +53,8 @@ class Window:
         Position of the strip's pixels in the nail's plane at the start pose, shape (N,).
     rays
         Of the support's pixels.
-    crossed
-        Whether an edge of nail, bore, cannulation or ball may cross a pixel of the support, shape (S,).
+    beside_steel
+        Whether a ball or wire shades part of a pixel of the support, shape (S,).
     steel_mm
         Path in steel balls and wires at each of the `SAMPLES_PX` of the support's pixels, shape (S, samples).
     delrin_excess_mm
@@ -74,7 +73,7 @@ class Window:
     along_mm: NDArray[np.float64]
     across_mm: NDArray[np.float64]
     rays: PixelRays
-    crossed: NDArray[np.bool_]
+    beside_steel: NDArray[np.bool_]
     steel_mm: NDArray[np.float64]
     delrin_excess_mm: NDArray[np.float64]
 
@@ -132,7 +131,7 @@ def cut_window(
         along[compared],
         across[compared],
         rays,
-        _may_be_crossed(along[support], across[support], nail, grid.reduction) | np.any(steel > 0.0, axis=1),
+        np.any(steel > 0.0, axis=1),
         steel,
         delrin - np.median(delrin.ravel()[compared]),
     )
@@ -194,21 +193,6 @@ def _in_aperture(calibration: CArmCalibration, centres_px: NDArray[np.float64]) 
         return np.ones(centres_px.shape[:-1], dtype=bool)
     distance = np.linalg.norm(centres_px - np.asarray(aperture.centre_px), axis=-1)
     return np.asarray(distance < aperture.radius_px - _INSIDE_APERTURE_PX)
-
-
-def _may_be_crossed(
-    along: NDArray[np.float64], across: NDArray[np.float64], nail: NailPart, reduction: int
-) -> NDArray[np.bool_]:
-    """Near an outline, as far as a stage may move the nail; a tilted bore reaches beyond its disc."""
-    margin = _MOVES_MM * reduction
-    beside = np.abs(across)
-    near = np.abs(beside - nail.radius_mm) < margin
-    if nail.cannulation_diameter_mm > 0.0:
-        near |= np.abs(beside - 0.5 * nail.cannulation_diameter_mm) < margin
-    for hole in nail.holes:
-        x, y = hole.axis.point_mm[:2]
-        near |= np.hypot(along - x, across - y) < 0.5 * hole.diameter_mm + _BORE_REACH_MM + margin
-    return near
 
 
 def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:

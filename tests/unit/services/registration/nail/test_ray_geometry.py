@@ -4,7 +4,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.nail.paths import cylinder_interval
-from services.registration.core.nail.ray_geometry import Ray, in_bore, may_touch, tube_of
+from services.registration.core.nail.ray_geometry import (
+    Bore,
+    Ray,
+    bore_and_rim_near,
+    bore_at,
+    in_bore,
+    may_touch,
+    meets,
+    outline_near,
+    tube_of,
+)
 
 _RADIUS_MM, _INNER_MM, _REACH_MM = 6.0, 2.2, 0.4
 
@@ -24,7 +34,7 @@ def test_no_ray_that_touches_a_bore_in_the_nail_is_passed_over() -> None:
     touching = passed_over = 0
     for ray in random_rays(6000):
         axis = Rotation.from_rotvec(np.radians(rng.uniform(-40.0, 40.0, 3))).apply([0.0, 0.0, 1.0])
-        bore = np.array([rng.uniform(-15.0, 15.0), *rng.uniform(-1.0, 1.0, 2), *axis, 2.5, 5.7])
+        bore: Bore = bore_at(np.array([[rng.uniform(-15.0, 15.0), *rng.uniform(-1.0, 1.0, 2), *axis, 2.5, 5.7]]), 0)
         tube = tube_of(ray, _RADIUS_MM, _INNER_MM)
         first, last = in_bore(ray, bore, _REACH_MM)
         touches = tube[1] > tube[0] and min(last, tube[1]) > max(first, tube[0])
@@ -42,3 +52,34 @@ def test_the_tube_is_two_cylinders_about_the_nails_axis() -> None:
         found = np.array(tube_of(ray, _RADIUS_MM, _INNER_MM))
         outer, inner = (cylinder_interval(*ray, *along, radius) for radius in (_RADIUS_MM, _INNER_MM))
         assert np.abs(found - np.array([*outer, *inner])).max() < 1e-9
+
+
+def beside(ray: Ray, rng: np.random.Generator, most_mm: float) -> Ray:
+    """A parallel ray less than so far away."""
+    direction = np.array(ray[3:])
+    across = np.cross(direction, rng.normal(size=3))
+    shift = rng.uniform(0.0, most_mm) * across / np.linalg.norm(across)
+    return (*(np.array(ray[:3]) + shift), *direction)
+
+
+def test_what_a_ray_beside_would_meet_is_near() -> None:
+    rng = np.random.default_rng(7)
+    bores = np.array([[10.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.6], [-10.0, 0.5, 0.0, 0.0, 0.2, np.sqrt(0.96), 2.5, 5.7]])
+    near_count = open_count = edge_count = far_count = 0
+    for ray in random_rays(3000):
+        near, rim_near = bore_and_rim_near(ray, _RADIUS_MM, _INNER_MM, bores, _REACH_MM)
+        edge_near = outline_near(ray, _RADIUS_MM, _INNER_MM, _REACH_MM)
+        for other in (beside(ray, rng, _REACH_MM) for _ in range(5)):
+            tube = tube_of(other, _RADIUS_MM, _INNER_MM)
+            in_nail = tube[1] > tube[0]
+            met = [in_nail and meets(other, tube, bore_at(bores, h), _RADIUS_MM, 0.0) for h in range(2)]
+            assert near or not any(met)
+            if near and not rim_near:
+                through = [in_bore(other, bore_at(bores, h), 0.0) for h in range(2)]
+                assert not in_nail or any(first <= tube[0] and last >= tube[1] for first, last in through)
+            if not edge_near:
+                here = tube_of(ray, _RADIUS_MM, _INNER_MM)
+                assert (here[1] > here[0], here[3] > here[2]) == (in_nail, tube[3] > tube[2])
+        near_count, edge_count = near_count + near, edge_count + edge_near
+        open_count, far_count = open_count + (near and not rim_near), far_count + (not near and not edge_near)
+    assert min(near_count, edge_count, open_count, far_count) > 20

@@ -37,9 +37,9 @@ def transmitted(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.
     none = np.zeros_like(rays)
     out, by_cause = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES))
     steel = np.zeros((len(rays), len(CENTRE_ONLY)))
-    crossed = np.ones(len(rays), dtype=bool)
+    beside_steel = np.ones(len(rays), dtype=bool)
     nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 0.0)
-    trace(PixelRays(rays, none, none), CENTRE_ONLY, crossed, steel, nail, out, by_cause)
+    trace(PixelRays(rays, none, none), CENTRE_ONLY, beside_steel, steel, nail, out, by_cause)
     return out
 
 
@@ -70,7 +70,7 @@ def test_metal_is_cylinder_less_bores_less_cannulation(cannulation_mm: float) ->
     assert np.count_nonzero(length < 1e-9) > 2  # some rays pass through a bore or beside the nail
 
 
-def test_pixels_that_an_edge_crosses_are_sampled_more_finely() -> None:
+def test_pixels_beside_steel_are_sampled_more_finely() -> None:
     rays = directions(4, 1)
     beside = np.ascontiguousarray(rays + np.array([[1.0, 0.0]]))  # far beside the nail, at its middle
     right = np.ascontiguousarray(rays - beside)  # but half a pixel further lies the nail
@@ -80,10 +80,9 @@ def test_pixels_that_an_edge_crosses_are_sampled_more_finely() -> None:
     steel[:, :3] = 0.0
     nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0)
     rays_beside = PixelRays(beside, right, np.zeros((1, 2)))
-    trace(rays_beside, places, np.ones(1, dtype=bool), steel, nail, out, by_cause)
-    assert out[0] == pytest.approx(3.0 / 8.0)
-    trace(rays_beside, places, np.zeros(1, dtype=bool), steel, nail, out, by_cause)
-    assert out[0] == pytest.approx(1.0)
+    for beside_steel, expected in ((True, 3.0 / 8.0), (False, 1.0)):
+        trace(rays_beside, places, np.array([beside_steel]), steel, nail, out, by_cause)
+        assert out[0] == pytest.approx(expected)
 
 
 COLUMNS, ROWS, PIXEL = 110, 100, 0.22 / 1000.0
@@ -124,12 +123,23 @@ def blurred(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(gaussian_filter(values.reshape(ROWS, COLUMNS), BLUR_PX))
 
 
-def traced(nail: NailShape) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def traced(nail: NailShape, *, all_finely: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     rays = rays_of_picture()
     count = len(rays.slopes)
     passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES))
-    trace(rays, SAMPLES_PX, np.ones(count, dtype=bool), np.zeros((count, len(SAMPLES_PX))), nail, passed, by_cause)
+    steel_mm = np.zeros((count, len(SAMPLES_PX)))
+    trace(rays, SAMPLES_PX, np.full(count, all_finely), steel_mm, nail, passed, by_cause)
     return passed, by_cause
+
+
+@pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
+def test_the_middle_stands_for_a_pixel_only_away_from_edges(cannulation_mm: float) -> None:
+    nail = nail_in_picture(cannulation_mm)
+    for cause in range(DERIVATIVES):
+        pixelwise = moved(nail, cause, 10.0 * STEPS[cause])
+        passed, finely = traced(pixelwise)[0], traced(pixelwise, all_finely=True)[0]
+        assert np.abs(passed - finely).max() < 0.005
+        assert np.sqrt(np.mean((passed - finely) ** 2)) < 2e-4
 
 
 def moved(nail: NailShape, cause: int, by: float) -> NailShape:
