@@ -69,6 +69,14 @@ def jacobian_row(
 
 
 @compiled
+def _place(pose: Pose, body_mm: NDArray[np.float64], at_camera_mm: NDArray[np.float64]) -> None:
+    rotation, translation_mm = pose
+    x, y, z = body_mm[0], body_mm[1], body_mm[2]
+    for i in range(3):
+        at_camera_mm[i] = rotation[i, 0] * x + rotation[i, 1] * y + rotation[i, 2] * z + translation_mm[i]
+
+
+@compiled
 def _residual(
     intrinsic: NDArray[np.float64], at_camera_mm: NDArray[np.float64], seen_px: NDArray[np.float64]
 ) -> tuple[float, float]:
@@ -82,10 +90,10 @@ def _residual(
 @compiled
 def _cauchy_cost(intrinsic: NDArray[np.float64], pose: Pose, seen: Seen) -> float:
     """Sum of ln(1 + (distance / scale)²)."""
-    rotation, translation_mm = pose
-    cost = 0.0
+    cost, at_camera_mm = 0.0, np.empty(3)
     for n in range(seen.px.shape[0]):
-        across, down = _residual(intrinsic, rotation @ seen.body_mm[n] + translation_mm, seen.px[n])
+        _place(pose, seen.body_mm[n], at_camera_mm)
+        across, down = _residual(intrinsic, at_camera_mm, seen.px[n])
         cost += np.log1p((across * across + down * down) / seen.scale_px[n] ** 2)
     return cost
 
@@ -95,18 +103,18 @@ def _normal_equations(
     intrinsic: NDArray[np.float64], pose: Pose, seen: Seen
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal matrix, shape (6, 6), and gradient, shape (6,), with Cauchy weights."""
-    rotation, translation_mm = pose
-    normal, gradient, row = np.zeros((6, 6)), np.zeros(6), np.empty(6)
+    normal, gradient, row, at_camera_mm = np.zeros((6, 6)), np.zeros(6), np.empty(6), np.empty(3)
     for n in range(seen.px.shape[0]):
-        at_camera_mm = rotation @ seen.body_mm[n] + translation_mm
+        _place(pose, seen.body_mm[n], at_camera_mm)
         residual = _residual(intrinsic, at_camera_mm, seen.px[n])
         ratio = (residual[0] * residual[0] + residual[1] * residual[1]) / seen.scale_px[n] ** 2
         weight = 1.0 / ((1.0 + ratio) * seen.scale_px[n] ** 2)
         for axis in range(2):
-            jacobian_row(intrinsic, rotation, at_camera_mm, seen.body_mm[n], axis, row)
-            gradient += weight * residual[axis] * row
+            jacobian_row(intrinsic, pose[0], at_camera_mm, seen.body_mm[n], axis, row)
             for i in range(6):
-                normal[i] += weight * row[i] * row
+                gradient[i] += weight * residual[axis] * row[i]
+                for k in range(6):
+                    normal[i, k] += weight * row[i] * row[k]
     return normal, gradient
 
 

@@ -79,8 +79,8 @@ def test_pixels_beside_steel_are_sampled_more_finely() -> None:
     steel = np.full((1, len(places)), 1e3)
     steel[:, :3] = 0.0
     nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0)
-    rays_beside = PixelRays(beside, right, np.zeros((1, 2)))
-    for beside_steel, expected in ((True, 3.0 / 8.0), (False, 1.0)):
+    for beside_steel, pixel, expected in ((True, right, 3.0 / 8.0), (False, 0.01 * right, 1.0)):
+        rays_beside = PixelRays(beside, pixel, np.zeros((1, 2)))
         trace(rays_beside, places, np.array([beside_steel]), steel, nail, out, by_cause)
         assert out[0] == pytest.approx(expected)
 
