@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# A lattice of 16 places with a row and a column of its own for each; every fourth place first, since those four alone
-# stand for pixels that no edge crosses.
-_LATTICE = np.stack([np.arange(16), 7 * np.arange(16) % 16], axis=1)
-SAMPLES_PX = (np.concatenate([_LATTICE[start::4] for start in (1, 3, 0, 2)]) + 0.5) / 16.0 - 0.5
+# A lattice of 16 places with a row and a column of its own for each. The first four alone stand for pixels that no edge
+# crosses: they have a quarter of the rows and columns each, and the pixel's middle as their mean.
+_FIRST = [1, 14, 6, 9]
+_ORDER = np.array([*_FIRST, *(k for k in range(16) if k not in _FIRST)])
+SAMPLES_PX = (np.stack([_ORDER, (7 * _ORDER + 3) % 16], axis=1) + 0.5) / 16.0 - 0.5
 
 # Fewer are followed sooner than handed to another core.
 LEAST_RAYS_TO_SHARE = 1000
