@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from services.registration.core.nail.appearance import derivatives_of_share, visible_share
+from services.registration.core.nail.bordered import BorderedMatrix, Factor, factorised
 from services.registration.core.nail.scene import NailScene
 from services.registration.core.nail.texture import SplineField
 from services.registration.core.nail.texture_sums import Columns, add_normal_equations, add_right_sides, columns_of
@@ -62,7 +62,7 @@ class Linear:
     floor: NDArray[np.float64]
     residual: NDArray[np.float64]
     cost: float
-    factor: tuple[NDArray[np.float64], bool]
+    factor: Factor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,8 +110,8 @@ def solution_again(problem: Problem, known: Linear) -> Linear:
 def _solution(problem: Problem, traced: Paths, visible: NDArray[np.float64]) -> Linear:
     columns = _columns(problem, visible)
     matrix, side = _normal_equations(problem, columns)
-    factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
-    coefficients = cho_solve(factor, side, check_finite=False)
+    factor = factorised(matrix)
+    coefficients = factor.solved(side)
     size = problem.field.size
     c = coefficients[:size]
     background = problem.field.at_places(c)
@@ -130,20 +130,21 @@ def _columns(problem: Problem, visible: NDArray[np.float64]) -> Columns:
     return columns_of(problem.field, visible, dense, problem.weight)
 
 
-def _normal_equations(problem: Problem, columns: Columns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower triangle of A'WA and the background's prior, shape (M + D, M + D), and A'W grey, shape (M + D,)."""
-    size = problem.field.size
-    total = size + columns.dense.shape[1]
+def _normal_equations(problem: Problem, columns: Columns) -> tuple[BorderedMatrix, NDArray[np.float64]]:
+    """A'WA and the background's prior, for M + D coefficients, and A'W grey, shape (M + D,)."""
+    size, dense = problem.field.size, columns.dense.shape[1]
+    width = problem.field.roughness_band.shape[1]
 
-    def of_part(part: slice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        matrix, side = np.zeros((total, total)), np.zeros(total)
+    def of_part(part: slice) -> tuple[NDArray[np.float64], ...]:
+        matrix, side = BorderedMatrix.of_zeros(size, width, dense), np.zeros(size + dense)
         add_normal_equations(columns, part.start, part.stop, problem.grey, matrix, side)
-        return matrix, side
+        return (*matrix, side)
 
     halves = on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS)
-    matrix, side = (_total(parts) for parts in zip(*halves, strict=True))
-    matrix[:size, :size] += problem.texture_precision * problem.field.roughness
-    matrix[np.diag_indices(total)] += _LEAST_RIDGE * np.trace(matrix) / total
+    band, border, corner, side = (_total(parts) for parts in zip(*halves, strict=True))
+    band += problem.texture_precision * problem.field.roughness_band
+    matrix = BorderedMatrix(band, border, corner)
+    matrix.add_to_diagonal(_LEAST_RIDGE)
     return matrix, side
 
 
@@ -178,7 +179,7 @@ def equations_at(problem: Problem, here: Linear) -> Equations:
     """Normal matrix and gradient of the free parameters with the linear ones eliminated."""
     columns = _derivatives_at(problem, here)
     cross = _right_sides(_columns(problem, here.visible), columns)
-    normal = columns.T @ (problem.weight[:, None] * columns) - cross.T @ _made_up_for(here, cross)
+    normal = columns.T @ (problem.weight[:, None] * columns) - cross.T @ here.factor.solved(cross)
     normal[np.diag_indices(len(normal))] += prior_precision()[problem.free]
     return Equations(Sensitivity(here.traced.parameters, columns), normal, _gradient(problem, here, columns))
 
@@ -188,11 +189,7 @@ def followed_by_linear(problem: Problem, here: Linear, columns: NDArray[np.float
 
     The result has shape (M + D, P).
     """
-    return _made_up_for(here, _right_sides(_columns(problem, here.visible), columns))
-
-
-def _made_up_for(here: Linear, cross: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(cho_solve(here.factor, cross, check_finite=False))
+    return here.factor.solved(_right_sides(_columns(problem, here.visible), columns))
 
 
 def with_gradient_at(problem: Problem, here: Linear, known: Equations) -> Equations:

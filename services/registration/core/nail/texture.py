@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
+from services.registration.core.nail.bordered import lower_band
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +27,8 @@ class SplineField:
         Number of coefficients along and across.
     roughness
         Precision matrix of the prior for unit scale: squared second differences along both axes, shape (M, M).
+    roughness_band
+        The same as a band (see `BorderedMatrix`), as wide as any two coefficients that act at one place are apart.
     """
 
     corner: NDArray[np.int64]
@@ -35,6 +38,7 @@ class SplineField:
     across_weights: NDArray[np.float64]
     grid: tuple[int, int]
     roughness: NDArray[np.float64]
+    roughness_band: NDArray[np.float64]
 
     @property
     def size(self) -> int:
@@ -56,7 +60,9 @@ def spline_field(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], 
     corner = first * count_across + second
     order = np.argsort(corner, kind="stable")
     cells = np.flatnonzero(np.diff(corner[order], prepend=-1, append=-1))
-    return SplineField(corner, order, cells, weights_along, weights_across, (count_along, count_across), roughness)
+    band = lower_band(roughness, 3 * count_across + 4)
+    grid = count_along, count_across
+    return SplineField(corner, order, cells, weights_along, weights_across, grid, roughness, band)
 
 
 def _axis_weights(places: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.int64], int, NDArray[np.float64]]:

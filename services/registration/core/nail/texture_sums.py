@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
+from services.registration.core.nail.bordered import BorderedMatrix
 from services.registration.core.nail.texture import SplineField
 
 _IN_CELL = 16
@@ -87,7 +88,7 @@ def add_normal_equations(
     first: int,
     end: int,
     target: NDArray[np.float64],
-    matrix: NDArray[np.float64],
+    matrix: BorderedMatrix,
     side: NDArray[np.float64],
 ) -> None:
     """Add A'WA and A'W target of the cells from `first` to before `end`.
@@ -97,7 +98,7 @@ def add_normal_equations(
     target
         Shape (N,).
     matrix, side
-        Results, shapes (M + D, M + D), of which the lower triangle is filled, and (M + D,).
+        Results, for M + D coefficients.
     """
     for cell in range(first, end):
         index, rows = _cell_index(columns, cell), _cell_rows(columns, cell)
@@ -106,8 +107,14 @@ def add_normal_equations(
         block, of_target = np.dot(rows.T, weighted), np.dot(weighted.T, target[places])
         for a in range(index.shape[0]):
             side[index[a]] += of_target[a]
+        for a in range(_IN_CELL):
             for b in range(a + 1):
-                matrix[index[a], index[b]] += block[a, b]
+                matrix.band[index[b], index[a] - index[b]] += block[a, b]
+        for a in range(_IN_CELL, index.shape[0]):
+            for b in range(_IN_CELL):
+                matrix.border[a - _IN_CELL, index[b]] += block[a, b]
+            for b in range(_IN_CELL, a + 1):
+                matrix.corner[a - _IN_CELL, b - _IN_CELL] += block[a, b]
 
 
 @compiled

@@ -5,6 +5,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.bordered import Factor
 from services.registration.core.nail.capture import Optimum, brought_to_rest
 from services.registration.core.nail.equations import Linear, Sensitivity
 from services.registration.core.nail.scene import NailScene
@@ -15,9 +16,9 @@ NOTHING: NDArray[np.float64] = np.zeros(0)
 
 
 def optimum(cost: float, tilt_deg: float, least_cost: float | None = None) -> Optimum:
-    # costs alone are compared: no scene is looked at
-    scene = cast("NailScene", None)
-    linear = Linear(scene, Paths(NOTHING, NOTHING, NOTHING), NOTHING, NOTHING, NOTHING, NOTHING, cost, (NOTHING, True))
+    # costs alone are compared: no scene is looked at, and nothing solved
+    scene, factor = cast("NailScene", None), cast("Factor", None)
+    linear = Linear(scene, Paths(NOTHING, NOTHING, NOTHING), NOTHING, NOTHING, NOTHING, NOTHING, cost, factor)
     solution = Solution(
         linear,
         Sensitivity(NOTHING, NOTHING),

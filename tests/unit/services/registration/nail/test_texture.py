@@ -1,7 +1,9 @@
 """The background field: what it can follow, what its prior resists, and its normal equations."""
 
 import numpy as np
+from numpy.typing import NDArray
 
+from services.registration.core.nail.bordered import BorderedMatrix, factorised, lower_band
 from services.registration.core.nail.texture import SplineField, spline_field
 from services.registration.core.nail.texture_sums import add_normal_equations, add_right_sides, columns_of
 
@@ -11,8 +13,19 @@ def field_at(count: int, seed: int) -> SplineField:
     return spline_field(rng.uniform(-20.0, 20.0, count), rng.uniform(-8.0, 8.0, count), 3.0)
 
 
-def basis_matrix(field: SplineField) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def basis_matrix(field: SplineField) -> NDArray[np.float64]:
     return np.column_stack([field.at_places(column) for column in np.eye(field.size)])
+
+
+def whole(matrix: BorderedMatrix) -> NDArray[np.float64]:
+    """Lower triangle of the full matrix."""
+    size, width = matrix.band.shape
+    out = np.zeros((size + len(matrix.corner), size + len(matrix.corner)))
+    for k in range(width):
+        for m in range(size - k):
+            out[m + k, m] = matrix.band[m, k]
+    out[size:, :size], out[size:, size:] = matrix.border, np.tril(matrix.corner)
+    return out
 
 
 def test_equal_coefficients_are_a_constant() -> None:
@@ -36,13 +49,34 @@ def test_normal_equations_are_those_of_the_dense_matrix() -> None:
     gain, weight, targets = rng.uniform(0.0, 1.0, 300), rng.uniform(0.5, 2.0, 300), rng.normal(size=(300, 2))
     dense = rng.normal(size=(300, 3))
     total, target = field.size + 3, rng.normal(size=300)
-    matrix, right, side = np.zeros((total, total)), np.zeros((total, 2)), np.zeros(total)
+    matrix = BorderedMatrix.of_zeros(field.size, field.roughness_band.shape[1], 3)
+    right, side = np.zeros((total, 2)), np.zeros(total)
     of_field, cells = columns_of(field, gain, dense, weight), len(field.cells) - 1
     for first, end in ((0, cells // 3), (cells // 3, cells)):
         add_normal_equations(of_field, first, end, target, matrix, side)
         add_right_sides(of_field, first, end, targets, right)
     columns = np.column_stack([gain[:, None] * basis_matrix(field), dense])
     expected = columns.T @ (weight[:, None] * columns)
-    assert np.abs(np.tril(matrix) - np.tril(expected)).max() < 1e-9
+    assert np.abs(np.tril(whole(matrix)) - np.tril(expected)).max() < 1e-9
     assert np.abs(side - columns.T @ (weight * target)).max() < 1e-9
     assert np.abs(right - columns.T @ (weight[:, None] * targets)).max() < 1e-9
+
+
+def test_a_bordered_matrix_is_solved_like_the_full_one() -> None:
+    rng = np.random.default_rng(4)
+    field = field_at(300, 4)
+    columns = np.column_stack([rng.uniform(0.0, 1.0, (300, 1)) * basis_matrix(field), rng.normal(size=(300, 3))])
+    size, width = field.size, field.roughness_band.shape[1]
+    full = columns.T @ columns
+    full[:size, :size] += 0.1 * field.roughness
+    full[np.diag_indices(size + 3)] += 1e-3 * np.trace(full) / (size + 3)
+    block = columns.T @ columns
+    matrix = BorderedMatrix(
+        lower_band(block[:size, :size], width) + 0.1 * field.roughness_band, block[size:, :size], block[size:, size:]
+    )
+    matrix.add_to_diagonal(1e-3)
+    assert np.abs(np.tril(whole(matrix)) - np.tril(full)).max() < 1e-9
+    sides = rng.normal(size=(size + 3, 4))
+    factor = factorised(matrix)
+    assert np.abs(full @ factor.solved(sides) - sides).max() < 1e-8
+    assert np.array_equal(factor.solved(sides[:, 0]), factor.solved(sides[:, :1])[:, 0])

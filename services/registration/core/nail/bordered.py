@@ -1,0 +1,81 @@
+"""Normal equations of a field, whose coefficients know only their neighbours, and of a few columns that act everywhere.
+
+The field's block is a band; what it has in common with the others is a border. Solved so, the equations cost a small
+part of what they would as a full matrix.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+
+
+class BorderedMatrix(NamedTuple):
+    """A symmetric matrix of M + D rows.
+
+    Attributes
+    ----------
+    band
+        Of the first M rows: place (m, k) holds what stands in row m + k and column m, shape (M, width).
+    border
+        The last D rows without their last D columns, shape (D, M).
+    corner
+        The last D rows and columns, shape (D, D), of which the lower triangle counts.
+    """
+
+    band: NDArray[np.float64]
+    border: NDArray[np.float64]
+    corner: NDArray[np.float64]
+
+    @staticmethod
+    def of_zeros(size: int, width: int, dense: int) -> "BorderedMatrix":
+        """Nothing yet, for M = `size` and D = `dense`."""
+        return BorderedMatrix(np.zeros((size, width)), np.zeros((dense, size)), np.zeros((dense, dense)))
+
+    def add_to_diagonal(self, share_of_mean: float) -> None:
+        """Raise the diagonal by a share of its mean, in place."""
+        in_corner = np.diag_indices(len(self.corner))
+        total = float(self.band[:, 0].sum() + self.corner[in_corner].sum())
+        rise = share_of_mean * total / (len(self.band) + len(self.corner))
+        self.band[:, 0] += rise
+        self.corner[in_corner] += rise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Factor:
+    """Cholesky factors of band and of the corner without what the band explains of it, and the border.
+
+    Attributes: `band` as LAPACK holds it, shape (width, M); `border` and `behind_band` (band⁻¹ border'), shapes (D, M)
+    and (M, D); `corner`, shape (D, D).
+    """
+
+    band: NDArray[np.float64]
+    border: NDArray[np.float64]
+    behind_band: NDArray[np.float64]
+    corner: NDArray[np.float64]
+
+    def solved(self, sides: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Solution for right-hand sides of shape (M + D,) or (M + D, T), of the same shape."""
+        size = len(self.behind_band)
+        of_field = cho_solve_banded((self.band, True), sides[:size], check_finite=False)
+        of_dense = cho_solve((self.corner, True), sides[size:] - self.border @ of_field, check_finite=False)
+        return np.concatenate([of_field - self.behind_band @ of_dense, of_dense])
+
+
+def factorised(matrix: BorderedMatrix) -> Factor:
+    """Factor a matrix, which must be positive definite; its band is overwritten."""
+    band = cholesky_banded(matrix.band.T, overwrite_ab=True, lower=True, check_finite=False)
+    behind_band = cho_solve_banded((band, True), matrix.border.T, check_finite=False)
+    corner, _ = cho_factor(matrix.corner - matrix.border @ behind_band, lower=True, check_finite=False)
+    return Factor(band, matrix.border, behind_band, corner)
+
+
+def lower_band(matrix: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """Band of a symmetric matrix, shape (M, M), that has nothing beyond it, as `BorderedMatrix` holds it."""
+    size = len(matrix)
+    band = np.zeros((size, width))
+    for k in range(min(width, size)):
+        band[: size - k, k] = np.diagonal(matrix, -k)
+    return band
