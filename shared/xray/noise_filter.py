@@ -5,9 +5,14 @@ To a least-squares fit that takes pixels for independent, an edge then tells muc
 which makes the noise about white, the centres of balls are a fifth better.
 """
 
+from typing import TypeVar
+
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 _BLOCK_PX = 32
 _STEP_PX = 16
@@ -48,21 +53,23 @@ def noise_whitened(
 
 def _flat_blocks(pixels: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Residuals of the blocks with the least structure after a quadratic has been taken off, shape (K, 32, 32)."""
-    rows, columns = (range(0, side - _BLOCK_PX + 1, _STEP_PX) for side in pixels.shape)
-    places = [
-        (slice(i, i + _BLOCK_PX), slice(j, j + _BLOCK_PX))
-        for i in rows
-        for j in columns
-        if usable[i : i + _BLOCK_PX, j : j + _BLOCK_PX].all()
-    ]
-    if not places:
+    if min(pixels.shape) < _BLOCK_PX:
         return np.zeros((0, _BLOCK_PX, _BLOCK_PX))
-    blocks = np.stack([pixels[place] for place in places]).reshape(len(places), -1).astype(np.float64)
-    smooth = _quadratics()
-    residuals = blocks - blocks @ smooth @ smooth.T
-    order = np.argsort(residuals.std(axis=1))
-    count = max(_LEAST_BLOCKS, int(_FLATTEST * len(order)))
-    return residuals[order[:count]].reshape(-1, _BLOCK_PX, _BLOCK_PX)
+    whole = _blocks_of(usable).all(axis=(2, 3))
+    blocks = _blocks_of(pixels)[whole].reshape(-1, _BLOCK_PX * _BLOCK_PX)
+    # of large grey values, single precision would hold little but their mean
+    blocks = blocks - blocks.mean(axis=1, keepdims=True, dtype=np.float64).astype(np.float32)
+    basis = _quadratics()
+    smooth = blocks @ basis.astype(np.float32)
+    structure = np.einsum("kp,kp->k", blocks, blocks) - np.einsum("kt,kt->k", smooth, smooth)
+    flattest = np.argsort(structure)[: max(_LEAST_BLOCKS, int(_FLATTEST * len(blocks)))]
+    chosen = blocks[flattest].astype(np.float64)
+    return np.asarray(chosen - chosen @ basis @ basis.T).reshape(-1, _BLOCK_PX, _BLOCK_PX)
+
+
+def _blocks_of(picture: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Overlapping blocks of a picture, a view of shape (down, across, 32, 32)."""
+    return sliding_window_view(picture, (_BLOCK_PX, _BLOCK_PX))[::_STEP_PX, ::_STEP_PX]
 
 
 def _quadratics() -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.seeds import Array, Ints, Seeds, make_seeds
 from shared.geometry.calibration import BallCandidates
 from shared.geometry.parts import RingPart
+from shared.xray.assignment import nearest_to_each
 
 _NONE = -1
 _GROWN_SEEDS = 32
@@ -157,9 +158,7 @@ class _Matcher:
         ratio = np.log(self._radius[candidate] / self.constellation.radius_px[ball])
         fits = (ratio > _SIZE_RANGE[0]) & (ratio < _SIZE_RANGE[1])
         ball, candidate, distance = ball[fits], candidate[fits], distance[fits]
-        order = np.argsort(distance, kind="stable")
-        _, first = np.unique(candidate[order], return_index=True)
-        keep = order[first]
+        keep = nearest_to_each(candidate, distance)
         return ball[keep], candidate[keep]
 
 

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from shared.geometry.camera import PinholeCamera
+from shared.xray.assignment import nearest_to_each
 
 _LOOSE_PX = 6.0
 _TIGHT_PX = 1.5
@@ -90,8 +91,6 @@ def _assigned(
     """Nearest disc of each ball within the tolerance, no disc twice: ball and disc indices."""
     nearest = discs.tree.query(camera.project(pose.points(balls_mm)), distance_upper_bound=tolerance_px)
     distance, disc = (np.asarray(part) for part in nearest)
-    order = np.argsort(distance, kind="stable")
-    order = order[np.isfinite(distance[order])]
-    _, first = np.unique(disc[order], return_index=True)
-    ball = np.sort(order[first])
-    return ball.astype(np.int64), np.asarray(disc[ball], dtype=np.int64)
+    near = np.flatnonzero(np.isfinite(distance))
+    ball = np.sort(near[nearest_to_each(disc[near], distance[near])])
+    return ball, np.asarray(disc[ball], dtype=np.int64)
