@@ -25,6 +25,18 @@ _ROOT_2PI = math.sqrt(2.0 * math.pi)
 # Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26: the complementary error function to 1.5e-7.
 _P = 0.3275911
 _A1, _A2, _A3, _A4, _A5 = 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429
+# From here on a bell is taken to be as flat as here (4e-18).
+_FLAT = 40.0
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+def bell_of(z: float) -> float:
+    """exp(-z^2/2) to 1e-12: the exponential of a 256th of it, eight times squared, which needs no library call."""
+    x = min(0.5 * z * z, _FLAT) / -256.0
+    bell = 1.0 + x * (1.0 + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0))))
+    for _ in range(8):
+        bell *= bell
+    return bell
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
@@ -78,13 +90,15 @@ def _shades(samples: Array, p: Array, discs: int, k: int, rows: Array) -> None:
     """
     first, blur = BACKGROUND_TERMS + k, p[-1]
     x, y, radius = p[first + discs], p[first + 2 * discs], p[first + 3 * discs]
+    shade, distance, bell = rows[first], rows[first + 2 * discs], rows[first + 3 * discs]
+    # three short loops, which the compiler turns into vector instructions, where one long one stays as it is
     for n in range(len(samples)):
         dx, dy = samples[n, 0] - x, samples[n, 1] - y
-        distance = math.sqrt(dx * dx + dy * dy) + 1e-9
-        z = (distance - radius) / blur
-        bell = math.exp(-0.5 * z * z)
-        rows[first, n] = edge(z, bell)
-        rows[first + 2 * discs, n], rows[first + 3 * discs, n] = distance, bell
+        distance[n] = math.sqrt(dx * dx + dy * dy) + 1e-9
+    for n in range(len(samples)):
+        bell[n] = bell_of((distance[n] - radius) / blur)
+    for n in range(len(samples)):
+        shade[n] = edge((distance[n] - radius) / blur, bell[n])
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
