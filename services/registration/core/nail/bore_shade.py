@@ -25,7 +25,7 @@ _LEAST_INCIDENCE = 0.002
 
 
 @compiled
-def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float64]) -> float:
+def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float32]) -> float:
     """Add the motion of a path's end on the nail or its cannulation; returns the share that the radius has."""
     ox, oy, oz, dx, dy, dz = ray
     x, y, z = ox + place * dx, oy + place * dy, oz + place * dz
@@ -37,7 +37,7 @@ def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float64]) -
 
 @compiled
 def _add_cone_end(
-    ray: Ray, place: float, inwards: float, bore: Bore, weight: float, slope: NDArray[np.float64]
+    ray: Ray, place: float, inwards: float, bore: Bore, weight: float, slope: NDArray[np.float32]
 ) -> None:
     """Add the motion of a path's end on a bore's chamfer; `weight` is the derivative of what passes by the length."""
     _, gx, gy, gz = cone(ray, place, bore)
@@ -51,7 +51,7 @@ def _add_cone_end(
 
 @compiled
 def _add_wall(
-    ray: Ray, tube: Tube, bore: Bore, first: float, last: float, share: float, slope: NDArray[np.float64]
+    ray: Ray, tube: Tube, bore: Bore, first: float, last: float, share: float, slope: NDArray[np.float32]
 ) -> None:
     """Add the motion of a bore's wall along a stretch of the ray, as the middle of the stretch sees it."""
     middle = 0.5 * (max(first, tube[0]) + min(last, tube[1]))
@@ -73,7 +73,7 @@ def _behind_bore(
     unit_mm: float,
     steel_mm: float,
     material: Material,
-    slope: NDArray[np.float64],
+    slope: NDArray[np.float32],
 ) -> Shade:
     """Shade of a ray that is in a bore between two places; derivatives by the other ends are added, times `weight`."""
     near, far, inner_near, inner_far = tube
@@ -117,7 +117,7 @@ def shade_at_bore(
     unit_mm: float,
     steel_mm: float,
     material: Material,
-    slope: NDArray[np.float64],
+    slope: NDArray[np.float32],
 ) -> Shade:
     """Shade of a ray that a bore touches, mean over the bore's radius from `-step_mm` to `step_mm`."""
     wide, narrow = in_bore(ray, bore, step_mm), in_bore(ray, bore, -step_mm)

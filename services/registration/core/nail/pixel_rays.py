@@ -31,6 +31,33 @@ class PixelRays(NamedTuple):
     down: NDArray[np.float64]
 
 
+class SteelBeside(NamedTuple):
+    """Paths in steel other than the nail, which few pixels have.
+
+    Attributes
+    ----------
+    row
+        Which row of `path_mm` is each pixel's, -1 where there is none, shape (S,).
+    path_mm
+        At each of the `SAMPLES_PX`, shape (K, samples).
+    """
+
+    row: NDArray[np.int64]
+    path_mm: NDArray[np.float64]
+
+    @staticmethod
+    def of_pixels(count: int, places: NDArray[np.int64], path_mm: NDArray[np.float64]) -> "SteelBeside":
+        """Of so many pixels those with a path, looked for at some places; paths there have shape (places, samples)."""
+        some = np.any(path_mm > 0.0, axis=1)
+        row = np.full(count, -1, dtype=np.int64)
+        row[places[some]] = np.arange(np.count_nonzero(some))
+        return SteelBeside(row, np.ascontiguousarray(path_mm[some]))
+
+    def of(self, part: slice) -> "SteelBeside":
+        """That of some of the pixels."""
+        return SteelBeside(self.row[part], self.path_mm)
+
+
 def pixel_rays(slopes: NDArray[np.float64]) -> PixelRays:
     """Rays of all pixels, row by row, of a rectangle whose directions have shape (rows, columns, 2)."""
     # differences between neighbours are good enough: distortion is smooth

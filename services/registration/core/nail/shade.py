@@ -51,7 +51,7 @@ def mean_shade(low: Shade, middle: Shade, high: Shade) -> Shade:
 
 @compiled
 def add_motion(
-    x: float, y: float, z: float, gx: float, gy: float, gz: float, share: float, slope: NDArray[np.float64]
+    x: float, y: float, z: float, gx: float, gy: float, gz: float, share: float, slope: NDArray[np.float32]
 ) -> None:
     """Add what the motion of a surface at (x, y, z) along its normal g contributes."""
     slope[0] += share * (y * gz - z * gy)

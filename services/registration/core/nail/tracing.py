@@ -44,26 +44,18 @@ class Paths:
 
     parameters: NDArray[np.float64]
     passed: NDArray[np.float64]
-    by_cause: NDArray[np.float64]
+    by_cause: NDArray[np.float32]
 
 
 def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
     """Trace all rays of the window."""
     window, count = scene.window, len(scene.window.support)
-    passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES))
-    steel_mm = STEEL_IN_NAIL_MATERIAL[scene.nail.material] * window.steel_mm
+    passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
     shape = _nail_shape(scene, parameters)
 
     def trace_part(part: slice) -> None:
-        trace(
-            rays_of(window.rays, part),
-            SAMPLES_PX,
-            window.beside_steel[part],
-            steel_mm[part],
-            shape,
-            passed[part],
-            by_cause[part],
-        )
+        rays, steel = rays_of(window.rays, part), window.steel.of(part)
+        trace(rays, SAMPLES_PX, steel, shape, passed[part], by_cause[part])
 
     on_both_halves(trace_part, count, LEAST_RAYS_TO_SHARE)
     return Paths(parameters, _on_rectangle(window, passed, 1.0), by_cause)
@@ -76,7 +68,7 @@ def derivatives_of_paths(scene: NailScene, traced: Paths, free: NDArray[np.bool_
     causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
     causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
     causes[Unknown.CHAMFER_DEVIATIONS] *= _chamfer(scene.nail, traced.parameters)[1]
-    for values in (causes[free[: len(_OF_PATHS)]] @ traced.by_cause.T).astype(np.float32):
+    for values in causes[free[: len(_OF_PATHS)]].astype(np.float32) @ traced.by_cause.T:
         yield _on_rectangle(scene.window, values, 0.0)
 
 
@@ -93,6 +85,7 @@ def _nail_shape(scene: NailScene, parameters: NDArray[np.float64]) -> NailShape:
         np.array([_bore_row(h, excess, radius_mm - _chamfer(nail, parameters)[0]) for h in nail.holes]),
         ATTENUATION_PER_MM[nail.material] * float(np.exp(parameters[Unknown.LOG_ATTENUATION])),
         float(parameters[Unknown.HARDENING]),
+        STEEL_IN_NAIL_MATERIAL[nail.material],
     )
 
 

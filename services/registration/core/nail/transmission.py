@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
 from services.registration.core.nail.bore_shade import shade_at_bore
-from services.registration.core.nail.pixel_rays import PixelRays
+from services.registration.core.nail.pixel_rays import PixelRays, SteelBeside
 from services.registration.core.nail.ray_geometry import (
     LEAST_STEP_MM,
     NO_TUBE,
@@ -51,6 +51,8 @@ class NailShape(NamedTuple):
         it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
     attenuation, hardening
         Mean of the X-rays' attenuations, per mm, and how much they differ (`shade.py`).
+    steel_mm_per_mm
+        How much of the nail's material attenuates as 1 mm of steel does.
     """
 
     rotation: NDArray[np.float64]
@@ -60,11 +62,12 @@ class NailShape(NamedTuple):
     bores: NDArray[np.float64]
     attenuation: float
     hardening: float
+    steel_mm_per_mm: float
 
 
 @compiled
 def _add_sample(
-    ray: Ray, tube: Tube, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float64]
+    ray: Ray, tube: Tube, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float32]
 ) -> float:
     """Share that passes along one ray; its derivatives are added to `slope`. The tube matters where a bore is near."""
     material = (nail.attenuation, nail.hardening)
@@ -96,11 +99,10 @@ def _bore_and_edge_near(cx: float, cy: float, nail: NailShape, reach_mm: float) 
 def trace(
     rays: PixelRays,
     samples_px: NDArray[np.float64],
-    beside_steel: NDArray[np.bool_],
-    steel_mm: NDArray[np.float64],
+    steel: SteelBeside,
     nail: NailShape,
     passed: NDArray[np.float64],
-    by_cause: NDArray[np.float64],
+    by_cause: NDArray[np.float32],
 ) -> None:
     """Mean over each pixel of the share that passes, with more samples where the first four differ.
 
@@ -112,10 +114,8 @@ def trace(
         Of the S pixels.
     samples_px
         Places within a pixel, shape (K, 2); the first four stand for the pixel by themselves.
-    beside_steel
-        Whether other steel shades part of the pixel, shape (S,).
-    steel_mm
-        Path in balls, as much of the nail's material as attenuates the same, shape (S, K).
+    steel
+        Balls and wires beside the nail.
     passed
         Result, shape (S,).
     by_cause
@@ -132,7 +132,8 @@ def trace(
         bore_near, edge_near = _bore_and_edge_near(
             rays.slopes[n, 0], rays.slopes[n, 1], nail, _EDGE_REACH_PX * pixel_mm
         )
-        several = edge_near or beside_steel[n]
+        row = steel.row[n]
+        several = edge_near or row >= 0
         for k in range(samples_px.shape[0]):
             if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not several):
                 break
@@ -143,7 +144,8 @@ def trace(
             ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)
             tube = tube_of(ray, nail.radius_mm, nail.cannulation_radius_mm) if bore_near else NO_TUBE
             unit_mm = np.sqrt(cx * cx + cy * cy + 1.0)
-            share = _add_sample(ray, tube, nail, step_mm, unit_mm, steel_mm[n, k], slope)
+            steel_mm = nail.steel_mm_per_mm * steel.path_mm[row, k] if row >= 0 else 0.0
+            share = _add_sample(ray, tube, nail, step_mm, unit_mm, steel_mm, slope)
             total += share
             least, most = min(least, share), max(most, share)
             count += 1

@@ -70,7 +70,7 @@ def shade_at_tube(
     unit_mm: float,
     steel_mm: float,
     material: Material,
-    slope: NDArray[np.float64],
+    slope: NDArray[np.float32],
 ) -> Shade:
     """Shade of a ray that no bore touches."""
     ox, oy, oz, dx, dy, dz = ray

@@ -13,6 +13,7 @@ from services.registration.core.nail.pixel_rays import (
     LEAST_RAYS_TO_SHARE,
     SAMPLES_PX,
     PixelRays,
+    SteelBeside,
     pixel_rays,
     rays_of,
     sample_directions,
@@ -53,10 +54,8 @@ class Window:
         Position of the strip's pixels in the nail's plane at the start pose, shape (N,).
     rays
         Of the support's pixels.
-    beside_steel
-        Whether a ball or wire shades part of a pixel of the support, shape (S,).
-    steel_mm
-        Path in steel balls and wires at each of the `SAMPLES_PX` of the support's pixels, shape (S, samples).
+    steel
+        Paths in balls and wires of the support's pixels.
     delrin_excess_mm
         Path in the guide's body beyond the strip's usual one, mean over the samples of each pixel, on the whole
         rectangle, shape of it: what all of the strip has in common cannot be told from the background.
@@ -73,8 +72,7 @@ class Window:
     along_mm: NDArray[np.float64]
     across_mm: NDArray[np.float64]
     rays: PixelRays
-    beside_steel: NDArray[np.bool_]
-    steel_mm: NDArray[np.float64]
+    steel: SteelBeside
     delrin_excess_mm: NDArray[np.float64]
 
     def strip(self, picture: NDArray[Real]) -> NDArray[np.float64]:
@@ -114,7 +112,7 @@ def cut_window(
     support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
     everywhere = pixel_rays(slopes)
     rays, delrin = rays_of(everywhere, support), _delrin_map(everywhere, occluders).reshape(grid.shape)
-    steel = _steel_mm(rays, grid.centres_px.reshape(-1, 2)[support], grid.reduction, occluders, calibration)
+    steel = _steel_beside(rays, grid.centres_px.reshape(-1, 2)[support], grid.reduction, occluders, calibration)
     grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
@@ -131,16 +129,15 @@ def cut_window(
         along[compared],
         across[compared],
         rays,
-        np.any(steel > 0.0, axis=1),
         steel,
         delrin - np.median(delrin.ravel()[compared]),
     )
 
 
-def _steel_mm(
+def _steel_beside(
     rays: PixelRays, centres_px: NDArray[np.float64], side_px: int, occluders: Occluders, calibration: CArmCalibration
-) -> NDArray[np.float64]:
-    """Path in balls and wires at each of the `SAMPLES_PX`, shape (S, samples); rays far from all are left at zero."""
+) -> SteelBeside:
+    """Paths in balls and wires; rays far from all are not followed."""
     near = np.zeros(len(centres_px), dtype=bool)
     wires_px = [rod.discs_px(calibration, _WIRE_REACH_MM) for rod in occluders.rods]
     discs_px = np.concatenate([ball_discs_px(occluders, calibration), *wires_px])
@@ -151,10 +148,9 @@ def _steel_mm(
     for x, y, radius in np.column_stack([discs_px[:, :2], reach_px])[np.all(around, axis=1)]:
         near |= (centres_px[:, 0] - x) ** 2 + (centres_px[:, 1] - y) ** 2 < radius**2
     places = np.flatnonzero(near)
-    steel = np.zeros((len(centres_px), len(SAMPLES_PX)))
     directions = sample_directions(rays_of(rays, places), SAMPLES_PX)
-    steel[places] = steel_path_mm(directions, occluders, calibration).reshape(len(places), len(SAMPLES_PX))
-    return steel
+    path_mm = steel_path_mm(directions, occluders, calibration).reshape(len(places), len(SAMPLES_PX))
+    return SteelBeside.of_pixels(len(centres_px), places, path_mm)
 
 
 def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:

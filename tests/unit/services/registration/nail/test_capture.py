@@ -18,7 +18,9 @@ NOTHING: NDArray[np.float64] = np.zeros(0)
 def optimum(cost: float, tilt_deg: float, least_cost: float | None = None) -> Optimum:
     # costs alone are compared: no scene is looked at, and nothing solved
     scene, factor = cast("NailScene", None), cast("Factor", None)
-    linear = Linear(scene, Paths(NOTHING, NOTHING, NOTHING), NOTHING, NOTHING, NOTHING, NOTHING, cost, factor)
+    linear = Linear(
+        scene, Paths(NOTHING, NOTHING, NOTHING.astype(np.float32)), NOTHING, NOTHING, NOTHING, NOTHING, cost, factor
+    )
     solution = Solution(
         linear,
         Sensitivity(NOTHING, NOTHING),

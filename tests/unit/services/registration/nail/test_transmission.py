@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.nail.pixel_rays import SAMPLES_PX, PixelRays
+from services.registration.core.nail.pixel_rays import SAMPLES_PX, PixelRays, SteelBeside
 from services.registration.core.nail.shade import (
     CHAMFER,
     DERIVATIVES,
@@ -33,13 +33,15 @@ def directions(seed: int, count: int) -> NDArray[np.float64]:
     return np.ascontiguousarray(points[:, :2] / points[:, 2:])
 
 
+def no_steel(count: int) -> SteelBeside:
+    return SteelBeside(np.full(count, -1), np.zeros((0, len(SAMPLES_PX))))
+
+
 def transmitted(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.float64]:
     none = np.zeros_like(rays)
-    out, by_cause = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES))
-    steel = np.zeros((len(rays), len(CENTRE_ONLY)))
-    beside_steel = np.ones(len(rays), dtype=bool)
-    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 0.0)
-    trace(PixelRays(rays, none, none), CENTRE_ONLY, beside_steel, steel, nail, out, by_cause)
+    out, by_cause = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES), dtype=np.float32)
+    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 0.0, 1.0)
+    trace(PixelRays(rays, none, none), CENTRE_ONLY, no_steel(len(rays)), nail, out, by_cause)
     return out
 
 
@@ -75,13 +77,14 @@ def test_pixels_beside_steel_are_sampled_more_finely() -> None:
     beside = np.ascontiguousarray(rays + np.array([[1.0, 0.0]]))  # far beside the nail, at its middle
     right = np.ascontiguousarray(rays - beside)  # but half a pixel further lies the nail
     places = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
-    out, by_cause = np.empty(1), np.empty((1, DERIVATIVES))
-    steel = np.full((1, len(places)), 1e3)
-    steel[:, :3] = 0.0
-    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0)
-    for beside_steel, pixel, expected in ((True, right, 3.0 / 8.0), (False, 0.01 * right, 1.0)):
+    out, by_cause = np.empty(1), np.empty((1, DERIVATIVES), dtype=np.float32)
+    path_mm = np.full((1, len(places)), 1e3)
+    path_mm[:, :3] = 0.0
+    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0, 1.0)
+    beside_steel = SteelBeside.of_pixels(1, np.zeros(1, dtype=np.int64), path_mm)
+    for steel, pixel, expected in ((beside_steel, right, 3.0 / 8.0), (no_steel(1), 0.01 * right, 1.0)):
         rays_beside = PixelRays(beside, pixel, np.zeros((1, 2)))
-        trace(rays_beside, places, np.array([beside_steel]), steel, nail, out, by_cause)
+        trace(rays_beside, places, steel, nail, out, by_cause)
         assert out[0] == pytest.approx(expected)
 
 
@@ -116,6 +119,7 @@ def nail_in_picture(cannulation_mm: float) -> NailShape:
         np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.1]]),
         0.33,
         0.7,
+        1.0,
     )
 
 
@@ -126,10 +130,11 @@ def blurred(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def traced(nail: NailShape, *, all_finely: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     rays = rays_of_picture()
     count = len(rays.slopes)
-    passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES))
-    steel_mm = np.zeros((count, len(SAMPLES_PX)))
-    trace(rays, SAMPLES_PX, np.full(count, all_finely), steel_mm, nail, passed, by_cause)
-    return passed, by_cause
+    passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
+    # steel so thin that it does not count has its pixels looked at finely all the same
+    everywhere = SteelBeside(np.arange(count), np.zeros((count, len(SAMPLES_PX))))
+    trace(rays, SAMPLES_PX, everywhere if all_finely else no_steel(count), nail, passed, by_cause)
+    return passed, by_cause.astype(np.float64)
 
 
 @pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
