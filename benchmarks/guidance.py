@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.guidance_film import Camera, Frame, Pose, path_of, with_instrument
-from benchmarks.random_scenes import scene_of_seed
+from benchmarks.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.imaging.core.following import calibrate_next
-from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.alignment import Advice, hole_tilts
 from services.registration.core.guidance.tracking import Sight, Track, begin_track, follow_frame, localised_sight
-from services.registration.core.localise import Method, Parts, localise
+from services.registration.core.localise import Method, localise
 from shared.errors import Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import NailPart
@@ -90,10 +89,8 @@ class _Follower:
     """One scene on its way."""
 
     def __init__(self, scenario: Scenario, tally: Tally) -> None:
-        c_arm, parts = scenario.c_arm, scenario.parts
         self._scenario, self._tally = scenario, tally
-        self._parts = Parts(parts.ring, parts.guide, parts.nail)
-        self._nominal = NominalGeometry(c_arm.nominal_source_to_detector_mm, c_arm.nominal_pixel_mm)
+        self._parts, self._nominal = parts_of(scenario), nominal_of(scenario)
         self._before: CArmCalibration | None = None
         self._track: Track | None = None
 

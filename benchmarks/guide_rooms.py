@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from benchmarks.random_scenes import nominal_of
 from distalock.robot_guide_images import Seen, guide_sighting
-from services.imaging.core.nominal import NominalGeometry
 from services.robot.core.guide_calibration import GuideView, moved
 from services.robot.core.guide_noise import image_covariance
 from shared.geometry.frames import Guide, Ring, RobotTop
@@ -93,6 +93,5 @@ def room_with_head(hexapod: HexapodPart, head: Head, seed: int) -> Scenario:
 
 def seen_in(image: RoomImage, scenario: Scenario) -> Seen:
     """What the product says of the guide in an image."""
-    c_arm = scenario.c_arm
-    nominal = NominalGeometry(c_arm.nominal_source_to_detector_mm, c_arm.nominal_pixel_mm)
-    return guide_sighting(image.pixels, scenario.parts.ring, scenario.parts.guide, nominal, image.pose)
+    known = scenario.parts
+    return guide_sighting(image.pixels, known.ring, known.guide, nominal_of(scenario), image.pose)

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.random_scenes import nominal_of, parts_of
 from services.imaging.core.calibration import calibrate_image
-from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.localise import Method, Parts, localise
+from services.registration.core.localise import Method, localise
 from services.registration.core.plan import PlanRefused, RobotNow, plan_move
 from shared.errors import Rejected
 from shared.geometry.frames import Guide, RobotBase, RobotTop
@@ -103,12 +103,10 @@ class _Case:
     def _one_image(self) -> "tuple[HoleEstimate, ...] | _RefusedImage":
         scenario = self.scenario
         pixels = render_scene(scenario, self.state, self.shots).pixels.astype(np.float32)
-        nominal = NominalGeometry(scenario.c_arm.nominal_source_to_detector_mm, scenario.c_arm.nominal_pixel_mm)
-        calibrated = calibrate_image(pixels, scenario.parts.ring, nominal)
+        calibrated = calibrate_image(pixels, scenario.parts.ring, nominal_of(scenario))
         if isinstance(calibrated, Rejected):
             return _RefusedImage(calibrated.reasons[0].message)
-        parts = Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail)
-        result = localise(pixels, calibrated.value, parts, Method.MODEL, lambda _: None)
+        result = localise(pixels, calibrated.value, parts_of(scenario), Method.MODEL, lambda _: None)
         if result.holes is not None and result.accepted:
             return result.holes
         if result.correction is None:

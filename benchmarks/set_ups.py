@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.random_scenes import scene_of_seed
+from benchmarks.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.imaging.core.calibration import calibrate_image
-from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.localise import LocalisationResult, Method, Parts, localise
 from shared.errors import Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -45,9 +44,8 @@ class SetUp:
 
     @property
     def parts(self) -> Parts:
-        """The known shapes."""
-        known = self.scenario.parts
-        return Parts(known.ring, known.guide, known.nail)
+        """What the localisation is told of the parts."""
+        return parts_of(self.scenario)
 
     def turned(self, about_nail_x_deg: float, about_nail_y_deg: float) -> "SetUp":
         """The C-arm turned so that its beam leans against the nail's z axis by these angles."""
@@ -72,9 +70,7 @@ class SetUp:
         """Take an image and localise in it."""
         shot = render_scene(self.scenario, self.state, shot_number)
         pixels = shot.pixels.astype(np.float32)
-        c_arm = self.scenario.c_arm
-        nominal = NominalGeometry(c_arm.nominal_source_to_detector_mm, c_arm.nominal_pixel_mm)
-        calibrated = calibrate_image(pixels, self.parts.ring, nominal)
+        calibrated = calibrate_image(pixels, self.parts.ring, nominal_of(self.scenario))
         if isinstance(calibrated, Rejected):
             return SeenImage(shot, None, None, calibrated.reasons)
         result = localise(pixels, calibrated.value, self.parts, Method.MODEL, lambda _: None)
