@@ -1,26 +1,71 @@
-"""Share a computation's inner loops between two cores.
+"""Share a computation's work between two cores.
 
-Only for leaves: loops over pixels, pictures or balls that write to places of their own and wait for nothing. The result
-is the same as on one core, bit by bit, but for sums over halves.
+For work that waits for nothing else: loops over pixels, pictures or balls that write to places of their own, and whole
+steps that need nothing of one another. The result is the same as on one core, bit by bit, but for sums over halves.
+What finds the second core at work, be it for another thread or because it runs there itself, stays on its own.
 """
 
 import os
+import threading
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from typing import TypeVar
 
+S = TypeVar("S")
 T = TypeVar("T")
 R = TypeVar("R")
 
 
+class _SecondCore:
+    """A thread that has one piece of work at a time, or none."""
+
+    def __init__(self) -> None:
+        self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="second-core")
+        self._at_work = threading.Lock()
+
+    def takes(self, work: Callable[[], R]) -> Future[R] | None:
+        """The work under way, or None when the thread has some already or starts nothing new."""
+        if not self._at_work.acquire(blocking=False):
+            return None
+        try:
+            return self._executor.submit(self._done, work)
+        except RuntimeError:  # the process ends; what it is at may still be finished
+            self._at_work.release()
+            return None
+
+    def _done(self, work: Callable[[], R]) -> R:
+        try:
+            return work()
+        finally:
+            self._at_work.release()
+
+    def shut_down(self) -> None:
+        """Start nothing new."""
+        self._executor.shutdown()
+
+
 @cache
-def _second_core() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max_workers=1, thread_name_prefix="second-core")
+def _second_core() -> _SecondCore:
+    return _SecondCore()
 
 
 # a forked process inherits the executor but not its thread
 os.register_at_fork(after_in_child=_second_core.cache_clear)
+
+
+def side_by_side(first: Callable[[], S], second: Callable[[], R]) -> tuple[S, R]:
+    """Results of two steps that need nothing of one another."""
+    under_way = _second_core().takes(second)
+    if under_way is None:
+        return first(), second()
+    try:
+        done = first()
+    except BaseException:
+        # what was handed on writes to nobody's places any more once the caller has its error
+        under_way.exception()
+        raise
+    return done, under_way.result()
 
 
 def on_both_halves(work: Callable[[slice], R], count: int, least: int) -> list[R]:
@@ -31,11 +76,7 @@ def on_both_halves(work: Callable[[slice], R], count: int, least: int) -> list[R
     if count < least:
         return [work(slice(0, count))]
     middle = count // 2
-    try:
-        second = _second_core().submit(work, slice(middle, count))
-    except RuntimeError:  # the process ends, and starts nothing new; what it is at may still be finished
-        return [work(slice(0, middle)), work(slice(middle, count))]
-    return [work(slice(0, middle)), second.result()]
+    return list(side_by_side(lambda: work(slice(0, middle)), lambda: work(slice(middle, count))))
 
 
 def mapped(function: Callable[[T], R], items: Iterable[T], least: int) -> list[R]:

@@ -2,13 +2,12 @@
 
 import os
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from shared import two_cores
-from shared.two_cores import mapped, on_both_halves
+from shared.two_cores import mapped, on_both_halves, side_by_side
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 7, 100])
@@ -36,10 +35,56 @@ def test_values_come_in_order() -> None:
 
 
 def test_a_process_that_ends_finishes_on_one_core(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = ThreadPoolExecutor(max_workers=1)
-    ended.shutdown()
+    ended = two_cores._SecondCore()
+    ended.shut_down()
     monkeypatch.setattr(two_cores, "_second_core", lambda: ended)
-    assert on_both_halves(lambda part: (part.start, part.stop), 5, 2) == [(0, 2), (2, 5)]
+    for _ in range(2):
+        assert on_both_halves(lambda part: (part.start, part.stop), 5, 2) == [(0, 2), (2, 5)]
+
+
+def test_work_within_work_stays_where_it_is() -> None:
+    def inner(_: slice) -> set[int]:
+        return set(on_both_halves(lambda _: threading.get_ident(), 2, 2))
+
+    first, second = on_both_halves(inner, 2, 2)
+    assert len(second) == 1
+    assert threading.get_ident() in first
+
+
+def test_who_finds_the_second_core_at_work_does_not_wait_for_it() -> None:
+    at_work, finished = threading.Event(), threading.Event()
+
+    def long() -> bool:
+        at_work.set()
+        return finished.wait(10.0)
+
+    def meanwhile() -> list[int]:
+        assert at_work.wait(10.0)
+        idents = on_both_halves(lambda _: threading.get_ident(), 2, 2)
+        finished.set()
+        return idents
+
+    idents, in_time = side_by_side(meanwhile, long)
+    assert in_time
+    assert set(idents) == {threading.get_ident()}
+    both = threading.Barrier(2, timeout=10.0)
+    assert on_both_halves(lambda _: both.wait() >= 0, 2, 2) == [True, True]  # it is free again
+
+
+def test_an_error_of_the_first_step_waits_for_the_second() -> None:
+    begun, ended = threading.Event(), threading.Event()
+
+    def second() -> None:
+        begun.wait(10.0)
+        ended.set()
+
+    def first() -> None:
+        begun.set()
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(first, second)
+    assert ended.is_set()
 
 
 @pytest.mark.parametrize("bad", [0, 8])

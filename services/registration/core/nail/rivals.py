@@ -32,7 +32,7 @@ from services.registration.core.nail.window import Scale
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 
-_HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 11.0
+_HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 9.0
 _CENTRING_STEPS, _WEIGHING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 3, 8, 3
 _LOOSE, _TIGHT = 2.0, 0.2
 # A rival that costs so much more, half as much again as any limit asks for, need not be followed to its end.
