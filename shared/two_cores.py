@@ -1,8 +1,8 @@
-"""Share a computation's work between two cores.
+"""Share a computation's inner loops between two cores.
 
-For work that waits for nothing else: loops over pixels, pictures or balls that write to places of their own, and whole
-steps that need nothing of one another. The result is the same as on one core, bit by bit, but for sums over halves.
-What finds the second core at work, be it for another thread or because it runs there itself, stays on its own.
+For loops over pixels, pictures or balls that write to places of their own. The result is the same as on one core, bit
+by bit, but for sums over halves. What finds the second core at work, be it for another thread or because it runs there
+itself, stays on its own.
 """
 
 import os
@@ -55,7 +55,7 @@ os.register_at_fork(after_in_child=_second_core.cache_clear)
 
 
 def side_by_side(first: Callable[[], S], second: Callable[[], R]) -> tuple[S, R]:
-    """Results of two steps that need nothing of one another."""
+    """Results of two pieces of work that need nothing of one another."""
     under_way = _second_core().takes(second)
     if under_way is None:
         return first(), second()

@@ -12,7 +12,7 @@ from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate, hole_estimates
 from services.registration.core.judge import judge
-from services.registration.core.nail.coarse import NailSearch, NailStart, measured_start, search_nail
+from services.registration.core.nail.coarse import NailStart, find_nail
 from services.registration.core.nail.coarse_cover import covered_pixels
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
@@ -24,7 +24,6 @@ from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart, RingPart
 from shared.geometry.transform import Transform
-from shared.two_cores import side_by_side
 
 
 class Method(StrEnum):
@@ -85,8 +84,7 @@ def localise(
 ) -> LocalisationResult:
     """Find guide and nail in a calibrated image and judge what was found.
 
-    Guide and nail are both tried, so that all reasons against an image are told at once. The nail is searched for
-    beside the guide, and measured once the guide can tell its ends apart.
+    Guide and nail are both tried, so that all reasons against an image are told at once.
 
     Parameters
     ----------
@@ -98,15 +96,10 @@ def localise(
         Called after each step.
     """
     upright = unmirrored(pixels, calibration)
-
-    def located_guide() -> Accepted[GuideFit] | Rejected:
-        found = _locate_guide(upright, calibration, parts, method)
-        completed(Step.GUIDE)
-        return found
-
-    guide, search = side_by_side(located_guide, lambda: _searched_nail(upright, calibration, parts, method))
+    guide = _locate_guide(upright, calibration, parts, method)
+    completed(Step.GUIDE)
     guide_fit = guide.value if isinstance(guide, Accepted) else None
-    nail = _locate_nail(upright, calibration, parts, guide_fit, search)
+    nail = _locate_nail(upright, calibration, parts, guide_fit, method)
     completed(Step.NAIL)
     return conclude(calibration, parts, method, guide, nail)
 
@@ -148,36 +141,26 @@ def _locate_guide(
             assert_never(method)
 
 
-def _searched_nail(
-    upright: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, method: Method
-) -> NailSearch | None:
-    """What can be had of the nail before the guide is known; the paper's method searches with the guide's balls."""
-    match method:
-        case Method.MODEL:
-            return search_nail(upright, calibration, parts.nail)
-        case Method.FRONTO_PARALLEL:
-            return None
-        case _:
-            assert_never(method)
-
-
 def _locate_nail(
     upright: NDArray[np.float32],
     calibration: CArmCalibration,
     parts: Parts,
     guide: GuideFit | None,
-    search: NailSearch | None,
+    method: Method,
 ) -> Accepted[NailEstimate] | Rejected:
-    """By the model where a search is given, by the paper's method where none is."""
     distal_hint = None if guide is None else guide.camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
-    if search is not None:
-        start = measured_start(search, upright, calibration, parts.nail, distal_hint)
-        return start if isinstance(start, Rejected) else _by_model(upright, calibration, parts, guide, start.value)
-    discs_px = ball_discs_px(_balls(parts, guide), calibration)
-    found = locate_nail_by_band(upright, calibration, parts.nail, distal_hint, discs_px)
-    if isinstance(found, Rejected):
-        return found
-    return Accepted(NailEstimate(found.value.camera_from_nail, None, None, None))
+    match method:
+        case Method.MODEL:
+            start = find_nail(upright, calibration, parts.nail, distal_hint)
+            return start if isinstance(start, Rejected) else _by_model(upright, calibration, parts, guide, start.value)
+        case Method.FRONTO_PARALLEL:
+            discs_px = ball_discs_px(_balls(parts, guide), calibration)
+            found = locate_nail_by_band(upright, calibration, parts.nail, distal_hint, discs_px)
+            if isinstance(found, Rejected):
+                return found
+            return Accepted(NailEstimate(found.value.camera_from_nail, None, None, None))
+        case _:
+            assert_never(method)
 
 
 def _balls(parts: Parts, guide: GuideFit | None) -> Occluders:

@@ -64,47 +64,18 @@ class NailStart:
     width_over_expected: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NailSearch:
-    """An image that has been searched for the nail: dark bands, each with its holes in either direction."""
-
-    image: SearchImage
-    candidates: list[tuple[HolePattern, HolePattern]]
-
-
-def search_nail(pixels: NDArray[np.generic], calibration: CArmCalibration, nail: NailPart) -> NailSearch:
-    """Search the whole image for the nail and its holes; which end is distal is left open.
-
-    Parameters
-    ----------
-    pixels
-        Un-mirrored image (see `CArmCalibration.mirrored`), shape (height, width), darker is denser.
-    """
-    image = prepare_search(pixels, calibration, nail)
-    return NailSearch(image, _dark_candidates(image, calibration, nail))
-
-
 def find_nail(
     pixels: NDArray[np.generic],
     calibration: CArmCalibration,
     nail: NailPart,
     distal_hint_camera: NDArray[np.float64] | None = None,
 ) -> Accepted[NailStart] | Rejected:
-    """Search the whole image for the nail, and measure it (see `measured_start`)."""
-    return measured_start(search_nail(pixels, calibration, nail), pixels, calibration, nail, distal_hint_camera)
-
-
-def measured_start(
-    search: NailSearch,
-    pixels: NDArray[np.generic],
-    calibration: CArmCalibration,
-    nail: NailPart,
-    distal_hint_camera: NDArray[np.float64] | None,
-) -> Accepted[NailStart] | Rejected:
-    """Take the best of what a search of the same image found, tell its ends apart and measure it.
+    """Search the whole image for the nail and its holes.
 
     Parameters
     ----------
+    pixels
+        Un-mirrored image (see `CArmCalibration.mirrored`), shape (height, width), darker is denser.
     distal_hint_camera
         Rough direction of the nail's +x in the camera frame, shape (3,), for instance the guide's +x. It decides when
         the nail's tip cannot be seen.
@@ -114,13 +85,15 @@ def measured_start(
     Accepted or Rejected
         Rejected with `nail_not_found`, `hole_not_visible` or `nail_model_mismatch`.
     """
-    if not search.candidates:
+    image = prepare_search(pixels, calibration, nail)
+    candidates = _dark_candidates(image, calibration, nail)
+    if not candidates:
         return _rejected(
             ReasonCode.NAIL_NOT_FOUND,
             f"no dark band of a {nail.diameter_mm:g} mm nail's width was found in the image; "
             "bring the nail's distal end into view, or check the nail file",
         )
-    forwards, backwards = max(search.candidates, key=lambda pair: _quality(pair[0]))
+    forwards, backwards = max(candidates, key=lambda pair: _quality(pair[0]))
     openness = float(max(forwards.openness.min(), backwards.openness.min()))
     if openness < _LOWEST_OPENNESS:
         return _rejected(
@@ -132,7 +105,7 @@ def measured_start(
     if isinstance(directed, Rejected):
         return directed
     pattern, margin = directed
-    return _measured(pixels, search.image, calibration, nail, pattern, margin)
+    return _measured(pixels, image, calibration, nail, pattern, margin)
 
 
 def _dark_candidates(
