@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+from scipy.linalg import cho_factor, cho_solve, cholesky_banded
+from scipy.linalg.lapack import dtbtrs
 
 
 class BorderedMatrix(NamedTuple):
@@ -45,31 +46,46 @@ class BorderedMatrix(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Factor:
-    """Cholesky factors of band and of the corner without what the band explains of it, and the border.
+    """The Cholesky factor, block by block.
 
-    Attributes: `band` as LAPACK holds it, shape (width, M); `border` and `behind_band` (band⁻¹ border'), shapes (D, M)
-    and (M, D); `corner`, shape (D, D).
+    Attributes
+    ----------
+    band
+        Of the field's block, as LAPACK holds it, shape (width, M).
+    border
+        What stands beside it, transposed, shape (M, D).
+    corner
+        The last block, shape (D, D).
     """
 
     band: NDArray[np.float64]
     border: NDArray[np.float64]
-    behind_band: NDArray[np.float64]
     corner: NDArray[np.float64]
 
     def solved(self, sides: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution for right-hand sides of shape (M + D,) or (M + D, T), of the same shape."""
-        size = len(self.behind_band)
-        of_field = cho_solve_banded((self.band, True), sides[:size], check_finite=False)
-        of_dense = cho_solve((self.corner, True), sides[size:] - self.border @ of_field, check_finite=False)
-        return np.concatenate([of_field - self.behind_band @ of_dense, of_dense])
+        size = len(self.border)
+        of_field = _through_band(self.band, sides[:size])
+        of_dense = cho_solve((self.corner, True), sides[size:] - self.border.T @ of_field, check_finite=False)
+        return np.concatenate([_through_band(self.band, of_field - self.border @ of_dense, transposed=True), of_dense])
 
 
 def factorised(matrix: BorderedMatrix) -> Factor:
     """Factor a matrix, which must be positive definite; its band is overwritten."""
     band = cholesky_banded(matrix.band.T, overwrite_ab=True, lower=True, check_finite=False)
-    behind_band = cho_solve_banded((band, True), matrix.border.T, check_finite=False)
-    corner, _ = cho_factor(matrix.corner - matrix.border @ behind_band, lower=True, check_finite=False)
-    return Factor(band, matrix.border, behind_band, corner)
+    border = _through_band(band, matrix.border.T)
+    corner, _ = cho_factor(matrix.corner - border.T @ border, lower=True, check_finite=False)
+    return Factor(band, border, corner)
+
+
+def _through_band(
+    band: NDArray[np.float64], sides: NDArray[np.float64], *, transposed: bool = False
+) -> NDArray[np.float64]:
+    """Solve with the factor of a band, or with its transpose, for sides of shape (M,) or (M, T)."""
+    solution, fault = dtbtrs(band, sides.reshape(len(sides), -1), uplo="L", trans="T" if transposed else "N")
+    if fault:
+        raise np.linalg.LinAlgError(f"row {abs(fault)} of a band's factor cannot be solved")
+    return np.asarray(solution).reshape(sides.shape)
 
 
 def lower_band(matrix: NDArray[np.float64], width: int) -> NDArray[np.float64]:

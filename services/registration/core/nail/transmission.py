@@ -69,7 +69,7 @@ class NailShape(NamedTuple):
 def _add_sample(
     ray: Ray, tube: Tube, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float32]
 ) -> float:
-    """Share that passes along one ray; its derivatives are added to `slope`. The tube matters where a bore is near."""
+    """Share that passes along one ray; its derivatives are added to `slope`. Bores are looked for in the tube."""
     material = (nail.attenuation, nail.hardening)
     radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
     touched = -1

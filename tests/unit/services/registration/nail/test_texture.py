@@ -80,3 +80,15 @@ def test_a_bordered_matrix_is_solved_like_the_full_one() -> None:
     factor = factorised(matrix)
     assert np.abs(full @ factor.solved(sides) - sides).max() < 1e-8
     assert np.array_equal(factor.solved(sides[:, 0]), factor.solved(sides[:, :1])[:, 0])
+
+
+def test_columns_that_the_field_can_follow_are_solved_for_all_the_same() -> None:
+    """Where all pixels see as much of the background, a level floor is a level background."""
+    field = field_at(2000, 5)
+    columns = columns_of(field, np.full(2000, 0.5), np.full((2000, 1), 0.5), np.full(2000, 1.0e4))
+    matrix, side = BorderedMatrix.of_zeros(field.size, field.roughness_band.shape[1], 1), np.zeros(field.size + 1)
+    add_normal_equations(columns, 0, len(field.cells) - 1, np.ones(2000), matrix, side)
+    matrix.band[:] += 1.0e4 * field.roughness_band
+    matrix.add_to_diagonal(1e-9)
+    solution = factorised(matrix).solved(side)
+    assert np.abs(0.5 * field.at_places(solution[:-1]) + 0.5 * solution[-1] - 1.0).max() < 1e-3
