@@ -18,6 +18,8 @@ _BLOCK_PX = 32
 _STEP_PX = 16
 _FLATTEST = 0.2
 _LEAST_BLOCKS = 20
+# Where the display has clipped more of a block than this, little of its noise is left, and that is not its own.
+_MOST_CLIPPED = 0.01
 _RING = 0.04
 # Below, the structure of bone outweighs the noise: the filter leaves these frequencies alone.
 _SLOW, _SLOW_END = 0.08, 0.16
@@ -55,8 +57,9 @@ def _flat_blocks(pixels: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDAr
     """Residuals of the blocks with the least structure after a quadratic has been taken off, shape (K, 32, 32)."""
     if min(pixels.shape) < _BLOCK_PX:
         return np.zeros((0, _BLOCK_PX, _BLOCK_PX))
-    whole = _blocks_of(usable).all(axis=(2, 3))
-    blocks = _blocks_of(pixels)[whole].reshape(-1, _BLOCK_PX * _BLOCK_PX)
+    clipped = (pixels == pixels.max()) | (pixels == pixels.min())
+    telling = _blocks_of(usable).all(axis=(2, 3)) & (_blocks_of(clipped).mean(axis=(2, 3)) <= _MOST_CLIPPED)
+    blocks = _blocks_of(pixels)[telling].reshape(-1, _BLOCK_PX * _BLOCK_PX)
     # of large grey values, single precision would hold little but their mean
     blocks = blocks - blocks.mean(axis=1, keepdims=True, dtype=np.float64).astype(np.float32)
     basis = _quadratics()

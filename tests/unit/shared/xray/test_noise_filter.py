@@ -49,3 +49,17 @@ def test_slow_shades_and_everything_outside_the_box_are_kept() -> None:
 def test_too_little_image_to_learn_the_noise_from_leaves_it_alone(places: NDArray[np.float64]) -> None:
     image = correlated_noise(4).astype(np.float32)
     assert np.array_equal(noise_whitened(image, EVERYWHERE, places, 30.0), image)
+
+
+@pytest.mark.parametrize("clipped", [0.5, 0.93, 1.0])
+def test_noise_is_not_learned_where_the_display_has_clipped_it(clipped: float) -> None:
+    image = correlated_noise(5).astype(np.float32)
+    shown = int((1.0 - clipped) * SIDE)
+    image[:, shown:] = image.max()
+    filtered = noise_whitened(image, EVERYWHERE, BOX, 60.0)
+    assert np.isfinite(filtered).all()
+    if clipped > 0.9:  # hardly anything to learn from
+        assert np.array_equal(filtered, image)
+    else:
+        part = filtered[80:280, 20 : shown - 20]
+        assert np.corrcoef(part[:, 1:].ravel(), part[:, :-1].ravel())[0, 1] < 0.65
