@@ -12,7 +12,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from typing import TypeVar
 
-S = TypeVar("S")
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -25,13 +24,15 @@ class _SecondCore:
         self._at_work = threading.Lock()
 
     def takes(self, work: Callable[[], R]) -> Future[R] | None:
-        """The work under way, or None when the thread has some already or starts nothing new."""
+        """The work under way, or None when the thread has some already or cannot be had."""
         if not self._at_work.acquire(blocking=False):
             return None
         try:
             return self._executor.submit(self._done, work)
-        except RuntimeError:  # the process ends; what it is at may still be finished
-            self._at_work.release()
+        except RuntimeError:
+            # No thread can be started, or the process ends. What lies in the queue must not be begun later, when its
+            # caller has done it himself: it is thrown away, and nothing is taken any more (the lock stays closed).
+            self._executor.shutdown(wait=False, cancel_futures=True)
             return None
 
     def _done(self, work: Callable[[], R]) -> R:
@@ -39,10 +40,6 @@ class _SecondCore:
             return work()
         finally:
             self._at_work.release()
-
-    def shut_down(self) -> None:
-        """Start nothing new."""
-        self._executor.shutdown()
 
 
 @cache
@@ -54,20 +51,6 @@ def _second_core() -> _SecondCore:
 os.register_at_fork(after_in_child=_second_core.cache_clear)
 
 
-def side_by_side(first: Callable[[], S], second: Callable[[], R]) -> tuple[S, R]:
-    """Results of two pieces of work that need nothing of one another."""
-    under_way = _second_core().takes(second)
-    if under_way is None:
-        return first(), second()
-    try:
-        done = first()
-    except BaseException:
-        # what was handed on writes to nobody's places any more once the caller has its error
-        under_way.exception()
-        raise
-    return done, under_way.result()
-
-
 def on_both_halves(work: Callable[[slice], R], count: int, least: int) -> list[R]:
     """Results of the work on both halves of so many items; of fewer than `least`, on all of them at once.
 
@@ -75,8 +58,17 @@ def on_both_halves(work: Callable[[slice], R], count: int, least: int) -> list[R
     """
     if count < least:
         return [work(slice(0, count))]
-    middle = count // 2
-    return list(side_by_side(lambda: work(slice(0, middle)), lambda: work(slice(middle, count))))
+    first, second = slice(0, count // 2), slice(count // 2, count)
+    under_way = _second_core().takes(lambda: work(second))
+    if under_way is None:
+        return [work(first), work(second)]
+    try:
+        done = work(first)
+    except BaseException:
+        # a caller that has his error may be sure that nothing writes to his places any more
+        under_way.exception()
+        raise
+    return [done, under_way.result()]
 
 
 def mapped(function: Callable[[T], R], items: Iterable[T], least: int) -> list[R]:

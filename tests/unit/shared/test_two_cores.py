@@ -2,12 +2,13 @@
 
 import os
 import threading
+import time
 
 import numpy as np
 import pytest
 
 from shared import two_cores
-from shared.two_cores import mapped, on_both_halves, side_by_side
+from shared.two_cores import mapped, on_both_halves
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 7, 100])
@@ -34,12 +35,28 @@ def test_values_come_in_order() -> None:
     assert mapped(lambda n: n * n, iter(range(9)), 2) == [n * n for n in range(9)]
 
 
-def test_a_process_that_ends_finishes_on_one_core(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = two_cores._SecondCore()
-    ended.shut_down()
-    monkeypatch.setattr(two_cores, "_second_core", lambda: ended)
-    for _ in range(2):
-        assert on_both_halves(lambda part: (part.start, part.stop), 5, 2) == [(0, 2), (2, 5)]
+@pytest.mark.parametrize("cause", ["the process ends", "no thread can be started"])
+def test_without_a_second_core_both_halves_are_done_once_here(monkeypatch: pytest.MonkeyPatch, cause: str) -> None:
+    second = two_cores._SecondCore()
+    monkeypatch.setattr(two_cores, "_second_core", lambda: second)
+    done = np.zeros(5, dtype=np.int64)
+
+    def work(part: slice) -> int:
+        done[part] += 1
+        return threading.get_ident()
+
+    def refused(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as while_it_lasts:
+        if cause == "the process ends":
+            second._executor.shutdown()
+        else:
+            while_it_lasts.setattr(threading.Thread, "start", refused)
+        assert set(on_both_halves(work, 5, 2)) == {threading.get_ident()}
+    # nothing of what was thrown away is begun later
+    assert set(on_both_halves(work, 5, 2)) == {threading.get_ident()}
+    assert np.array_equal(done, np.full(5, 2))
 
 
 def test_work_within_work_stays_where_it_is() -> None:
@@ -54,36 +71,33 @@ def test_work_within_work_stays_where_it_is() -> None:
 def test_who_finds_the_second_core_at_work_does_not_wait_for_it() -> None:
     at_work, finished = threading.Event(), threading.Event()
 
-    def long() -> bool:
-        at_work.set()
-        return finished.wait(10.0)
-
-    def meanwhile() -> list[int]:
+    def here_and_there(part: slice) -> bool:
+        if part.start > 0:
+            at_work.set()
+            return finished.wait(10.0)
         assert at_work.wait(10.0)
         idents = on_both_halves(lambda _: threading.get_ident(), 2, 2)
         finished.set()
-        return idents
+        return set(idents) == {threading.get_ident()}
 
-    idents, in_time = side_by_side(meanwhile, long)
-    assert in_time
-    assert set(idents) == {threading.get_ident()}
+    assert on_both_halves(here_and_there, 2, 2) == [True, True]
     both = threading.Barrier(2, timeout=10.0)
     assert on_both_halves(lambda _: both.wait() >= 0, 2, 2) == [True, True]  # it is free again
 
 
-def test_an_error_of_the_first_step_waits_for_the_second() -> None:
+def test_an_error_here_waits_for_the_half_that_is_under_way() -> None:
     begun, ended = threading.Event(), threading.Event()
 
-    def second() -> None:
-        begun.wait(10.0)
+    def work(part: slice) -> None:
+        if part.start == 0:
+            assert begun.wait(10.0)
+            raise ZeroDivisionError
+        begun.set()
+        time.sleep(0.1)
         ended.set()
 
-    def first() -> None:
-        begun.set()
-        raise ZeroDivisionError
-
     with pytest.raises(ZeroDivisionError):
-        side_by_side(first, second)
+        on_both_halves(work, 2, 2)
     assert ended.is_set()
 
 

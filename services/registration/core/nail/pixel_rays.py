@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# A lattice of 16 places with a row and a column of its own for each. The first four alone stand for pixels that no edge
-# crosses: they have a quarter of the rows and columns each, and the pixel's middle as their mean.
+# A lattice of 16 places with a row and a column of its own for each. The first four alone stand for a pixel in which
+# they hardly differ: they have a quarter of the rows and columns each, and the pixel's middle as their mean.
 _FIRST = [1, 14, 6, 9]
 _ORDER = np.array([*_FIRST, *(k for k in range(16) if k not in _FIRST)])
+FIRST_SAMPLES = len(_FIRST)
 SAMPLES_PX = (np.stack([_ORDER, (7 * _ORDER + 3) % 16], axis=1) + 0.5) / 16.0 - 0.5
 
 # Fewer are followed sooner than handed to another core.

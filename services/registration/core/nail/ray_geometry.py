@@ -92,10 +92,10 @@ def within(tube: Tube, first: float, last: float) -> float:
 
 @compiled
 def in_bore(ray: Ray, bore: Bore, excess_mm: float) -> tuple[float, float]:
-    """Where the ray is inside a bore whose radius is larger by so much."""
+    """Where the ray is inside a bore whose radius is larger by so much; nowhere when nothing is left of it."""
     ox, oy, oz, dx, dy, dz = ray
     qx, qy, qz = ox - bore[0], oy - bore[1], oz - bore[2]
-    return cylinder_interval(qx, qy, qz, dx, dy, dz, bore[3], bore[4], bore[5], bore[6] + excess_mm)
+    return cylinder_interval(qx, qy, qz, dx, dy, dz, bore[3], bore[4], bore[5], max(bore[6] + excess_mm, 0.0))
 
 
 @compiled
@@ -120,9 +120,9 @@ def chamfered(ray: Ray, place: float, inwards: float, bore: Bore) -> float:
 
 @compiled
 def meets(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, excess_mm: float) -> bool:
-    """Whether a ray is in both the nail and a bore or its chamfer, wider by `excess_mm`."""
+    """Whether a ray is in both the nail and a bore or its chamfer, all wider by `excess_mm`, as the tube must be."""
     wide_mm = excess_mm + max(radius_mm - bore[7], 0.0)
-    if not may_touch(ray, tube, bore, radius_mm, wide_mm):
+    if not may_touch(ray, tube, bore, radius_mm + excess_mm, wide_mm):
         return False
     first, last = in_bore(ray, bore, wide_mm)
     return bool(min(last, tube[1]) > max(first, tube[0]))

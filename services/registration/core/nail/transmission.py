@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
 from services.registration.core.nail.bore_shade import shade_at_bore
-from services.registration.core.nail.pixel_rays import PixelRays, SteelBeside
+from services.registration.core.nail.pixel_rays import FIRST_SAMPLES, PixelRays, SteelBeside
 from services.registration.core.nail.ray_geometry import (
     LEAST_STEP_MM,
     NO_TUBE,
@@ -30,10 +30,10 @@ from services.registration.core.nail.ray_geometry import (
 from services.registration.core.nail.shade import HARDENING, LOG_ATTENUATION
 from services.registration.core.nail.tube_shade import shade_at_tube
 
-_FIRST_SAMPLES = 4
 _UNIFORM = 0.02
 _SOFTENING_PX = 0.15
-# Half a pixel's diagonal, what samples are softened by, and as much again: just inside an edge paths are much curved.
+# Half a pixel's diagonal (0.7), what samples are softened by (0.15), and some more, as just inside an edge paths are
+# much curved: with 1.0, single pixels changed by up to 0.009 of what passes, with 1.5 by 0.003.
 _EDGE_REACH_PX = 1.5
 
 
@@ -51,8 +51,8 @@ class NailShape(NamedTuple):
         it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
     attenuation, hardening
         Mean of the X-rays' attenuations, per mm, and how much they differ (`shade.py`).
-    steel_mm_per_mm
-        How much of the nail's material attenuates as 1 mm of steel does.
+    steel_in_nail_material
+        How many mm of the nail's material attenuate as 1 mm of steel does.
     """
 
     rotation: NDArray[np.float64]
@@ -62,14 +62,17 @@ class NailShape(NamedTuple):
     bores: NDArray[np.float64]
     attenuation: float
     hardening: float
-    steel_mm_per_mm: float
+    steel_in_nail_material: float
 
 
 @compiled
 def _add_sample(
     ray: Ray, tube: Tube, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float32]
 ) -> float:
-    """Share that passes along one ray; its derivatives are added to `slope`. Bores are looked for in the tube."""
+    """Share that passes along one ray; its derivatives are added to `slope`.
+
+    Bores are looked for in the tube (in `NO_TUBE` none is); `steel_mm` are mm of the nail's material.
+    """
     material = (nail.attenuation, nail.hardening)
     radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
     touched = -1
@@ -91,8 +94,8 @@ def _bore_and_edge_near(cx: float, cy: float, nail: NailShape, reach_mm: float) 
     """Whether a bore, and whether any edge of the nail, is less than `reach_mm` from the ray through (cx, cy, 1)."""
     ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)
     radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
-    bore, rim = bore_and_rim_near(ray, radius_mm, inner_mm, nail.bores, reach_mm)
-    return bore, rim or outline_near(ray, radius_mm, inner_mm, reach_mm)
+    bore_near, rim_near = bore_and_rim_near(ray, radius_mm, inner_mm, nail.bores, reach_mm)
+    return bore_near, rim_near or outline_near(ray, radius_mm, inner_mm, reach_mm)
 
 
 @compiled
@@ -106,7 +109,7 @@ def trace(
 ) -> None:
     """Mean over each pixel of the share that passes, with more samples where the first four differ.
 
-    Of pixels away from all edges the middle is taken.
+    Of pixels away from all edges and from other steel the middle is taken.
 
     Parameters
     ----------
@@ -135,7 +138,7 @@ def trace(
         row = steel.row[n]
         several = edge_near or row >= 0
         for k in range(samples_px.shape[0]):
-            if (k == _FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not several):
+            if (k == FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not several):
                 break
             cx, cy = rays.slopes[n, 0], rays.slopes[n, 1]
             if several:
@@ -144,8 +147,8 @@ def trace(
             ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)
             tube = tube_of(ray, nail.radius_mm, nail.cannulation_radius_mm) if bore_near else NO_TUBE
             unit_mm = np.sqrt(cx * cx + cy * cy + 1.0)
-            steel_mm = nail.steel_mm_per_mm * steel.path_mm[row, k] if row >= 0 else 0.0
-            share = _add_sample(ray, tube, nail, step_mm, unit_mm, steel_mm, slope)
+            beside_mm = nail.steel_in_nail_material * steel.path_mm[row, k] if row >= 0 else 0.0
+            share = _add_sample(ray, tube, nail, step_mm, unit_mm, beside_mm, slope)
             total += share
             least, most = min(least, share), max(most, share)
             count += 1

@@ -37,7 +37,8 @@ def _tube_at_edge(
     middle = shade_behind(metal_mm + steel_mm, material)
     high = shade_behind(chord * _half_chord(impact + step_mm, radius_mm, inner_mm) + steel_mm, material)
     by_impact = (high[0] - low[0]) / (2.0 * step_mm)
-    # half the chord is a root of radius² - impact²: at the outline the two move it alike, elsewhere it is smooth
+    # Half the chord is a root of radius² - impact²: at the outline the two move it alike, elsewhere it is smooth. Of a
+    # wall so thin that the cannulation's edge is as near it would be wrong; none is thinner than a pixel.
     if radius_mm - abs(impact) < _NEAR_EDGE * step_mm:
         by_radius = -by_impact * radius_mm / impact
     else:

@@ -10,6 +10,7 @@ from services.registration.core.nail.grid import PixelGrid, grid_around, strip_o
 from services.registration.core.nail.occluders import Occluders, ball_discs_px, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
 from services.registration.core.nail.pixel_rays import (
+    FIRST_SAMPLES,
     LEAST_RAYS_TO_SHARE,
     SAMPLES_PX,
     PixelRays,
@@ -208,7 +209,7 @@ def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _delrin_map(rays: PixelRays, occluders: Occluders) -> NDArray[np.float64]:
     """Mean path in the guide's body over a few samples of every pixel, shape (S,), in mm."""
     halves = on_both_halves(
-        lambda part: delrin_path_mm(rays_of(rays, part), SAMPLES_PX[:4], occluders),
+        lambda part: delrin_path_mm(rays_of(rays, part), SAMPLES_PX[:FIRST_SAMPLES], occluders),
         len(rays.slopes),
         LEAST_RAYS_TO_SHARE,
     )

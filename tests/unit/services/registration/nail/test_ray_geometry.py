@@ -83,3 +83,9 @@ def test_what_a_ray_beside_would_meet_is_near() -> None:
         near_count, edge_count = near_count + near, edge_count + edge_near
         open_count, far_count = open_count + (near and not rim_near), far_count + (not near and not edge_near)
     assert min(near_count, edge_count, open_count, far_count) > 20
+
+
+def test_of_a_bore_narrower_than_nothing_no_ray_is_inside() -> None:
+    bore = bore_at(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 5.6]]), 0)
+    first, last = in_bore((0.1, 0.0, 0.0, 0.0, 0.0, 1.0), bore, -1.5)
+    assert last < first

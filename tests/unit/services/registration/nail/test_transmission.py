@@ -88,6 +88,15 @@ def test_pixels_beside_steel_are_sampled_more_finely() -> None:
         assert out[0] == pytest.approx(expected)
 
 
+def test_steel_counts_as_so_much_of_the_nails_material() -> None:
+    beside = np.array([[0.2, 0.0]])  # far beside the nail
+    out, by_cause = np.empty(1), np.empty((1, DERIVATIVES), dtype=np.float32)
+    steel = SteelBeside.of_pixels(1, np.zeros(1, dtype=np.int64), np.full((1, len(CENTRE_ONLY)), 2.0))
+    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0, 1.7)
+    trace(PixelRays(beside, 0.0 * beside, 0.0 * beside), CENTRE_ONLY, steel, nail, out, by_cause)
+    assert out[0] == pytest.approx(np.exp(-0.1 * 1.7 * 2.0))
+
+
 COLUMNS, ROWS, PIXEL = 110, 100, 0.22 / 1000.0
 BLUR_PX = 1.2
 STEPS = {k: 0.004 if k < 3 else 0.02 for k in range(MOTION_SIZE)} | {
@@ -141,8 +150,8 @@ def traced(nail: NailShape, *, all_finely: bool = False) -> tuple[NDArray[np.flo
 def test_the_middle_stands_for_a_pixel_only_away_from_edges(cannulation_mm: float) -> None:
     nail = nail_in_picture(cannulation_mm)
     for cause in range(DERIVATIVES):
-        pixelwise = moved(nail, cause, 10.0 * STEPS[cause])
-        passed, finely = traced(pixelwise)[0], traced(pixelwise, all_finely=True)[0]
+        other = moved(nail, cause, 10.0 * STEPS[cause])
+        passed, finely = traced(other)[0], traced(other, all_finely=True)[0]
         assert np.abs(passed - finely).max() < 0.005
         assert np.sqrt(np.mean((passed - finely) ** 2)) < 4e-4
 
