@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 
 def nearest_to_each(target: NDArray[np.int64], distance: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Of all who claim the same target the nearest, as places in both arrays, shape (N,), in the targets' order.
+    """Of N claims, each to a target at a distance, the nearest to each target: their places, in the targets' order.
 
     Of equally near ones the first.
     """

@@ -25,7 +25,7 @@ _ROOT_2PI = math.sqrt(2.0 * math.pi)
 # Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26: the complementary error function to 1.5e-7.
 _P = 0.3275911
 _A1, _A2, _A3, _A4, _A5 = 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429
-# From here on a bell is taken to be as flat as here (4e-18).
+# Half of z^2 beyond which a bell falls no further (4e-18).
 _FLAT = 40.0
 
 

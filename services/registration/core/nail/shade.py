@@ -34,6 +34,7 @@ def shade_behind(path_mm: float, material: Material) -> Shade:
     if hardening < _NO_HARDENING:
         passed = np.exp(-depth)
         return passed, -depth * passed, 0.5 * soft * soft * passed
+    # log1p would be exact for a vanishing path too, where nothing depends on it, and takes about twice as long
     logarithm, left = np.log(1.0 + hardening * soft) / hardening, soft / (1.0 + hardening * soft)
     passed = np.exp(-_HARDEST * depth - logarithm)
     return passed, -(_HARDEST * depth + left) * passed, (logarithm - left) / hardening * passed
