@@ -14,17 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.fusion_peers import (
-    Weighing,
+    Joining,
     as_independent,
+    as_poses_alone,
     as_shipped,
-    by_correlated_weights,
     by_covariance_intersection,
-    joined,
 )
 from benchmarks.set_ups import SetUp
 from benchmarks.statistics_of import root_mean_square
 from services.registration.core.fusion.agreement import disagreement
-from services.registration.core.fusion.fuse import SHARED_BY_THE_MODEL, SHARED_FROM_ONE_DIRECTION, SHARED_WITHIN_DEG
+from services.registration.core.fusion.joint_errors import (
+    SHARED_BY_THE_MODEL,
+    SHARED_FROM_ONE_DIRECTION,
+    SHARED_WITHIN_DEG,
+)
 from services.registration.core.hole_axes import HoleEstimate, evidence_of, holes_at
 from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
@@ -32,7 +35,7 @@ from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
-FIRST_SEED, SET_UPS, PROCESSES = 7000, 32, 2
+FIRST_SEED, SET_UPS, PROCESSES = 7000, 64, 2
 REPORT = Path(__file__).resolve().parent.parent / "docs" / "benchmarks" / "fusion.md"
 COMBINATIONS = {
     "one image (A)": (0,),
@@ -43,8 +46,8 @@ COMBINATIONS = {
 _PAIRS = {"A, A'": (0, 1), "A, B": (0, 2)}
 _WAYS = {
     "as shipped": as_shipped,
-    "covariance of independent images": as_independent,
-    "weights from the correlated covariance": by_correlated_weights,
+    "poses alone, without the nail's shape": as_poses_alone,
+    "the same, covariance of independent images": as_independent,
     "covariance intersection": by_covariance_intersection,
 }
 _SHIFTS_MM = (0.2, 0.4, 0.7, 1.0)
@@ -133,12 +136,12 @@ def refused(seen: SeenSetUp, images: tuple[int, ...]) -> bool:
     return evidence is not None and _disagree(seen, evidence)
 
 
-def errors_of(seen: SeenSetUp, images: tuple[int, ...], weighing: Weighing = as_shipped) -> Errors | None:
+def errors_of(seen: SeenSetUp, images: tuple[int, ...], joining: Joining = as_shipped) -> Errors | None:
     """What some images together make of the axes."""
     evidence = chosen(seen, images)
     if evidence is None:
         return None
-    joint = joined(evidence, weighing)
+    joint = joining(evidence)
     found = holes_at(seen.nail, joint.guide_from_nail, joint.covariance, seen.camera_from_nail)
     true = holes_at(seen.nail, seen.truth, None, seen.camera_from_nail)
     rows = np.array([_hole_errors(a, b) for a, b in zip(found, true, strict=True)])

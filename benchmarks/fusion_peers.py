@@ -1,4 +1,4 @@
-"""Other ways to join poses with covariances, for comparison: each gives weights and the covariance it promises."""
+"""Other ways to join poses with covariances, for comparison: each gives the pose and the covariance it promises."""
 
 from collections.abc import Callable
 
@@ -6,49 +6,32 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from services.registration.core.fusion.fuse import FusedPose, fuse, joint_covariance
-from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
+from services.registration.core.fusion.fuse import FusedPose, fuse, fused_by
+from services.registration.core.fusion.joint_errors import covariance_of_mean
+from services.registration.core.pose_evidence import PoseEvidence
 
-_ITERATIONS = 8
 Floats = NDArray[np.float64]
-Weighing = Callable[[tuple[PoseEvidence, ...]], tuple[Floats, Floats]]
+Joining = Callable[[tuple[PoseEvidence, ...]], FusedPose]
 
 
-def joined(evidence: tuple[PoseEvidence, ...], weighing: Weighing) -> FusedPose:
-    """The weighted mean of some images' poses."""
-    weights, covariance = weighing(evidence)
-    pose = evidence[0].guide_from_nail
-    for _ in range(_ITERATIONS):
-        departures = np.stack([motion_between(pose, one.guide_from_nail) for one in evidence])
-        pose = moved_by(pose, np.einsum("kij,kj->i", weights, departures))
-    return FusedPose(pose, covariance, weights, departures, 0.0)
+def as_shipped(evidence: tuple[PoseEvidence, ...]) -> FusedPose:
+    """Of one nail, whose shape all images tell; covariance of what images share."""
+    return fuse(evidence)
 
 
-def as_shipped(evidence: tuple[PoseEvidence, ...]) -> tuple[Floats, Floats]:
-    """Weights of independent images, covariance of what images share."""
-    joint = fuse(evidence)
-    return joint.weights, joint.covariance
+def as_poses_alone(evidence: tuple[PoseEvidence, ...]) -> FusedPose:
+    """Nothing but the poses, each with its own covariance; covariance of what images share."""
+    weights = _and_no_shape(_independent(evidence)[0], evidence)
+    return fused_by(evidence, weights, covariance_of_mean(evidence, weights))
 
 
-def as_independent(evidence: tuple[PoseEvidence, ...]) -> tuple[Floats, Floats]:
-    """The same weights, and the covariance that independent images would leave."""
-    information = np.stack([np.linalg.inv(one.covariance) for one in evidence])
-    covariance = np.asarray(np.linalg.inv(information.sum(axis=0)), dtype=np.float64)
-    return np.asarray(covariance @ information), covariance
+def as_independent(evidence: tuple[PoseEvidence, ...]) -> FusedPose:
+    """The same poses, with the covariance of images that share nothing."""
+    weights, covariance = _independent(evidence)
+    return fused_by(evidence, _and_no_shape(weights, evidence), covariance)
 
 
-def by_correlated_weights(evidence: tuple[PoseEvidence, ...]) -> tuple[Floats, Floats]:
-    """Generalised least squares: weights from the correlated covariance too."""
-    count = len(evidence)
-    together = joint_covariance(evidence).transpose(0, 2, 1, 3).reshape(6 * count, 6 * count)
-    all_same = np.tile(np.eye(6), (count, 1))
-    information = np.linalg.solve(together, all_same).T
-    covariance = np.asarray(np.linalg.inv(information @ all_same), dtype=np.float64)
-    weights = (covariance @ information).reshape(6, count, 6).transpose(1, 0, 2)
-    return np.asarray(weights), covariance
-
-
-def by_covariance_intersection(evidence: tuple[PoseEvidence, ...]) -> tuple[Floats, Floats]:
+def by_covariance_intersection(evidence: tuple[PoseEvidence, ...]) -> FusedPose:
     """For two images whose correlation nobody knows: the mixture of informations with the largest determinant."""
     first, second = (np.linalg.inv(one.covariance) for one in evidence)
     found = minimize_scalar(
@@ -56,4 +39,17 @@ def by_covariance_intersection(evidence: tuple[PoseEvidence, ...]) -> tuple[Floa
     )
     parts = np.stack([found.x * first, (1.0 - found.x) * second])
     covariance = np.asarray(np.linalg.inv(parts.sum(axis=0)), dtype=np.float64)
-    return np.asarray(covariance @ parts), covariance
+    return fused_by(evidence, _and_no_shape(np.asarray(covariance @ parts), evidence), covariance)
+
+
+def _independent(evidence: tuple[PoseEvidence, ...]) -> tuple[Floats, Floats]:
+    """Weights, shape (K, 6, 6), and covariance of images that share nothing."""
+    information = np.stack([np.linalg.inv(one.covariance) for one in evidence])
+    covariance = np.asarray(np.linalg.inv(information.sum(axis=0)), dtype=np.float64)
+    return np.asarray(covariance @ information), covariance
+
+
+def _and_no_shape(weights: Floats, evidence: tuple[PoseEvidence, ...]) -> Floats:
+    """Weights of poses, shape (K, 6, 6), as those of poses and shapes, of which none counts."""
+    none = np.zeros((len(weights), 6, len(evidence[0].errors.shape_deviations)))
+    return np.concatenate([weights, none], axis=2)

@@ -141,7 +141,7 @@ def run(case: Case, start: Transform[Camera, Nail]) -> NDArray[np.float64] | Non
     motion = fit.camera_from_nail.inverse() @ case.camera_from_nail
     off = np.concatenate([motion.rotation_vector_rad, motion.translation_mm])
     entry_mm, axis_deg = errors_of(case.nail, fit.camera_from_nail, case.camera_from_nail)
-    normalised = off / np.sqrt(np.diag(fit.covariance))
+    normalised = off / np.sqrt(np.diag(fit.errors.covariance))
     radii = f"{fit.hole_radius_excess_mm:+.3f} {fit.nail_radius_excess_mm:+.3f} mm"
     print(
         f"{case.name}  {entry_mm:.3f} mm  {axis_deg:.3f} deg  margin {fit.mirror_margin:5.0f}  radii {radii}  "

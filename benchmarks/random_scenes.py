@@ -49,6 +49,11 @@ def parts_of(scenario: Scenario) -> Parts:
     return Parts(scenario.parts.ring, scenario.parts.guide, silent)
 
 
+def shipped_parts_of(scenario: Scenario) -> Parts:
+    """The part files as they are: for scenes with parts of the catalogue, whose files say how holes are chamfered."""
+    return Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail)
+
+
 def nominal_of(scenario: Scenario) -> NominalGeometry:
     """What the C-arm says of itself."""
     return NominalGeometry(scenario.c_arm.nominal_source_to_detector_mm, scenario.c_arm.nominal_pixel_mm)

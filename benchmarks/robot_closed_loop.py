@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.random_scenes import nominal_of, parts_of
+from benchmarks.random_scenes import nominal_of, shipped_parts_of
 from services.imaging.core.calibration import calibrate_image
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import Method, localise
@@ -106,7 +106,7 @@ class _Case:
         calibrated = calibrate_image(pixels, scenario.parts.ring, nominal_of(scenario))
         if isinstance(calibrated, Rejected):
             return _RefusedImage(calibrated.reasons[0].message)
-        result = localise(pixels, calibrated.value, parts_of(scenario), Method.MODEL, lambda _: None)
+        result = localise(pixels, calibrated.value, shipped_parts_of(scenario), Method.MODEL, lambda _: None)
         if result.holes is not None and result.accepted:
             return result.holes
         if result.correction is None:

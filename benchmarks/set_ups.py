@@ -31,21 +31,23 @@ class SeenImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SetUp:
-    """A patient, a nail and a guide, with parts of their own for every seed."""
+    """A patient, a nail and a guide.
+
+    Attributes
+    ----------
+    parts
+        What the localisation is told of the parts.
+    """
 
     scenario: Scenario
     state: WorldState
+    parts: Parts
 
     @staticmethod
     def of_seed(seed: int) -> "SetUp":
-        """Robot in its home pose, nothing inserted."""
+        """Parts of their own for every seed, robot in its home pose, nothing inserted."""
         scenario = scene_of_seed(seed)
-        return SetUp(scenario, starting_state(scenario))
-
-    @property
-    def parts(self) -> Parts:
-        """What the localisation is told of the parts."""
-        return parts_of(self.scenario)
+        return SetUp(scenario, starting_state(scenario), parts_of(scenario))
 
     def turned(self, about_nail_x_deg: float, about_nail_y_deg: float) -> "SetUp":
         """The C-arm turned so that its beam leans against the nail's z axis by these angles."""

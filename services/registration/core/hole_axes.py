@@ -7,53 +7,14 @@ from numpy.typing import NDArray
 
 from services.registration.core.alignment import hole_tilts
 from services.registration.core.guide.locate import GuideFit
+from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.passing import AxisOffset, across_basis
-from services.registration.core.pose_evidence import PoseEvidence, cross_matrix, model_covariance, pose_evidence
+from services.registration.core.pose_evidence import PoseEvidence, cross_matrix, pose_evidence
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
 from shared.geometry.parts import GuidePart, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
-
-
-@dataclass(frozen=True, slots=True)
-class Misfit:
-    """How far the fitted model had to depart from the part, and what it left unexplained.
-
-    Attributes
-    ----------
-    hole_radius_excess_mm, nail_radius_excess_mm
-        Fitted radii less those of the nail's file.
-    structure
-        Residual at rims and edges over that elsewhere; one when only noise is left.
-    """
-
-    hole_radius_excess_mm: float
-    nail_radius_excess_mm: float
-    structure: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NailEstimate:
-    """The nail in the camera's frame, whichever method found it.
-
-    Attributes
-    ----------
-    camera_from_nail
-        Pose of the nail.
-    covariance
-        Shape (6, 6), of a small rotation (rad) and translation (mm) in the nail's own frame, as `GuideFit.covariance`;
-        `model_covariance` is in it. None for a method that does not know its errors.
-    mirror_margin
-        How much worse the best mirrored pose explains the pixels; None for methods without one.
-    misfit
-        What speaks against the model; None for methods that fit none.
-    """
-
-    camera_from_nail: Transform[Camera, Nail]
-    covariance: NDArray[np.float64] | None
-    mirror_margin: float | None
-    misfit: Misfit | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,10 +66,9 @@ def evidence_of(
     calibration: CArmCalibration, guide: GuidePart, nail: NailPart, guide_fit: GuideFit, estimate: NailEstimate
 ) -> PoseEvidence | None:
     """What one image says of `guide_from_nail`; None from a method that does not know its errors."""
-    if estimate.covariance is None:
+    if estimate.errors is None:
         return None
-    fit_covariance = estimate.covariance - model_covariance(nail, estimate.camera_from_nail)
-    return pose_evidence(calibration, guide, nail, guide_fit, estimate.camera_from_nail, fit_covariance)
+    return pose_evidence(calibration, guide, nail, guide_fit, estimate.camera_from_nail, estimate.errors)
 
 
 def holes_at(

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 
 from services.registration.core.alignment import CArmTurn
-from services.registration.core.hole_axes import HoleEstimate, NailEstimate
+from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.nail.judgement import LEAST_MARGIN_OF_ONE_HOLE
+from services.registration.core.nail_estimate import NailEstimate
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
-from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate, hole_estimates
+from services.registration.core.hole_axes import HoleEstimate, hole_estimates
 from services.registration.core.judge import judge
 from services.registration.core.nail.coarse import NailStart, find_nail
 from services.registration.core.nail.coarse_cover import covered_pixels
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
+from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from services.registration.core.paper.guide import locate_guide_by_axes
 from services.registration.core.paper.nail import locate_nail_by_band
-from services.registration.core.pose_evidence import model_covariance
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
@@ -179,9 +179,4 @@ def _by_model(
     depth_mm = float(start.camera_from_nail.translation_mm[2])
     hidden = covered_pixels(upright, calibration, start.openings, depth_mm, ball_discs_px(balls, calibration))
     fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, replace(balls, hidden=hidden))
-    if isinstance(fit, Rejected):
-        return fit
-    found = fit.value
-    misfit = Misfit(found.hole_radius_excess_mm, found.nail_radius_excess_mm, found.residual.structure)
-    covariance = found.covariance + model_covariance(parts.nail, found.camera_from_nail)
-    return Accepted(NailEstimate(found.camera_from_nail, covariance, found.mirror_margin, misfit))
+    return fit if isinstance(fit, Rejected) else Accepted(fitted_estimate(fit.value))

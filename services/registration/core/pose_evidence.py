@@ -1,8 +1,7 @@
 """What one image says of `guide_from_nail`: the pose, and its errors sorted by what shares them.
 
 An error is a small motion of the nail in its own frame, rotation (rad) before translation (mm), shape (6,): the truth
-is ``guide_from_nail @ motion``. Sorting matters as soon as there are several images: their noise averages out, the
-model's own errors do not.
+is ``guide_from_nail @ motion``.
 """
 
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from services.registration.core.guide.locate import DISTORTION_CORRELATION_PX, GuideFit
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
+from services.registration.core.pose_errors import PoseErrors, length_that_tells_depth_mm
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
@@ -20,11 +20,6 @@ from shared.geometry.lines import read_only, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
-# What is left of the model's own errors after all that the fit floats: standard deviation of the tilt about the nail's
-# x and y axes, of the turn about its z axis, and of its place across the beam, from independent images and own scenes.
-MODEL_SD_DEG = 0.04
-MODEL_SD_ABOUT_Z_DEG = 0.02
-MODEL_SD_MM = 0.007
 _RIM_POINTS = 8
 
 
@@ -38,27 +33,21 @@ class PoseEvidence:
         The pose.
     ray_nail
         Unit direction of the ray to the nail, in the nail's frame, shape (3,): from where it was seen.
-    image_covariance
-        Of the errors that come with the image, shape (6, 6): the guide's balls, the C-arm's calibration, and the nail's
-        fit to its pixels. Part is noise; the rest (bone texture, which ball lies on which edge) is the same in every
-        image from the same direction.
-    model_loadings
-        The model's own errors, one standard deviation each, as columns, shape (6, M): common to all images.
+    errors
+        Of the pose, those by guide and calibration among what comes with the image.
     """
 
     guide_from_nail: Transform[Guide, Nail]
     ray_nail: NDArray[np.float64]
-    image_covariance: NDArray[np.float64]
-    model_loadings: NDArray[np.float64]
+    errors: PoseErrors
 
     def __post_init__(self) -> None:
-        for name in ("ray_nail", "image_covariance", "model_loadings"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        object.__setattr__(self, "ray_nail", read_only(self.ray_nail))
 
     @property
     def covariance(self) -> NDArray[np.float64]:
         """Of the pose from this image alone, shape (6, 6)."""
-        return np.asarray(self.image_covariance + self.model_loadings @ self.model_loadings.T)
+        return self.errors.covariance
 
 
 def pose_evidence(
@@ -67,46 +56,25 @@ def pose_evidence(
     nail: NailPart,
     guide_fit: GuideFit,
     camera_from_nail: Transform[Camera, Nail],
-    fit_covariance: NDArray[np.float64],
+    nail_errors: PoseErrors,
 ) -> PoseEvidence:
     """Put together what guide, nail and C-arm calibration of one image leave uncertain.
 
     Parameters
     ----------
-    fit_covariance
-        Of the nail's fit to its pixels, in the nail's own frame, shape (6, 6), without the model's own errors.
+    nail_errors
+        Of `camera_from_nail`.
     """
     guide_from_nail = guide_fit.camera_from_guide.inverse() @ camera_from_nail
     by_guide = motion_of_nail(guide_from_nail)
-    covariance = fit_covariance + by_guide @ guide_fit.covariance @ by_guide.T
+    covariance = by_guide @ guide_fit.covariance @ by_guide.T
     for other in _poses_for_other_sources(calibration, guide, nail, guide_fit, camera_from_nail):
         motion = motion_between(guide_from_nail, other)
         covariance = covariance + np.outer(motion, motion)
     depth = _depth_by_distortion(calibration, nail, camera_from_nail)
     covariance = covariance + np.outer(depth, depth)
     ray_nail = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
-    return PoseEvidence(guide_from_nail, ray_nail, covariance, model_loadings(nail, camera_from_nail))
-
-
-def model_loadings(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
-    """What the model itself leaves uncertain: columns of one standard deviation each, shape (6, 6).
-
-    Rotation about the nail's axes, place along x and y, and depth. The depth follows from the distance of the
-    outermost holes, or the nail's width where there is but one hole: that distance is off by as much as the nail's
-    place, and depth is to its error as the distance is to its own. An error of depth moves the nail along the ray, and
-    so across its holes when they are tilted against it.
-    """
-    depth_sd_mm = MODEL_SD_MM * float(camera_from_nail.translation_mm[2]) / _known_mm(nail)
-    loadings = np.diag(np.radians([MODEL_SD_DEG, MODEL_SD_DEG, MODEL_SD_ABOUT_Z_DEG, 0.0, 0.0, 0.0]))
-    loadings[[3, 4], [3, 4]] = MODEL_SD_MM
-    loadings[3:, 5] = depth_sd_mm * (camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm))
-    return loadings
-
-
-def _known_mm(nail: NailPart) -> float:
-    """The length that tells the depth: from hole to hole, or the nail's width where there is but one."""
-    along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
-    return max(max(along) - min(along), nail.diameter_mm)
+    return PoseEvidence(guide_from_nail, ray_nail, nail_errors.with_more(covariance))
 
 
 def _depth_by_distortion(
@@ -124,13 +92,7 @@ def _depth_by_distortion(
     depth_mm = float(camera_from_nail.translation_mm[2])
     of_length_mm = deviation * depth_mm / calibration.camera.focal_length_px
     ray = camera_from_nail.rotation.T @ unit(camera_from_nail.translation_mm)
-    return np.concatenate([np.zeros(3), of_length_mm * depth_mm / _known_mm(nail) * ray])
-
-
-def model_covariance(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
-    """Covariance of the model's own errors in one image, shape (6, 6)."""
-    loadings = model_loadings(nail, camera_from_nail)
-    return np.asarray(loadings @ loadings.T)
+    return np.concatenate([np.zeros(3), of_length_mm * depth_mm / length_that_tells_depth_mm(nail) * ray])
 
 
 def motion_of_nail(guide_from_nail: Transform[Guide, Nail]) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ from services.registration.core.nail.stages import (
 )
 from services.registration.core.nail.unknowns import PARAMETERS, Unknown, prior_mean
 from services.registration.core.nail.window import Scale
-from services.registration.core.pose_evidence import model_covariance
+from services.registration.core.pose_errors import model_covariance
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import angle_between_rad

@@ -8,7 +8,8 @@ from services.registration.core.nail.noise import covariance_of_sums
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters
 from services.registration.core.nail.solver import Solution
 from services.registration.core.nail.stages import Noise
-from services.registration.core.nail.unknowns import prior_precision
+from services.registration.core.nail.unknowns import SHAPE_UNKNOWNS, prior_mean, prior_precision
+from services.registration.core.pose_errors import PoseErrors
 
 
 def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArray[np.float64]:
@@ -18,16 +19,55 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
     they count slow noise, which hides the tilt, as if it hid sharp rims too. What the noise does to the fit follows
     from its correlation instead (the sandwich formula); to it comes what priors and background leave open.
     """
-    gain = np.asarray(np.linalg.inv(solution.normal_matrix)[:POSE_SIZE], dtype=np.float64)
+    return _spread(problem, solution, noise, _motion_gain(problem, solution), prior_precision()[problem.free])
+
+
+def pose_errors(problem: Problem, solution: Solution, noise: Noise, model_loadings: NDArray[np.float64]) -> PoseErrors:
+    """The same for pose and shape together, sorted; all of `SHAPE_UNKNOWNS` must have been free.
+
+    Parameters
+    ----------
+    model_loadings
+        See `PoseErrors`.
+    """
+    precision = prior_precision()[problem.free]
+    places = [int(np.count_nonzero(problem.free[:unknown])) for unknown in SHAPE_UNKNOWNS]
+    per_deviation = np.sqrt(precision[places])
+    of_shape = per_deviation[:, None] * np.linalg.inv(solution.normal_matrix)[places]
+    gain = np.vstack([_motion_gain(problem, solution), of_shape])
+    precision[places] = 0.0
+    deviations = (solution.parameters - prior_mean())[list(SHAPE_UNKNOWNS)] * per_deviation
+    by_others = _spread(problem, solution, noise, gain, precision)
+    return PoseErrors(deviations, by_others, gain[:, places] * per_deviation, model_loadings)
+
+
+def _spread(
+    problem: Problem,
+    solution: Solution,
+    noise: Noise,
+    gain: NDArray[np.float64],
+    precision: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Covariance of what follows from the gradient by `gain`, shape (G, P), as far as noise and open ends go.
+
+    Parameters
+    ----------
+    precision
+        Of the priors that leave an end open, shape (P,).
+    """
     linear = followed_by_linear(problem, solution.linear, solution.moves.of_pixels)
     by_noise = _by_noise(problem, noise, _after_background(problem, solution, linear, gain))
     field = linear[: problem.field.size]
     open_ends = problem.texture_precision * (field.T @ problem.field.roughness @ field)
-    open_ends[np.diag_indices(len(open_ends))] += prior_precision()[problem.free]
-    covariance = by_noise + gain @ open_ends @ gain.T
+    open_ends[np.diag_indices(len(open_ends))] += precision
+    return np.asarray(by_noise + gain @ open_ends @ gain.T)
+
+
+def _motion_gain(problem: Problem, solution: Solution) -> NDArray[np.float64]:
+    """The nail's small motion per gradient, shape (6, P)."""
     scene = problem.scene
-    jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
-    return np.asarray(jacobian @ covariance @ jacobian.T)
+    motion = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
+    return np.asarray(motion @ np.linalg.inv(solution.normal_matrix)[:POSE_SIZE])
 
 
 def _after_background(
@@ -35,7 +75,7 @@ def _after_background(
 ) -> NDArray[np.float64]:
     """Derivatives of the modelled grey values when background and floor follow as `linear` says, times `gain`.
 
-    Shape (N, 6), from a gain of shape (6, P).
+    Shape (N, G), from a gain of shape (G, P).
     """
     visible, size, followed = solution.linear.visible, problem.field.size, linear @ gain.T
     background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in followed[:size].T], axis=1)
@@ -45,7 +85,7 @@ def _after_background(
 
 
 def _by_noise(problem: Problem, noise: Noise, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance of the pose's parameters by noise alone; `moved_by`, shape (N, 6), weighs the pixels."""
+    """Covariance by noise alone; `moved_by`, shape (N, G), weighs the pixels."""
     window = problem.scene.window
     images = np.zeros((moved_by.shape[1], *window.shape))
     deviations = problem.weight * np.sqrt(noise.variance)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.covariance import pose_covariance
+from services.registration.core.nail.covariance import pose_errors
 from services.registration.core.nail.equations import Problem, solution_at
 from services.registration.core.nail.judgement import (
     Evidence,
@@ -35,10 +35,10 @@ from services.registration.core.nail.stages import (
 )
 from services.registration.core.nail.unknowns import Unknown
 from services.registration.core.nail.window import Scale
+from services.registration.core.pose_errors import PoseErrors, model_loadings
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.lines import read_only
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
@@ -55,9 +55,9 @@ class NailFit:
     ----------
     camera_from_nail
         The pose.
-    covariance
+    errors
         Of the small motion `m` with true pose = `camera_from_nail @ m`: rotation vector (rad), then translation (mm),
-        both in the nail's frame at its origin, shape (6, 6). Correlated noise and all nuisances are included;
+        both in the nail's frame at its origin. Correlated noise, all nuisances and the model's own errors are included;
         calibration's and guide's errors are not.
     mirror_margin
         Logarithm of the likelihood ratio between this pose and the other optimum (at least 1.5° away, in practice the
@@ -75,7 +75,7 @@ class NailFit:
     """
 
     camera_from_nail: Transform[Camera, Nail]
-    covariance: NDArray[np.float64]
+    errors: PoseErrors
     mirror_margin: float
     hole_radius_excess_mm: float
     nail_radius_excess_mm: float
@@ -139,10 +139,11 @@ def measure_nail(
     if scene is None:
         return nail_outside(nail)
     problem, solution, noise = _refined(problem_for(scene, _FINE, EVERYTHING), winner)
+    camera_from_nail = scene.pose(solution.parameters)
     return Accepted(
         NailFit(
-            scene.pose(solution.parameters),
-            read_only(pose_covariance(problem, solution, noise)),
+            camera_from_nail,
+            pose_errors(problem, solution, noise, model_loadings(nail, camera_from_nail)),
             winner.margin,
             float(solution.parameters[Unknown.HOLE_RADIUS_EXCESS_MM]),
             float(solution.parameters[Unknown.NAIL_RADIUS_EXCESS_MM]),

@@ -34,6 +34,8 @@ class Unknown(IntEnum):
 
 
 PARAMETERS = len(Unknown)
+# What the nail's file says of the nail, more or less: it is the same in every image of that nail.
+SHAPE_UNKNOWNS = (Unknown.HOLE_RADIUS_EXCESS_MM, Unknown.NAIL_RADIUS_EXCESS_MM, Unknown.CHAMFER_DEVIATIONS)
 
 # Mean and standard deviation of what is known before the image is seen. Attenuation: the mean of the X-rays that pass
 # 100-200 mm of muscle at 60-80 kV; hardening: `shade.py`.

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from services.registration.core.guide.locate import GuideFit
-from services.registration.core.hole_axes import Misfit, NailEstimate
 from services.registration.core.localise import LocalisationResult, Method, Parts, conclude
 from services.registration.core.nail.fit import NailFit, measure_nail
 from services.registration.core.nail.judgement import LeastOpenings, reasons_against
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.nail.rods import SteelRod
-from services.registration.core.pose_evidence import model_covariance
+from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from services.registration.core.wires.find import WIRE_DIAMETER_MM, find_wire
 from services.registration.core.wires.fit import WireFit
 from services.registration.core.wires.nail_start import nail_beside_guide
@@ -82,11 +81,7 @@ def _fitted(
     if not _within(moved, _RESTLESS_DEG, _RESTLESS_MM):
         return Rejected((_restless(moved),))
     reasons = reasons_against(replace(found.evidence(parts.nail), least_openings=_BESIDE_WIRES))
-    if reasons:
-        return Rejected(reasons)
-    misfit = Misfit(found.hole_radius_excess_mm, found.nail_radius_excess_mm, found.residual.structure)
-    covariance = found.covariance + model_covariance(parts.nail, found.camera_from_nail)
-    return Accepted(NailEstimate(found.camera_from_nail, covariance, found.mirror_margin, misfit))
+    return Rejected(reasons) if reasons else Accepted(fitted_estimate(found))
 
 
 def _within(motion: Transform[Nail, Nail], turn_deg: float, shift_mm: float) -> bool:

@@ -49,7 +49,10 @@ def accepted(shot: Shot, start: Transform[Camera, Nail]) -> Outcome:
     apart = fit.camera_from_nail.translation_mm - shot.camera_from_nail.translation_mm
     across = float(np.linalg.norm(apart - axes[1] * (apart @ axes[1])))
     return Outcome(
-        float(np.degrees(angle_between_rad(axes[0], axes[1]))), across, error / np.sqrt(np.diag(fit.covariance)), fit
+        float(np.degrees(angle_between_rad(axes[0], axes[1]))),
+        across,
+        error / np.sqrt(np.diag(fit.errors.covariance)),
+        fit,
     )
 
 
@@ -101,6 +104,27 @@ def test_radii_come_out_as_they_are() -> None:
     for outcome in outcomes():
         assert abs(outcome.fit.hole_radius_excess_mm) < 0.04
         assert abs(outcome.fit.nail_radius_excess_mm) < 0.04
+
+
+def test_what_the_nails_shape_does_to_the_tilt_turns_round_with_the_tilt() -> None:
+    """Wider holes or deeper chamfers than were assumed lean the fitted nail by a share of its tilt, in its direction.
+
+    Several images of one nail tell such an error by that, and only if its sign is right.
+    """
+    by_radius_deg, by_chamfer_deg = [], []
+    for tilt_deg in (6.0, -6.0):
+        shot = shoot(STEEL, posed(tilt_deg, 0.0, 30.0), (2.0, 1.0), 5, dose=0.3)
+        fit = accepted(shot, shot.camera_from_nail).fit
+        pull_deg = np.degrees(fit.errors.shape_pull[1])
+        by_radius_deg.append(pull_deg[0])
+        by_chamfer_deg.append(pull_deg[2])
+        assert np.all(np.linalg.eigvalsh(fit.errors.own_covariance) > 0.0)
+        assert np.sum(pull_deg**2) < np.degrees(np.degrees(fit.errors.covariance[1, 1]))
+    print(f"by radius {np.round(by_radius_deg, 4)}, by chamfer {np.round(by_chamfer_deg, 4)} degrees")
+    assert by_radius_deg[0] > 0.002
+    assert by_radius_deg[1] < -0.002
+    assert by_chamfer_deg[0] > 0.002
+    assert by_chamfer_deg[1] < -0.002
 
 
 @cache

@@ -10,17 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from services.registration.core.alignment import c_arm_correction_deg
 from services.registration.core.fusion.agreement import disagreement, leave_one_out
-from services.registration.core.fusion.fuse import fuse, joint_covariance
+from services.registration.core.fusion.fuse import fuse
+from services.registration.core.fusion.joint_errors import joint_covariance
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
-from services.registration.core.hole_axes import NailEstimate, hole_estimates
+from services.registration.core.hole_axes import hole_estimates
 from services.registration.core.localise import LocalisationResult, Method, Parts
-from services.registration.core.pose_evidence import (
-    PoseEvidence,
-    model_covariance,
-    motion_between,
-    motion_of_nail,
-    moved_by,
-)
+from services.registration.core.nail_estimate import NailEstimate
+from services.registration.core.pose_errors import PoseErrors, errors_without_shape, model_loadings
+from services.registration.core.pose_evidence import PoseEvidence, motion_between, motion_of_nail, moved_by
 from shared.errors import Reason, ReasonCode
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.transform import Transform
@@ -39,11 +36,16 @@ def evidence(lean_deg: tuple[float, float] = FROM_ABOVE, pose: Transform[Guide, 
     ray = Rotation.from_rotvec(np.radians([*lean_deg, 0.0])).apply([0.0, 0.0, 1.0])
     covariance = np.diag(np.concatenate([SIGMAS, [0.03]]) ** 2)
     covariance[3:, 3:] += DEPTH_SD_MM**2 * np.outer(ray, ray)
-    return PoseEvidence(pose, ray, covariance, np.diag(np.radians([0.04, 0.04, 0.02, 0.0, 0.0, 0.0])))
+    by_model = np.diag(np.radians([0.04, 0.04, 0.02, 0.0, 0.0, 0.0]))
+    return PoseEvidence(pose, ray, errors_without_shape(covariance, by_model))
 
 
 def shifted(one: PoseEvidence, motion: NDArray[np.float64]) -> PoseEvidence:
     return replace(one, guide_from_nail=moved_by(one.guide_from_nail, motion))
+
+
+def with_errors(one: PoseEvidence, **changed: NDArray[np.float64]) -> PoseEvidence:
+    return replace(one, errors=replace(one.errors, **changed))
 
 
 def across_mm(x: float, y: float) -> NDArray[np.float64]:
@@ -86,21 +88,93 @@ def test_images_from_one_direction_share_most_of_their_errors() -> None:
 
 def test_the_models_own_errors_hardly_average_out() -> None:
     only_model = tuple(
-        replace(evidence((0.0, lean)), image_covariance=np.eye(6) * 1e-10) for lean in (0.0, 5.0, 10.0, 15.0)
+        with_errors(evidence((0.0, lean)), image_covariance=np.eye(6) * 1e-10) for lean in (0.0, 5.0, 10.0, 15.0)
     )
     ratio = fuse(only_model).covariance[0, 0] / only_model[0].covariance[0, 0]
     assert ratio == pytest.approx(0.5 + 0.5 / 4.0, abs=0.01)
 
 
+NO_ERROR, CHAMFER = np.zeros(7), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def of_chamfered_nail(lean_deg: float, leant_deg: float, chamfer_seen_to: float) -> PoseEvidence:
+    """An image of a nail whose holes' chamfer is not known, as a fit to a linear model would tell of it.
+
+    Parameters
+    ----------
+    leant_deg
+        How much a tilt about x, by the look of it, one standard deviation of chamfer makes.
+    chamfer_seen_to
+        To how many such deviations the image would show the chamfer if the pose were known.
+    """
+    one = evidence((lean_deg, 0.0))
+    looks_like = np.eye(7)
+    looks_like[0, 6] = np.radians(leant_deg)
+    seen = block_diag(np.linalg.inv(one.errors.image_covariance), np.array([[chamfer_seen_to**-2]]))
+    information = looks_like.T @ seen @ looks_like
+    spread = np.asarray(np.linalg.inv(information + np.diag(CHAMFER)), dtype=np.float64)
+    noise = np.asarray(spread @ information @ spread)
+    errors = PoseErrors(np.zeros(1), noise, spread[:, 6:], one.errors.model_loadings)
+    return replace(one, errors=errors)
+
+
+def fitted(one: PoseEvidence, chamfer: float, error: NDArray[np.float64] = NO_ERROR) -> PoseEvidence:
+    """What the image says of a nail with such a chamfer when the fit errs by so much, shape (7,)."""
+    error = error + chamfer * one.errors.shape_pull[:, 0]
+    told = replace(one, errors=replace(one.errors, shape_deviations=np.array([chamfer - error[6]])))
+    return shifted(told, -error[:6])
+
+
+def lean_deg(pose: Transform[Guide, Nail]) -> float:
+    return float(np.degrees(motion_between(POSE, pose)[0]))
+
+
+def test_a_chamfer_seen_from_both_sides_is_told_from_a_tilt() -> None:
+    """Leaning the beam the other way turns the chamfer's part round: what both images share is the chamfer."""
+    there, back = of_chamfered_nail(5.0, 0.2, 3.0), of_chamfered_nail(-5.0, -0.1, 3.0)
+    images = (fitted(there, 2.0), fitted(back, 2.0))
+    joint = fuse(images)
+    alone = [lean_deg(one.guide_from_nail) for one in images]
+    print(f"alone {alone[0]:.3f} and {alone[1]:.3f} degrees, together {lean_deg(joint.guide_from_nail):.3f}")
+    assert min(abs(off) for off in alone) > 0.1
+    assert abs(lean_deg(joint.guide_from_nail)) < 0.4 * min(abs(off) for off in alone)
+    known = fuse((evidence((5.0, 0.0)), evidence((-5.0, 0.0)))).covariance[0, 0]
+    unknown = min(one.covariance[0, 0] for one in images)
+    assert known < joint.covariance[0, 0] < 0.75 * unknown
+    # half a degree apart, by a chamfer of two standard deviations: no contradiction
+    assert joint.chi_square < 5.0
+
+
+def test_a_chamfer_seen_twice_from_one_side_stays_unknown() -> None:
+    images = (of_chamfered_nail(5.0, 0.2, 3.0), of_chamfered_nail(5.5, 0.2, 3.0))
+    joint = fuse(tuple(fitted(one, 2.0) for one in images))
+    assert lean_deg(joint.guide_from_nail) == pytest.approx(lean_deg(fitted(images[0], 2.0).guide_from_nail), rel=0.1)
+    assert joint.covariance[0, 0] > 0.85 * images[0].covariance[0, 0]
+
+
+def test_an_image_that_tells_nothing_of_the_chamfer_has_no_say_in_it() -> None:
+    """Where no chamfer is left to shrink, the fit returns what it was told, with no noise at all."""
+    there, silent = of_chamfered_nail(5.0, 0.2, 3.0), of_chamfered_nail(-5.0, 0.0, np.inf)
+    joint, other = (
+        fuse((fitted(there, 2.0), with_errors(silent, shape_deviations=told))) for told in (CHAMFER[:1], CHAMFER[6:])
+    )
+    assert other.guide_from_nail.matrix == pytest.approx(joint.guide_from_nail.matrix, abs=1e-6)
+    assert np.all(np.linalg.eigvalsh(joint.covariance) > 0.0)
+
+
 def test_errors_are_as_large_as_predicted_when_images_share_as_assumed() -> None:
     seed = 20261
     rng = np.random.default_rng(seed)
-    images = (evidence((2.0, 0.0)), evidence((2.0, 1.0)), evidence((-5.0, 1.0)))
-    root = np.linalg.cholesky(joint_covariance(images).transpose(0, 2, 1, 3).reshape(18, 18))
+    images = (
+        of_chamfered_nail(2.0, 0.08, 2.0),
+        of_chamfered_nail(2.5, 0.08, 2.0),
+        of_chamfered_nail(-5.0, -0.2, 0.5),
+    )
+    root = np.linalg.cholesky(joint_covariance(images))
     normalised = []
     for _ in range(300):
-        errors = (root @ rng.standard_normal(18)).reshape(3, 6)
-        joint = fuse(tuple(shifted(image, error) for image, error in zip(images, errors, strict=True)))
+        errors, chamfer = (root @ rng.standard_normal(21)).reshape(3, 7), float(rng.standard_normal())
+        joint = fuse(tuple(fitted(image, chamfer, error) for image, error in zip(images, errors, strict=True)))
         normalised.append(motion_between(POSE, joint.guide_from_nail) / np.sqrt(np.diag(joint.covariance)))
     rms = np.sqrt(np.mean(np.square(normalised), axis=0))
     print(f"seed {seed}, normalised rms {np.round(rms, 2)}")
@@ -185,7 +259,8 @@ def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: R
     step: Transform[Nail, Nail] = Transform.from_rotvec(np.zeros(3), [moved_mm, 0.0, 0.0])
     pose = NAIL_POSE @ step
     guide = guide_fit(GUIDE_POSE, np.eye(6) * 1e-8)
-    nail = NailEstimate(pose, fit_covariance + model_covariance(PARTS.nail, pose), 100.0, None)
+    errors = errors_without_shape(fit_covariance, model_loadings(PARTS.nail, pose))
+    nail = NailEstimate(pose, errors, 100.0, None)
     holes = hole_estimates(KNOWN_SOURCE, PARTS.guide, PARTS.nail, guide, nail)
     correction = c_arm_correction_deg(pose, PARTS.nail)
     guide_from_nail = GUIDE_POSE.inverse() @ pose

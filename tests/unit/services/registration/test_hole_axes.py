@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.guide.locate import GuideFit
-from services.registration.core.hole_axes import NailEstimate, hole_estimates
+from services.registration.core.hole_axes import hole_estimates
+from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
-from services.registration.core.pose_evidence import MODEL_SD_MM, model_covariance
+from services.registration.core.pose_errors import MODEL_SD_MM, PoseErrors, errors_without_shape, model_covariance
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import hole_surface_points
@@ -29,6 +30,11 @@ def guide_fit(pose: Transform[Camera, Guide], covariance: NDArray[np.float64]) -
     px = VIEW.camera.project(pose.points(part.balls.position_mm))
     count = len(part.balls)
     return GuideFit(pose, covariance, np.ones(count, bool), px, np.full(count, 0.05), count, 0.05, 10)
+
+
+def fit_errors(covariance: NDArray[np.float64]) -> PoseErrors:
+    """Errors that come with the image, and no others."""
+    return errors_without_shape(covariance, np.zeros((6, 6)))
 
 
 def test_entry_and_axis_are_those_of_the_composed_poses() -> None:
@@ -67,7 +73,7 @@ def test_covariance_is_that_of_random_pose_errors() -> None:
         guide_part(),
         part,
         guide_fit(GUIDE_POSE, guide_cov),
-        NailEstimate(NAIL_POSE, nail_cov, 10.0, None),
+        NailEstimate(NAIL_POSE, fit_errors(nail_cov), 10.0, None),
     )
     guide_steps = rng.multivariate_normal(np.zeros(6), guide_cov, 3000)
     nail_steps = rng.multivariate_normal(np.zeros(6), nail_cov, 3000)
@@ -87,7 +93,7 @@ def test_covariance_is_that_of_random_pose_errors() -> None:
 
 def test_a_source_a_few_millimetres_off_costs_little_and_is_counted() -> None:
     """One millimetre of the source's distance costs about 0.003 degrees near the image's centre."""
-    nail = NailEstimate(NAIL_POSE, np.zeros((6, 6)), 10.0, None)
+    nail = NailEstimate(NAIL_POSE, fit_errors(np.zeros((6, 6))), 10.0, None)
     fit = guide_fit(GUIDE_POSE, np.zeros((6, 6)))
     for axis in range(3):
         uncertain = np.zeros((3, 3))
@@ -127,7 +133,7 @@ def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
     entry_sd_mm = []
     for tilt_deg in (0.0, 10.0):
         pose = posed_nail(0.0, (tilt_deg, 0.0), (0.0, 0.0, 740.0))
-        estimate = NailEstimate(pose, model_covariance(nail, pose), 50.0, None)
+        estimate = NailEstimate(pose, fit_errors(model_covariance(nail, pose)), 50.0, None)
         offset = hole_estimates(KNOWN_SOURCE, guide_part(), nail, fit, estimate)[0].offset
         assert offset is not None
         entry_sd_mm.append(offset.entry_sd_mm)

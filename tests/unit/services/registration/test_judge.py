@@ -7,9 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import CArmTurn
-from services.registration.core.hole_axes import HoleEstimate, Misfit, NailEstimate
+from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.judge import judge
+from services.registration.core.nail_estimate import Misfit, NailEstimate
 from services.registration.core.passing import AxisOffset
+from services.registration.core.pose_errors import errors_without_shape
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import DisplacementField
@@ -22,6 +24,7 @@ NAIL_MM = 12.0
 VIEW = calibration(1024)
 TURN = CArmTurn(3.0, -2.0)
 GOOD_FIT = Misfit(0.02, -0.03, 1.2)
+ERRORS = errors_without_shape(np.eye(6), np.zeros((6, 6)))
 BEHIND_THE_GUIDE: Transform[Guide, Nail] = Transform.from_rotvec(np.zeros(3), [4.0, -3.0, 107.0])
 
 
@@ -36,7 +39,7 @@ def hole(entry_sd_mm: float = 0.05, tilt_deg: float = 3.0, diameter_mm: float = 
 def reasons(
     estimate_misfit: Misfit | None = GOOD_FIT, one: HoleEstimate | None = None, view: CArmCalibration = VIEW
 ) -> tuple[Reason, ...]:
-    estimate = NailEstimate(posed_nail(10.0), np.eye(6), 50.0, estimate_misfit)
+    estimate = NailEstimate(posed_nail(10.0), ERRORS, 50.0, estimate_misfit)
     return judge(view, guide_part(), nail_part(), BEHIND_THE_GUIDE, estimate, (one or hole(),), TURN)
 
 
@@ -88,7 +91,7 @@ def test_holes_beyond_the_rings_balls_are_refused() -> None:
 
 
 def test_ids_that_guide_and_nail_give_to_opposite_holes_are_refused() -> None:
-    estimate = NailEstimate(posed_nail(10.0), np.eye(6), 50.0, GOOD_FIT)
+    estimate = NailEstimate(posed_nail(10.0), ERRORS, 50.0, GOOD_FIT)
     exchanged = nail_part(hole_x_mm=(-12.0, 12.0))
     (reason,) = judge(VIEW, guide_part(), exchanged, BEHIND_THE_GUIDE, estimate, (hole(),), TURN)
     assert reason.code is ReasonCode.NAIL_MODEL_MISMATCH
@@ -98,7 +101,7 @@ def test_ids_that_guide_and_nail_give_to_opposite_holes_are_refused() -> None:
 @pytest.mark.parametrize(("margin", "codes"), [(39.0, [ReasonCode.MIRROR_AMBIGUOUS]), (41.0, [])])
 def test_one_hole_alone_must_be_clearer_than_two(margin: float, codes: list[ReasonCode]) -> None:
     one_hole = nail_part(hole_x_mm=(15.0,))
-    estimate = NailEstimate(posed_nail(10.0), np.eye(6), margin, GOOD_FIT)
+    estimate = NailEstimate(posed_nail(10.0), ERRORS, margin, GOOD_FIT)
     found = judge(VIEW, guide_part(), one_hole, BEHIND_THE_GUIDE, estimate, (hole(),), TURN)
     assert [reason.code for reason in found] == codes
     two = judge(VIEW, guide_part(), nail_part(), BEHIND_THE_GUIDE, estimate, (hole(),), TURN)

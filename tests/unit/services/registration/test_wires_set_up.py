@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.guide.locate import locate_guide
+from services.registration.core.pose_errors import errors_without_shape
 from services.registration.core.pose_evidence import PoseEvidence, motion_of_nail
 from services.registration.core.wires.companion import locate_guide_beside
 from services.registration.core.wires.images import seen_set_up
@@ -150,7 +151,9 @@ def test_what_an_image_said_of_the_nail_has_its_guides_error_in_it() -> None:
     guide_covariance = GUIDE_COVARIANCE
     by_guide = motion_of_nail(GUIDE_FROM_NAIL)
     evidence = PoseEvidence(
-        GUIDE_FROM_NAIL, np.array([0.0, 0.0, 1.0]), by_guide @ guide_covariance @ by_guide.T, np.zeros((6, 6))
+        GUIDE_FROM_NAIL,
+        np.array([0.0, 0.0, 1.0]),
+        errors_without_shape(by_guide @ guide_covariance @ by_guide.T, np.zeros((6, 6))),
     )
     view = blank_view()
     set_up = set_up_of((view,), fuse((evidence,)), (0,))
