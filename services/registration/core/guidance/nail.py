@@ -16,7 +16,7 @@ from services.registration.core.nail.equations import Problem
 from services.registration.core.nail.judgement import HoleView, hole_views, nail_outside, residual_statistics
 from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, parameters_from_pose
 from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.solver import Solution, minimise, minimise_from
+from services.registration.core.nail.solver import Solution, minimise, minimise_from, with_derivatives
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
@@ -111,7 +111,7 @@ def learn_look(given: Given, camera_from_nail: Transform[Camera, Nail]) -> Look 
     problem = problem_for(scene, _detail(given, camera_from_nail), EVERYTHING)
     first = minimise(problem, start, _FIRST_STEPS, _LOOSE)
     problem = reweighted(problem, first.linear, noise_of(problem, first.linear))
-    solution = minimise_from(problem, first.linear, _KEY_STEPS, _TIGHT)
+    solution = with_derivatives(problem, minimise_from(problem, first.linear, _KEY_STEPS, _TIGHT))
     normal = solution.normal_matrix
     alone = np.linalg.inv(normal[np.ix_(_FOLLOWED, _FOLLOWED)])[:POSE_SIZE, :POSE_SIZE]
     shared = np.linalg.inv(normal)[:POSE_SIZE, :POSE_SIZE] - alone
@@ -129,7 +129,7 @@ def follow_nail(given: Given, look: Look, predicted: Transform[Camera, Nail]) ->
     problem = replace(problem, weight=np.full(len(problem.grey), look.weight))
     solution = minimise(problem, start, _FIRST_STEPS, _LOOSE)
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
-    solution = minimise_from(problem, solution.linear, _LAST_STEPS, _TIGHT)
+    solution = with_derivatives(problem, minimise_from(problem, solution.linear, _LAST_STEPS, _TIGHT))
     noise = noise_of(problem, solution.linear)
     residual = residual_statistics(problem, solution, noise)
     beyond = np.abs(solution.linear.residual) > _UNEXPLAINED_DEVIATIONS * np.sqrt(noise.variance)

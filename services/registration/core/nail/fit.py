@@ -21,7 +21,7 @@ from services.registration.core.nail.judgement import (
 )
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.rivals import Winner, find_winner
-from services.registration.core.nail.solver import Solution, minimise_from
+from services.registration.core.nail.solver import Solution, minimise_from, with_derivatives
 from services.registration.core.nail.stages import (
     EVERYTHING,
     Detail,
@@ -162,5 +162,5 @@ def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
     # with derivatives from here: those of the first steps may have led along the valley in which radii, curve and tilt
     # nearly make up for one another, and ended in it
-    solution = minimise_from(problem, solution.linear, _LAST_STEPS, _TOLERANCE)
+    solution = with_derivatives(problem, minimise_from(problem, solution.linear, _LAST_STEPS, _TOLERANCE))
     return problem, solution, noise_of(problem, solution.linear)

@@ -1,6 +1,6 @@
 """Penalised maximum likelihood by variable projection: pose and nuisances move, background and floor are solved for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,10 @@ _CLOSE_DEVIATIONS = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """End of a fit: linear solution there; derivatives and projected normal matrix from there or close by.
+    """End of a fit: linear solution there; derivatives and projected normal matrix from where they were last taken.
+
+    Most fits are steps on the way to another, and nobody asks for their derivatives: `with_derivatives` has them taken
+    at the end where the last ones were too far away.
 
     `cost` is the sum of weighted squared residuals and priors (twice the negative logarithm of the likelihood, for
     independent pixels). `least_cost` is the same, but for a fit that was given up: what its end can hardly fall below.
@@ -86,11 +89,24 @@ def _descended(problem: Problem, here: Linear, most_steps: int, tolerance: float
             break
         converged = here.cost - below.cost < tolerance
         here = below
-        if _is_close(problem, here, equations):
-            equations = with_gradient_at(problem, here, equations)
-        else:
-            equations = equations_at(problem, here)
+        if not converged and steps < most_steps:
+            equations = _equations_beside(problem, here, equations)
     return Solution(here, equations.moves, equations.normal_matrix, steps, converged, here.cost)
+
+
+def with_derivatives(problem: Problem, solution: Solution) -> Solution:
+    """The same end with derivatives and normal matrix from there or close by."""
+    if _is_close(problem, solution.linear, solution.moves.at, solution.normal_matrix):
+        return solution
+    equations = equations_at(problem, solution.linear)
+    return replace(solution, moves=equations.moves, normal_matrix=equations.normal_matrix)
+
+
+def _equations_beside(problem: Problem, here: Linear, known: Equations) -> Equations:
+    """The equations after a step from where they are known."""
+    if _is_close(problem, here, known.moves.at, known.normal_matrix):
+        return with_gradient_at(problem, here, known)
+    return equations_at(problem, here)
 
 
 def _promise(equations: Equations) -> float:
@@ -124,7 +140,7 @@ def _step_down(
     return None, damping
 
 
-def _is_close(problem: Problem, here: Linear, equations: Equations) -> bool:
+def _is_close(problem: Problem, here: Linear, at: NDArray[np.float64], normal_matrix: NDArray[np.float64]) -> bool:
     """Whether derivatives taken elsewhere will do: fewer standard deviations away than change an edge's profile."""
-    way = (here.traced.parameters - equations.moves.at)[problem.free]
-    return float(way @ equations.normal_matrix @ way) < _CLOSE_DEVIATIONS**2
+    way = (here.traced.parameters - at)[problem.free]
+    return float(way @ normal_matrix @ way) < _CLOSE_DEVIATIONS**2
