@@ -221,9 +221,9 @@ def _correlations(seen: Sequence[SeenSetUp]) -> str:
 def _peers(seen: Sequence[SeenSetUp]) -> str:
     """The same images joined in other ways."""
     rows = []
-    for name, weighing in _WAYS.items():
+    for name, joining in _WAYS.items():
         for pair in ("A, A'", "A, B"):
-            errors = [e for s in seen if (e := errors_of(s, _PAIRS[pair], weighing)) is not None]
+            errors = [e for s in seen if (e := errors_of(s, _PAIRS[pair], joining)) is not None]
             entry, axis = _quantiles([e.entry_mm for e in errors]), _quantiles([e.axis_deg for e in errors])
             rated = [(e.normalised_entry, e.normalised_axis) for e in errors]
             normalised = [root_mean_square(v) for v in zip(*rated, strict=True)]

@@ -118,7 +118,7 @@ class FusedImage(WireModel):
     used
         Whether the joint estimate rests on it: it was accepted, or rejected for nothing but its own uncertainty.
     chi_square
-        By how much the joint chi-square grew through it, about 6 when all is well; None when it was not used, or alone.
+        By how much the joint chi-square grew through it, about 9 when all is well; None when it was not used, or alone.
     """
 
     sha256: Sha256

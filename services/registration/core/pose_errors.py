@@ -21,6 +21,8 @@ from shared.geometry.transform import Transform
 MODEL_SD_DEG = 0.04
 MODEL_SD_ABOUT_Z_DEG = 0.02
 MODEL_SD_MM = 0.007
+# The same of what it finds of the nail's radii and chamfers (`SHAPE_UNKNOWNS`), in deviations: 6 um of a radius.
+MODEL_SD_OF_SHAPE = np.array([0.2, 0.2, 0.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +31,7 @@ class PoseErrors:
 
     The nail's shape is told by how far radii and chamfers are from what its file says, each in standard deviations of
     what is known of it before an image is seen. A fit finds these deviations with the pose, and errs in both together:
-    a chamfer that is deeper than was found has leant the nail. `S` of them are told; none by a fit without them.
+    a chamfer that is deeper than was found has leant the nail. `S` of them are told.
 
     Attributes
     ----------
@@ -44,8 +46,8 @@ class PoseErrors:
         By how much pose and shape are off per deviation of the true shape, shape (6 + S, S): a fit is drawn towards the
         nail of the file.
     model_loadings
-        The model's own errors in the pose, one standard deviation each, as columns, shape (6, M): partly common to all
-        images.
+        The model's own errors in pose and shape, one standard deviation each, as columns, shape (6 + S, M): partly
+        common to all images.
     """
 
     shape_deviations: NDArray[np.float64]
@@ -54,6 +56,14 @@ class PoseErrors:
     model_loadings: NDArray[np.float64]
 
     def __post_init__(self) -> None:
+        shapes = len(self.shape_deviations)
+        size = POSE_SIZE + shapes
+        if self.image_covariance.shape != (size, size) or self.shape_pull.shape != (size, shapes):
+            raise ValueError(
+                f"expected a covariance of shape ({size}, {size}) and a pull of shape ({size}, {shapes}) "
+                f"beside {shapes} deviations of the nail's shape, got {self.image_covariance.shape} and "
+                f"{self.shape_pull.shape}"
+            )
         for name in ("shape_deviations", "image_covariance", "shape_pull", "model_loadings"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
@@ -66,20 +76,13 @@ class PoseErrors:
     @property
     def own_covariance(self) -> NDArray[np.float64]:
         """Of pose and shape by all but what the true shape pulls, shape (6 + S, 6 + S)."""
-        covariance = self.image_covariance.copy()
-        covariance[:POSE_SIZE, :POSE_SIZE] += self.model_loadings @ self.model_loadings.T
-        return covariance
+        return np.asarray(self.image_covariance + self.model_loadings @ self.model_loadings.T)
 
     def with_more(self, image_covariance: NDArray[np.float64]) -> "PoseErrors":
         """With further errors of the pose that come with the image, shape (6, 6)."""
         covariance = self.image_covariance.copy()
         covariance[:POSE_SIZE, :POSE_SIZE] += image_covariance
         return replace(self, image_covariance=covariance)
-
-
-def errors_without_shape(image_covariance: NDArray[np.float64], model_loadings: NDArray[np.float64]) -> PoseErrors:
-    """Errors of a pose, both shape (6, ...), of which the nail's shape has no part."""
-    return PoseErrors(np.zeros(0), image_covariance, np.zeros((POSE_SIZE, 0)), model_loadings)
 
 
 def model_covariance(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:

@@ -53,7 +53,7 @@ def chi_square_limit(degrees_of_freedom: int) -> float:
 
 
 def leave_one_out(evidence: tuple[PoseEvidence, ...]) -> NDArray[np.float64]:
-    """By how much chi-square falls when one image is left out, for each image, shape (K,): 6 on average."""
+    """By how much chi-square falls when one image is left out, for each image, shape (K,): 9 on average."""
     whole = fuse(evidence).chi_square
     return np.array([whole - _chi_square(evidence, _without(len(evidence), k)) for k in range(len(evidence))])
 
@@ -133,7 +133,8 @@ def _groupings(evidence: tuple[PoseEvidence, ...]) -> Iterator[Grouping]:
 
 
 def _agree(evidence: tuple[PoseEvidence, ...], chosen: tuple[int, ...]) -> bool:
-    return len(chosen) < 2 or _chi_square(evidence, chosen) <= chi_square_limit(6 * (len(chosen) - 1))
+    found = fuse(tuple(evidence[k] for k in chosen))
+    return len(chosen) < 2 or found.chi_square <= chi_square_limit(found.degrees_of_freedom)
 
 
 def _chi_square(evidence: tuple[PoseEvidence, ...], chosen: tuple[int, ...]) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.fusion.joint_errors import covariance_of_mean, pose_disagreement, weights_of
+from services.registration.core.fusion.joint_errors import covariance_of_mean, disagreement_of, weights_of
 from services.registration.core.nail.pose import POSE_SIZE
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
 from shared.geometry.frames import Guide, Nail
@@ -34,9 +34,9 @@ class FusedPose:
         How the error of each image's pose enters the joint one, shape (K, 6, 6).
     departures
         How far each image's pose is from the joint one, such motions, shape (K, 6).
-    chi_square
-        Sum of squares of the poses about their mean, over their covariance: what would be 6 (K - 1) on average if
-        nothing had moved.
+    chi_square, degrees_of_freedom
+        Sum of squares of what the images say, of poses and of the nail's shape, about their mean, over their
+        covariance: as large, on average, as its degrees of freedom if nothing has moved.
     """
 
     guide_from_nail: Transform[Guide, Nail]
@@ -44,11 +44,7 @@ class FusedPose:
     weights: NDArray[np.float64]
     departures: NDArray[np.float64]
     chi_square: float
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Of `chi_square`."""
-        return POSE_SIZE * (len(self.departures) - 1)
+    degrees_of_freedom: int
 
 
 def fuse(evidence: tuple[PoseEvidence, ...]) -> FusedPose:
@@ -71,8 +67,8 @@ def fused_by(
         if float(np.abs(step).max()) < _CONVERGED:
             break
     departures = _departures(evidence, pose)
-    chi_square = pose_disagreement(evidence, departures)
-    return FusedPose(pose, read_only(covariance), read_only(of_poses), read_only(departures), chi_square)
+    disagreement = disagreement_of(evidence, departures)
+    return FusedPose(pose, read_only(covariance), read_only(of_poses), read_only(departures), *disagreement)
 
 
 def _departures(evidence: tuple[PoseEvidence, ...], pose: Transform[Guide, Nail]) -> NDArray[np.float64]:

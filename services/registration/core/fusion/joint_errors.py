@@ -5,16 +5,15 @@ numbers each, in the order of `PoseErrors`.
 
 Images of one nail share its shape. A chamfer that is deeper than was found has leant the nail one way in an image from
 one side, and the other way in an image from the other: that both have seen the same chamfer tells it from a tilt, and
-the weights make use of it. For the rest they take the images as independent, but for counting images from one direction
-less; the covariance of what follows does not:
+the weights make use of it. For the rest they take the images as independent, but for counting each the less the more
+others were taken from its direction; the covariance of what follows does not:
 
 - what comes with an image (guide's balls, calibration, the nail's fit) is noise, which is new every time, and things
   that images from the same direction share, such as the bone's texture: the correlation falls with the angle between
   the directions;
 - the model's own errors are mostly the same in all images, so that they hardly average out.
 
-These two correlations were measured on set-ups that were seen several times, and are taken on the safe side of what was
-found (`docs/benchmarks/fusion.md`).
+These two correlations are about those that set-ups showed that were seen several times (`docs/benchmarks/fusion.md`).
 """
 
 import numpy as np
@@ -31,6 +30,8 @@ SHARED_WITHIN_DEG = 3.0
 SHARED_BY_THE_MODEL = 0.5
 # Of a deviation, in its standard deviations: one that an image tells nothing of has no noise either.
 _LEAST_SHAPE_VARIANCE = 1e-6
+# What a fit finds of a deviation follows the true one by at least this share if it tells anything of it.
+_LEAST_RESPONSE = 0.01
 
 
 def weights_of(evidence: tuple[PoseEvidence, ...]) -> NDArray[np.float64]:
@@ -70,28 +71,34 @@ def joint_covariance(evidence: tuple[PoseEvidence, ...]) -> NDArray[np.float64]:
     for k, first in enumerate(evidence):
         for m, second in enumerate(evidence[:k]):
             shared = image_correlation(first, second) * roots[k] @ roots[m].T
-            by_model = first.errors.model_loadings @ second.errors.model_loadings.T
-            shared[:POSE_SIZE, :POSE_SIZE] += SHARED_BY_THE_MODEL * by_model
+            shared += SHARED_BY_THE_MODEL * first.errors.model_loadings @ second.errors.model_loadings.T
             rows, columns = slice(size * k, size * (k + 1)), slice(size * m, size * (m + 1))
             covariance[rows, columns] = shared
             covariance[columns, rows] = shared.T
     return covariance
 
 
-def pose_disagreement(evidence: tuple[PoseEvidence, ...], departures: NDArray[np.float64]) -> float:
-    """Sum of squares of the poses about their mean, over the covariance of images that share the nail's shape alone.
+def disagreement_of(evidence: tuple[PoseEvidence, ...], departures: NDArray[np.float64]) -> tuple[float, int]:
+    """Chi-square of what the images say about one pose and one shape for all, and its degrees of freedom.
+
+    The shape belongs in it because it moves the joint pose: images that find the guide in the same place and the nail's
+    holes of different width contradict one another. What an image does not tell of the shape does not count.
 
     Parameters
     ----------
     departures
         Of each image's pose from one that is close to all, shape (K, 6).
     """
-    pulls = np.concatenate([one.errors.shape_pull[:POSE_SIZE] for one in evidence])
-    own = block_diag(*(one.errors.own_covariance[:POSE_SIZE, :POSE_SIZE] for one in evidence))
-    all_same, apart = np.tile(np.eye(POSE_SIZE), (len(evidence), 1)), departures.ravel()
-    solved = np.linalg.solve(own + pulls @ pulls.T, np.column_stack([all_same, apart]))
-    information, side = all_same.T @ solved[:, :POSE_SIZE], all_same.T @ solved[:, POSE_SIZE]
-    return float(apart @ solved[:, POSE_SIZE] - side @ np.linalg.solve(information, side))
+    said = np.hstack([departures, np.stack([one.errors.shape_deviations for one in evidence])]).ravel()
+    means = responses(evidence)
+    size = means.shape[1]
+    places = np.arange(len(means)) % size
+    told = (places < POSE_SIZE) | (means[np.arange(len(means)), places] > _LEAST_RESPONSE)
+    known = np.unique(places[told])
+    precision = np.linalg.inv(block_diag(*(one.errors.own_covariance for one in evidence))[np.ix_(told, told)])
+    means, said = means[np.ix_(told, known)], said[told]
+    left = said - means @ np.linalg.solve(means.T @ precision @ means, means.T @ precision @ said)
+    return float(left @ precision @ left), int(np.count_nonzero(told)) - len(known)
 
 
 def image_correlation(first: PoseEvidence, second: PoseEvidence) -> float:
@@ -107,7 +114,10 @@ def _response(errors: PoseErrors) -> NDArray[np.float64]:
 
 
 def _counted_covariances(evidence: tuple[PoseEvidence, ...]) -> list[NDArray[np.float64]]:
-    """Of each image, larger for those that share errors with others, so that together they count for no more."""
+    """Of each image, larger for those that share errors with others: as many from one place count little more than one.
+
+    A poor image from its side makes a good one count less, too; the covariance of the result knows.
+    """
     counted = []
     for k, one in enumerate(evidence):
         shared = sum(image_correlation(one, other) for m, other in enumerate(evidence) if m != k)

@@ -44,7 +44,7 @@ class ImageShare:
     used
         Whether the joint estimate rests on it.
     chi_square
-        By how much the joint chi-square grew through it; about 6 when all is well. None when it was not used, or alone.
+        By how much the joint chi-square grew through it; about 9 when all is well. None when it was not used, or alone.
     """
 
     used: bool

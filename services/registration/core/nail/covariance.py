@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from services.registration.core.nail.equations import Problem, followed_by_linear
 from services.registration.core.nail.noise import covariance_of_sums
@@ -9,7 +10,7 @@ from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters
 from services.registration.core.nail.solver import Solution
 from services.registration.core.nail.stages import Noise
 from services.registration.core.nail.unknowns import SHAPE_UNKNOWNS, prior_mean, prior_precision
-from services.registration.core.pose_errors import PoseErrors
+from services.registration.core.pose_errors import MODEL_SD_OF_SHAPE, PoseErrors, model_loadings
 
 
 def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArray[np.float64]:
@@ -22,14 +23,8 @@ def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArr
     return _spread(problem, solution, noise, _motion_gain(problem, solution), prior_precision()[problem.free])
 
 
-def pose_errors(problem: Problem, solution: Solution, noise: Noise, model_loadings: NDArray[np.float64]) -> PoseErrors:
-    """The same for pose and shape together, sorted; all of `SHAPE_UNKNOWNS` must have been free.
-
-    Parameters
-    ----------
-    model_loadings
-        See `PoseErrors`.
-    """
+def pose_errors(problem: Problem, solution: Solution, noise: Noise) -> PoseErrors:
+    """The same for pose and shape together, and the model's own errors; all of `SHAPE_UNKNOWNS` must have been free."""
     precision = prior_precision()[problem.free]
     places = [int(np.count_nonzero(problem.free[:unknown])) for unknown in SHAPE_UNKNOWNS]
     per_deviation = np.sqrt(precision[places])
@@ -38,7 +33,9 @@ def pose_errors(problem: Problem, solution: Solution, noise: Noise, model_loadin
     precision[places] = 0.0
     deviations = (solution.parameters - prior_mean())[list(SHAPE_UNKNOWNS)] * per_deviation
     by_others = _spread(problem, solution, noise, gain, precision)
-    return PoseErrors(deviations, by_others, gain[:, places] * per_deviation, model_loadings)
+    by_model = model_loadings(problem.scene.nail, problem.scene.pose(solution.parameters))
+    by_model = block_diag(by_model, np.diag(MODEL_SD_OF_SHAPE))
+    return PoseErrors(deviations, by_others, gain[:, places] * per_deviation, by_model)
 
 
 def _spread(

@@ -35,7 +35,7 @@ from services.registration.core.nail.stages import (
 )
 from services.registration.core.nail.unknowns import Unknown
 from services.registration.core.nail.window import Scale
-from services.registration.core.pose_errors import PoseErrors, model_loadings
+from services.registration.core.pose_errors import PoseErrors
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
@@ -139,11 +139,10 @@ def measure_nail(
     if scene is None:
         return nail_outside(nail)
     problem, solution, noise = _refined(problem_for(scene, _FINE, EVERYTHING), winner)
-    camera_from_nail = scene.pose(solution.parameters)
     return Accepted(
         NailFit(
-            camera_from_nail,
-            pose_errors(problem, solution, noise, model_loadings(nail, camera_from_nail)),
+            scene.pose(solution.parameters),
+            pose_errors(problem, solution, noise),
             winner.margin,
             float(solution.parameters[Unknown.HOLE_RADIUS_EXCESS_MM]),
             float(solution.parameters[Unknown.NAIL_RADIUS_EXCESS_MM]),
@@ -160,7 +159,7 @@ def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise
     problem, here = whitened(problem, here, noise_of(problem, here))
     solution = minimise_from(problem, here, _FIRST_STEPS, _TOLERANCE)
     problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
-    # with derivatives from here: those of the first steps may have led along the valley in which radii, curve and tilt
-    # nearly make up for one another, and ended in it
+    # begun with derivatives from here: those of the first steps may have led along the valley in which radii, curve and
+    # tilt nearly make up for one another, and ended in it
     solution = with_derivatives(problem, minimise_from(problem, solution.linear, _LAST_STEPS, _TOLERANCE))
     return problem, solution, noise_of(problem, solution.linear)

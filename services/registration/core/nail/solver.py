@@ -15,6 +15,7 @@ from services.registration.core.nail.equations import (
     solution_at,
     with_gradient_at,
 )
+from services.registration.core.nail.tracing import chamfer_is_left
 from services.registration.core.nail.unknowns import within_reason
 
 _LEAST_CURVATURE = 1e-3
@@ -141,6 +142,11 @@ def _step_down(
 
 
 def _is_close(problem: Problem, here: Linear, at: NDArray[np.float64], normal_matrix: NDArray[np.float64]) -> bool:
-    """Whether derivatives taken elsewhere will do: fewer standard deviations away than change an edge's profile."""
+    """Whether derivatives taken elsewhere will do: fewer standard deviations away than change an edge's profile.
+
+    Where the chamfer ends they change at once.
+    """
+    if chamfer_is_left(problem.scene, here.traced.parameters) != chamfer_is_left(problem.scene, at):
+        return False
     way = (here.traced.parameters - at)[problem.free]
     return float(way @ normal_matrix @ way) < _CLOSE_DEVIATIONS**2

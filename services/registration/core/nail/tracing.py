@@ -103,6 +103,11 @@ def _bore_row(hole: Hole, excess_mm: float, widening_mm: float) -> tuple[float, 
     return (*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm)
 
 
+def chamfer_is_left(scene: NailScene, parameters: NDArray[np.float64]) -> bool:
+    """Whether the holes still have a chamfer: without one, nothing changes by its unknown."""
+    return _chamfer(scene.nail, parameters)[0] > 0.0
+
+
 def _on_rectangle(window: Window, values: NDArray[Real], elsewhere: float) -> NDArray[Real]:
     """Values of the support's pixels, shape (S,), on the whole rectangle, shape of it."""
     out = np.full(window.shape, elsewhere, dtype=values.dtype)

@@ -16,12 +16,13 @@ from services.registration.core.fusion.localise import LocalisedImage, fuse_loca
 from services.registration.core.hole_axes import hole_estimates
 from services.registration.core.localise import LocalisationResult, Method, Parts
 from services.registration.core.nail_estimate import NailEstimate
-from services.registration.core.pose_errors import PoseErrors, errors_without_shape, model_loadings
+from services.registration.core.pose_errors import PoseErrors, model_loadings
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, motion_of_nail, moved_by
 from shared.errors import Reason, ReasonCode
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.rendered_case import rendered_parts
+from tests.unit.services.registration.stated_errors import errors_without_shape
 from tests.unit.services.registration.test_hole_axes import GUIDE_POSE, KNOWN_SOURCE, NAIL_POSE, guide_fit
 from tests.unit.services.registration.xray_scene import guide_part, nail_part
 
@@ -97,24 +98,29 @@ def test_the_models_own_errors_hardly_average_out() -> None:
 NO_ERROR, CHAMFER = np.zeros(7), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
-def of_chamfered_nail(lean_deg: float, leant_deg: float, chamfer_seen_to: float) -> PoseEvidence:
-    """An image of a nail whose holes' chamfer is not known, as a fit to a linear model would tell of it.
+def information_of(lean_deg: float, leant_deg: float, chamfer_sd: float) -> NDArray[np.float64]:
+    """What the pixels of an image tell of pose and chamfer, shape (7, 7).
 
     Parameters
     ----------
     leant_deg
         How much a tilt about x, by the look of it, one standard deviation of chamfer makes.
-    chamfer_seen_to
-        To how many such deviations the image would show the chamfer if the pose were known.
+    chamfer_sd
+        How uncertain the image would leave the chamfer if the pose were known, in such deviations.
     """
-    one = evidence((lean_deg, 0.0))
     looks_like = np.eye(7)
     looks_like[0, 6] = np.radians(leant_deg)
-    seen = block_diag(np.linalg.inv(one.errors.image_covariance), np.array([[chamfer_seen_to**-2]]))
-    information = looks_like.T @ seen @ looks_like
+    pose = np.linalg.inv(evidence((lean_deg, 0.0)).errors.image_covariance)
+    return np.asarray(looks_like.T @ block_diag(pose, np.array([[chamfer_sd**-2]])) @ looks_like)
+
+
+def of_chamfered_nail(lean_deg: float, leant_deg: float, chamfer_sd: float) -> PoseEvidence:
+    """An image of a nail whose holes' chamfer is not known, as a fit to a linear model would tell of it."""
+    information = information_of(lean_deg, leant_deg, chamfer_sd)
     spread = np.asarray(np.linalg.inv(information + np.diag(CHAMFER)), dtype=np.float64)
-    noise = np.asarray(spread @ information @ spread)
-    errors = PoseErrors(np.zeros(1), noise, spread[:, 6:], one.errors.model_loadings)
+    one = evidence((lean_deg, 0.0))
+    by_model = np.vstack([one.errors.model_loadings, np.zeros(6)])
+    errors = PoseErrors(np.zeros(1), np.asarray(spread @ information @ spread), spread[:, 6:], by_model)
     return replace(one, errors=errors)
 
 
@@ -127,6 +133,26 @@ def fitted(one: PoseEvidence, chamfer: float, error: NDArray[np.float64] = NO_ER
 
 def lean_deg(pose: Transform[Guide, Nail]) -> float:
     return float(np.degrees(motion_between(POSE, pose)[0]))
+
+
+def test_joint_estimate_is_that_of_all_pixels_at_once() -> None:
+    """Where models are linear and only the nail is shared: least squares over both images, and the file told once."""
+    models = ((10.0, 0.2, 0.4), (-10.0, -0.1, 0.8))
+    informations = [information_of(*one) for one in models]
+    images, total, side = [], np.diag(CHAMFER), np.zeros(7)
+    # so small that turns and shifts add up
+    errors, chamfer = 0.01 * np.random.default_rng(8).standard_normal((2, 7)), 0.015
+    for model, information, drawn in zip(models, informations, errors, strict=True):
+        seen = chamfer * CHAMFER + np.linalg.cholesky(np.linalg.inv(information)) @ drawn
+        alone = np.linalg.solve(information + np.diag(CHAMFER), information @ seen)
+        one = with_errors(of_chamfered_nail(*model), shape_deviations=alone[6:], model_loadings=np.zeros((7, 0)))
+        images.append(shifted(one, alone[:6]))
+        total, side = total + information, side + information @ seen
+    joint = fuse(tuple(images))
+    deviation = np.sqrt(np.diag(np.linalg.inv(total)))[:6]
+    found = motion_between(POSE, joint.guide_from_nail)
+    assert found / deviation == pytest.approx(np.linalg.solve(total, side)[:6] / deviation, abs=1e-4)
+    assert np.sqrt(np.diag(joint.covariance)) == pytest.approx(deviation, rel=0.01)
 
 
 def test_a_chamfer_seen_from_both_sides_is_told_from_a_tilt() -> None:
@@ -152,14 +178,35 @@ def test_a_chamfer_seen_twice_from_one_side_stays_unknown() -> None:
     assert joint.covariance[0, 0] > 0.85 * images[0].covariance[0, 0]
 
 
+def test_images_that_find_different_nails_contradict_one_another() -> None:
+    """The guide in the same place, and another chamfer: it would move the joint pose where neither image has it."""
+    sharp = (of_chamfered_nail(5.0, 0.2, 0.3), of_chamfered_nail(-5.0, -0.2, 0.3))
+    images = tuple(with_errors(one, shape_deviations=np.array([d])) for one, d in zip(sharp, (3.0, -3.0), strict=True))
+    assert abs(lean_deg(fuse(images).guide_from_nail)) > 0.3
+    assert told(images) is not None
+    alike = tuple(with_errors(one, shape_deviations=np.array([0.4])) for one in sharp)
+    assert told(alike) is None
+
+
 def test_an_image_that_tells_nothing_of_the_chamfer_has_no_say_in_it() -> None:
-    """Where no chamfer is left to shrink, the fit returns what it was told, with no noise at all."""
+    """Where no chamfer is left to shrink, no derivative tells of it: neither response nor noise."""
     there, silent = of_chamfered_nail(5.0, 0.2, 3.0), of_chamfered_nail(-5.0, 0.0, np.inf)
     joint, other = (
         fuse((fitted(there, 2.0), with_errors(silent, shape_deviations=told))) for told in (CHAMFER[:1], CHAMFER[6:])
     )
     assert other.guide_from_nail.matrix == pytest.approx(joint.guide_from_nail.matrix, abs=1e-6)
+    assert other.chi_square == pytest.approx(joint.chi_square)
+    assert joint.degrees_of_freedom == 6
     assert np.all(np.linalg.eigvalsh(joint.covariance) > 0.0)
+
+
+def test_two_images_from_one_side_count_little_more_than_one() -> None:
+    """Images A, A' and one from far away: by the errors that A and A' share, B has more than a third of the say."""
+    joint = fuse((evidence(), evidence(), evidence((30.0, 0.0))))
+    say = [float(weight[0, 0]) for weight in joint.weights]
+    assert say[0] == pytest.approx(say[1])
+    assert sum(say) == pytest.approx(1.0)
+    assert say[2] / say[0] == pytest.approx(1.7, rel=0.05)
 
 
 def test_errors_are_as_large_as_predicted_when_images_share_as_assumed() -> None:

@@ -12,11 +12,12 @@ from services.registration.core.hole_axes import hole_estimates
 from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
-from services.registration.core.pose_errors import MODEL_SD_MM, PoseErrors, errors_without_shape, model_covariance
+from services.registration.core.pose_errors import MODEL_SD_MM, PoseErrors, model_covariance
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import hole_surface_points
 from shared.geometry.transform import Transform
+from tests.unit.services.registration.stated_errors import errors_without_shape
 from tests.unit.services.registration.xray_scene import calibration, guide_part, nail_part, posed_guide, posed_nail
 
 VIEW = calibration(1024)

@@ -11,13 +11,13 @@ from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.judge import judge
 from services.registration.core.nail_estimate import Misfit, NailEstimate
 from services.registration.core.passing import AxisOffset
-from services.registration.core.pose_errors import errors_without_shape
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import DisplacementField
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line
 from shared.geometry.transform import Transform
+from tests.unit.services.registration.stated_errors import errors_without_shape
 from tests.unit.services.registration.xray_scene import calibration, guide_part, nail_part, posed_nail
 
 NAIL_MM = 12.0

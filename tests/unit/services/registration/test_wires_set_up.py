@@ -11,7 +11,6 @@ from scipy.linalg import block_diag
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.guide.locate import locate_guide
-from services.registration.core.pose_errors import errors_without_shape
 from services.registration.core.pose_evidence import PoseEvidence, motion_of_nail
 from services.registration.core.wires.companion import locate_guide_beside
 from services.registration.core.wires.images import seen_set_up
@@ -28,6 +27,7 @@ from shared.xray.detection import detect_balls
 from tests.unit.services.registration.rendered_case import CAMERA_FROM_GUIDE, CAMERA_FROM_NAIL
 from tests.unit.services.registration.rendered_case import SIZE_PX as CASE_SIZE_PX
 from tests.unit.services.registration.rendered_case import rendered_parts as parts_of_the_case
+from tests.unit.services.registration.stated_errors import errors_without_shape
 from tests.unit.services.registration.test_fusion import PARTS as FUSION_PARTS
 from tests.unit.services.registration.test_fusion import localised
 from tests.unit.services.registration.test_wires import (
