@@ -9,6 +9,7 @@ from scipy.special import chdtri
 
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.hole_axes import HoleEstimate, holes_at
+from services.registration.core.nail.unknowns import PRIOR, SHAPE_UNKNOWNS, Unknown
 from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence
 from shared.errors import Reason, ReasonCode
@@ -20,6 +21,12 @@ from shared.geometry.transform import Transform
 # small by a quarter, which is what single images are held to.
 _SURVIVAL = 1e-4
 _EXCESS = 1.25**2
+# Radii that tell one nail from another, by the names that people give them.
+_RADII = {
+    Unknown.HOLE_RADIUS_EXCESS_MM: "the holes' radius",
+    Unknown.NAIL_RADIUS_EXCESS_MM: "the nail's radius",
+}
+_WORTH_TELLING_MM = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +155,7 @@ def _without(count: int, left_out: int) -> tuple[int, ...]:
 def _difference(
     evidence: tuple[PoseEvidence, ...], grouping: Grouping, nail: NailPart, camera_from_nail: Transform[Camera, Nail]
 ) -> str:
-    """How far the axes of both groups lie apart, at the hole where it is most."""
+    """How far the axes of both groups lie apart, at the hole where it is most, and how much their nails differ."""
     first, second = (
         holes_at(nail, fuse(tuple(evidence[k] for k in group)).guide_from_nail, None, camera_from_nail)
         for group in (grouping.first, grouping.second)
@@ -159,8 +166,21 @@ def _difference(
     between_deg = angle_deg(a.axis_guide, b.axis_guide)
     return (
         f"the axis of hole '{a.id}' differs by {entry_mm:.2f} mm at its entry and {between_deg:.2f}°, "
-        f"its depth by {depth_mm:.2f} mm"
+        f"its depth by {depth_mm:.2f} mm{_other_radii(evidence, grouping)}"
     )
+
+
+def _other_radii(evidence: tuple[PoseEvidence, ...], grouping: Grouping) -> str:
+    first, second = (
+        np.mean([evidence[k].errors.shape_deviations for k in group], axis=0)
+        for group in (grouping.first, grouping.second)
+    )
+    apart_mm = {
+        name: PRIOR[unknown][1] * abs(float(a - b))
+        for unknown, a, b in zip(SHAPE_UNKNOWNS, first, second, strict=False)
+        if (name := _RADII.get(unknown)) is not None
+    }
+    return "".join(f", {name} by {mm:.2f} mm" for name, mm in apart_mm.items() if mm >= _WORTH_TELLING_MM)
 
 
 def _entry_apart_mm(a: HoleEstimate, b: HoleEstimate) -> float:

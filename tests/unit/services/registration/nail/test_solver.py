@@ -1,4 +1,4 @@
-"""Fits that are given up, only when they end above what they may cost and by no more; solutions that are had again."""
+"""Fits that are given up, only when they end above what they may cost; solutions had again; derivatives at the end."""
 
 from dataclasses import replace
 from functools import cache
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.nail.equations import Problem, solution_again, solution_at
-from services.registration.core.nail.solver import Solution, minimise
+from services.registration.core.nail.equations import Problem, equations_at, solution_again, solution_at
+from services.registration.core.nail.solver import Solution, minimise, with_derivatives
 from services.registration.core.nail.stages import Detail
 from services.registration.core.nail.unknowns import Unknown
 from services.registration.core.nail.window import Scale
@@ -65,3 +65,34 @@ def test_a_solution_cannot_be_had_again_in_another_scene() -> None:
     elsewhere = replace(problem, scene=replace(problem.scene))
     with pytest.raises(ValueError, match="whitening changes the scene"):
         solution_again(elsewhere, solution_at(problem, start))
+
+
+def test_derivatives_at_the_end_are_those_of_the_end() -> None:
+    """A fit of one step ends far from where its derivatives were taken, and nobody has asked for others yet."""
+    problem, start = case()[0], case()[1].copy()
+    start[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]] += _TILTED_RAD[0]
+    stopped = minimise(problem, start, 1, _TOLERANCE)
+    assert np.array_equal(stopped.moves.at, start)
+    with_them = with_derivatives(problem, stopped)
+    there = equations_at(problem, stopped.linear)
+    assert np.array_equal(with_them.moves.at, stopped.parameters)
+    assert with_them.normal_matrix == pytest.approx(there.normal_matrix)
+    assert with_derivatives(problem, with_them) is with_them
+
+
+def test_derivatives_from_beyond_the_chamfers_end_are_taken_anew() -> None:
+    """Without a chamfer nothing changes by it: a fit that took that over would hold no tilt for uncertain by it."""
+    problem, start = case()[0], case()[1].copy()
+    free = problem.free.copy()
+    free[Unknown.CHAMFER_DEVIATIONS] = True
+    problem = replace(problem, free=free)
+    place = int(np.count_nonzero(free[: Unknown.CHAMFER_DEVIATIONS]))
+    without, left = start.copy(), start.copy()
+    without[Unknown.CHAMFER_DEVIATIONS], left[Unknown.CHAMFER_DEVIATIONS] = -1.02, -0.98
+    none, some = (equations_at(problem, solution_at(problem, at)) for at in (without, left))
+    assert np.all(none.moves.of_pixels[:, place] == 0.0)
+    linear = solution_at(problem, left)
+    stale = Solution(linear, none.moves, none.normal_matrix, 1, True, linear.cost)
+    renewed = with_derivatives(problem, stale)
+    assert renewed.moves.of_pixels == pytest.approx(some.moves.of_pixels)
+    assert np.any(renewed.moves.of_pixels[:, place] != 0.0)
