@@ -17,6 +17,9 @@ MARGIN_PX = 2.0
 _BORDER_PX = 6.0
 _BLUR_PX = 1.2
 _MEDIAN_OF_RAYLEIGH = 1.1774
+# The display burns out where this share of the pixels around is within so much of its range of the brightest.
+_BURNT_SHARE, _BURNT_AROUND_PX, _BURNT_WITHIN = 0.25, 7, 0.004
+_BESIDE_BURNT_MM = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +49,7 @@ class PreparedView:
     smooth, slope_x, slope_y
         Lightly smoothed image and its derivatives, per pixel, shape (height, width).
     free
-        False where nail, balls, or the image's border hide a wire, shape (height, width).
+        False where nail, balls, the image's border or a burnt-out display hide a wire, shape (height, width).
     noise
         Robust spread of the slope in the free part of the image (texture and noise).
     metal_grey
@@ -97,7 +100,7 @@ def prepare_view(
     guide_from_nail: Transform[Guide, Nail],
     margin_px: float = MARGIN_PX,
 ) -> PreparedView:
-    """Mask what hides the wires (the nail where it is not open, balls, the border) and take the image's slopes.
+    """Mask what hides the wires (the nail where it is not open, balls, the border, white) and take the image's slopes.
 
     Parameters
     ----------
@@ -110,7 +113,7 @@ def prepare_view(
     pose = view.camera_from_guide
     metal = _metal(view, nail, pose @ guide_from_nail, margin_px)
     bright = in_border(view.calibration)
-    free = bright & ~metal & ~balls_mask(view, guide)
+    free = bright & ~metal & ~balls_mask(view, guide) & ~burnt_out(view)
     steepness = np.hypot(slope_x[free], slope_y[free])
     noise = float(np.median(steepness)) / _MEDIAN_OF_RAYLEIGH if steepness.size else 1.0
     metal_grey = float(np.percentile(smooth[metal & bright], 20)) if (metal & bright).any() else 0.0
@@ -180,6 +183,20 @@ def balls_mask(view: WireView, guide: GuidePart) -> NDArray[np.bool_]:
     for (x, y), radius in zip(centres, radii, strict=True):
         cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius + MARGIN_PX)), 1, thickness=-1)
     return np.asarray(mask > 0)
+
+
+def burnt_out(view: WireView) -> NDArray[np.bool_]:
+    """Where the display has burnt out, or a wire on white would be seen narrower than it is, shape (height, width).
+
+    There a wire seems to thin out and to end, long before its end.
+    """
+    darkest, brightest = float(view.pixels.min()), float(view.pixels.max())
+    white = (view.pixels >= brightest - _BURNT_WITHIN * (brightest - darkest)).astype(np.float32)
+    share = cv2.blur(white, (_BURNT_AROUND_PX, _BURNT_AROUND_PX))
+    depth_mm = float(view.camera_from_guide.translation_mm[2])
+    reach = int(np.ceil(_BESIDE_BURNT_MM * view.calibration.camera.focal_length_px / depth_mm))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    return np.asarray(cv2.dilate((share > _BURNT_SHARE).astype(np.uint8), kernel) > 0)
 
 
 def in_border(calibration: CArmCalibration) -> NDArray[np.bool_]:
