@@ -31,7 +31,7 @@ class PoseErrors:
 
     The nail's shape is told by how far radii and chamfers are from what its file says, each in standard deviations of
     what is known of it before an image is seen. A fit finds these deviations with the pose, and errs in both together:
-    a chamfer that is deeper than was found has leant the nail. `S` of them are told.
+    holes wider than was found have leant the nail. `S` of them are told.
 
     Attributes
     ----------

@@ -3,9 +3,9 @@
 What an image says, its pose and the deviations of the nail's shape, stands one after the other for all images: 6 + S
 numbers each, in the order of `PoseErrors`.
 
-Images of one nail share its shape. A chamfer that is deeper than was found has leant the nail one way in an image from
-one side, and the other way in an image from the other: that both have seen the same chamfer tells it from a tilt, and
-the weights make use of it. For the rest they take the images as independent, but for counting each the less the more
+Images of one nail share its shape. Holes that are wider than was found have leant the nail one way in an image from one
+side, and the other way in an image from the other: that both have seen the same holes tells their width from a tilt,
+and the weights make use of it. For the rest they take the images as independent, but for counting each the less the more
 others were taken from its direction; the covariance of what follows does not:
 
 - what comes with an image (guide's balls, calibration, the nail's fit) is noise, which is new every time, and things
