@@ -5,8 +5,8 @@ numbers each, in the order of `PoseErrors`.
 
 Images of one nail share its shape. Holes that are wider than was found have leant the nail one way in an image from one
 side, and the other way in an image from the other: that both have seen the same holes tells their width from a tilt,
-and the weights make use of it. For the rest they take the images as independent, but for counting each the less the more
-others were taken from its direction; the covariance of what follows does not:
+and the weights make use of it. For the rest they take the images as independent, but for counting each the less the
+more others were taken from its direction; the covariance of what follows does not:
 
 - what comes with an image (guide's balls, calibration, the nail's fit) is noise, which is new every time, and things
   that images from the same direction share, such as the bone's texture: the correlation falls with the angle between
