@@ -48,12 +48,10 @@ def accepted(shot: Shot, start: Transform[Camera, Nail]) -> Outcome:
     axes = [pose.rotation[:, 2] for pose in (fit.camera_from_nail, shot.camera_from_nail)]
     apart = fit.camera_from_nail.translation_mm - shot.camera_from_nail.translation_mm
     across = float(np.linalg.norm(apart - axes[1] * (apart @ axes[1])))
-    return Outcome(
-        float(np.degrees(angle_between_rad(axes[0], axes[1]))),
-        across,
-        error / np.sqrt(np.diag(fit.errors.covariance)),
-        fit,
-    )
+    # images are drawn by the fit's own model, which has no errors here
+    errors = replace(fit.errors, model_loadings=np.zeros((len(fit.errors.own_covariance), 0)))
+    normalised = error / np.sqrt(np.diag(errors.covariance))
+    return Outcome(float(np.degrees(angle_between_rad(axes[0], axes[1]))), across, normalised, fit)
 
 
 @cache
