@@ -98,3 +98,7 @@ class CArmCalibration:
     def rays_camera(self, measured_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Unit directions, shape (..., 3), of the rays through measured pixels, shape (..., 2)."""
         return self.camera.rays(self.distortion.undistort(measured_px))
+
+    def rays_camera_of_grid(self, x_px: NDArray[np.float64], y_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same for all measured pixels in columns `x_px`, shape (C,), and rows `y_px`, shape (R,): (R, C, 3)."""
+        return self.camera.rays(self.distortion.undistort_grid(x_px, y_px))

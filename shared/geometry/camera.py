@@ -114,6 +114,30 @@ class DisplacementField:
         """Measured pixels, shape (..., 2), to ideal pixels, shape (..., 2)."""
         return measured_px + self.displacement_at(measured_px)
 
+    def undistort_grid(self, x_px: NDArray[np.float64], y_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """As `undistort`, of all pixels in columns `x_px`, shape (C,), and rows `y_px`, shape (R,): shape (R, C, 2).
+
+        Along rows and columns the splines separate, so that a whole window costs no more than two small products.
+        """
+        rows, columns = self._coefficients.shape[1:]
+        by_row = self._spline_weights(y_px - self.origin_px[1], rows)
+        by_column = self._spline_weights(x_px - self.origin_px[0], columns)
+        ideal = np.stack(np.meshgrid(x_px, y_px), axis=-1)
+        for axis, coefficients in enumerate(self._coefficients):
+            ideal[..., axis] += by_row @ coefficients @ by_column.T
+        return ideal
+
+    def _spline_weights(self, from_origin_px: NDArray[np.float64], nodes: int) -> NDArray[np.float64]:
+        """Weight of each node's coefficient along one axis, shape (N, nodes); beyond the nodes, the last goes on."""
+        place = from_origin_px / self.spacing_px
+        first = np.floor(place).astype(np.int64)
+        t = place - first
+        pieces = (1.0 - t) ** 3, 3.0 * t**3 - 6.0 * t**2 + 4.0, 3.0 * (t + t**2 - t**3) + 1.0, t**3
+        weights, each = np.zeros((len(place), nodes)), np.arange(len(place))
+        for shift, piece in enumerate(pieces):
+            weights[each, np.clip(first + shift - 1, 0, nodes - 1)] += piece / 6.0
+        return weights
+
     def distort(self, ideal_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Ideal pixels, shape (..., 2), to measured pixels, by fixed-point iteration (distortion is a few per cent)."""
         measured = ideal_px - self.displacement_at(ideal_px)

@@ -35,7 +35,8 @@ def visible_share(scene: NailScene, traced: Paths) -> NDArray[np.float64]:
 
 def share_without_metal(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same if nothing but the guide's body were there, shape (N,)."""
-    return scene.compared(display_of(scene.window, parameters).shown(_guide_share(scene, parameters)))
+    guide = _guide_share(scene, parameters).astype(np.float32)
+    return scene.compared(display_of(scene.window, parameters).shown(guide))
 
 
 def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> list[NDArray[np.float64]]:

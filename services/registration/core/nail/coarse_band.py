@@ -19,6 +19,8 @@ _DETECTOR_TO_NAIL_MM = (80.0, 350.0)
 _EDGE_FRACTION = 0.12
 _DIRECTION_SPREAD_DEG = 4
 _MIN_EDGE_LENGTH_IN_WIDTHS = 1.2
+# Cosine and sine of all whole degrees, shape (2, 360).
+_DIRECTIONS = np.stack([np.cos(np.radians(np.arange(360))), np.sin(np.radians(np.arange(360)))])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,13 +158,14 @@ def _line_votes(image: SearchImage, centre: NDArray[np.float64]) -> NDArray[np.f
     """Votes by direction of the gradient (degrees, towards the brighter side) and distance from `centre`."""
     x, y, direction_rad, weight = _edge_pixels(image)
     half = int(np.ceil(np.hypot(*centre))) + 2
-    votes = np.zeros((360, 2 * half + 1))
-    for turn_deg in range(-_DIRECTION_SPREAD_DEG, _DIRECTION_SPREAD_DEG + 1):
-        row = np.rint(np.degrees(direction_rad) + turn_deg).astype(np.int64) % 360
-        angle = np.radians(row)
-        distance = (x - centre[0]) * np.cos(angle) + (y - centre[1]) * np.sin(angle)
-        column = np.clip(np.rint(distance).astype(np.int64) + half, 0, 2 * half)
-        votes += np.bincount(row * votes.shape[1] + column, weight, votes.size).reshape(votes.shape)
+    turns_deg = np.arange(-_DIRECTION_SPREAD_DEG, _DIRECTION_SPREAD_DEG + 1)
+    row = np.rint(np.degrees(direction_rad) + turns_deg[:, None]).astype(np.int64) % 360
+    cosine, sine = _DIRECTIONS[:, row]
+    distance = (x - centre[0]) * cosine + (y - centre[1]) * sine
+    column = np.clip(np.rint(distance).astype(np.int64) + half, 0, 2 * half)
+    shape = 360, 2 * half + 1
+    weights = np.broadcast_to(weight, row.shape).ravel()
+    votes = np.bincount((row * shape[1] + column).ravel(), weights, shape[0] * shape[1]).reshape(shape)
     return np.asarray(cv2.blur(votes, (3, 1), borderType=cv2.BORDER_CONSTANT) * 3.0)
 
 

@@ -72,7 +72,13 @@ def _add_stub(
     bright = float(np.percentile(block[outside_px < -_OPEN_PX], 70))
     dark = float(np.percentile(block[metal], 20))
     stub = (block < _DARK_SHARE * bright + (1.0 - _DARK_SHARE) * dark) & (outside_px < -_INSIDE_RIM_PX)
-    for ball_x, ball_y, radius in known_discs_px:
+    for ball_x, ball_y, radius in _near(known_discs_px, centre, reach):
         stub &= np.hypot(x - ball_x, y - ball_y) > radius + _BALL_MARGIN_PX
     if np.count_nonzero(stub) >= _LEAST_STUB_PX:
         stubs[top:bottom, left:right] |= stub.astype(np.uint8)
+
+
+def _near(discs_px: NDArray[np.float64], centre_px: NDArray[np.float64], reach_px: int) -> NDArray[np.float64]:
+    """Those discs, margin included, that may touch a square about a centre."""
+    away = np.abs(discs_px[:, :2] - centre_px).max(axis=1)
+    return np.asarray(discs_px[away < reach_px + 1.0 + discs_px[:, 2] + _BALL_MARGIN_PX])

@@ -159,8 +159,8 @@ def _opening_level(strip: Strip, nail: NailPart, px_per_mm: float) -> OpeningLev
     middle = strip.grey.shape[0] // 2
     reach = max(int(0.1 * strip.band.width_px), 1)
     rows = slice(middle - reach, middle + reach + 1)
-    disc = _mean_of_disc(strip.grey, 0.75 * radius)[rows]
-    side = _mean_of_disc(strip.grey, 0.35 * radius)[rows]
+    disc = _mean_of_disc(strip.grey, rows, 0.75 * radius)
+    side = _mean_of_disc(strip.grey, rows, 0.35 * radius)
     gap = int(np.rint(1.45 * radius))
     contrast = disc - np.maximum(np.roll(side, gap, axis=1), np.roll(side, -gap, axis=1))
     openness = contrast.max(axis=0).astype(np.float64) / max(strip.typical_darkness, _LOWEST_CONTRAST)
@@ -169,11 +169,15 @@ def _opening_level(strip: Strip, nail: NailPart, px_per_mm: float) -> OpeningLev
     return OpeningLevel(px_per_mm, openness, (contrast.argmax(axis=0) - reach).astype(np.float64))
 
 
-def _mean_of_disc(grey: NDArray[np.float32], radius: float) -> NDArray[np.float32]:
+def _mean_of_disc(grey: NDArray[np.float32], rows: slice, radius: float) -> NDArray[np.float32]:
+    """Mean over a disc about every pixel of some rows."""
     half = int(np.ceil(radius))
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
     kernel = np.clip(radius + 0.5 - np.hypot(x, y), 0.0, 1.0).astype(np.float32)
-    return np.asarray(cv2.filter2D(grey, cv2.CV_32F, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE))
+    above = min(half, rows.start)
+    around = grey[rows.start - above : rows.stop + half]
+    means = cv2.filter2D(around, cv2.CV_32F, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(means[above : above + rows.stop - rows.start])
 
 
 def _best_column(openness: NDArray[np.float64], offsets_px: NDArray[np.float64]) -> tuple[float, float]:

@@ -11,6 +11,9 @@ from shared.geometry.lines import read_only
 
 _DIRECTIONS = 96
 _STEP_PX = 0.5
+# How far from the centre the outline is looked for.
+_REACH_IN_RADII = 1.45
+_BLUR_REACH_PX = 6
 _ROUNDS = 6
 _LOWEST_POINTS = 16
 _TOLERANCE_PX = 1.0
@@ -93,10 +96,10 @@ def measure_opening(
     radius_px
         Radius that the hole would have if seen along its axis.
     """
-    grey = np.asarray(cv2.GaussianBlur(pixels.astype(np.float32), (0, 0), 1.0), dtype=np.float32)
+    grey, corner_px = _surroundings(pixels, centre_px, radius_px)
     centre = centre_px
     for _ in range(2):
-        points = _crossings(grey, centre, radius_px)
+        points = _crossings(grey, centre - corner_px, radius_px) + corner_px
         if len(points) < _LOWEST_POINTS:
             return None
         centre = np.asarray(0.5 * (np.percentile(points, 4, axis=0) + np.percentile(points, 96, axis=0)))
@@ -108,10 +111,22 @@ def measure_opening(
     return Opening(hole_id, read_only(points[used]), ellipse, float(np.count_nonzero(used)) / _DIRECTIONS)
 
 
+def _surroundings(
+    pixels: NDArray[np.generic], centre_px: NDArray[np.float64], radius_px: float
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Smoothed grey values wherever the outline is looked for, and the place of their first pixel, shape (2,)."""
+    reach = int(np.ceil(2.0 * _REACH_IN_RADII * radius_px)) + _BLUR_REACH_PX
+    limit = np.array(pixels.shape[::-1])
+    low = np.clip(np.rint(centre_px).astype(int) - reach, 0, limit - 1)
+    high = np.clip(np.rint(centre_px).astype(int) + reach + 1, low + 1, limit)
+    block = pixels[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    return np.asarray(cv2.GaussianBlur(block, (0, 0), 1.0), dtype=np.float32), low.astype(np.float64)
+
+
 def _crossings(grey: NDArray[np.float32], centre_px: NDArray[np.float64], radius_px: float) -> NDArray[np.float64]:
     """Points, shape (M, 2), where the grey value falls through the middle level on rays from the centre."""
     angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
-    distances = np.arange(0.0, 1.45 * radius_px, _STEP_PX)
+    distances = np.arange(0.0, _REACH_IN_RADII * radius_px, _STEP_PX)
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     where = (centre_px + rays[:, None, :] * distances[None, :, None]).astype(np.float32)
     profile = cv2.remap(grey, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

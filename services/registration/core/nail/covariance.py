@@ -84,7 +84,7 @@ def _after_background(
 def _by_noise(problem: Problem, noise: Noise, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance by noise alone; `moved_by`, shape (N, G), weighs the pixels."""
     window = problem.scene.window
-    images = np.zeros((moved_by.shape[1], *window.shape))
+    images = np.zeros((moved_by.shape[1], *window.shape), dtype=np.float32)
     deviations = problem.weight * np.sqrt(noise.variance)
     images.reshape(len(images), -1)[:, window.compared] = (moved_by * deviations[:, None]).T
     return covariance_of_sums(images, ((noise.dark, 1.0 - noise.brightness), (noise.bright, noise.brightness)))

@@ -51,11 +51,15 @@ class PixelGrid:
         return self.left + centre, self.top + centre
 
     @property
+    def axes_px(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the reduced pixels' centres are in the image: x of the columns, and y of the rows."""
+        rows, columns = (self.reduction * np.arange(count, dtype=np.float64) for count in self.shape)
+        return self.origin_px[0] + columns, self.origin_px[1] + rows
+
+    @property
     def centres_px(self) -> NDArray[np.float64]:
         """Centres (x, y) of the reduced pixels in the image, shape (rows, columns, 2)."""
-        rows, columns = (self.reduction * np.arange(count) for count in self.shape)
-        x, y = np.meshgrid(self.origin_px[0] + columns, self.origin_px[1] + rows)
-        return np.stack([x, y], axis=-1)
+        return np.stack(np.meshgrid(*self.axes_px), axis=-1)
 
     def blocks_of(self, image: NDArray[Scalar]) -> NDArray[Scalar]:
         """What an image holds, shape (rows, reduction, columns, reduction)."""

@@ -99,13 +99,14 @@ class Whitening:
 
 def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]) -> Correlation:
     """Correlation of residuals, shape (N,), at flat places, shape (N,), of a rectangle."""
-    values, present = np.zeros(shape), np.zeros(shape)
+    # single precision is plenty: sums of tens of thousands of squares, to a part in a million
+    values, present = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
     values.ravel()[places], present.ravel()[places] = standardised, 1.0
     padded = tuple(fft.next_fast_len(side + 2 * _LAGS, real=True) for side in shape)
     sums = fft.irfft2(np.abs(fft.rfft2(values, padded)) ** 2, padded)
     counts = fft.irfft2(np.abs(fft.rfft2(present, padded)) ** 2, padded)
     lags = np.arange(-_LAGS, _LAGS + 1)
-    by_lag = sums[np.ix_(lags, lags)] / np.maximum(counts[np.ix_(lags, lags)], 1.0)
+    by_lag = sums[np.ix_(lags, lags)].astype(np.float64) / np.maximum(counts[np.ix_(lags, lags)], 1.0)
     return Correlation(by_lag / by_lag[_LAGS, _LAGS])
 
 
@@ -131,7 +132,7 @@ def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArra
 
 
 def covariance_of_sums(
-    images: NDArray[np.float64], kinds: tuple[tuple[Correlation, NDArray[np.float64]], ...]
+    images: NDArray[np.float32], kinds: tuple[tuple[Correlation, NDArray[np.float64]], ...]
 ) -> NDArray[np.float64]:
     """Covariance of sums of noise weighed by images.
 
@@ -157,9 +158,9 @@ def covariance_of_sums(
     def of_kind(kind: tuple[Correlation, NDArray[np.float64]]) -> NDArray[np.float64]:
         correlation, share = kind
         power = correlation.spectrum((rows, columns)) * twice / (rows * columns)
-        spectra = fft.rfft2(images * np.sqrt(share), (rows, columns))
-        flat = (spectra * np.sqrt(power)).reshape(len(images), -1)
-        return np.asarray((flat @ flat.conj().T).real)
+        spectra = fft.rfft2(images * np.sqrt(share).astype(np.float32), (rows, columns))
+        flat = (spectra * np.sqrt(power).astype(np.float32)).reshape(len(images), -1)
+        return np.asarray((flat @ flat.conj().T).real, dtype=np.float64)
 
     return np.asarray(sum(mapped(of_kind, kinds, 2)))
 

@@ -103,17 +103,20 @@ def cut_window(
     grid = grid_around(calibration, strip, camera_from_nail, scale.reduction, _BLUR_REACH_PX + 1)
     if grid is None:
         return None
-    slopes = _slopes(calibration, grid.centres_px)
+    slopes = _slopes(calibration, grid)
     along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
     inside = (along > strip.first_x_mm) & (along < strip.last_x_mm) & (np.abs(across) < strip.half_width_mm)
-    inside &= _usable(grid, calibration, occluders).ravel()
+    centres_px = grid.centres_px
+    inside &= _usable(grid, centres_px, calibration, occluders).ravel()
     if np.count_nonzero(inside) * grid.reduction**2 < _LEAST_PIXELS:
         return None
     compared = np.flatnonzero(inside)
     support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
-    everywhere = pixel_rays(slopes)
-    rays, delrin = rays_of(everywhere, support), _delrin_map(everywhere, occluders).reshape(grid.shape)
-    steel = _steel_beside(rays, grid.centres_px.reshape(-1, 2)[support], grid.reduction, occluders, calibration)
+    rays = rays_of(pixel_rays(slopes), support)
+    delrin = _delrin_paths(rays, occluders)
+    delrin_excess = np.zeros(grid.shape)
+    delrin_excess.ravel()[support] = delrin - np.median(delrin[inside[support]])
+    steel = _steel_beside(rays, centres_px.reshape(-1, 2)[support], grid.reduction, occluders, calibration)
     grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
@@ -131,7 +134,7 @@ def cut_window(
         across[compared],
         rays,
         steel,
-        delrin - np.median(delrin.ravel()[compared]),
+        delrin_excess,
     )
 
 
@@ -154,23 +157,20 @@ def _steel_beside(
     return SteelBeside.of_pixels(len(centres_px), places, path_mm)
 
 
-def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
+def _usable(
+    grid: PixelGrid, centres_px: NDArray[np.float64], calibration: CArmCalibration, occluders: Occluders
+) -> NDArray[np.bool_]:
     """Inside the aperture, and not hidden by something of unknown shape; shape (rows, columns)."""
-    seen = _in_aperture(calibration, grid.centres_px)
+    seen = _in_aperture(calibration, centres_px)
     if occluders.hidden is not None:
         seen &= ~grid.blocks_of(occluders.hidden).any(axis=(1, 3))
     return seen
 
 
-def _slopes(calibration: CArmCalibration, centres_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Directions at z = 1 of the rays through pixels, shape (rows, columns, 2)."""
-
-    def of_rows(part: slice) -> NDArray[np.float64]:
-        rays = calibration.rays_camera(centres_px[part])
-        return np.asarray(rays[..., :2] / rays[..., 2:])
-
-    rows, columns = centres_px.shape[:2]
-    return np.concatenate(on_both_halves(of_rows, rows, LEAST_RAYS_TO_SHARE // columns + 2))
+def _slopes(calibration: CArmCalibration, grid: PixelGrid) -> NDArray[np.float64]:
+    """Directions at z = 1 of the rays through the grid's pixels, shape (rows, columns, 2)."""
+    rays = calibration.rays_camera_of_grid(*grid.axes_px)
+    return np.asarray(rays[..., :2] / rays[..., 2:])
 
 
 def _nail_plane(
@@ -206,7 +206,7 @@ def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return grown
 
 
-def _delrin_map(rays: PixelRays, occluders: Occluders) -> NDArray[np.float64]:
+def _delrin_paths(rays: PixelRays, occluders: Occluders) -> NDArray[np.float64]:
     """Mean path in the guide's body over a few samples of every pixel, shape (S,), in mm."""
     halves = on_both_halves(
         lambda part: delrin_path_mm(rays_of(rays, part), SAMPLES_PX[:FIRST_SAMPLES], occluders),
