@@ -59,7 +59,8 @@ class Window:
         Paths in balls and wires of the support's pixels.
     delrin_excess_mm
         Path in the guide's body beyond the strip's usual one, mean over the samples of each pixel, on the whole
-        rectangle, shape of it: what all of the strip has in common cannot be told from the background.
+        rectangle, shape of it, zero off the support: what all of the strip has in common cannot be told from the
+        background.
     """
 
     reduction: int
