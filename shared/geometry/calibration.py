@@ -36,6 +36,16 @@ class BallCandidates:
     standard_deviation_px: NDArray[np.float64]
     ring_index: NDArray[np.int64]
 
+    def select(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> "BallCandidates":
+        """Those that a mask marks, or of an index array."""
+        return BallCandidates(
+            self.centre_px[which],
+            self.radius_px[which],
+            self.contrast[which],
+            self.standard_deviation_px[which],
+            self.ring_index[which],
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Aperture:

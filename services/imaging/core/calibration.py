@@ -17,15 +17,15 @@ from services.imaging.core.joint_estimate import (
     on_plane,
 )
 from services.imaging.core.judgement import judge, motion_reason, too_few_reason
-from services.imaging.core.look import FIRST_DRIFT_PX, SECOND_DRIFT_PX, look
+from services.imaging.core.look import DRIFT_PX, look
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import find_ring
-from services.imaging.core.view import View, view_of
+from services.imaging.core.view import View, upright_discs, view_of
 from shared.errors import Accepted, Rejected
-from shared.geometry.calibration import BallCandidates, CArmCalibration
+from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import find_usable_area
-from shared.xray.discs import Array, FloatImage
+from shared.xray.discs import Array, FloatImage, Mask
 from shared.xray.measurement import BallMeasurements, Discs
 
 _SOURCE_SD_MM = (100.0, 100.0, 150.0)
@@ -76,18 +76,18 @@ def calibrate_image(
     found = find_ring(pixels, area, ring, nominal)
     if isinstance(found, Rejected):
         return found
-    return _measure_twice(view_of(pixels, area, found, ring, nominal), ring, nominal)
+    discs = upright_discs(found, pixels.shape[1])
+    view = view_of(pixels, area, found.identity, discs, ring, nominal)
+    # From the discs as they were found, one by one: that places every ball to some hundredths of a pixel, covered ones
+    # to some tenths.
+    estimate = _estimate(_of_ring(discs, ring), view, nominal, Start(_nominal_source(nominal).position_mm))
+    start = Start(estimate.source_mm, estimate.solution.prior)
+    return calibrate_there(view, _expected(view, discs, estimate, ring), ring, nominal, start)
 
 
-def _measure_twice(view: View, ring: RingPart, nominal: NominalGeometry) -> Accepted[CArmCalibration] | Rejected:
-    """Measure and estimate twice: the first estimate says where the balls of the second measurement must be."""
-    measured = view.measure(view.predicted, look(FIRST_DRIFT_PX, nominal.pixel_mm))
-    if (few := too_few_reason(measured, ring)) is not None:
-        moved = motion_reason(view, measured)
-        return Rejected((few,) if moved is None else (moved, few))
-    estimate = _estimate(view, measured, ring, nominal, Start(_nominal_source(nominal).position_mm))
-    expected = _expected(view, measured, estimate, ring)
-    return calibrate_there(view, expected, ring, nominal, Start(estimate.source_mm, estimate.solution.prior))
+def _of_ring(discs: BallCandidates, ring: RingPart) -> Observations:
+    named = discs.select(discs.ring_index != NOT_OF_THE_RING)
+    return Observations(named.centre_px, named.standard_deviation_px, ring.balls.position_mm[named.ring_index])
 
 
 def _nominal_source(nominal: NominalGeometry) -> NominalSource:
@@ -98,24 +98,24 @@ def calibrate_there(
     view: View, expected: Discs, ring: RingPart, nominal: NominalGeometry, start: Start
 ) -> Accepted[CArmCalibration] | Rejected:
     """Measure the ring's balls where they are expected, to some tenths of a pixel, and calibrate from them."""
-    measured = view.measure(expected, look(SECOND_DRIFT_PX, nominal.pixel_mm))
+    measured = view.measure(expected, look(DRIFT_PX, nominal.pixel_mm))
     if (few := too_few_reason(measured, ring)) is not None:
-        return Rejected((few,))
-    estimate = _estimate(view, measured, ring, nominal, start)
+        moved = motion_reason(view, measured)
+        return Rejected((few,) if moved is None else (moved, few))
+    seen = measured.seen
+    observations = Observations(
+        measured.centre_px[seen], measured.standard_deviation_px[seen], ring.balls.position_mm[seen]
+    )
+    estimate = _estimate(observations, view, nominal, start)
     model = _source_and_field(view, estimate)
     if reasons := judge(view, measured, model):
         return Rejected(reasons)
     return Accepted(_calibration(view, measured, estimate, model))
 
 
-def _estimate(
-    view: View, measured: BallMeasurements, ring: RingPart, nominal: NominalGeometry, start: Start
-) -> JointEstimate:
-    seen = measured.seen
-    position = ring.balls.position_mm[seen]
-    observations = Observations(measured.centre_px[seen], measured.standard_deviation_px[seen], position)
-    reach = _GAUGE_REACH * view.pixels.shape[1]
-    gauge = similarity_near(on_plane(position, start.source_mm), observations.measured_px, view.centre_px, reach)
+def _estimate(observations: Observations, view: View, nominal: NominalGeometry, start: Start) -> JointEstimate:
+    plane = on_plane(observations.position_mm, start.source_mm)
+    gauge = similarity_near(plane, observations.measured_px, view.centre_px, _GAUGE_REACH * view.pixels.shape[1])
     return estimate_jointly(observations, start.source_mm, _nominal_source(nominal), gauge, start.roughness)
 
 
@@ -139,22 +139,23 @@ def similarity_near(plane_mm: Array, pixel: Array, centre_px: Array, reach_px: f
     return Gauge(float(abs(factor)), rotation, np.array([offset.real, offset.imag]))
 
 
-def _expected(view: View, measured: BallMeasurements, estimate: JointEstimate, ring: RingPart) -> Discs:
-    """Where an estimate says that the ring's balls are, with the radii they were measured to have."""
+def _expected(view: View, discs: BallCandidates, estimate: JointEstimate, ring: RingPart) -> Discs:
+    """Where an estimate says that the ring's balls are, with the radii that they were found to have."""
     ideal = estimate.gauge.pixels(on_plane(ring.balls.position_mm, estimate.source_mm))
     field = _source_and_field(view, estimate).field
-    return Discs(field.distort(ideal), _usual_radii(view, measured, ring))
+    found = np.isin(np.arange(len(ring.balls)), discs.ring_index)
+    return Discs(field.distort(ideal), _usual_radii(view.predicted.radius_px, found, ring))
 
 
-def _usual_radii(view: View, measured: BallMeasurements, ring: RingPart) -> Array:
-    """Measured radii, but no farther from those of other balls of the same size than the display's curve explains."""
-    radius = np.where(measured.seen, measured.radius_px, view.predicted.radius_px)
+def _usual_radii(radius_px: Array, found: Mask, ring: RingPart) -> Array:
+    """Radii, but no farther from those of other balls of the same size than the display's curve explains."""
+    usual_px = radius_px.copy()
     for diameter in np.unique(ring.balls.diameter_mm):
         same = ring.balls.diameter_mm == diameter
-        alone = same & measured.seen & ~measured.overlapped
-        usual = float(np.median(radius[alone if alone.any() else same]))
-        radius[same] = np.clip(radius[same], (1.0 - _RADIUS_RANGE) * usual, (1.0 + _RADIUS_RANGE) * usual)
-    return radius
+        trusted = same & found
+        usual = float(np.median(radius_px[trusted if trusted.any() else same]))
+        usual_px[same] = np.clip(radius_px[same], (1.0 - _RADIUS_RANGE) * usual, (1.0 + _RADIUS_RANGE) * usual)
+    return usual_px
 
 
 def _source_and_field(view: View, estimate: JointEstimate) -> SourceAndField:

@@ -4,10 +4,8 @@ from typing import Final
 
 from shared.xray.measurement import MeasurementSettings
 
-FIRST_DRIFT_PX: Final = 1.2
-"""How far from its place a ball may be that identification alone has placed."""
-SECOND_DRIFT_PX: Final = 0.35
-"""The same, when an estimate of the C-arm has placed it."""
+DRIFT_PX: Final = 0.35
+"""How far a ball may be from where an estimate of the C-arm has placed it."""
 _USUAL_PIXEL_MM = 0.235
 # 6 px bring centres to the Cramer-Rao limit, 4 px to 1.09 of it: surroundings settle the slope of the background. Wider
 # ones gain nothing, for there the background is no longer quadratic.

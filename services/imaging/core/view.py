@@ -1,10 +1,10 @@
 """The image un-mirrored, with the ring's balls where they are thought to be."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from services.imaging.core.identification import RingIdentity
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import FoundRing
 from shared.geometry.calibration import NOT_OF_THE_RING, Aperture, BallCandidates
@@ -63,43 +63,52 @@ class View:
         )
 
 
-def view_of(pixels: FloatImage, area: UsableArea, found: FoundRing, ring: RingPart, nominal: NominalGeometry) -> View:
-    """Turn image and discs so that they obey physics: a mirrored image is reflected, column x becomes W - 1 - x."""
-    identity = found.identity
-    centre, predicted = found.candidates.centre_px.copy(), identity.predicted_px.copy()
+def upright_discs(found: FoundRing, columns: int) -> BallCandidates:
+    """All discs, in the un-mirrored image of so many columns, those of the ring with their ball's index."""
+    identity, candidates = found.identity, found.candidates
+    index = np.full(len(candidates.radius_px), NOT_OF_THE_RING, dtype=np.int64)
+    known = np.flatnonzero(identity.candidate_of_ball >= 0)
+    index[identity.candidate_of_ball[known]] = known
+    centre = _upright(candidates.centre_px, columns) if identity.mirrored else candidates.centre_px
+    return replace(candidates, centre_px=centre, ring_index=index)
+
+
+def view_of(
+    pixels: FloatImage,
+    area: UsableArea,
+    identity: RingIdentity,
+    discs: BallCandidates,
+    ring: RingPart,
+    nominal: NominalGeometry,
+) -> View:
+    """Turn the image so that it obeys physics: a mirrored one is reflected, column x becomes W - 1 - x.
+
+    Parameters
+    ----------
+    pixels, area, identity
+        As received.
+    discs
+        As `upright_discs` makes them.
+    """
+    predicted = identity.predicted_px
     if identity.mirrored:
-        last = pixels.shape[1] - 1
-        centre[:, 0], predicted[:, 0] = last - centre[:, 0], last - predicted[:, 0]
+        predicted = _upright(predicted, pixels.shape[1])
         pixels, area = np.ascontiguousarray(pixels[:, ::-1]), _mirrored(area)
-    known = identity.candidate_of_ball >= 0
-    of_the_ring = identity.candidate_of_ball[known]
+    named = discs.ring_index != NOT_OF_THE_RING
     radius = _SHRUNK * nominal.ball_radii_px(ring)
-    radius[known] = found.candidates.radius_px[of_the_ring]
-    return View(
-        pixels=pixels,
-        area=area,
-        mirrored=identity.mirrored,
-        predicted=Discs(predicted, radius),
-        others=_without(found.candidates, centre, of_the_ring),
-        margin=float(identity.identified - identity.runner_up),
-    )
+    radius[discs.ring_index[named]] = discs.radius_px[named]
+    margin = float(identity.identified - identity.runner_up)
+    return View(pixels, area, identity.mirrored, Discs(predicted, radius), discs.select(~named), margin)
 
 
-def _without(candidates: BallCandidates, centre: Array, of_the_ring: NDArray[np.int64]) -> BallCandidates:
-    other = np.ones(len(centre), dtype=bool)
-    other[of_the_ring] = False
-    return BallCandidates(
-        centre_px=centre[other],
-        radius_px=candidates.radius_px[other],
-        contrast=candidates.contrast[other],
-        standard_deviation_px=candidates.standard_deviation_px[other],
-        ring_index=np.full(int(other.sum()), NOT_OF_THE_RING, dtype=np.int64),
-    )
+def _upright(places_px: Array, columns: int) -> Array:
+    """Places (x, y) of a mirrored image of so many columns in the un-mirrored one, shape (N, 2)."""
+    return np.column_stack([columns - 1 - places_px[:, 0], places_px[:, 1]])
 
 
 def _mirrored(area: UsableArea) -> UsableArea:
     circle = area.aperture
     if circle is not None:
-        last = area.mask.shape[1] - 1
-        circle = Aperture((last - circle.centre_px[0], circle.centre_px[1]), circle.radius_px)
+        x, y = _upright(np.array([circle.centre_px]), area.mask.shape[1])[0]
+        circle = Aperture((float(x), float(y)), circle.radius_px)
     return UsableArea(np.ascontiguousarray(area.mask[:, ::-1]), circle)
