@@ -35,6 +35,11 @@ class UsableArea:
     aperture: Aperture | None
 
 
+def usable_pixels(pixels: FloatImage, aperture: Aperture | None) -> Mask:
+    """Where an image holds X-rays, shape of it: in its aperture where that is known, else as the image shows."""
+    return find_usable_area(pixels).mask if aperture is None else _disc_mask(pixels.shape, aperture)
+
+
 def find_usable_area(pixels: FloatImage) -> UsableArea:
     """Find the part of the image that is not the black surround of an aperture or of collimator blades.
 

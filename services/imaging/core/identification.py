@@ -41,6 +41,7 @@ _GROWTH = (
     GrowthStep(400.0, 3, 3.0),
     GrowthStep(400.0, 3, 2.5),
 )
+_HIGHEST_ORDER = max(step.order for step in _GROWTH)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,6 +150,9 @@ class _Matcher:
         self.constellation = constellation
         self._radius = candidates.radius_px
         self._tree = cKDTree(candidates.centre_px)
+        # of every order that a step may afford: all steps of all guesses use them
+        flat_mm, height = constellation.flat_mm, constellation.height
+        self.bases = {order: warp_basis(flat_mm, height, order) for order in range(1, _HIGHEST_ORDER + 1)}
 
     def match(self, predicted_px: Array, balls: Ints, reach_px: float) -> tuple[Ints, Ints]:
         """Pairs (ball, candidate), one to one."""
@@ -163,14 +167,14 @@ class _Matcher:
 
 
 def _grow(seeds: Seeds, index: int, matcher: _Matcher) -> _Grown | None:
-    flat, height = matcher.constellation.flat_mm, matcher.constellation.height
+    flat = matcher.constellation.flat_mm
     predicted = seeds.predict(index, flat)
     from_seed = np.hypot(*(flat - flat[seeds.anchor[index]]).T)
     ball = candidate = np.zeros(0, dtype=np.int64)
     for step in _GROWTH:
         near = np.flatnonzero(from_seed < step.radius_mm)
         ball, candidate = matcher.match(predicted, near, step.reach_px)
-        basis = warp_basis(flat, height, _affordable(step.order, len(ball)))
+        basis = matcher.bases[_affordable(step.order, len(ball))]
         if len(ball) < max(6, basis.shape[1] + 1):
             return None
         coefficients, *_ = np.linalg.lstsq(basis[ball], matcher.centre_px[candidate], rcond=None)

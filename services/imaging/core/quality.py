@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.imaging.core.look import look
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.parts import RingPart
-from shared.xray.aperture import find_usable_area
+from shared.xray.aperture import usable_pixels
 from shared.xray.measurement import measure_balls
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ def _every_ball(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage
         np.concatenate([balls.centre_px[~named], centre[index]]),
         np.concatenate([balls.radius_px[~named], radius[index]]),
         look(_DRIFT_PX, _pixel_mm(calibration), _CLEARLY_THERE),
-        find_usable_area(upright).mask,
+        usable_pixels(upright, calibration.aperture),
     )
     centre[missing[again.seen]] = again.centre_px[again.seen]
     deviation[missing[again.seen]] = again.standard_deviation_px[again.seen]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.correlated_pose import fit_with_shared_errors
 from services.registration.core.guide.identity import GuideIdentity
-from services.registration.core.guide.measurement import Look, measured_and_fitted_twice, ring_shadows, shrinkage
+from services.registration.core.guide.measurement import Look, measured_and_fitted, ring_shadows, shrinkage
 from services.registration.core.guide.search import search_guide
 from services.registration.core.pose import Correspondences, RigidPose, residuals_px
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
@@ -16,7 +16,7 @@ from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
-from shared.xray.aperture import find_usable_area
+from shared.xray.aperture import usable_pixels
 from shared.xray.noise_filter import noise_whitened
 
 LEAST_BALLS = 12
@@ -120,11 +120,11 @@ def measured_guide(
     """Measure all balls where a chosen identity puts them, and fit the pose to those that are seen."""
     best, candidates = named.identity, candidate_discs(calibration, guide)
     shrunk = shrinkage(calibration, guide, best, calibration.balls.radius_px[candidates])
-    usable = find_usable_area(pixels).mask
+    usable = usable_pixels(pixels, calibration.aperture)
     around = calibration.image_from_camera(best.pose.points(guide.balls.position_mm))
     quiet = noise_whitened(pixels, usable, around, _SURROUNDINGS_PX)
     look = Look(quiet, usable, calibration, guide, ring_shadows(calibration, ring), shrunk)
-    pose, seen, used = measured_and_fitted_twice(look, best.pose)
+    pose, seen, used = measured_and_fitted(look, best)
     found = int(np.count_nonzero(used))
     if found < named.needed:
         return Rejected((_too_few(found, named.needed, len(guide.balls)),))

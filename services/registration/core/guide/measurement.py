@@ -17,7 +17,9 @@ _REJECTION_ROUNDS = 4
 _MEDIAN_OF_RAYLEIGH = 1.1774
 # A ring's ball nearer than this share of a guide ball's radius cannot be told from it.
 _CONCENTRIC = 0.7
-_FIRST_DRIFT_PX, _SECOND_DRIFT_PX = 1.0, 0.4
+_WIDE_DRIFT_PX, _DRIFT_PX = 1.0, 0.4
+# So many discs settle a pose to some tenths of a pixel at every ball.
+_ENOUGH_NAMED = 12
 # 1000 mm from focal spot to detector in pixels of 0.235 mm.
 _USUAL_FOCAL_LENGTH_PX = 4255.0
 
@@ -65,12 +67,17 @@ def ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
     return Discs(centre, radius)
 
 
-def measured_and_fitted_twice(look: Look, pose: RigidPose) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
-    """Measure all balls where the pose puts them and fit the pose to them as if no error were shared, twice."""
-    pose, seen, used = _measured_and_fitted(look, pose, _settings(look.calibration, _FIRST_DRIFT_PX))
-    if np.count_nonzero(used) < 4:
-        return pose, seen, used
-    return _measured_and_fitted(look, pose, _settings(look.calibration, _SECOND_DRIFT_PX))
+def measured_and_fitted(look: Look, identity: GuideIdentity) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
+    """Measure all balls where an identity puts them and fit the pose to them as if no error were shared.
+
+    A pose that rests on few discs is first mended by a wider look.
+    """
+    pose = identity.pose
+    if len(identity) < _ENOUGH_NAMED:
+        pose, seen, used = _measured_and_fitted(look, pose, _settings(look.calibration, _WIDE_DRIFT_PX))
+        if np.count_nonzero(used) < 4:
+            return pose, seen, used
+    return _measured_and_fitted(look, pose, _settings(look.calibration, _DRIFT_PX))
 
 
 def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSettings:

@@ -133,14 +133,8 @@ def find_bands(image: SearchImage, width_range_px: tuple[float, float], count: i
         How many bands to return at most.
     """
     centre = 0.5 * np.array(image.grey.shape[::-1], dtype=np.float64)
-    votes = _line_votes(image, centre)
-    half = votes.shape[1] // 2
-    best = np.zeros((180, votes.shape[1]))
-    best_width = np.zeros_like(best)
-    for width in np.arange(np.floor(width_range_px[0]), np.ceil(width_range_px[1]) + 1.0):
-        paired = _paired(votes, int(width))
-        better = paired > best
-        best[better], best_width[better] = paired[better], width
+    best, best_width = _best_pairs(_line_votes(image, centre), width_range_px)
+    half = best.shape[1] // 2
     bands: list[Band] = []
     shortest = _MIN_EDGE_LENGTH_IN_WIDTHS * width_range_px[0]
     for _ in range(count):
@@ -154,7 +148,7 @@ def find_bands(image: SearchImage, width_range_px: tuple[float, float], count: i
     return tuple(bands)
 
 
-def _line_votes(image: SearchImage, centre: NDArray[np.float64]) -> NDArray[np.float64]:
+def _line_votes(image: SearchImage, centre: NDArray[np.float64]) -> NDArray[np.float32]:
     """Votes by direction of the gradient (degrees, towards the brighter side) and distance from `centre`."""
     x, y, direction_rad, weight = _edge_pixels(image)
     half = int(np.ceil(np.hypot(*centre))) + 2
@@ -166,7 +160,7 @@ def _line_votes(image: SearchImage, centre: NDArray[np.float64]) -> NDArray[np.f
     shape = 360, 2 * half + 1
     weights = np.broadcast_to(weight, row.shape).ravel()
     votes = np.bincount((row * shape[1] + column).ravel(), weights, shape[0] * shape[1]).reshape(shape)
-    return np.asarray(cv2.blur(votes, (3, 1), borderType=cv2.BORDER_CONSTANT) * 3.0)
+    return np.asarray(cv2.blur(votes, (3, 1), borderType=cv2.BORDER_CONSTANT) * 3.0, dtype=np.float32)
 
 
 def _edge_pixels(
@@ -196,20 +190,24 @@ def _edge_pixels(
     return x.astype(np.float64), y.astype(np.float64), direction, weight
 
 
-def _paired(votes: NDArray[np.float64], width: int) -> NDArray[np.float64]:
-    """Votes of the weaker edge for each band: direction across it (0..179 degrees) and distance of its middle line."""
-    upper = _moved(votes[:180], -(width // 2))
-    lower = _moved(votes[180:, ::-1], width - width // 2)
-    return np.minimum(upper, lower)
+def _best_pairs(
+    votes: NDArray[np.float32], width_range_px: tuple[float, float]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Votes of the weaker edge of the best pair for each band, and the pair's distance.
 
-
-def _moved(rows: NDArray[np.float64], columns: int) -> NDArray[np.float64]:
-    moved = np.zeros_like(rows)
-    if columns >= 0:
-        moved[:, columns:] = rows[:, : rows.shape[1] - columns]
-    else:
-        moved[:, :columns] = rows[:, -columns:]
-    return moved
+    Bands are by direction across them (0..179 degrees) and distance of their middle line.
+    """
+    widths = np.arange(int(np.floor(width_range_px[0])), int(np.ceil(width_range_px[1])) + 1)
+    margin, columns = int(widths[-1]), votes.shape[1]
+    upper, lower = (np.pad(part, ((0, 0), (margin, margin))) for part in (votes[:180], votes[180:, ::-1]))
+    best, best_width = np.zeros((180, columns), dtype=np.float32), np.zeros((180, columns), dtype=np.float32)
+    for width in widths:
+        above, below = margin + width // 2, margin - (width - width // 2)
+        paired = np.minimum(upper[:, above : above + columns], lower[:, below : below + columns])
+        better = paired > best
+        np.copyto(best, paired, where=better)
+        best_width[better] = width
+    return best, best_width
 
 
 def _band_of(row: int, distance: float, centre: NDArray[np.float64], width: float, length: float) -> Band:
@@ -220,7 +218,7 @@ def _band_of(row: int, distance: float, centre: NDArray[np.float64], width: floa
     return Band(centre + (distance + 0.5 * (width % 2) * -1.0) * across, along, width, float(length))
 
 
-def _suppress(best: NDArray[np.float64], row: int, column: int, distance_px: float) -> None:
+def _suppress(best: NDArray[np.float32], row: int, column: int, distance_px: float) -> None:
     """Take out the neighbourhood of a band; rows wrap around with the distance's sign reversed."""
     reach = int(np.ceil(distance_px))
     last = best.shape[1] - 1

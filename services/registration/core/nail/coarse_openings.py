@@ -102,9 +102,11 @@ class OpeningLevel:
 
 def straighten(image: SearchImage, band: Band) -> Strip:
     """Cut out a band with its surroundings."""
-    reach = int(np.hypot(*image.grey.shape))
+    height, width = image.grey.shape
+    corners = np.array([(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)])
+    along = (corners - band.centre_px) @ band.along
     half_rows = int(np.ceil(1.1 * band.width_px))
-    columns, rows = np.arange(-reach, reach + 1), np.arange(-half_rows, half_rows + 1)
+    columns, rows = np.arange(np.floor(along.min()), np.ceil(along.max()) + 1), np.arange(-half_rows, half_rows + 1)
     points = (
         band.centre_px
         + columns[None, :, None] * band.along[None, None, :]

@@ -56,10 +56,11 @@ class PixelGrid:
         rows, columns = (self.reduction * np.arange(count, dtype=np.float64) for count in self.shape)
         return self.origin_px[0] + columns, self.origin_px[1] + rows
 
-    @property
-    def centres_px(self) -> NDArray[np.float64]:
-        """Centres (x, y) of the reduced pixels in the image, shape (rows, columns, 2)."""
-        return np.stack(np.meshgrid(*self.axes_px), axis=-1)
+    def centres_of(self, places: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Centres (x, y) in the image of reduced pixels at flat places, shape (N,): shape (N, 2)."""
+        rows, columns = np.divmod(places, self.shape[1])
+        x_px, y_px = self.axes_px
+        return np.stack([x_px[columns], y_px[rows]], axis=1)
 
     def blocks_of(self, image: NDArray[Scalar]) -> NDArray[Scalar]:
         """What an image holds, shape (rows, reduction, columns, reduction)."""

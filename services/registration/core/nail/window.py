@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -107,8 +108,7 @@ def cut_window(
     slopes = _slopes(calibration, grid)
     along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
     inside = (along > strip.first_x_mm) & (along < strip.last_x_mm) & (np.abs(across) < strip.half_width_mm)
-    centres_px = grid.centres_px
-    inside &= _usable(grid, centres_px, calibration, occluders).ravel()
+    inside &= _usable(grid, calibration, occluders).ravel()
     if np.count_nonzero(inside) * grid.reduction**2 < _LEAST_PIXELS:
         return None
     compared = np.flatnonzero(inside)
@@ -117,7 +117,7 @@ def cut_window(
     delrin = _delrin_paths(rays, occluders)
     delrin_excess = np.zeros(grid.shape)
     delrin_excess.ravel()[support] = delrin - np.median(delrin[inside[support]])
-    steel = _steel_beside(rays, centres_px.reshape(-1, 2)[support], grid.reduction, occluders, calibration)
+    steel = _steel_beside(rays, grid.centres_of(support), grid.reduction, occluders, calibration)
     grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
@@ -158,11 +158,9 @@ def _steel_beside(
     return SteelBeside.of_pixels(len(centres_px), places, path_mm)
 
 
-def _usable(
-    grid: PixelGrid, centres_px: NDArray[np.float64], calibration: CArmCalibration, occluders: Occluders
-) -> NDArray[np.bool_]:
+def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
     """Inside the aperture, and not hidden by something of unknown shape; shape (rows, columns)."""
-    seen = _in_aperture(calibration, centres_px)
+    seen = _in_aperture(calibration, grid)
     if occluders.hidden is not None:
         seen &= ~grid.blocks_of(occluders.hidden).any(axis=(1, 3))
     return seen
@@ -185,26 +183,17 @@ def _nail_plane(
     return where[:, 0], where @ np.cross(normal, [1.0, 0.0, 0.0])
 
 
-def _in_aperture(calibration: CArmCalibration, centres_px: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _in_aperture(calibration: CArmCalibration, grid: PixelGrid) -> NDArray[np.bool_]:
     aperture = calibration.aperture
     if aperture is None:
-        return np.ones(centres_px.shape[:-1], dtype=bool)
-    distance = np.linalg.norm(centres_px - np.asarray(aperture.centre_px), axis=-1)
-    return np.asarray(distance < aperture.radius_px - _INSIDE_APERTURE_PX)
+        return np.ones(grid.shape, dtype=bool)
+    x_px, y_px = (axis - centre for axis, centre in zip(grid.axes_px, aperture.centre_px, strict=True))
+    return np.asarray(np.hypot(x_px, y_px[:, None]) < aperture.radius_px - _INSIDE_APERTURE_PX)
 
 
 def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    grown = mask.copy()
-    for axis in (0, 1):
-        source = grown.copy()
-        for shift in range(1, reach + 1):
-            forward, backward = np.zeros_like(source), np.zeros_like(source)
-            if axis == 0:
-                forward[shift:], backward[:-shift] = source[:-shift], source[shift:]
-            else:
-                forward[:, shift:], backward[:, :-shift] = source[:, :-shift], source[:, shift:]
-            grown |= forward | backward
-    return grown
+    square = np.ones((2 * reach + 1,) * 2, np.uint8)
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), square) > 0)
 
 
 def _delrin_paths(rays: PixelRays, occluders: Occluders) -> NDArray[np.float64]:
