@@ -5,7 +5,9 @@ from typing import Final
 from shared.xray.measurement import MeasurementSettings
 
 DRIFT_PX: Final = 0.35
-"""How far a ball may be from where an estimate of the C-arm has placed it."""
+"""How far a ball may be from where a good estimate of the C-arm has placed it."""
+WIDE_DRIFT_PX: Final = 1.2
+"""The same of an estimate from few or faint discs."""
 _USUAL_PIXEL_MM = 0.235
 # 6 px bring centres to the Cramer-Rao limit, 4 px to 1.09 of it: surroundings settle the slope of the background. Wider
 # ones gain nothing, for there the background is no longer quadratic.

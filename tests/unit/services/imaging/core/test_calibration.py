@@ -6,9 +6,12 @@ import pytest
 from numpy.typing import NDArray
 
 from services.imaging.core.calibration import calibrate_image
+from services.imaging.core.look import DRIFT_PX, WIDE_DRIFT_PX
 from services.imaging.core.nominal import NominalGeometry
+from services.imaging.core.view import View
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
+from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
 from tests.unit.services.imaging.synthetic import Rendered, Scene, default_ring, render
 
 PX_PER_MM = 4.37
@@ -168,3 +171,21 @@ def test_burnt_in_text_and_the_apertures_border_are_no_balls(grey: float) -> Non
     assert np.hypot(*(balls.centre_px[named] - 511.5).T).max() < 484.0
     assert np.count_nonzero(named) > 90
     assert np.abs(source_error_mm(outcome.value, rendered)).max() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("noise", "drifts_px"), [(0.005, [DRIFT_PX]), (0.14, [WIDE_DRIFT_PX, DRIFT_PX])], ids=["clear", "faint"]
+)
+def test_balls_are_looked_for_more_widely_first_where_the_discs_place_them_badly(
+    noise: float, drifts_px: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[float] = []
+    measure = View.measure
+
+    def recorded(view: View, predicted: Discs, settings: MeasurementSettings) -> BallMeasurements:
+        looks.append(settings.drift_px)
+        return measure(view, predicted, settings)
+
+    monkeypatch.setattr(View, "measure", recorded)
+    accepted(Scene(seed=204, present=0.6, noise=noise))
+    assert looks == drifts_px
