@@ -13,6 +13,7 @@ DRILL_DIAMETER_MM = 4.0
 _SAMPLES_LOG2 = 13
 # 95 % quantile of the length of a standard normal vector in the plane, in closed form.
 _QUANTILE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
+_NEARLY_X = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,8 +100,11 @@ def axis_offset_mm(
 
 
 def across_basis(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Two unit vectors across a direction and each other, as rows, shape (2, 3)."""
-    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    """Two unit vectors across a direction and each other, as rows, shape (2, 3).
+
+    They turn with the direction, and jump only where it is 37° off the x axis: holes of guide and nail run along z.
+    """
+    helper = np.eye(3)[0 if abs(direction[0]) < _NEARLY_X else 1]
     first = unit(np.cross(direction, helper))
     return np.stack([first, np.cross(direction, first)])
 

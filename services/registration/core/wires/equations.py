@@ -32,20 +32,21 @@ class Rows:
     @property
     def free_px(self) -> float:
         """Length of outline that is not hidden."""
-        return float(self.shape.length_px[self.shape.free].sum())
+        return float(self.shape.free_px.sum())
 
     @property
     def seen_px(self) -> float:
         """Length of it that was found."""
-        close = self.matches.index[np.abs(self.matches.shift_px) < _SEEN_WITHIN_PX]
-        return float(self.shape.length_px[close[self.shape.free[close]]].sum())
+        close = self.matches.share * (np.abs(self.matches.shift_px) < _SEEN_WITHIN_PX)
+        return float(close @ self.shape.free_px[self.matches.index])
 
     @property
     def log_likelihood(self) -> float:
         """How well edges lie on the outline: a long-tailed law for each correlation length, and a price for none."""
+        seen_nats = _SEEN_NATS - np.log1p((self.matches.shift_px / _TYPICAL_SHIFT_PX) ** 2)
         nats = np.full(len(self.shape.free), _MISSING_NATS)
-        nats[self.matches.index] = _SEEN_NATS - np.log1p((self.matches.shift_px / _TYPICAL_SHIFT_PX) ** 2)
-        return float((nats * self.shape.length_px)[self.shape.free].sum()) / _EDGE_CORRELATION_PX
+        nats[self.matches.index] += self.matches.share * (seen_nats - _MISSING_NATS)
+        return float(nats @ self.shape.free_px) / _EDGE_CORRELATION_PX
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +106,7 @@ def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], r
     # A change of apparent radius along the wire is left to the view's own radius error: edges shift with contrast.
     ends = [START, TIP, SHARED]
     derivative[:, ends] += ((moved.radius_px[ends] - shape.stack.radius_px) / _STEPS[ends, None])[:, disc].T
-    crowding = np.maximum(_EDGE_CORRELATION_PX / np.maximum(shape.length_px[matches.index], 1e-6), 1.0)
-    weight = 1.0 / (_EDGE_SD_PX**2 * crowding * (1.0 + (matches.shift_px / _ROBUST_PX) ** 2))
-    return Rows(shape, matches, derivative, weight, float((1.0 / crowding).sum()))
+    crowding = np.maximum(_EDGE_CORRELATION_PX / np.maximum(shape.outline.length_px[matches.index], 1e-6), 1.0)
+    effective = matches.share / crowding
+    weight = effective / (_EDGE_SD_PX**2 * (1.0 + (matches.shift_px / _ROBUST_PX) ** 2))
+    return Rows(shape, matches, derivative, weight, float(effective.sum()))

@@ -116,7 +116,7 @@ def fit_wire(views: tuple[PreparedView, ...], models: tuple[WireModel, ...], kno
         apart = (solution.state - best.state)[_TOLD]
         covariance += weight * (solution.covariance + np.outer(apart, apart))
         total += weight
-    darkness = np.concatenate([rows.matches.darkness for rows in best.system.rows])
+    darkness = np.concatenate([rows.matches.darkness[rows.matches.share >= 0.5] for rows in best.system.rows])
     return WireFit(
         best.model,
         best.model.line_guide(best.state[:4]),

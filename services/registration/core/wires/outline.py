@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from services.registration.core.wires.view import PreparedView
 
-_CAP_DIRECTIONS = 36
+_CAP_POINTS = 24
 _SAMPLES_PER_PX = 1.5
 _CLEAR_OF_MASK_PX = 1.0
-_LEAST_STRENGTH = 4.0
-_LEAST_DARKNESS, _INSIDE, _OUTSIDE = 0.4, 0.7, 0.6
+# Up to where a point does not count, and from where on it counts whole: its slope over the texture's, its darkness.
+_STRENGTH, _DARKNESS = (3.0, 5.0), (0.3, 0.5)
+_INSIDE, _OUTSIDE = 0.7, 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,18 +47,14 @@ class Outline:
         Unit direction away from the wire, shape (M, 2).
     point_px
         Shape (M, 2).
+    length_px
+        Length of outline that each point stands for, shape (M,).
     """
 
     disc: NDArray[np.int64]
     outward: NDArray[np.float64]
     point_px: NDArray[np.float64]
-
-    def length_px(self, stack: Stack) -> NDArray[np.float64]:
-        """Length of outline that each point stands for, shape (M,)."""
-        way = np.linalg.norm(np.gradient(stack.centre_px, axis=0), axis=1)
-        at_an_end = (self.disc == 0) | (self.disc == len(way) - 1)
-        along_cap = stack.radius_px[self.disc] * (2.0 * np.pi / _CAP_DIRECTIONS)
-        return np.where(at_an_end, along_cap, way[self.disc])
+    length_px: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +65,8 @@ class EdgeMatches:
     ----------
     index
         Points of the outline that have one, shape (N,).
+    share
+        How much each counts, above 0 and up to 1: yes and no would make the likelihood of a wire jump, shape (N,).
     shift_px
         How far outwards it lies, shape (N,).
     darkness
@@ -75,6 +74,7 @@ class EdgeMatches:
     """
 
     index: NDArray[np.int64]
+    share: NDArray[np.float64]
     shift_px: NDArray[np.float64]
     darkness: NDArray[np.float64]
 
@@ -91,19 +91,28 @@ def outline_of(stack: Stack) -> Outline:
     t, n = along[has_sides], np.stack([-along[has_sides, 1], along[has_sides, 0]], axis=-1)
     forward = lean[has_sides][:, None] * t
     sides = [forward + upright * n, forward - upright * n]
-    first, last = _cap(along[0], lean[0], -1.0), _cap(along[-1], lean[-1], 1.0)
+    (first, first_rad), (last, last_rad) = _cap(-along[0], -lean[0]), _cap(along[-1], lean[-1])
     end = len(length) - 1
-    disc = np.concatenate([has_sides, has_sides, np.zeros(len(first), int), np.full(len(last), end)])
+    disc = np.concatenate([has_sides, has_sides, np.repeat([0, end], _CAP_POINTS)])
     outward = np.concatenate([*sides, first, last])
     points = stack.centre_px[disc] + stack.radius_px[disc][:, None] * outward
-    return Outline(disc.astype(np.int64), outward, points)
+    caps_px = np.repeat([stack.radius_px[0] * first_rad, stack.radius_px[end] * last_rad], _CAP_POINTS)
+    # of the tangent to two neighbouring discs, between the points where it touches them
+    side_px = length[has_sides] * upright[:, 0]
+    length_px = np.concatenate([side_px, side_px, caps_px])
+    return Outline(disc.astype(np.int64), outward, points, length_px)
 
 
-def _cap(along: NDArray[np.float64], lean: float, sense: float) -> NDArray[np.float64]:
-    """Directions, shape (C, 2), in which a disc at the end of a stack is the outline."""
-    angle = np.linspace(0.0, 2.0 * np.pi, _CAP_DIRECTIONS, endpoint=False)
-    outward = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return outward[sense * (outward @ along - lean) > 0.0]
+def _cap(towards_end: NDArray[np.float64], lean: float) -> tuple[NDArray[np.float64], float]:
+    """Directions, shape (C, 2), in which a disc at the end of a stack is the outline, and how far apart they are.
+
+    As many at all times, so that nothing jumps when the wire turns: seen end on, all around the one disc, and nowhere
+    around the other.
+    """
+    half_rad = float(np.arccos(np.clip(lean, -1.0, 1.0)))
+    angle = half_rad * ((2.0 * np.arange(_CAP_POINTS) + 1.0) / _CAP_POINTS - 1.0)
+    beside = np.array([-towards_end[1], towards_end[0]])
+    return np.cos(angle)[:, None] * towards_end + np.sin(angle)[:, None] * beside, 2.0 * half_rad / _CAP_POINTS
 
 
 def match_edges(prepared: PreparedView, stack: Stack, outline: Outline, reach_px: float) -> EdgeMatches:
@@ -114,20 +123,25 @@ def match_edges(prepared: PreparedView, stack: Stack, outline: Outline, reach_px
     shifts = np.arange(-reach_px, reach_px + 1e-9, 1.0 / _SAMPLES_PER_PX)
     where = outline.point_px[:, None, :] + shifts[None, :, None] * outline.outward[:, None, :]
     slope = prepared.outward_slope(where, np.broadcast_to(outline.outward[:, None, :], where.shape))
-    slope = np.where(prepared.is_free(where), slope, 0.0)
+    slope *= prepared.free_share(where)
     peak = np.clip(slope.argmax(axis=1), 1, len(shifts) - 2)
     row = np.arange(len(peak))
     before, at, after = slope[row, peak - 1], slope[row, peak], slope[row, peak + 1]
     edge = outline.point_px + shifts[peak][:, None] * outline.outward
-    good = (at >= _LEAST_STRENGTH * prepared.noise) & (at >= before) & (at >= after)
+    share = _ramp(at / prepared.noise, *_STRENGTH) * ((at >= before) & (at >= after))
     for sense in (-1.0, 1.0):
-        good &= prepared.is_free(edge + sense * _CLEAR_OF_MASK_PX * outline.outward)
+        share *= prepared.free_share(edge + sense * _CLEAR_OF_MASK_PX * outline.outward)
     radius = stack.radius_px[outline.disc][:, None]
     inside = prepared.grey(edge - _INSIDE * radius * outline.outward)
     outside = prepared.grey(edge + _OUTSIDE * radius * outline.outward)
     darkness = (outside - inside) / np.maximum(outside - prepared.metal_grey, 1e-9)
-    good &= darkness >= _LEAST_DARKNESS
+    share *= _ramp(darkness, *_DARKNESS)
     bend = np.minimum(before - 2.0 * at + after, -1e-12)
     shift = shifts[peak] + 0.5 * (before - after) / bend / _SAMPLES_PER_PX
-    found = np.flatnonzero(good)
-    return EdgeMatches(found, shift[found], darkness[found])
+    found = np.flatnonzero(share > 0.0)
+    return EdgeMatches(found, share[found], shift[found], darkness[found])
+
+
+def _ramp(value: NDArray[np.float64], none: float, whole: float) -> NDArray[np.float64]:
+    """0 up to one value, 1 from another on, and linear in between."""
+    return np.clip((value - none) / (whole - none), 0.0, 1.0)

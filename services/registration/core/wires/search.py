@@ -49,5 +49,5 @@ def _unknowns_at(model: WireModel, place: tuple[float, float, float]) -> NDArray
 def _evidence_px(view: PreparedView, stack: Stack) -> float:
     shape = shape_in(view, stack)
     matches = match_edges(view, shape.stack, shape.outline, _SEARCH_REACH_PX)
-    seen = matches.index[shape.free[matches.index]]
-    return float(shape.length_px[seen].sum() - _PENALTY_OF_MISSING * shape.length_px[shape.free].sum())
+    seen_px = float(matches.share @ shape.free_px[matches.index])
+    return seen_px - _PENALTY_OF_MISSING * float(shape.free_px.sum())

@@ -10,7 +10,8 @@ from services.registration.core.wires.outline import Outline, Stack, outline_of
 from services.registration.core.wires.view import PreparedView
 
 PER_VIEW = 7
-_LEAST_DISCS, _MOST_DISCS, _DISC_EVERY_PX = 12, 250, 3.0
+# Farther apart, the likelihood of one place would depend by some nats on which points of the outline happen to be read.
+_LEAST_DISCS, _MOST_DISCS, _DISC_EVERY_PX = 12, 500, 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,16 +20,18 @@ class Shape:
 
     Attributes
     ----------
-    length_px
-        Length of outline that each of its points stands for, shape (M,).
     free
-        Which points can be seen, and count, shape (M,).
+        How much of each point can be seen, and counts, from 0 to 1, shape (M,).
     """
 
     stack: Stack
     outline: Outline
-    length_px: NDArray[np.float64]
-    free: NDArray[np.bool_]
+    free: NDArray[np.float64]
+
+    @property
+    def free_px(self) -> NDArray[np.float64]:
+        """Length of outline that each point stands for and that can be seen, shape (M,)."""
+        return self.outline.length_px * self.free
 
 
 def stacks_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], count: int) -> Stack:
@@ -51,7 +54,7 @@ def stacks_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64
 
 
 def shape_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], discs: int | None = None) -> Shape:
-    """Outline of one wire, by a given number of discs or by one every three pixels."""
+    """Outline of one wire, by a given number of discs or by one every pixel and a half."""
     if discs is None:
         rough = stacks_of(view, model, unknowns[None], 3).centre_px[0]
         way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
@@ -64,5 +67,5 @@ def shape_in(view: PreparedView, stack: Stack) -> Shape:
     """Outline of one stack of discs."""
     outline = outline_of(stack)
     # The cap at the begin of the wire does not count: where it is, nobody knows.
-    free = view.is_free(outline.point_px) & (outline.disc > 0)
-    return Shape(stack, outline, outline.length_px(stack), free)
+    free = view.free_share(outline.point_px) * (outline.disc > 0)
+    return Shape(stack, outline, free)

@@ -49,7 +49,7 @@ class PreparedView:
     smooth, slope_x, slope_y
         Lightly smoothed image and its derivatives, per pixel, shape (height, width).
     free
-        False where nail, balls, the image's border or a burnt-out display hide a wire, shape (height, width).
+        0 where nail, balls, the image's border or a burnt-out display hide a wire, else 1, shape (height, width).
     noise
         Robust spread of the slope in the free part of the image (texture and noise).
     metal_grey
@@ -62,7 +62,7 @@ class PreparedView:
     smooth: NDArray[np.float32]
     slope_x: NDArray[np.float32]
     slope_y: NDArray[np.float32]
-    free: NDArray[np.bool_]
+    free: NDArray[np.float32]
     noise: float
     metal_grey: float
     rotation: NDArray[np.float64]
@@ -72,25 +72,27 @@ class PreparedView:
         """Points of the guide's frame, shape (..., 3), in the camera's."""
         return points_guide_mm @ self.rotation.T + self.translation_mm
 
-    def is_free(self, points_px: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether points, shape (..., 2), lie in the free part of the image."""
-        rows, columns = self.free.shape
-        x, y = np.rint(points_px[..., 0]).astype(np.int64), np.rint(points_px[..., 1]).astype(np.int64)
-        inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-        return np.asarray(inside & self.free[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)])
+    def free_share(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How free the view is at points, shape (..., 2), between the pixels about them: from 0 to 1, shape (...)."""
+        return _between_pixels(self.free, points_px)
 
     def grey(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Grey values of the smoothed image at points, shape (N, 2); shape (N,)."""
-        if len(points_px) == 0:
-            return np.zeros(0)
-        x, y = (points_px[:, k, None].astype(np.float32) for k in range(2))
-        return np.asarray(cv2.remap(self.smooth, x, y, cv2.INTER_LINEAR)[:, 0], dtype=np.float64)
+        """Grey values of the smoothed image at points, shape (..., 2); shape (...)."""
+        return _between_pixels(self.smooth, points_px)
 
     def outward_slope(self, points_px: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArray[np.float64]:
         """Slope along directions, shape (M, S, 2), at points, shape (M, S, 2); positive where it gets brighter."""
-        x, y = points_px[..., 0].astype(np.float32), points_px[..., 1].astype(np.float32)
-        along_x, along_y = (cv2.remap(s, x, y, cv2.INTER_LINEAR) for s in (self.slope_x, self.slope_y))
-        return np.asarray(along_x * outward[..., 0] + along_y * outward[..., 1], dtype=np.float64)
+        along_x, along_y = (_between_pixels(slope, points_px) for slope in (self.slope_x, self.slope_y))
+        return along_x * outward[..., 0] + along_y * outward[..., 1]
+
+
+def _between_pixels(picture: NDArray[np.float32], points_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A picture's values at points (x, y), shape (..., 2), linearly between pixels, 0 outside; shape (...)."""
+    shape = points_px.shape[:-1]
+    if points_px.size == 0:
+        return np.zeros(shape)
+    x, y = (points_px[..., k].astype(np.float32).reshape(len(points_px), -1) for k in range(2))
+    return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR).reshape(shape), dtype=np.float64)
 
 
 def prepare_view(
@@ -118,7 +120,15 @@ def prepare_view(
     noise = float(np.median(steepness)) / _MEDIAN_OF_RAYLEIGH if steepness.size else 1.0
     metal_grey = float(np.percentile(smooth[metal & bright], 20)) if (metal & bright).any() else 0.0
     return PreparedView(
-        view, smooth, slope_x, slope_y, free, max(noise, 1e-12), metal_grey, pose.rotation, pose.translation_mm
+        view,
+        smooth,
+        slope_x,
+        slope_y,
+        free.astype(np.float32),
+        max(noise, 1e-12),
+        metal_grey,
+        pose.rotation,
+        pose.translation_mm,
     )
 
 

@@ -58,6 +58,14 @@ def test_across_basis_is_orthonormal_for_any_direction() -> None:
         assert basis @ basis.T == pytest.approx(np.eye(3))
 
 
+def test_across_basis_turns_with_directions_along_which_holes_run() -> None:
+    """A step between the bases of two nearly equal directions would turn one offset against the other."""
+    usual = across_basis(Z)
+    for tilt in np.random.default_rng(2).uniform(-1e-3, 1e-3, (20, 2)):
+        direction = np.array([*tilt, 1.0]) / np.linalg.norm([*tilt, 1.0])
+        assert across_basis(direction) == pytest.approx(usual, abs=2e-3)
+
+
 def test_shapes_are_checked() -> None:
     with pytest.raises(ValueError, match=r"expected shapes \(4,\) and \(4, 4\), got \(4,\) and \(2, 2\)"):
         offset(np.eye(2))

@@ -1,0 +1,62 @@
+"""Outlines of wires: whole around what is seen end on, and with a likelihood that does not jump as a wire moves."""
+
+import numpy as np
+import pytest
+
+from services.registration.core.passing import across_basis
+from services.registration.core.wires.equations import linearised
+from services.registration.core.wires.fit import NAIL_SIZE
+from services.registration.core.wires.model import TIP, endings, wire_model
+from services.registration.core.wires.outline import Stack, outline_of
+from services.registration.core.wires.shape import PER_VIEW
+from services.registration.core.wires.view import prepare_view
+from tests.unit.services.registration.test_wires import ASKEW, GUIDE_FROM_NAIL, oblique, set_up, view_of
+from tests.unit.services.registration.test_wires_model import PASSAGE
+from tests.unit.services.registration.xray_scene import guide_part, nail_part
+
+REACH_PX = 2.5
+
+
+def stack(way_px: float, growth_px: float, discs: int = 60) -> Stack:
+    """Discs of 10 px radius and more, in a row to the right."""
+    centre = np.column_stack([np.linspace(0.0, way_px, discs), np.zeros(discs)])
+    return Stack(100.0 + centre, 10.0 + np.linspace(0.0, growth_px, discs))
+
+
+def test_outline_of_a_long_wire_is_two_sides_and_two_half_circles() -> None:
+    outline = outline_of(stack(200.0, 0.0))
+    assert outline.length_px.sum() == pytest.approx(2.0 * 200.0 + 2.0 * np.pi * 10.0, rel=0.02)
+    away = np.linalg.norm(outline.point_px - stack(200.0, 0.0).centre_px[outline.disc], axis=1)
+    assert away == pytest.approx(10.0)
+
+
+def test_seen_end_on_the_larger_end_is_all_of_the_outline() -> None:
+    outline = outline_of(stack(2.0, 3.0))
+    drawn = outline.length_px > 0.0
+    assert set(outline.disc[drawn]) == {59}
+    assert outline.length_px.sum() == pytest.approx(2.0 * np.pi * 13.0)
+
+
+def test_outline_does_not_jump_while_a_wire_turns_end_on() -> None:
+    lengths = [outline_of(stack(way_px, 3.0)).length_px.sum() for way_px in np.linspace(2.8, 60.0, 800)]
+    assert np.abs(np.diff(lengths)).max() < 0.02 * np.ptp(lengths)
+
+
+def test_likelihood_hardly_changes_with_the_points_that_are_read() -> None:
+    guide, nail = guide_part(), nail_part()
+    view = view_of(oblique(38.0), ASKEW, seed=61)
+    prepared = (prepare_view(view, guide, nail, GUIDE_FROM_NAIL),)
+    precision = np.linalg.inv(set_up(view).covariance)
+    model = wire_model(guide, guide.holes[0], 2.0, 110.0, endings(PASSAGE)[0])
+    state = np.concatenate([model.mean, np.zeros(PER_VIEW + NAIL_SIZE)])
+    across = across_basis(guide.holes[0].axis.direction)[:, :2]
+    state[:4] = (ASKEW.offsets_mm[guide.holes[0].id].reshape(2, 2) @ across.T).ravel()
+
+    # Behind the nail the tip's place does not matter, but for where along the wire its outline is read.
+    def log_likelihood(tip_mm: float) -> float:
+        moved = state.copy()
+        moved[TIP] = tip_mm
+        return linearised(prepared, model, precision, moved, REACH_PX).rows[0].log_likelihood
+
+    change = np.diff([log_likelihood(tip_mm) for tip_mm in np.arange(104.0, 118.0, 0.05)])
+    assert np.sqrt(np.mean(change**2)) < 0.5
