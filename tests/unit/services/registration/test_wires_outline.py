@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.passing import across_basis
-from services.registration.core.wires.equations import linearised
-from services.registration.core.wires.fit import NAIL_SIZE
+from services.registration.core.wires.equations import NAIL_SIZE, linearised
 from services.registration.core.wires.model import TIP, endings, wire_model
 from services.registration.core.wires.outline import Stack, outline_of
 from services.registration.core.wires.shape import PER_VIEW
@@ -46,7 +45,7 @@ def test_likelihood_hardly_changes_with_the_points_that_are_read() -> None:
     guide, nail = guide_part(), nail_part()
     view = view_of(oblique(38.0), ASKEW, seed=61)
     prepared = (prepare_view(view, guide, nail, GUIDE_FROM_NAIL),)
-    precision = np.linalg.inv(set_up(view).covariance)
+    precision = np.asarray(np.linalg.inv(set_up(view).covariance), dtype=np.float64)
     model = wire_model(guide, guide.holes[0], 2.0, 110.0, endings(PASSAGE)[0])
     state = np.concatenate([model.mean, np.zeros(PER_VIEW + NAIL_SIZE)])
     across = across_basis(guide.holes[0].axis.direction)[:, :2]
