@@ -36,8 +36,8 @@ class BallCandidates:
     standard_deviation_px: NDArray[np.float64]
     ring_index: NDArray[np.int64]
 
-    def select(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> "BallCandidates":
-        """Those that a mask marks, or of an index array."""
+    def select(self, which: NDArray[np.bool_]) -> "BallCandidates":
+        """Those that are marked."""
         return BallCandidates(
             self.centre_px[which],
             self.radius_px[which],

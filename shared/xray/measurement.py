@@ -28,7 +28,7 @@ class MeasurementSettings:
     reach_px
         How far beyond a ball's edge pixels are used.
     drift_px
-        Standard deviation of the prediction.
+        Standard deviation of the prediction, of all balls or of each, shape (N,).
     radius_tolerance
         Relative standard deviation of the predicted radius: the display's curve shrinks shadows in bright air.
     blur_px, blur_sd_px
@@ -38,7 +38,7 @@ class MeasurementSettings:
     """
 
     reach_px: float = 3.5
-    drift_px: float = 1.0
+    drift_px: float | Array = 1.0
     radius_tolerance: float = 0.15
     blur_px: float = 1.5
     blur_sd_px: float = 0.8
@@ -136,11 +136,11 @@ def measure_balls(
         np.concatenate([predicted_px, neighbours.centre_px]), np.concatenate([radius_px, neighbours.radius_px])
     )
     inside = _inside(usable, predicted)
-    near = _near(discs, settings.reach_px)
+    near, drift_px = _near(discs, settings.reach_px), _drifts(settings, count, len(neighbours.radius_px))
     groups = []
     for members in _groups(discs):
         if inside[members[members < count]].any():
-            priors, others = _priors(discs, members, settings), _others(discs, members, near)
+            priors, others = _priors(discs, drift_px, members, settings), _others(discs, members, near)
             groups.append(_Group(members, priors, _fitting(pixels, usable, priors, settings.reach_px, others)))
     fits = mapped(lambda group: group.refit(group.priors), groups, _LEAST_GROUPS)
     fitted = [(group, fit) for group, fit in zip(groups, fits, strict=True) if fit is not None]
@@ -186,11 +186,18 @@ def _groups(discs: Discs) -> list[NDArray[np.int64]]:
     return [m.astype(np.int64) for m in np.split(order, np.cumsum(sizes)[:-1])]
 
 
-def _priors(discs: Discs, members: NDArray[np.int64], settings: MeasurementSettings) -> DiscPriors:
+def _drifts(settings: MeasurementSettings, balls: int, neighbours: int) -> Array:
+    """Standard deviations of the places of balls and then of neighbours, which are where they were found."""
+    of_balls = np.broadcast_to(np.asarray(settings.drift_px, dtype=np.float64), balls)
+    return np.append(of_balls, np.full(neighbours, of_balls.min(initial=np.inf)))
+
+
+def _priors(discs: Discs, drift_px: Array, members: NDArray[np.int64], settings: MeasurementSettings) -> DiscPriors:
     """What is known of a group."""
     centre, radius = discs.centre_px[members], discs.radius_px[members]
-    drift = np.full(len(radius), settings.drift_px)
-    return DiscPriors(centre, drift, radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px)
+    return DiscPriors(
+        centre, drift_px[members], radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px
+    )
 
 
 def _fitting(pixels: FloatImage, usable: Mask, group: DiscPriors, reach_px: float, avoid: Array) -> Refit:

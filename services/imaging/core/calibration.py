@@ -17,23 +17,23 @@ from services.imaging.core.joint_estimate import (
     on_plane,
 )
 from services.imaging.core.judgement import judge, motion_reason, too_few_reason
-from services.imaging.core.look import DRIFT_PX, WIDE_DRIFT_PX, look
+from services.imaging.core.look import look_widely
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import find_ring
 from services.imaging.core.view import View, upright_discs, view_of
-from shared.errors import Accepted, Reason, Rejected
+from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import find_usable_area
-from shared.xray.discs import Array, FloatImage, Mask
-from shared.xray.measurement import BallMeasurements, Discs
+from shared.xray.discs import Array, FloatImage
+from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
 
 _SOURCE_SD_MM = (100.0, 100.0, 150.0)
 _GAUGE_REACH = 0.25
 _SAME_DISC_PX = 2.0
 _RADIUS_RANGE = 0.12
-# Places that are doubtful by this share of what balls may be off by are looked at again, more widely.
-_DOUBTFUL = 0.25
+# Shadows look smaller than geometry says: a ball's rim absorbs little, and bright air swallows it.
+_SHRUNK = 0.85
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,47 +79,10 @@ def calibrate_image(
     if isinstance(found, Rejected):
         return found
     discs = upright_discs(found, pixels.shape[1])
-    view = view_of(pixels, area, found.identity, discs, ring, nominal)
-    # From the discs as they were found, one by one.
-    placed = _placed(view, _as_found(discs, view, ring), ring, nominal, Start(_nominal_source(nominal).position_mm))
-    if placed.doubt_px > _DOUBTFUL * DRIFT_PX:
-        # What is known before a measurement must not outweigh it, the less as it comes from the same pixels.
-        measured = view.measure(placed.balls, look(WIDE_DRIFT_PX, nominal.pixel_mm))
-        if (few := too_few_reason(measured, ring)) is not None:
-            return _with_motion(few, view, measured)
-        placed = _placed(view, _as_measured(measured, view, ring), ring, nominal, placed.start)
-    return calibrate_there(view, placed.balls, ring, nominal, placed.start)
-
-
-def _with_motion(few: Reason, view: View, measured: BallMeasurements) -> Rejected:
-    """Refusal for too few balls, after that for motion where it shows: then the balls are there, but smeared."""
-    moved = motion_reason(view, measured)
-    return Rejected((few,) if moved is None else (moved, few))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _SeenBalls:
-    """Those of the ring's balls that have been seen, and the radii of all of them, shape (M,)."""
-
-    observations: Observations
-    radius_px: Array
-
-
-def _as_found(discs: BallCandidates, view: View, ring: RingPart) -> _SeenBalls:
-    named = discs.select(discs.ring_index != NOT_OF_THE_RING)
-    observations = Observations(named.centre_px, named.standard_deviation_px, ring.balls.position_mm[named.ring_index])
-    found = np.isin(np.arange(len(ring.balls)), named.ring_index)
-    return _SeenBalls(observations, _usual_radii(view.predicted.radius_px, found, ring))
-
-
-def _as_measured(measured: BallMeasurements, view: View, ring: RingPart) -> _SeenBalls:
-    radius_px = np.where(measured.seen, measured.radius_px, view.predicted.radius_px)
-    return _SeenBalls(_observed(measured, ring), _usual_radii(radius_px, measured.seen & ~measured.overlapped, ring))
-
-
-def _observed(measured: BallMeasurements, ring: RingPart) -> Observations:
-    seen = measured.seen
-    return Observations(measured.centre_px[seen], measured.standard_deviation_px[seen], ring.balls.position_mm[seen])
+    view = view_of(pixels, area, found.identity, discs)
+    placed = _placed(view, discs, ring, nominal)
+    settings = look_widely(placed.deviation_px, nominal.pixel_mm)
+    return calibrate_there(view, placed.balls, settings, ring, nominal, placed.start)
 
 
 def _nominal_source(nominal: NominalGeometry) -> NominalSource:
@@ -127,15 +90,25 @@ def _nominal_source(nominal: NominalGeometry) -> NominalSource:
 
 
 def calibrate_there(
-    view: View, expected: Discs, ring: RingPart, nominal: NominalGeometry, start: Start
+    view: View,
+    expected: Discs,
+    settings: MeasurementSettings,
+    ring: RingPart,
+    nominal: NominalGeometry,
+    start: Start,
 ) -> Accepted[CArmCalibration] | Rejected:
-    """Measure the ring's balls where they are expected, to some tenths of a pixel, and calibrate from them."""
-    measured = view.measure(expected, look(DRIFT_PX, nominal.pixel_mm))
+    """Measure the ring's balls where they are expected, and calibrate from them."""
+    measured = view.measure(expected, settings)
     if (few := too_few_reason(measured, ring)) is not None:
-        return _with_motion(few, view, measured)
-    estimate = _estimate(_observed(measured, ring), view, nominal, start)
+        moved = motion_reason(view, measured, expected)
+        return Rejected((few,) if moved is None else (moved, few))
+    seen = measured.seen
+    observations = Observations(
+        measured.centre_px[seen], measured.standard_deviation_px[seen], ring.balls.position_mm[seen]
+    )
+    estimate = _estimate(observations, view, nominal, start)
     model = _source_and_field(view, estimate)
-    if reasons := judge(view, measured, model):
+    if reasons := judge(view, measured, expected, model):
         return Rejected(reasons)
     return Accepted(_calibration(view, measured, estimate, model))
 
@@ -168,40 +141,42 @@ def similarity_near(plane_mm: Array, pixel: Array, centre_px: Array, reach_px: f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Placed:
-    """Where an estimate says that the ring's balls are.
+    """Where a first estimate, from the discs as they were found one by one, says that the ring's balls are.
 
     Attributes
     ----------
     balls
         All of them, with the radii that they were found to have.
-    doubt_px
-        Usual standard deviation of their places, per axis.
+    deviation_px
+        Standard deviation of the distortion at each of them, per axis, shape (M,).
     start
         For an estimate from what is measured there.
     """
 
     balls: Discs
-    doubt_px: float
+    deviation_px: Array
     start: Start
 
 
-def _placed(view: View, seen: _SeenBalls, ring: RingPart, nominal: NominalGeometry, start: Start) -> _Placed:
-    estimate = _estimate(seen.observations, view, nominal, start)
-    ideal = estimate.gauge.pixels(on_plane(ring.balls.position_mm, estimate.source_mm))
+def _placed(view: View, discs: BallCandidates, ring: RingPart, nominal: NominalGeometry) -> _Placed:
+    named = discs.select(discs.ring_index != NOT_OF_THE_RING)
+    observations = Observations(named.centre_px, named.standard_deviation_px, ring.balls.position_mm[named.ring_index])
+    estimate = _estimate(observations, view, nominal, Start(_nominal_source(nominal).position_mm))
     field = _source_and_field(view, estimate).field
-    centre_px = field.distort(ideal)
-    doubt_px = float(np.median(field.standard_deviation_at(centre_px)))
+    centre_px = field.distort(estimate.gauge.pixels(on_plane(ring.balls.position_mm, estimate.source_mm)))
     start = Start(estimate.source_mm, estimate.solution.prior)
-    return _Placed(Discs(centre_px, seen.radius_px), doubt_px, start)
+    balls = Discs(centre_px, _usual_radii(named, ring, nominal))
+    return _Placed(balls, field.standard_deviation_at(centre_px), start)
 
 
-def _usual_radii(radius_px: Array, trusted: Mask, ring: RingPart) -> Array:
-    """Radii, but no farther from trusted ones of balls of that size than the display's curve explains, shape (M,)."""
+def _usual_radii(named: BallCandidates, ring: RingPart, nominal: NominalGeometry) -> Array:
+    """Radii as found, but no farther from others of that size than the display's curve explains, shape (M,)."""
+    radius_px, found = _SHRUNK * nominal.ball_radii_px(ring), np.zeros(len(ring.balls), dtype=bool)
+    radius_px[named.ring_index], found[named.ring_index] = named.radius_px, True
     usual_px = radius_px.copy()
     for diameter in np.unique(ring.balls.diameter_mm):
         same = ring.balls.diameter_mm == diameter
-        to_compare = same & trusted
-        usual = float(np.median(radius_px[to_compare if to_compare.any() else same]))
+        usual = float(np.median(radius_px[same & found if (same & found).any() else same]))
         usual_px[same] = np.clip(radius_px[same], (1.0 - _RADIUS_RANGE) * usual, (1.0 + _RADIUS_RANGE) * usual)
     return usual_px
 

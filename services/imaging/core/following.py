@@ -4,6 +4,7 @@ import numpy as np
 
 from services.imaging.core.calibration import Start, calibrate_image, calibrate_there
 from services.imaging.core.image_checks import unusable_reason
+from services.imaging.core.look import DRIFT_PX, look
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import searched_radii_px
 from services.imaging.core.view import View
@@ -65,8 +66,9 @@ def _followed(
     )
     radii = searched_radii_px(ring, nominal)
     others = detect_balls(upright, area.mask, radii, _OTHERS, expected.centre_px)
-    view = View(upright, area, before.mirrored, expected, others, before.runner_up_margin)
-    return calibrate_there(view, expected, ring, nominal, Start(before.camera_from_ring.inverse().translation_mm))
+    view = View(upright, area, before.mirrored, others, before.runner_up_margin)
+    start = Start(before.camera_from_ring.inverse().translation_mm)
+    return calibrate_there(view, expected, look(DRIFT_PX, nominal.pixel_mm), ring, nominal, start)
 
 
 def still_dark(pixels: FloatImage, balls: BallCandidates) -> bool:

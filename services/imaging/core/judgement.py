@@ -7,7 +7,7 @@ from services.imaging.core.motion_blur import motion_blur_px
 from services.imaging.core.view import View
 from shared.errors import Reason, ReasonCode
 from shared.geometry.parts import RingPart
-from shared.xray.measurement import BallMeasurements
+from shared.xray.measurement import BallMeasurements, Discs
 
 LEAST_BALLS_FRACTION = 0.4
 MOTION_LIMIT_PX = 4.0
@@ -28,17 +28,17 @@ def too_few_reason(measured: BallMeasurements, ring: RingPart) -> Reason | None:
     )
 
 
-def judge(view: View, measured: BallMeasurements, model: SourceAndField) -> tuple[Reason, ...]:
+def judge(view: View, measured: BallMeasurements, expected: Discs, model: SourceAndField) -> tuple[Reason, ...]:
     """Reasons against a calibration; none when it may be used."""
-    reasons = (motion_reason(view, measured), _extrapolation_reason(view, model))
+    reasons = (motion_reason(view, measured, expected), _extrapolation_reason(view, model))
     return tuple(r for r in reasons if r is not None)
 
 
-def motion_reason(view: View, measured: BallMeasurements) -> Reason | None:
+def motion_reason(view: View, measured: BallMeasurements, expected: Discs) -> Reason | None:
     """Refuse when the balls are smeared along one direction, whether or not each of them could be measured."""
     alone = ~measured.overlapped
-    centre = np.where(measured.seen[:, None], measured.centre_px, view.predicted.centre_px)
-    moved = motion_blur_px(view.pixels, centre[alone], view.predicted.radius_px[alone])
+    centre = np.where(measured.seen[:, None], measured.centre_px, expected.centre_px)
+    moved = motion_blur_px(view.pixels, centre[alone], expected.radius_px[alone])
     if moved <= MOTION_LIMIT_PX:
         return None
     return Reason(

@@ -5,16 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.imaging.core.identification import RingIdentity
-from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import FoundRing
 from shared.geometry.calibration import NOT_OF_THE_RING, Aperture, BallCandidates
-from shared.geometry.parts import RingPart
 from shared.xray.aperture import UsableArea
 from shared.xray.discs import Array, FloatImage
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
-
-# Shadows look smaller than geometry says: a ball's rim absorbs little, and bright air swallows it.
-_SHRUNK = 0.85
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,8 +22,6 @@ class View:
         Grey values, shape (rows, columns), and where they hold X-rays.
     mirrored
         Whether the image as received was the other way round.
-    predicted
-        Where the ring's balls must be, with the radius they seem to have.
     others
         Dark discs that are not the ring's.
     margin
@@ -38,7 +31,6 @@ class View:
     pixels: FloatImage
     area: UsableArea
     mirrored: bool
-    predicted: Discs
     others: BallCandidates
     margin: float
 
@@ -50,12 +42,12 @@ class View:
         rows, columns = self.pixels.shape
         return np.array([0.5 * (columns - 1), 0.5 * (rows - 1)])
 
-    def measure(self, predicted: Discs, settings: MeasurementSettings) -> BallMeasurements:
+    def measure(self, expected: Discs, settings: MeasurementSettings) -> BallMeasurements:
         """Measure the ring's balls, together with other discs that they touch."""
         return measure_balls(
             self.pixels,
-            predicted.centre_px,
-            predicted.radius_px,
+            expected.centre_px,
+            expected.radius_px,
             self.others.centre_px,
             self.others.radius_px,
             settings,
@@ -73,14 +65,7 @@ def upright_discs(found: FoundRing, columns: int) -> BallCandidates:
     return replace(candidates, centre_px=centre, ring_index=index)
 
 
-def view_of(
-    pixels: FloatImage,
-    area: UsableArea,
-    identity: RingIdentity,
-    discs: BallCandidates,
-    ring: RingPart,
-    nominal: NominalGeometry,
-) -> View:
+def view_of(pixels: FloatImage, area: UsableArea, identity: RingIdentity, discs: BallCandidates) -> View:
     """Turn the image so that it obeys physics: a mirrored one is reflected, column x becomes W - 1 - x.
 
     Parameters
@@ -90,15 +75,10 @@ def view_of(
     discs
         As `upright_discs` makes them.
     """
-    predicted = identity.predicted_px
     if identity.mirrored:
-        predicted = _upright(predicted, pixels.shape[1])
         pixels, area = np.ascontiguousarray(pixels[:, ::-1]), _mirrored(area)
-    named = discs.ring_index != NOT_OF_THE_RING
-    radius = _SHRUNK * nominal.ball_radii_px(ring)
-    radius[discs.ring_index[named]] = discs.radius_px[named]
-    margin = float(identity.identified - identity.runner_up)
-    return View(pixels, area, identity.mirrored, Discs(predicted, radius), discs.select(~named), margin)
+    others = discs.select(discs.ring_index == NOT_OF_THE_RING)
+    return View(pixels, area, identity.mirrored, others, float(identity.identified - identity.runner_up))
 
 
 def _upright(places_px: Array, columns: int) -> Array:

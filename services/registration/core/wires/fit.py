@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.wires.equations import NAIL_SIZE, System, linearised
+from services.registration.core.wires.equations import NAIL_SIZE, Rows, System, linearised
 from services.registration.core.wires.model import SHARED, START, TIP, WireModel
 from services.registration.core.wires.search import search_starts
 from services.registration.core.wires.shape import PER_VIEW
@@ -50,7 +50,8 @@ class WireFit:
     seen_px, free_px
         Length of outline that was found in each image, and that is not hidden there, in pixels.
     darkness
-        How dark the wire is between the nail's metal (1) and what lies beside the wire (0), median over all images.
+        How dark the wire is between the nail's metal (1) and what lies beside the wire (0), median over all images, of
+        points counted by their shares.
     """
 
     model: WireModel
@@ -116,7 +117,6 @@ def fit_wire(views: tuple[PreparedView, ...], models: tuple[WireModel, ...], kno
         apart = (solution.state - best.state)[_TOLD]
         covariance += weight * (solution.covariance + np.outer(apart, apart))
         total += weight
-    darkness = np.concatenate([rows.matches.darkness[rows.matches.share >= 0.5] for rows in best.system.rows])
     return WireFit(
         best.model,
         best.model.line_guide(best.state[:4]),
@@ -127,8 +127,17 @@ def fit_wire(views: tuple[PreparedView, ...], models: tuple[WireModel, ...], kno
         read_only(covariance / total),
         tuple(rows.seen_px for rows in best.system.rows),
         tuple(rows.free_px for rows in best.system.rows),
-        float(np.median(darkness)) if darkness.size else 0.0,
+        _darkness(best.system.rows),
     )
+
+
+def _darkness(views: tuple[Rows, ...]) -> float:
+    """Median over the outlines' points, each counted by its share; 0 when there is none."""
+    darkness = np.concatenate([rows.matches.darkness for rows in views])
+    share = np.concatenate([rows.matches.share for rows in views])
+    order = np.argsort(darkness)
+    up_to = np.cumsum(share[order])
+    return float(darkness[order][np.searchsorted(up_to, 0.5 * up_to[-1])]) if len(order) else 0.0
 
 
 def seen_share(seen_px: Sequence[float], free_px: Sequence[float]) -> float:

@@ -53,12 +53,11 @@ def stacks_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64
     return Stack(calibration.image_from_camera(points_camera), radius)
 
 
-def shape_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], discs: int | None = None) -> Shape:
-    """Outline of one wire, by a given number of discs or by one every pixel and a half."""
-    if discs is None:
-        rough = stacks_of(view, model, unknowns[None], 3).centre_px[0]
-        way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
-        discs = int(np.clip(way_px / _DISC_EVERY_PX, _LEAST_DISCS, _MOST_DISCS))
+def shape_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> Shape:
+    """Outline of one wire, by a disc every pixel and a half."""
+    rough = stacks_of(view, model, unknowns[None], 3).centre_px[0]
+    way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
+    discs = int(np.clip(way_px / _DISC_EVERY_PX, _LEAST_DISCS, _MOST_DISCS))
     stacks = stacks_of(view, model, unknowns[None], discs)
     return shape_in(view, Stack(stacks.centre_px[0], stacks.radius_px[0]))
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shared.xray.aperture import find_usable_area
+from shared.xray.aperture import find_usable_area, usable_pixels
 
 
 def test_the_round_aperture_of_an_intensifier_is_found_although_dark_metal_reaches_its_rim() -> None:
@@ -38,3 +38,13 @@ def test_burnt_in_text_beside_the_aperture_is_not_usable() -> None:
     pixels = np.where(np.hypot(x - 255.5, y - 255.5) < 240.0, 180.0, 0.0).astype(np.float32)
     pixels[10:20, 10:60:7] = 255.0
     assert not find_usable_area(pixels).mask[10:20, 10:60].any()
+
+
+@pytest.mark.parametrize("shape", ["round", "rectangle", "whole"])
+def test_usable_pixels_are_those_that_were_found_whether_or_not_the_aperture_is_known(shape: str) -> None:
+    y, x = np.mgrid[0:512, 0:512]
+    light = {"round": np.hypot(x - 250.0, y - 260.0) < 230.0, "rectangle": (x > 100) & (y < 400), "whole": x >= 0}
+    pixels = np.where(light[shape], 180.0 + x % 7, 0.0).astype(np.float32)
+    area = find_usable_area(pixels)
+    assert (area.aperture is not None) is (shape == "round")
+    assert np.array_equal(usable_pixels(pixels, area.aperture), area.mask)
