@@ -44,7 +44,8 @@ def test_burnt_in_text_beside_the_aperture_is_not_usable() -> None:
 def test_usable_pixels_are_those_that_were_found_whether_or_not_the_aperture_is_known(shape: str) -> None:
     y, x = np.mgrid[0:512, 0:512]
     light = {"round": np.hypot(x - 250.0, y - 260.0) < 230.0, "rectangle": (x > 100) & (y < 400), "whole": x >= 0}
-    pixels = np.where(light[shape], 180.0 + x % 7, 0.0).astype(np.float32)
+    bright = np.random.default_rng(4).uniform(100.0, 200.0, x.shape)
+    pixels = np.where(light[shape], bright, 0.0).astype(np.float32)
     area = find_usable_area(pixels)
     assert (area.aperture is not None) is (shape == "round")
     assert np.array_equal(usable_pixels(pixels, area.aperture), area.mask)
