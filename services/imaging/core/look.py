@@ -13,7 +13,8 @@ DRIFT_PX: Final = 0.35
 # Of a place's standard deviation: what is known before a measurement must not outweigh it, the less as it comes from
 # the same pixels.
 _DOUBTS = 4.0
-_WIDEST_DRIFT_PX = 1.2
+# Wider, and other things near balls that are not there are taken for them.
+_WIDEST_DRIFT_PX = 0.8
 _USUAL_PIXEL_MM = 0.235
 # 6 px bring centres to the Cramer-Rao limit, 4 px to 1.09 of it: surroundings settle the slope of the background. Wider
 # ones gain nothing, for there the background is no longer quadratic.
