@@ -13,9 +13,9 @@ from services.registration.core.wires.view import PreparedView
 
 _CAP_POINTS = 24
 _SAMPLES_PER_PX = 1.5
-_CLEAR_OF_MASK_PX = 1.0
+_CLEAR_OF_MASK_PX = 1.25
 # Up to where a point does not count, and from where on it counts whole: its slope over the texture's, its darkness.
-_STRENGTH, _DARKNESS = (3.0, 5.0), (0.3, 0.5)
+_STRENGTH, _DARKNESS = (3.5, 4.5), (0.35, 0.45)
 _INSIDE, _OUTSIDE = 0.7, 0.6
 
 
@@ -123,7 +123,7 @@ def match_edges(prepared: PreparedView, stack: Stack, outline: Outline, reach_px
     shifts = np.arange(-reach_px, reach_px + 1e-9, 1.0 / _SAMPLES_PER_PX)
     where = outline.point_px[:, None, :] + shifts[None, :, None] * outline.outward[:, None, :]
     slope = prepared.outward_slope(where, np.broadcast_to(outline.outward[:, None, :], where.shape))
-    slope *= prepared.free_share(where)
+    slope = np.where(prepared.free_share(where) > 0.0, slope, 0.0)
     peak = np.clip(slope.argmax(axis=1), 1, len(shifts) - 2)
     row = np.arange(len(peak))
     before, at, after = slope[row, peak - 1], slope[row, peak], slope[row, peak + 1]
