@@ -1,4 +1,4 @@
-"""The image un-mirrored, with the ring's balls where they are thought to be."""
+"""The image un-mirrored, with what was found in it."""
 
 from dataclasses import dataclass, replace
 
