@@ -54,8 +54,6 @@ class RingIdentity:
         The image as given shows the ring mirrored.
     candidate_of_ball
         Index of the candidate of each ball of the ring, or -1, shape (M,).
-    predicted_px
-        Where each ball must be in the image as given, shape (M, 2).
     identified
         Number of balls with a candidate.
     runner_up
@@ -64,7 +62,6 @@ class RingIdentity:
 
     mirrored: bool
     candidate_of_ball: Ints
-    predicted_px: Array
     identified: int
     runner_up: int
 
@@ -73,7 +70,6 @@ class RingIdentity:
 class _Grown:
     mirrored: bool
     matches: Ints
-    predicted_px: Array
     count: int
 
 
@@ -104,7 +100,7 @@ def identify_ring(candidates: BallCandidates, ring: RingPart, nominal: NominalGe
         return None
     best = max(grown, key=lambda g: g.count)
     different = [g.count for g in grown if not _same(g, best)]
-    return RingIdentity(best.mirrored, best.matches, best.predicted_px, best.count, max(different, default=0))
+    return RingIdentity(best.mirrored, best.matches, best.count, max(different, default=0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +177,7 @@ def _grow(seeds: Seeds, index: int, matcher: _Matcher) -> _Grown | None:
         predicted = basis @ coefficients
     matches = np.full(len(flat), _NONE, dtype=np.int64)
     matches[ball] = candidate
-    return _Grown(bool(seeds.mirrored[index]), matches, predicted, len(ball))
+    return _Grown(bool(seeds.mirrored[index]), matches, len(ball))
 
 
 def _affordable(order: int, matches: int) -> int:

@@ -19,7 +19,7 @@ _MEDIAN_OF_RAYLEIGH = 1.1774
 _CONCENTRIC = 0.7
 _WIDE_DRIFT_PX, _DRIFT_PX = 1.0, 0.4
 # From so many discs a pose is good enough to look narrowly: looking widely first, it ended a twentieth of its
-# uncertainty elsewhere in the median of 120 own scenes, and at most half of it.
+# uncertainty elsewhere in the median of 120 own scenes, and at most 0.6 of it.
 _ENOUGH_NAMED = 12
 # 1000 mm from focal spot to detector in pixels of 0.235 mm.
 _USUAL_FOCAL_LENGTH_PX = 4255.0
