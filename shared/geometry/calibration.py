@@ -1,6 +1,7 @@
 """What one image says of the C-arm that made it: the value that imaging hands to registration."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from shared.geometry.frames import Camera, Ring
 from shared.geometry.transform import Transform
 
 NOT_OF_THE_RING = -1
+_Reals = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +55,11 @@ class Aperture:
 
     centre_px: tuple[float, float]
     radius_px: float
+
+    def holds(self, x_px: _Reals, y_px: _Reals, margin_px: float = 0.0) -> NDArray[np.bool_]:
+        """Whether places, columns and rows that broadcast, lie inside and at least a margin from the rim."""
+        away_px = np.hypot(x_px - self.centre_px[0], y_px - self.centre_px[1])
+        return np.asarray(away_px <= self.radius_px - margin_px)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +107,12 @@ class CArmCalibration:
     def balls_found(self) -> int:
         """Number of the ring's balls that were found and identified."""
         return int(np.count_nonzero(self.balls.ring_index != NOT_OF_THE_RING))
+
+    def shows(self, x_px: _Reals, y_px: _Reals, margin_px: float) -> NDArray[np.bool_]:
+        """Whether places, columns and rows that broadcast, are in image and aperture, a margin from their borders."""
+        inside = (x_px >= margin_px) & (x_px <= self.width_px - 1 - margin_px)
+        inside = inside & (y_px >= margin_px) & (y_px <= self.height_px - 1 - margin_px)
+        return inside if self.aperture is None else inside & self.aperture.holds(x_px, y_px, margin_px)
 
     def image_from_camera(self, points_camera_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Measured pixels, shape (..., 2), where points of the camera frame, shape (..., 3), in mm, appear."""

@@ -19,6 +19,7 @@ from services.imaging.core.joint_estimate import (
 from services.imaging.core.judgement import judge, motion_reason, too_few_reason
 from services.imaging.core.look import look_widely
 from services.imaging.core.nominal import NominalGeometry
+from services.imaging.core.ring_radii import found_radii_px, usual_radii_px
 from services.imaging.core.ring_search import find_ring
 from services.imaging.core.view import View, upright_discs, view_of
 from shared.errors import Accepted, Rejected
@@ -165,20 +166,16 @@ def _placed(view: View, discs: BallCandidates, ring: RingPart, nominal: NominalG
     field = _source_and_field(view, estimate).field
     centre_px = field.distort(estimate.gauge.pixels(on_plane(ring.balls.position_mm, estimate.source_mm)))
     start = Start(estimate.source_mm, estimate.solution.prior)
-    balls = Discs(centre_px, _usual_radii(named, ring, nominal))
+    balls = Discs(centre_px, _plausible_radii(named, ring, nominal))
     return _Placed(balls, field.standard_deviation_at(centre_px), start)
 
 
-def _usual_radii(named: BallCandidates, ring: RingPart, nominal: NominalGeometry) -> Array:
+def _plausible_radii(named: BallCandidates, ring: RingPart, nominal: NominalGeometry) -> Array:
     """Radii as found, but no farther from others of that size than the display's curve explains, shape (M,)."""
-    radius_px, found = _SHRUNK * nominal.ball_radii_px(ring), np.zeros(len(ring.balls), dtype=bool)
-    radius_px[named.ring_index], found[named.ring_index] = named.radius_px, True
-    usual_px = radius_px.copy()
-    for diameter in np.unique(ring.balls.diameter_mm):
-        same = ring.balls.diameter_mm == diameter
-        usual = float(np.median(radius_px[same & found if (same & found).any() else same]))
-        usual_px[same] = np.clip(radius_px[same], (1.0 - _RADIUS_RANGE) * usual, (1.0 + _RADIUS_RANGE) * usual)
-    return usual_px
+    found_px, nominal_px = found_radii_px(named, ring), _SHRUNK * nominal.ball_radii_px(ring)
+    usual_px = usual_radii_px(found_px, ring, nominal_px)
+    radius_px = np.where(np.isfinite(found_px), found_px, nominal_px)
+    return np.clip(radius_px, (1.0 - _RADIUS_RANGE) * usual_px, (1.0 + _RADIUS_RANGE) * usual_px)
 
 
 def _source_and_field(view: View, estimate: JointEstimate) -> SourceAndField:

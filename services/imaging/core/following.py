@@ -6,6 +6,7 @@ from services.imaging.core.calibration import Start, calibrate_image, calibrate_
 from services.imaging.core.image_checks import unusable_reason
 from services.imaging.core.look import DRIFT_PX, look
 from services.imaging.core.nominal import NominalGeometry
+from services.imaging.core.ring_radii import found_radii_px, usual_radii_px
 from services.imaging.core.ring_search import searched_radii_px
 from services.imaging.core.view import View
 from shared.errors import Accepted, Rejected
@@ -93,13 +94,5 @@ def _grey(pixels: FloatImage, places_px: Array) -> FloatImage:
 
 def _radii_before(ring: RingPart, before: CArmCalibration) -> Array:
     """Radii of the ring's balls in the earlier image; those not seen there look like the others of their size."""
-    balls = before.balls
-    named = balls.ring_index != NOT_OF_THE_RING
-    radius = np.full(len(ring.balls), np.nan)
-    radius[balls.ring_index[named]] = balls.radius_px[named]
-    for diameter in np.unique(ring.balls.diameter_mm):
-        same = ring.balls.diameter_mm == diameter
-        seen = same & np.isfinite(radius)
-        usual = float(np.median(radius[seen] if seen.any() else balls.radius_px[named]))
-        radius[same & ~seen] = usual
-    return radius
+    found_px = found_radii_px(before.balls, ring)
+    return np.where(np.isfinite(found_px), found_px, usual_radii_px(found_px, ring))

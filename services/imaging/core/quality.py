@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.imaging.core.look import look
+from services.imaging.core.ring_radii import found_radii_px, usual_radii_px
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import usable_pixels
@@ -90,7 +91,7 @@ def _every_ball(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage
     centre[index], deviation[index] = balls.centre_px[named], balls.standard_deviation_px[named]
     missing = np.flatnonzero(np.isnan(deviation))
     upright = np.ascontiguousarray(pixels[:, ::-1]) if calibration.mirrored else pixels
-    radius = np.array([_usual_radius(calibration, ring, diameter) for diameter in ring.balls.diameter_mm])
+    radius = usual_radii_px(found_radii_px(balls, ring), ring)
     again = measure_balls(
         upright,
         calibration.image_from_camera(calibration.camera_from_ring.points(ring.balls.position_mm[missing])),
@@ -108,15 +109,6 @@ def _every_ball(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage
 def _pixel_mm(calibration: CArmCalibration) -> float:
     """Size of a pixel at the ring's plate next to the detector."""
     return float(calibration.camera_from_ring.translation_mm[2] / calibration.camera.focal_length_px)
-
-
-def _usual_radius(calibration: CArmCalibration, ring: RingPart, diameter_mm: float) -> float:
-    """Middle radius of the shadows of balls of one size, in pixels."""
-    balls = calibration.balls
-    named = balls.ring_index != NOT_OF_THE_RING
-    same = ring.balls.diameter_mm[balls.ring_index[named]] == diameter_mm
-    radii = balls.radius_px[named]
-    return float(np.median(radii[same] if same.any() else radii))
 
 
 def ball_statistics(measured: Sequence[Residuals], ball: int) -> BallStatistics:

@@ -112,8 +112,7 @@ def distortion_map(one: Measured) -> str:
     x, y = np.meshgrid(np.linspace(0, calibration.width_px - 1, 21), np.linspace(0, calibration.height_px - 1, 21))
     places = np.column_stack([x.ravel(), y.ravel()])
     if calibration.aperture is not None:
-        away = np.hypot(*(places - np.array(calibration.aperture.centre_px)).T)
-        places = places[away < calibration.aperture.radius_px]
+        places = places[calibration.aperture.holds(*places.T)]
     moved = calibration.distortion.displacement_at(places)
     sure = calibration.distortion.standard_deviation_at(places) < 0.5
     shapes = []

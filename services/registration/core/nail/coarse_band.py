@@ -92,7 +92,7 @@ def prepare_search(pixels: NDArray[np.generic], calibration: CArmCalibration, na
     where = _measured_px_of_grid(calibration, rows, columns, step)
     image = cv2.GaussianBlur(pixels.astype(np.float32), (0, 0), 0.5 * step)
     grey = cv2.remap(image, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    valid = _valid_px(calibration, where, 2.0 * step)
+    valid = calibration.shows(where[..., 0], where[..., 1], 2.0 * step)
     low, high = np.percentile(grey[valid], [0.5, 99.0]) if valid.any() else (0.0, 1.0)
     return SearchImage(((grey - low) / max(float(high - low), 1e-9)).astype(np.float32), valid, step)
 
@@ -107,16 +107,6 @@ def _measured_px_of_grid(calibration: CArmCalibration, rows: int, columns: int, 
     nodes = calibration.distortion.distort(ideal).astype(np.float32)
     x, y = np.meshgrid(np.arange(columns, dtype=np.float32), np.arange(rows, dtype=np.float32))
     return np.asarray(cv2.remap(nodes, x / _MAP_STEP_PX, y / _MAP_STEP_PX, cv2.INTER_LINEAR), dtype=np.float32)
-
-
-def _valid_px(calibration: CArmCalibration, where: NDArray[np.float32], margin_px: float) -> NDArray[np.bool_]:
-    x, y = where[..., 0], where[..., 1]
-    inside = (x >= margin_px) & (x <= calibration.width_px - 1 - margin_px)
-    inside &= (y >= margin_px) & (y <= calibration.height_px - 1 - margin_px)
-    if calibration.aperture is not None:
-        centre = calibration.aperture.centre_px
-        inside &= np.hypot(x - centre[0], y - centre[1]) <= calibration.aperture.radius_px - margin_px
-    return np.asarray(inside)
 
 
 def find_bands(image: SearchImage, width_range_px: tuple[float, float], count: int) -> tuple[Band, ...]:

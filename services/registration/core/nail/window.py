@@ -184,11 +184,10 @@ def _nail_plane(
 
 
 def _in_aperture(calibration: CArmCalibration, grid: PixelGrid) -> NDArray[np.bool_]:
-    aperture = calibration.aperture
-    if aperture is None:
+    if calibration.aperture is None:
         return np.ones(grid.shape, dtype=bool)
-    x_px, y_px = (axis - centre for axis, centre in zip(grid.axes_px, aperture.centre_px, strict=True))
-    return np.asarray(np.hypot(x_px, y_px[:, None]) < aperture.radius_px - _INSIDE_APERTURE_PX)
+    x_px, y_px = grid.axes_px
+    return calibration.aperture.holds(x_px, y_px[:, None], _INSIDE_APERTURE_PX)
 
 
 def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:

@@ -1,0 +1,48 @@
+"""Radii of the ring's shadows, and those of balls that were not found."""
+
+import numpy as np
+import pytest
+
+from services.imaging.core.ring_radii import found_radii_px, usual_radii_px
+from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
+from tests.unit.services.imaging.synthetic import default_ring
+
+RING = default_ring()
+SIZES_MM = np.unique(RING.balls.diameter_mm)
+
+
+def discs(index: list[int], radius_px: list[float]) -> BallCandidates:
+    count = len(index)
+    ones = np.ones(count)
+    return BallCandidates(np.zeros((count, 2)), np.array(radius_px), ones, ones, np.array(index, dtype=np.int64))
+
+
+def balls_of(size_mm: float, count: int) -> list[int]:
+    return [int(ball) for ball in np.flatnonzero(RING.balls.diameter_mm == size_mm)[:count]]
+
+
+def test_radii_are_those_of_the_discs_that_are_the_rings() -> None:
+    found = found_radii_px(discs([7, NOT_OF_THE_RING, 3], [5.0, 99.0, 4.0]), RING)
+    assert found[7] == 5.0
+    assert found[3] == 4.0
+    assert np.count_nonzero(np.isfinite(found)) == 2
+
+
+def test_usual_radius_is_the_middle_one_of_each_size() -> None:
+    small, large = balls_of(SIZES_MM[0], 3), balls_of(SIZES_MM[-1], 3)
+    found = found_radii_px(discs(small + large, [4.0, 4.2, 9.9, 6.0, 6.1, 0.1]), RING)
+    usual = usual_radii_px(found, RING)
+    assert usual[RING.balls.diameter_mm == SIZES_MM[0]] == pytest.approx(4.2)
+    assert usual[RING.balls.diameter_mm == SIZES_MM[-1]] == pytest.approx(6.0)
+
+
+def test_a_size_of_which_none_is_found_takes_what_is_given_else_the_middle_of_all() -> None:
+    found = found_radii_px(discs(balls_of(SIZES_MM[0], 3), [4.0, 4.2, 4.4]), RING)
+    other = RING.balls.diameter_mm != SIZES_MM[0]
+    assert other.any()
+    assert usual_radii_px(found, RING)[other] == pytest.approx(4.2)
+    given = np.arange(float(len(RING.balls)))
+    usual = usual_radii_px(found, RING, given)
+    assert usual[other] == pytest.approx(given[other])
+    assert usual[~other] == pytest.approx(4.2)
+    assert (given == np.arange(len(RING.balls))).all()
