@@ -3,6 +3,7 @@
 import numpy as np
 
 from shared.errors import Reason, ReasonCode
+from shared.figures import figure
 from shared.xray.discs import FloatImage, Mask
 
 LEAST_SIDE_PX = 256
@@ -55,6 +56,6 @@ def saturated_reason(clipped: float, limit: float) -> Reason:
     """Refusal of an image in which too much is clipped."""
     return Reason(
         ReasonCode.SATURATED,
-        f"{100 * clipped:.0f} % of the image is clipped to pure black or white (limit {100 * limit:.0f} %); "
-        "lower the exposure or collimate and take another image",
+        f"{figure(100 * clipped, 100 * limit, 0)} % of the image is clipped to pure black or white (limit "
+        f"{100 * limit:.0f} %); lower the exposure or collimate and take another image",
     )

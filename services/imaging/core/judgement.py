@@ -6,6 +6,7 @@ from services.imaging.core.camera_model import SourceAndField
 from services.imaging.core.motion_blur import motion_blur_px
 from services.imaging.core.view import View
 from shared.errors import Reason, ReasonCode
+from shared.figures import figure
 from shared.geometry.parts import RingPart
 from shared.xray.measurement import BallMeasurements, Discs
 
@@ -43,7 +44,7 @@ def motion_reason(view: View, measured: BallMeasurements, expected: Discs) -> Re
         return None
     return Reason(
         ReasonCode.MOTION_BLUR,
-        f"the balls are smeared over {moved:.1f} px (limit {MOTION_LIMIT_PX:g} px); "
+        f"the balls are smeared over {figure(moved, MOTION_LIMIT_PX, 1)} px (limit {MOTION_LIMIT_PX:g} px); "
         "hold leg and C-arm still and take another image",
     )
 
@@ -55,9 +56,10 @@ def _extrapolation_reason(view: View, model: SourceAndField) -> Reason | None:
         return None
     return Reason(
         ReasonCode.CALIBRATION_EXTRAPOLATED,
-        f"the ring's balls leave the image's middle uncertain by {central:.2f} px (limit "
-        f"{CENTRAL_DEVIATION_LIMIT_PX:g} px) and the focal spot by {source:.1f} mm (limit "
-        f"{SOURCE_DEVIATION_LIMIT_MM:g} mm); uncover the ring around the middle and take another image",
+        f"the ring's balls leave the image's middle uncertain by {figure(central, CENTRAL_DEVIATION_LIMIT_PX, 2)} px "
+        "(limit "
+        f"{CENTRAL_DEVIATION_LIMIT_PX:g} px) and the focal spot by {figure(source, SOURCE_DEVIATION_LIMIT_MM, 1)} mm "
+        f"(limit {SOURCE_DEVIATION_LIMIT_MM:g} mm); uncover the ring around the middle and take another image",
     )
 
 

@@ -16,6 +16,7 @@ from services.registration.core.axis_match import AxisPair, match_axes
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset, angle_deg, axis_offset_mm
 from shared.errors import Accepted
+from shared.figures import figure
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
@@ -134,7 +135,8 @@ def plan_move(
     if residual_mm > LARGEST_RESIDUAL_MM:
         return PlanRefused(
             PlanRefusal.UNEQUAL_SPACING,
-            f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {residual_mm:.2f} mm would remain "
+            f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: "
+            f"{figure(residual_mm, LARGEST_RESIDUAL_MM, 2)} mm would remain "
             f"(limit {LARGEST_RESIDUAL_MM:g} mm); plan one hole per move",
         )
     turns_deg = _TURNS_DEG if len(pairs) == 1 else np.zeros(1)

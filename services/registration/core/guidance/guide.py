@@ -14,6 +14,7 @@ from services.registration.core.guide.identity import Discs, settled
 from services.registration.core.guide.locate import needed_balls
 from services.registration.core.pose import Correspondences, RigidPose, down_weighted, pose_covariance, refine_pose
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.figures import figure
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import GuidePart
@@ -82,7 +83,8 @@ def _judged(
     rms_px = float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
     if rms_px > _LARGEST_RMS_PX:
         message = (
-            f"{len(seen)} of the guide's {len(guide.balls)} balls lie {rms_px:.2f} px from where the guide as a whole "
+            f"{len(seen)} of the guide's {len(guide.balls)} balls lie {figure(rms_px, _LARGEST_RMS_PX, 2)} px from "
+            "where the guide as a whole "
             f"puts them (limit {_LARGEST_RMS_PX} px): it or the patient moves; hold still for a moment"
         )
         return Rejected((Reason(ReasonCode.MOTION_BLUR, message),))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from services.registration.core.guidance.nail import FollowedNail, Look
 from services.registration.core.nail.judgement import CLEAR_VIEW
 from shared.errors import Reason, ReasonCode
+from shared.figures import figure
 
 LEAST_CONTRAST_TO_NOISE = 3.0
 LARGEST_STRUCTURE = 2.5
@@ -44,7 +45,8 @@ def reasons_against_margin(log_likelihood_ratio: float | None) -> tuple[Reason, 
         return ()
     message = (
         f"the reflected tilt explains this frame nearly as well: logarithm of the likelihood ratio "
-        f"{log_likelihood_ratio:.1f} (limit {LEAST_MARGIN:.0f}); hold the C-arm still until the nail is found anew"
+        f"{figure(log_likelihood_ratio, LEAST_MARGIN, 1)} (limit {LEAST_MARGIN:.0f}); hold the C-arm still until the "
+        "nail is found anew"
     )
     return (Reason(ReasonCode.MIRROR_AMBIGUOUS, message),)
 
@@ -67,13 +69,14 @@ def _covered(nail: FollowedNail) -> tuple[Reason, ...]:
         least = CLEAR_VIEW.of_best if hole is clearest else CLEAR_VIEW.of_others
         if not hole.opening >= least:
             message = (
-                f"hole '{hole.id}' shows {100.0 * hole.opening:.0f} % of its disc in this frame (limit "
-                f"{100.0 * least:.0f} %); move what covers it, or keep the hole inside the image"
+                f"hole '{hole.id}' shows {figure(100.0 * hole.opening, 100.0 * least, 0)} % of its disc in this frame "
+                f"(limit {100.0 * least:.0f} %); move what covers it, or keep the hole inside the image"
             )
             reasons.append(Reason(ReasonCode.HOLE_NOT_VISIBLE, message))
         elif hole.contrast_to_noise < LEAST_CONTRAST_TO_NOISE:
             message = (
-                f"hole '{hole.id}' is {hole.contrast_to_noise:.1f} standard deviations of the noise brighter than the "
+                f"hole '{hole.id}' is {figure(hole.contrast_to_noise, LEAST_CONTRAST_TO_NOISE, 1)} standard "
+                "deviations of the noise brighter than the "
                 f"metal around it in this frame (limit {LEAST_CONTRAST_TO_NOISE:.1f}); take away what covers it, or "
                 "raise the dose"
             )
@@ -85,8 +88,10 @@ def _unexplained(nail: FollowedNail) -> tuple[Reason, ...]:
     if nail.structure <= LARGEST_STRUCTURE and nail.unexplained <= LARGEST_UNEXPLAINED:
         return ()
     message = (
-        f"the residual along the nail's edges is {nail.structure:.1f} times that elsewhere (limit "
-        f"{LARGEST_STRUCTURE:.1f}), and {100.0 * nail.unexplained:.1f} % of the pixels around the holes are not "
+        f"the residual along the nail's edges is {figure(nail.structure, LARGEST_STRUCTURE, 1)} times that elsewhere "
+        "(limit "
+        f"{LARGEST_STRUCTURE:.1f}), and {figure(100.0 * nail.unexplained, 100.0 * LARGEST_UNEXPLAINED, 1)} % of the "
+        "pixels around the holes are not "
         f"explained (limit {100.0 * LARGEST_UNEXPLAINED:.0f} %); take away what lies over the nail"
     )
     return (Reason(ReasonCode.NAIL_MODEL_MISMATCH, message),)
@@ -112,7 +117,7 @@ def _unsure(nail: FollowedNail) -> tuple[Reason, ...]:
     if sd_deg <= LARGEST_SD_DEG:
         return ()
     message = (
-        f"this frame tells the tilt with a standard deviation of {sd_deg:.1f}° (limit {LARGEST_SD_DEG:g}°); raise the "
-        "dose, or bring the holes to the middle of the image"
+        f"this frame tells the tilt with a standard deviation of {figure(sd_deg, LARGEST_SD_DEG, 1)}° (limit "
+        f"{LARGEST_SD_DEG:g}°); raise the dose, or bring the holes to the middle of the image"
     )
     return (Reason(ReasonCode.UNCERTAINTY_TOO_LARGE, message),)

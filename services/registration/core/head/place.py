@@ -10,6 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from shared.figures import figure
 from shared.geometry.frames import Guide, Nail, RobotBase
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
 from shared.geometry.hexapod_mount import MountPlace
@@ -62,7 +63,8 @@ def _turned(base_from_nail: Transform[RobotBase, Nail], mount: MountPlace) -> He
         return None
     return HeadRefused(
         HeadTrouble.GUIDE_TURNED,
-        f"by the image and the head the nail is turned by {turned_deg:.0f}° from where mount '{mount.name}' has it "
+        f"by the image and the head the nail is turned by {figure(turned_deg, mount.tolerance_deg, 0)}° from where "
+        f"mount '{mount.name}' has it "
         f"(limit {mount.tolerance_deg:g}°); put the guide on the head with its distal mark to the distal end and its "
         "drilling side to the bone, and see that the base points distally",
     )

@@ -14,6 +14,7 @@ from services.registration.core.nail.coarse_openings import HolePattern, find_pa
 from services.registration.core.nail.coarse_outline import Opening, measure_opening
 from services.registration.core.nail.coarse_pose import camera_from_nail_facing
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.figures import figure
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
@@ -98,7 +99,8 @@ def find_nail(
     if openness < _LOWEST_OPENNESS:
         return _rejected(
             ReasonCode.HOLE_NOT_VISIBLE,
-            f"the nail's band was found, but its least visible hole has a contrast of {max(openness, 0.0):.2f} of the "
+            "the nail's band was found, but its least visible hole has a contrast of "
+            f"{figure(max(openness, 0.0), _LOWEST_OPENNESS, 2)} of the "
             f"band's (limit {_LOWEST_OPENNESS}); turn the C-arm until all {len(nail.holes)} holes look open",
         )
     directed = _directed(forwards, backwards, distal_hint_camera)
@@ -137,8 +139,8 @@ def _directed(
         if margin < _CLEAR_MARGIN:
             return _rejected(
                 ReasonCode.NAIL_NOT_FOUND,
-                f"the nail was found, but not which end is distal (margin {margin:.2f}, limit {_CLEAR_MARGIN}); "
-                "bring the nail's tip or the drill guide into view",
+                f"the nail was found, but not which end is distal (margin {figure(margin, _CLEAR_MARGIN, 2)}, limit "
+                f"{_CLEAR_MARGIN}); bring the nail's tip or the drill guide into view",
             )
         return seen, margin
     along = forwards.strip.band.along

@@ -16,6 +16,7 @@ from services.registration.core.nail.coarse import NailStart
 from services.registration.core.nail.coarse_outline import Ellipse
 from services.registration.core.nail.coarse_pose import camera_from_nail_facing
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.figures import figure
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
@@ -82,7 +83,8 @@ def along_the_beam(
     worst = int(np.argmin(circularity))
     if circularity[worst] < LOWEST_ASPECT_RATIO:
         message = (
-            f"nail hole '{nail.holes[worst].id}' has an aspect ratio of {circularity[worst]:.3f} "
+            f"nail hole '{nail.holes[worst].id}' has an aspect ratio of "
+            f"{figure(circularity[worst], LOWEST_ASPECT_RATIO, 3)} "
             f"(limit {LOWEST_ASPECT_RATIO}); turn the C-arm until the holes look round, or use the model method"
         )
         return Rejected((Reason(ReasonCode.TILT_TOO_LARGE, message),))

@@ -15,6 +15,7 @@ from services.registration.core.nail.coarse_openings import HolePattern, Strip, 
 from services.registration.core.nail.coarse_outline import measure_opening
 from services.registration.core.nail.coarse_pose import camera_from_nail_facing
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.figures import figure
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import unit
@@ -135,6 +136,6 @@ def _not_visible(openness: float) -> Reason:
     return Reason(
         ReasonCode.HOLE_NOT_VISIBLE,
         f"within {LARGEST_MISALIGNMENT_MM:.0f} mm of where the guide's holes point, the nail's least visible hole has "
-        f"a contrast of {max(openness, 0.0):.2f} of the nail's (limit {_LOWEST_OPENNESS}); turn the C-arm until the "
-        "holes are open beside the wires",
+        f"a contrast of {figure(max(openness, 0.0), _LOWEST_OPENNESS, 2)} of the nail's (limit {_LOWEST_OPENNESS}); "
+        "turn the C-arm until the holes are open beside the wires",
     )

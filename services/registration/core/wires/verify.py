@@ -18,6 +18,7 @@ from services.registration.core.wires.fit import WireFit
 from services.registration.core.wires.set_up import SetUp
 from services.registration.core.wires.view import prepare_view
 from shared.errors import Reason, ReasonCode
+from shared.figures import figure
 from shared.geometry.lines import Line, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart
 
@@ -159,7 +160,8 @@ def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]
         else "take both again with more dose, and the lateral one so that the wire shows in the nail's hole"
     )
     message = (
-        f"wire '{comparison.hole_id}' is known to {bound_mm:.2f} mm and {bound_deg:.2f} degrees at 95 % (limits "
+        f"wire '{comparison.hole_id}' is known to {figure(bound_mm, LARGEST_OFFSET_MM, 2)} mm and "
+        f"{figure(bound_deg, LARGEST_ANGLE_DEG, 2)} degrees at 95 % (limits "
         f"{LARGEST_OFFSET_MM} mm and {LARGEST_ANGLE_DEG} degrees); {remedy}"
     )
     return [Reason(ReasonCode.UNCERTAINTY_TOO_LARGE, message)]

@@ -10,6 +10,7 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import Parts, unmirrored
 from services.registration.core.wires.nail_behind import localise_behind_wires
 from shared.errors import Reason, ReasonCode
+from shared.figures import figure
 from shared.geometry.lines import angle_between_rad, unit
 
 # Of the guide's axes against the ray: holes are found up to 14 degrees, and the guide may stand several off.
@@ -67,7 +68,8 @@ def why_no_holes(images: tuple[WiredImage, ...], parts: Parts) -> tuple[Reason, 
     return (
         Reason(
             ReasonCode.HOLE_NOT_VISIBLE,
-            f"no image looks along the nail's holes: the guide's are tilted by {min(tilts):.0f}° or more against the "
+            "no image looks along the nail's holes: the guide's are tilted by "
+            f"{figure(min(tilts), LARGEST_TILT_DEG, 0)}° or more against the "
             f"beam (limit {LARGEST_TILT_DEG:.0f}°); add an image along the wires, or one from before the wires",
         ),
     )
