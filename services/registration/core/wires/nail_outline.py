@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.wires.reading import between_pixels, peaks_of, ramp
 from services.registration.core.wires.view import WireView, balls_mask, in_border
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import GuidePart, NailPart
@@ -15,7 +16,8 @@ _PROXIMAL_OF_HOLES_MM, _STEP_MM = 30.0, 0.5
 _SAMPLES_PER_PX = 2.0
 _BLUR_PX = 1.2
 _BESIDE_PX = 5.0
-_LEAST_STEP = 0.35
+# Up to where an edge does not count, and from where on it counts whole: its step over the usual one.
+_STEP = (0.3, 0.4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,30 +48,34 @@ class OutlineMatch:
     ----------
     index
         Points of the outline that have an edge, shape (N,).
+    counts
+        How much each counts, above 0 and up to 1, shape (N,).
     shift_px
         How far outwards it lies, shape (N,).
     share
-        Of the points that can be seen, how many have one.
+        Of the outline that can be seen, how much has an edge.
     """
 
     index: NDArray[np.int64]
+    counts: NDArray[np.float64]
     shift_px: NDArray[np.float64]
     share: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeView:
-    """An image prepared for finding the nail's edges: smoothed, and where nothing covers it."""
+    """An image prepared for finding the nail's edges: smoothed, and 1 where nothing covers it, else 0."""
 
     view: WireView
     smooth: NDArray[np.float32]
-    free: NDArray[np.bool_]
+    free: NDArray[np.float32]
 
 
 def edge_view(view: WireView, guide: GuidePart) -> EdgeView:
     """Smooth an image and mask balls and border."""
     smooth = np.asarray(cv2.GaussianBlur(view.pixels.astype(np.float32), (0, 0), _BLUR_PX), dtype=np.float32)
-    return EdgeView(view, smooth, in_border(view.calibration) & ~balls_mask(view, guide))
+    free = in_border(view.calibration) & ~balls_mask(view, guide)
+    return EdgeView(view, smooth, free.astype(np.float32))
 
 
 def nail_outline(view: WireView, nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> Outline:
@@ -110,21 +116,19 @@ def match_outline(prepared: EdgeView, outline: Outline, reach_px: float) -> Outl
 
     It counts when it is a good part of the median step: a wire or the guide's body beside the nail makes it smaller.
     """
-    shifts = np.arange(-reach_px, reach_px + 1e-9, 1.0 / _SAMPLES_PER_PX)
-    inside = _grey(prepared, outline.point_px + (shifts[:, None, None] - 1.0) * outline.outward)
-    outside = _grey(prepared, outline.point_px + (shifts[:, None, None] + 1.0) * outline.outward)
-    slope = outside - inside
-    peak = np.clip(slope.argmax(axis=0), 1, len(shifts) - 2)
-    column = np.arange(slope.shape[1])
-    before, at, after = slope[peak - 1, column], slope[peak, column], slope[peak + 1, column]
-    shift = shifts[peak] + 0.5 * (before - after) / np.minimum(before - 2.0 * at + after, -1e-12) / _SAMPLES_PER_PX
-    edge = outline.point_px + shift[:, None] * outline.outward
-    free = np.all([_free(prepared, edge + s * outline.outward) for s in (-_BESIDE_PX, 0.0, _BESIDE_PX)], axis=0)
-    step = _grey(prepared, edge + _BESIDE_PX * outline.outward) - _grey(prepared, edge - _BESIDE_PX * outline.outward)
-    usual = float(np.median(step[free])) if free.any() else 0.0
-    good = free & (at >= before) & (at >= after) & (step > _LEAST_STEP * max(usual, 1e-9)) & (usual > 0.0)
-    found = np.flatnonzero(good)
-    return OutlineMatch(found, shift[found], len(found) / max(int(np.count_nonzero(free)), 1))
+    shifts = np.arange(-reach_px, reach_px + 1e-9, 1.0 / _SAMPLES_PER_PX)[:, None]
+    point, outward = outline.point_px[:, None, :], outline.outward[:, None, :]
+    inside, outside = (between_pixels(prepared.smooth, point + (shifts + way) * outward) for way in (-1.0, 1.0))
+    peaks = peaks_of(outside - inside, shifts[:, 0])
+    edge = outline.point_px + peaks.place[:, None] * outline.outward
+    beside = [edge + way_px * outline.outward for way_px in (-_BESIDE_PX, 0.0, _BESIDE_PX)]
+    free = np.prod([between_pixels(prepared.free, place) for place in beside], axis=0)
+    step = between_pixels(prepared.smooth, beside[2]) - between_pixels(prepared.smooth, beside[0])
+    clear = step[free == 1.0]
+    usual = float(np.median(clear)) if clear.size else 0.0
+    counts = free * (peaks.inside & (usual > 0.0)) * ramp(step / max(usual, 1e-9), *_STEP)
+    found = np.flatnonzero(counts)
+    return OutlineMatch(found, counts[found], peaks.place[found], float(counts.sum() / max(free.sum(), 1.0)))
 
 
 def image_of(
@@ -132,16 +136,3 @@ def image_of(
 ) -> NDArray[np.float64]:
     """Measured pixels of points of the nail, shape (..., 3)."""
     return np.asarray(view.calibration.image_from_camera(camera_from_nail.points(points_mm)))
-
-
-def _grey(prepared: EdgeView, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    flat = points_px.reshape(-1, points_px.shape[-2], 2).astype(np.float32)
-    grey = cv2.remap(prepared.smooth, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(grey, dtype=np.float64).reshape(points_px.shape[:-1])
-
-
-def _free(prepared: EdgeView, points_px: NDArray[np.float64]) -> NDArray[np.bool_]:
-    rows, columns = prepared.free.shape
-    x, y = np.rint(points_px[:, 0]).astype(np.int64), np.rint(points_px[:, 1]).astype(np.int64)
-    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    return np.asarray(inside & prepared.free[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)])

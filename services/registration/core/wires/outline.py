@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.wires.reading import peaks_of, ramp
 from services.registration.core.wires.view import PreparedView
 
 _CAP_POINTS = 24
@@ -124,24 +125,15 @@ def match_edges(prepared: PreparedView, stack: Stack, outline: Outline, reach_px
     where = outline.point_px[:, None, :] + shifts[None, :, None] * outline.outward[:, None, :]
     slope = prepared.outward_slope(where, np.broadcast_to(outline.outward[:, None, :], where.shape))
     slope = np.where(prepared.free_share(where) > 0.0, slope, 0.0)
-    peak = np.clip(slope.argmax(axis=1), 1, len(shifts) - 2)
-    row = np.arange(len(peak))
-    before, at, after = slope[row, peak - 1], slope[row, peak], slope[row, peak + 1]
-    edge = outline.point_px + shifts[peak][:, None] * outline.outward
-    share = _ramp(at / prepared.noise, *_STRENGTH) * ((at >= before) & (at >= after))
+    peaks = peaks_of(slope, shifts)
+    edge = outline.point_px + peaks.place[:, None] * outline.outward
+    share = ramp(peaks.height / prepared.noise, *_STRENGTH) * peaks.inside
     for sense in (-1.0, 1.0):
         share *= prepared.free_share(edge + sense * _CLEAR_OF_MASK_PX * outline.outward)
     radius = stack.radius_px[outline.disc][:, None]
     inside = prepared.grey(edge - _INSIDE * radius * outline.outward)
     outside = prepared.grey(edge + _OUTSIDE * radius * outline.outward)
     darkness = (outside - inside) / np.maximum(outside - prepared.metal_grey, 1e-9)
-    share *= _ramp(darkness, *_DARKNESS)
-    bend = np.minimum(before - 2.0 * at + after, -1e-12)
-    shift = shifts[peak] + 0.5 * (before - after) / bend / _SAMPLES_PER_PX
-    found = np.flatnonzero(share > 0.0)
-    return EdgeMatches(found, share[found], shift[found], darkness[found])
-
-
-def _ramp(value: NDArray[np.float64], none: float, whole: float) -> NDArray[np.float64]:
-    """0 up to one value, 1 from another on, and linear in between."""
-    return np.clip((value - none) / (whole - none), 0.0, 1.0)
+    share *= ramp(darkness, *_DARKNESS)
+    found = np.flatnonzero(share)
+    return EdgeMatches(found, share[found], peaks.place[found], darkness[found])

@@ -24,6 +24,7 @@ from services.registration.core.wires.nail_outline import (
 from services.registration.core.wires.set_up import SetUp
 from services.registration.core.wires.view import WireView
 from shared.errors import Reason, ReasonCode
+from shared.figures import figure
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, NailPart
@@ -72,12 +73,12 @@ class BandDeparture:
         measured = (
             f"in image {image} the nail lies {shift_mm:.2f} mm and {np.degrees(turn_rad):.2f}° from where the guide in "
             f"it and the holes in other images put it (standard deviations {shift_sd_mm:.2f} mm and "
-            f"{np.degrees(turn_sd_rad):.2f}°, chi-square {self.chi_square:.0f}, limit {limit:.0f})"
+            f"{np.degrees(turn_sd_rad):.2f}°, chi-square {figure(self.chi_square, limit, 0)}, limit {limit:.0f})"
         )
         if self.share < LEAST_SHARE:
             measured = (
-                f"in image {image} {100.0 * self.share:.0f} % of the nail's outline is where the guide in it and the "
-                f"holes in other images put it (limit {100.0 * LEAST_SHARE:.0f} %)"
+                f"in image {image} {figure(100.0 * self.share, 100.0 * LEAST_SHARE, 0)} % of the nail's outline is "
+                f"where the guide in it and the holes in other images put it (limit {100.0 * LEAST_SHARE:.0f} %)"
             )
         elif self.chi_square <= limit:
             return None
@@ -151,7 +152,7 @@ def _information(
     apart_px = float(np.median(np.linalg.norm(np.diff(outline.point_px, axis=0), axis=1)))
     crowding = max(_EDGE_CORRELATION_PX / max(apart_px, 1e-6), 1.0)
     own_sd_px = np.array([_BOTH_EDGES_SD_PX, _ONE_EDGE_SD_PX, _ONE_EDGE_SD_PX])
-    weight = 1.0 / (_EDGE_SD_PX**2 * crowding * (1.0 + (match.shift_px / _ROBUST_PX) ** 2))
+    weight = match.counts / (_EDGE_SD_PX**2 * crowding * (1.0 + (match.shift_px / _ROBUST_PX) ** 2))
     normal = J.T @ (weight[:, None] * J) + np.diag(np.concatenate([np.zeros(6), own_sd_px**-2]))
     gradient = J.T @ (weight * match.shift_px)
     eliminated = np.linalg.solve(normal[6:, 6:], np.column_stack([normal[6:, :6], gradient[6:]]))

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.wires.reading import between_pixels
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart
@@ -74,25 +75,16 @@ class PreparedView:
 
     def free_share(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """How free the view is at points, shape (..., 2), between the pixels about them: from 0 to 1, shape (...)."""
-        return _between_pixels(self.free, points_px)
+        return between_pixels(self.free, points_px)
 
     def grey(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Grey values of the smoothed image at points, shape (..., 2); shape (...)."""
-        return _between_pixels(self.smooth, points_px)
+        return between_pixels(self.smooth, points_px)
 
     def outward_slope(self, points_px: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArray[np.float64]:
         """Slope along directions, shape (M, S, 2), at points, shape (M, S, 2); positive where it gets brighter."""
-        along_x, along_y = (_between_pixels(slope, points_px) for slope in (self.slope_x, self.slope_y))
+        along_x, along_y = (between_pixels(slope, points_px) for slope in (self.slope_x, self.slope_y))
         return along_x * outward[..., 0] + along_y * outward[..., 1]
-
-
-def _between_pixels(picture: NDArray[np.float32], points_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A picture's values at points (x, y), shape (..., 2), linearly between pixels, 0 outside; shape (...)."""
-    shape = points_px.shape[:-1]
-    if points_px.size == 0:
-        return np.zeros(shape)
-    x, y = (points_px[..., k].astype(np.float32).reshape(len(points_px), -1) for k in range(2))
-    return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR).reshape(shape), dtype=np.float64)
 
 
 def prepare_view(
@@ -211,10 +203,5 @@ def burnt_out(view: WireView) -> NDArray[np.bool_]:
 
 def in_border(calibration: CArmCalibration) -> NDArray[np.bool_]:
     """Where the image shows something, away from its border and aperture, shape (height, width)."""
-    y, x = np.mgrid[0 : calibration.height_px, 0 : calibration.width_px]
-    inside = (x >= _BORDER_PX) & (x <= calibration.width_px - 1 - _BORDER_PX)
-    inside &= (y >= _BORDER_PX) & (y <= calibration.height_px - 1 - _BORDER_PX)
-    if calibration.aperture is not None:
-        centre = calibration.aperture.centre_px
-        inside &= np.hypot(x - centre[0], y - centre[1]) <= calibration.aperture.radius_px - _BORDER_PX
-    return np.asarray(inside)
+    columns, rows = np.arange(float(calibration.width_px)), np.arange(float(calibration.height_px))
+    return calibration.shows(columns, rows[:, None], _BORDER_PX)
