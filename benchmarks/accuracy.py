@@ -1,13 +1,14 @@
 """Seeded X-ray scenes with random parts, localised by every method and compared with the truth; writes a report.
 
-usage: distalock bench accuracy [--count 1000] [--seed 20000] [--rows FILE] [--limit-every 10] [--processes 2]
-       [--report FILE]
+usage: distalock bench accuracy [--count 1000] [--seed 20000] [--rows FILE] [--limit-every 10] [--limits FILE]
+       [--processes 2] [--report FILE]
 
 Every scene has its own ring and guide pattern and its own nail, so that nothing can be tuned to them. Beside the model
 stand the paper's method whole, and its axis rule alone, on the same images. With `--rows`, what came out for each scene
 is written to a file as soon as it is known, and a run that was interrupted continues where it ended; rows of another
-revision of the sources are told in the report. The report, docs/benchmarks/accuracy.md with its pictures, is written
-when all scenes are there.
+revision of the sources are told in the report. The limits take most of the time and do not depend on any method: with
+`--limits` they are those of an earlier run's rows. The report, docs/benchmarks/accuracy.md with its pictures, is
+written when all scenes are there.
 """
 
 import argparse
@@ -16,7 +17,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -28,7 +29,7 @@ from benchmarks.accuracy_report import report
 from benchmarks.capture import Capture
 from benchmarks.localised_scenes import SceneRow, model_row, normalised, scene_row, scene_row_with_limit
 from benchmarks.statistics_of import Quantiles, quantiles
-from distalock.arguments import OneLineParser, seed_number, whole_number, writable_file
+from distalock.arguments import OneLineParser, existing_file, seed_number, whole_number, writable_file
 
 REPORT = Path(__file__).resolve().parent.parent / "docs" / "benchmarks" / "accuracy.md"
 FIRST_SEED, SCENES, LIMIT_EVERY, PROCESSES = 20_000, 1000, 10, 2
@@ -76,20 +77,23 @@ def main(arguments: Sequence[str] = ()) -> int:
     known = {one.row.seed: one for one in stored if one.row.seed in seeds}
     missing = [seed for seed in seeds if seed not in known]
     print(f"{len(known)} of {len(seeds)} scenes are known, {len(missing)} are to be run", flush=True)
+    limits = {one.row.seed: one for one in read_rows(given.limits) if one.row.limits} if given.limits else {}
     limited = frozenset(seed for seed in seeds if given.limit_every and (seed - given.seed) % given.limit_every == 0)
     revision = _revision() if missing else ""
-    for row in _run(missing, limited, given.processes):
+    for found in _run(missing, limited - limits.keys(), given.processes):
+        row = replace(found, limits=limits[found.seed].row.limits) if found.seed in limits else found
         one = known[row.seed] = StoredRow(revision, row)
         if given.rows is not None:
             write_row(given.rows, one)
         print(_line(row), flush=True)
     rows = [known[seed].row for seed in seeds]
     revisions = sorted({known[seed].revision for seed in seeds})
+    revisions += sorted({f"limits of {limits[seed].revision}" for seed in missing if seed in limits})
     pictures = write_plots(rows, given.report.parent)
     given.report.write_text(report(rows, revisions, pictures))
     print(given.report.read_text())
-    found = summary_of(rows)
-    return 0 if found.wrong == 0 and found.accepted >= LEAST_ACCEPTED_SHARE * found.scenes else 1
+    summary = summary_of(rows)
+    return 0 if summary.wrong == 0 and summary.accepted >= LEAST_ACCEPTED_SHARE * summary.scenes else 1
 
 
 _STORED = TypeAdapter(StoredRow)
@@ -113,6 +117,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
         default=LIMIT_EVERY,
         help=f"limit for every so many scenes ({LIMIT_EVERY}; 0: none)",
     )
+    parser.add_argument("--limits", type=existing_file, help="rows of an earlier run, whose limits are taken")
     parser.add_argument(
         "--report", type=writable_file, default=REPORT, help="file for the tables; pictures go beside it"
     )
