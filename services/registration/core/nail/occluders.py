@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.paths import add_ball_paths, guide_body_path
-from services.registration.core.nail.pixel_rays import PixelRays
+from services.registration.core.nail.paths import Balls, add_ball_paths, guide_body_path
+from services.registration.core.nail.penumbra import Penumbra
+from services.registration.core.nail.pixel_rays import FIRST_SAMPLES, SAMPLES_PX, PixelRays, sample_directions
 from services.registration.core.nail.rods import SteelRod, add_rod_path
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
@@ -43,14 +44,16 @@ class Occluders:
 
 
 def steel_path_mm(
-    directions: NDArray[np.float64], occluders: Occluders, calibration: CArmCalibration
+    rays: PixelRays, occluders: Occluders, calibration: CArmCalibration, penumbra: Penumbra
 ) -> NDArray[np.float64]:
-    """Length of rays, directions of shape (N, 2) at z = 1, in steel: balls of guide and ring, wires; (N,), in mm."""
-    out = np.zeros(len(directions))
+    """Length in steel (balls of guide and ring, wires) at the `SAMPLES_PX` in each of S pixels; (S, samples), in mm."""
+    out = np.zeros((len(rays.slopes), len(SAMPLES_PX)))
     for centres_mm, diameters_mm in _balls_camera(occluders, calibration):
-        add_ball_paths(directions, np.ascontiguousarray(centres_mm), 0.5 * diameters_mm, out)
+        balls = Balls(np.ascontiguousarray(centres_mm), 0.5 * diameters_mm, penumbra.spread(centres_mm[:, 2]))
+        add_ball_paths(rays, SAMPLES_PX, balls, out)
+    # wires pass through the nail: its penumbra is theirs
     for rod in occluders.rods:
-        add_rod_path(directions, rod, out)
+        add_rod_path(sample_directions(rays, SAMPLES_PX), rod, out.reshape(-1))
     return out
 
 
@@ -63,11 +66,14 @@ def ball_discs_px(occluders: Occluders, calibration: CArmCalibration) -> NDArray
     return np.concatenate(discs)
 
 
-def delrin_path_mm(rays: PixelRays, places_px: NDArray[np.float64], occluders: Occluders) -> NDArray[np.float64]:
-    """Mean length in the guide's body over some places within each of S pixels, shape (S,), in mm."""
-    if occluders.guide is None:
+def delrin_path_mm(rays: PixelRays, occluders: Occluders, penumbra: Penumbra) -> NDArray[np.float64]:
+    """Mean length in the guide's body over a few places in each of S pixels, shape (S,), in mm."""
+    guide = occluders.guide
+    if guide is None or not guide.part.body:
         return np.zeros(len(rays.slopes))
-    return guide_body_path(rays, places_px, occluders.guide.camera_from_guide, occluders.guide.part)
+    middle_mm = np.mean([box.centre_mm for box in guide.part.body], axis=0)
+    spread = penumbra.spread((guide.camera_from_guide @ middle_mm)[2])
+    return guide_body_path(rays, spread * SAMPLES_PX[:FIRST_SAMPLES], guide.camera_from_guide, guide.part)
 
 
 def _balls_camera(

@@ -40,33 +40,55 @@ def cylinder_interval(
     return ((-b - root) / a, (-b + root) / a)
 
 
+class Balls(NamedTuple):
+    """Balls in the camera's frame.
+
+    Attributes
+    ----------
+    centre_mm, radius_mm
+        Shapes (B, 3) and (B,).
+    spread
+        By how much the places in a pixel are spread for each of them (`penumbra.py`), shape (B,).
+    """
+
+    centre_mm: NDArray[np.float64]
+    radius_mm: NDArray[np.float64]
+    spread: NDArray[np.float64]
+
+
 @compiled
-def add_ball_paths(
-    directions: NDArray[np.float64],
-    centres_camera_mm: NDArray[np.float64],
-    radii_mm: NDArray[np.float64],
-    out_mm: NDArray[np.float64],
-) -> None:
-    """Add the length of each ray, shape (N, 2), in balls at camera positions, shape (B, 3), to `out_mm`, shape (N,)."""
-    if directions.shape[0] == 0:
+def add_ball_paths(rays: PixelRays, places_px: NDArray[np.float64], balls: Balls, out_mm: NDArray[np.float64]) -> None:
+    """Add the lengths in balls of the rays at places, shape (K, 2), in each of S pixels to `out_mm`, shape (S, K)."""
+    if rays.slopes.shape[0] == 0:
         return
-    low_x, high_x = directions[:, 0].min(), directions[:, 0].max()
-    low_y, high_y = directions[:, 1].min(), directions[:, 1].max()
-    for ball in range(centres_camera_mm.shape[0]):
-        x, y, z = centres_camera_mm[ball, 0], centres_camera_mm[ball, 1], centres_camera_mm[ball, 2]
-        reach = 1.05 * radii_mm[ball] / z
+    slopes = rays.slopes
+    low_x, high_x = slopes[:, 0].min(), slopes[:, 0].max()
+    low_y, high_y = slopes[:, 1].min(), slopes[:, 1].max()
+    pixel = max(np.abs(rays.right).max(), np.abs(rays.down).max())
+    for ball in range(balls.radius_mm.shape[0]):
+        x, y, z = balls.centre_mm[ball, 0], balls.centre_mm[ball, 1], balls.centre_mm[ball, 2]
+        spread = balls.spread[ball]
+        reach = 1.05 * balls.radius_mm[ball] / z + spread * pixel
         if x / z + reach < low_x or x / z - reach > high_x or y / z + reach < low_y or y / z - reach > high_y:
             continue
-        for n in range(directions.shape[0]):
-            cx, cy = directions[n, 0], directions[n, 1]
-            if abs(cx - x / z) > reach or abs(cy - y / z) > reach:
+        for n in range(slopes.shape[0]):
+            if abs(slopes[n, 0] - x / z) > reach or abs(slopes[n, 1] - y / z) > reach:
                 continue
-            norm2 = cx * cx + cy * cy + 1.0
-            along = (cx * x + cy * y + z) / norm2
-            ex, ey, ez = cx * along - x, cy * along - y, along - z
-            inside = radii_mm[ball] ** 2 - (ex * ex + ey * ey + ez * ez)
-            if inside > 0.0:
-                out_mm[n] += 2.0 * np.sqrt(inside)
+            right, down = rays.right[n], rays.down[n]
+            for k in range(places_px.shape[0]):
+                column, row = spread * places_px[k, 0], spread * places_px[k, 1]
+                cx = slopes[n, 0] + column * right[0] + row * down[0]
+                cy = slopes[n, 1] + column * right[1] + row * down[1]
+                out_mm[n, k] += _path_in_ball(cx, cy, x, y, z, balls.radius_mm[ball])
+
+
+@compiled
+def _path_in_ball(cx: float, cy: float, x: float, y: float, z: float, radius_mm: float) -> float:
+    """Length of the ray in direction (cx, cy, 1) in a ball at (x, y, z)."""
+    along = (cx * x + cy * y + z) / (cx * cx + cy * cy + 1.0)
+    ex, ey, ez = cx * along - x, cy * along - y, along - z
+    inside = radius_mm * radius_mm - (ex * ex + ey * ey + ez * ez)
+    return float(2.0 * np.sqrt(max(inside, 0.0)))
 
 
 class Blocks(NamedTuple):

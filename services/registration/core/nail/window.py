@@ -10,15 +10,13 @@ from services.registration.core.nail.blur import Real, blurred_image
 from services.registration.core.nail.grid import PixelGrid, grid_around, strip_of
 from services.registration.core.nail.occluders import Occluders, ball_discs_px, delrin_path_mm, steel_path_mm
 from services.registration.core.nail.paths import nail_rays
+from services.registration.core.nail.penumbra import Penumbra
 from services.registration.core.nail.pixel_rays import (
-    FIRST_SAMPLES,
     LEAST_RAYS_TO_SHARE,
-    SAMPLES_PX,
     PixelRays,
     SteelBeside,
     pixel_rays,
     rays_of,
-    sample_directions,
 )
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
@@ -114,10 +112,11 @@ def cut_window(
     compared = np.flatnonzero(inside)
     support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
     rays = rays_of(pixel_rays(slopes), support)
-    delrin = _delrin_paths(rays, occluders)
+    penumbra = Penumbra.beside(calibration, float(camera_from_nail.translation_mm[2]), grid.reduction)
+    delrin = _delrin_paths(rays, occluders, penumbra)
     delrin_excess = np.zeros(grid.shape)
     delrin_excess.ravel()[support] = delrin - np.median(delrin[inside[support]])
-    steel = _steel_beside(rays, grid.centres_of(support), grid.reduction, occluders, calibration)
+    steel = _steel_beside(rays, grid.centres_of(support), grid.reduction, occluders, calibration, penumbra)
     grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
@@ -140,7 +139,12 @@ def cut_window(
 
 
 def _steel_beside(
-    rays: PixelRays, centres_px: NDArray[np.float64], side_px: int, occluders: Occluders, calibration: CArmCalibration
+    rays: PixelRays,
+    centres_px: NDArray[np.float64],
+    side_px: int,
+    occluders: Occluders,
+    calibration: CArmCalibration,
+    penumbra: Penumbra,
 ) -> SteelBeside:
     """Paths in balls and wires; rays far from all are not followed."""
     near = np.zeros(len(centres_px), dtype=bool)
@@ -153,8 +157,7 @@ def _steel_beside(
     for x, y, radius in np.column_stack([discs_px[:, :2], reach_px])[np.all(around, axis=1)]:
         near |= (centres_px[:, 0] - x) ** 2 + (centres_px[:, 1] - y) ** 2 < radius**2
     places = np.flatnonzero(near)
-    directions = sample_directions(rays_of(rays, places), SAMPLES_PX)
-    path_mm = steel_path_mm(directions, occluders, calibration).reshape(len(places), len(SAMPLES_PX))
+    path_mm = steel_path_mm(rays_of(rays, places), occluders, calibration, penumbra)
     return SteelBeside.of_pixels(len(centres_px), places, path_mm)
 
 
@@ -195,10 +198,10 @@ def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return np.asarray(cv2.dilate(mask.astype(np.uint8), square) > 0)
 
 
-def _delrin_paths(rays: PixelRays, occluders: Occluders) -> NDArray[np.float64]:
+def _delrin_paths(rays: PixelRays, occluders: Occluders, penumbra: Penumbra) -> NDArray[np.float64]:
     """Mean path in the guide's body over a few samples of every pixel, shape (S,), in mm."""
     halves = on_both_halves(
-        lambda part: delrin_path_mm(rays_of(rays, part), SAMPLES_PX[:FIRST_SAMPLES], occluders),
+        lambda part: delrin_path_mm(rays_of(rays, part), occluders, penumbra),
         len(rays.slopes),
         LEAST_RAYS_TO_SHARE,
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.registration.core.nail.paths import add_ball_paths, guide_body_path
+from services.registration.core.nail.paths import Balls, add_ball_paths, guide_body_path
 from services.registration.core.nail.pixel_rays import PixelRays
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import Line
@@ -13,10 +13,24 @@ from shared.geometry.transform import Transform
 
 def test_a_ball_on_the_ray_is_as_thick_as_its_diameter() -> None:
     centres = np.array([[5.0, -3.0, 600.0], [80.0, 0.0, 600.0]])
-    rays = np.array([[5.0 / 600.0, -3.0 / 600.0], [0.02, 0.0]])
-    out = np.array([0.5, 0.0])
-    add_ball_paths(rays, centres, np.array([1.0, 1.0]), out)
-    assert out == pytest.approx([2.5, 0.0])
+    slopes = np.array([[5.0 / 600.0, -3.0 / 600.0], [0.02, 0.0]])
+    nothing = np.zeros_like(slopes)
+    out = np.array([[0.5], [0.0]])
+    balls = Balls(centres, np.array([1.0, 1.0]), np.ones(2))
+    add_ball_paths(PixelRays(slopes, nothing, nothing), np.zeros((1, 2)), balls, out)
+    assert out[:, 0] == pytest.approx([2.5, 0.0])
+
+
+@pytest.mark.parametrize(("spread", "path_mm"), [(0.5, 2.0 * np.sqrt(1.0 - 0.25**2)), (2.2, 0.0)])
+def test_a_ball_is_looked_at_as_far_from_the_middle_of_a_pixel_as_its_spread_says(
+    spread: float, path_mm: float
+) -> None:
+    far, slopes = 1e6, np.zeros((1, 2))
+    rays = PixelRays(slopes, np.array([[1.0 / far, 0.0]]), np.array([[0.0, 1.0 / far]]))
+    out = np.zeros((1, 1))
+    balls = Balls(np.array([[0.0, 0.0, far]]), np.ones(1), np.array([spread]))
+    add_ball_paths(rays, np.array([[0.3, -0.4]]), balls, out)
+    assert out[0, 0] == pytest.approx(path_mm, abs=1e-3)
 
 
 def test_the_guides_body_is_as_thick_as_its_box_and_empty_in_its_bore() -> None:

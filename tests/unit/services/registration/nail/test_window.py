@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, steel_path_mm
-from services.registration.core.nail.pixel_rays import SAMPLES_PX, sample_directions
+from services.registration.core.nail.penumbra import Penumbra
 from services.registration.core.nail.rods import SteelRod
 from services.registration.core.nail.window import Scale, Window, cut_window
 from shared.geometry.frames import Camera
@@ -59,9 +59,10 @@ def test_steel_is_found_wherever_there_is_some(reduction: int, edge_fraction: fl
     occluders = Occluders(PlacedGuide(parts.guide, aside @ CAMERA_FROM_GUIDE), parts.ring, rods=(wire,))
     window = cut_window(pixels, view, parts.nail, 3.5, aside @ CAMERA_FROM_NAIL, occluders, Scale(reduction, 0.0))
     assert window is not None
-    everywhere = steel_path_mm(sample_directions(window.rays, SAMPLES_PX), occluders, view)
+    penumbra = Penumbra.beside(view, float((aside @ CAMERA_FROM_NAIL).translation_mm[2]), reduction)
+    everywhere = steel_path_mm(window.rays, occluders, view, penumbra)
     row, path_mm = window.steel
-    assert np.array_equal(np.where(row[:, None] >= 0, path_mm[row], 0.0).ravel(), everywhere)
+    assert np.array_equal(np.where(row[:, None] >= 0, path_mm[row], 0.0), everywhere)
     assert path_mm.any(axis=1).all()
     assert np.count_nonzero(everywhere) > 100
 
