@@ -44,8 +44,8 @@ def motion_reason(view: View, measured: BallMeasurements, expected: Discs) -> Re
         return None
     return Reason(
         ReasonCode.MOTION_BLUR,
-        f"the balls are smeared over {figure(moved, MOTION_LIMIT_PX, 1)} px (limit {MOTION_LIMIT_PX:g} px); "
-        "hold leg and C-arm still and take another image",
+        f"the balls are smeared over {figure(moved, MOTION_LIMIT_PX, 1)} px (limit {MOTION_LIMIT_PX:g} px); hold leg "
+        "and C-arm still and take another image",
     )
 
 
@@ -57,9 +57,9 @@ def _extrapolation_reason(view: View, model: SourceAndField) -> Reason | None:
     return Reason(
         ReasonCode.CALIBRATION_EXTRAPOLATED,
         f"the ring's balls leave the image's middle uncertain by {figure(central, CENTRAL_DEVIATION_LIMIT_PX, 2)} px "
-        "(limit "
-        f"{CENTRAL_DEVIATION_LIMIT_PX:g} px) and the focal spot by {figure(source, SOURCE_DEVIATION_LIMIT_MM, 1)} mm "
-        f"(limit {SOURCE_DEVIATION_LIMIT_MM:g} mm); uncover the ring around the middle and take another image",
+        f"(limit {CENTRAL_DEVIATION_LIMIT_PX:g} px) and the focal spot by "
+        f"{figure(source, SOURCE_DEVIATION_LIMIT_MM, 1)} mm (limit {SOURCE_DEVIATION_LIMIT_MM:g} mm); uncover the ring "
+        "around the middle and take another image",
     )
 
 

@@ -59,8 +59,8 @@ def _extrapolated(calibration: CArmCalibration, nail: NailPart, estimate: NailEs
                 ReasonCode.CALIBRATION_EXTRAPOLATED,
                 f"nail hole '{hole.id}' lies at ({place[0]:.0f}, {place[1]:.0f}) px, where the ring's balls leave the "
                 f"image's distortion uncertain by {figure(deviation, LARGEST_DISTORTION_SD_PX, 2)} px (limit "
-                f"{LARGEST_DISTORTION_SD_PX}); move the "
-                "C-arm until the holes are nearer to the image's centre and take one more image",
+                f"{LARGEST_DISTORTION_SD_PX}); move the C-arm until the holes are nearer to the image's centre and "
+                "take one more image",
             )
 
 
@@ -86,7 +86,7 @@ def _alone(nail: NailPart, estimate: NailEstimate) -> Iterator[Reason]:
         return
     yield Reason(
         ReasonCode.MIRROR_AMBIGUOUS,
-        f"the nail has one hole, and another tilt explains the image nearly as well: logarithm of the likelihood ratio "
+        "the nail has one hole, and another tilt explains the image nearly as well: logarithm of the likelihood ratio "
         f"{figure(margin, LEAST_MARGIN_OF_ONE_HOLE, 1)} (limit {LEAST_MARGIN_OF_ONE_HOLE:.0f}); turn the C-arm by 5° "
         "and take one more image",
     )
@@ -103,10 +103,9 @@ def _unexplained(estimate: NailEstimate) -> Iterator[Reason]:
             ReasonCode.NAIL_MODEL_MISMATCH,
             f"holes and nail measure {2.0 * misfit.hole_radius_excess_mm:+.2f} mm and "
             f"{2.0 * misfit.nail_radius_excess_mm:+.2f} mm in diameter against the nail's file (limit "
-            f"{2.0 * LARGEST_RADIUS_EXCESS_MM:.2f} mm), and {figure(misfit.structure, LARGEST_STRUCTURE, 1)} times "
-            "the noise is left unexplained "
-            f"at their edges (limit {LARGEST_STRUCTURE:g}); remove wires and instruments from in front of the holes, "
-            "check that the file is that of the implanted nail, and take one more image",
+            f"{2.0 * LARGEST_RADIUS_EXCESS_MM:.2f} mm), and {figure(misfit.structure, LARGEST_STRUCTURE, 1)} times the "
+            f"noise is left unexplained at their edges (limit {LARGEST_STRUCTURE:g}); remove wires and instruments "
+            "from in front of the holes, check that the file is that of the implanted nail, and take one more image",
         )
 
 
@@ -115,9 +114,8 @@ def _tilted(hole: HoleEstimate, correction: CArmTurn) -> Iterator[Reason]:
         yield Reason(
             ReasonCode.TILT_TOO_LARGE,
             f"the axis of nail hole '{hole.id}' is tilted by {figure(hole.tilt_to_ray_deg, LARGEST_TILT_DEG, 1)}° "
-            "against the beam "
-            f"(limit {LARGEST_TILT_DEG:g}°); turn the C-arm by {correction.about_x_deg:+.1f}° about the image's x axis "
-            f"and {correction.about_y_deg:+.1f}° about its y axis and take one more image",
+            f"against the beam (limit {LARGEST_TILT_DEG:g}°); turn the C-arm by {correction.about_x_deg:+.1f}° about "
+            f"the image's x axis and {correction.about_y_deg:+.1f}° about its y axis and take one more image",
         )
 
 
@@ -137,8 +135,8 @@ def _uncertain(hole: HoleEstimate) -> Iterator[Reason]:
         yield Reason(
             ReasonCode.UNCERTAINTY_TOO_LARGE,
             f"the axis of nail hole '{hole.id}' is known to {figure(bounds[0], LARGEST_ENTRY_BOUND_MM, 2)} mm and "
-            f"{figure(bounds[1], LARGEST_AXIS_BOUND_DEG, 2)}° with 95 % "
-            f"confidence (limits {LARGEST_ENTRY_BOUND_MM:g} mm and {LARGEST_AXIS_BOUND_DEG:g}°), and a 4 mm drill "
-            f"would pass it with a chance of {figure(chance, LEAST_CHANCE, 3)} (limit {LEAST_CHANCE}); take one more "
-            "image with more dose, the hole in the middle of the image and no balls over it",
+            f"{figure(bounds[1], LARGEST_AXIS_BOUND_DEG, 2)}° with 95 % confidence (limits {LARGEST_ENTRY_BOUND_MM:g} "
+            f"mm and {LARGEST_AXIS_BOUND_DEG:g}°), and a 4 mm drill would pass it with a chance of "
+            f"{figure(chance, LEAST_CHANCE, 3)} (limit {LEAST_CHANCE}); take one more image with more dose, the hole "
+            "in the middle of the image and no balls over it",
         )

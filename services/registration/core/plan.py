@@ -136,8 +136,8 @@ def plan_move(
         return PlanRefused(
             PlanRefusal.UNEQUAL_SPACING,
             f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: "
-            f"{figure(residual_mm, LARGEST_RESIDUAL_MM, 2)} mm would remain "
-            f"(limit {LARGEST_RESIDUAL_MM:g} mm); plan one hole per move",
+            f"{figure(residual_mm, LARGEST_RESIDUAL_MM, 2)} mm would remain (limit {LARGEST_RESIDUAL_MM:g} mm); plan "
+            "one hole per move",
         )
     turns_deg = _TURNS_DEG if len(pairs) == 1 else np.zeros(1)
     chosen = _within_reach(shortest, pairs[0].target, turns_deg, robot)

@@ -84,8 +84,8 @@ def _judged(
     if rms_px > _LARGEST_RMS_PX:
         message = (
             f"{len(seen)} of the guide's {len(guide.balls)} balls lie {figure(rms_px, _LARGEST_RMS_PX, 2)} px from "
-            "where the guide as a whole "
-            f"puts them (limit {_LARGEST_RMS_PX} px): it or the patient moves; hold still for a moment"
+            f"where the guide as a whole puts them (limit {_LARGEST_RMS_PX} px): it or the patient moves; hold still "
+            "for a moment"
         )
         return Rejected((Reason(ReasonCode.MOTION_BLUR, message),))
     weighed = down_weighted(calibration.camera, pose, seen)

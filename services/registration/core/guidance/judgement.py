@@ -44,7 +44,7 @@ def reasons_against_margin(log_likelihood_ratio: float | None) -> tuple[Reason, 
     if log_likelihood_ratio is None or log_likelihood_ratio >= LEAST_MARGIN:
         return ()
     message = (
-        f"the reflected tilt explains this frame nearly as well: logarithm of the likelihood ratio "
+        "the reflected tilt explains this frame nearly as well: logarithm of the likelihood ratio "
         f"{figure(log_likelihood_ratio, LEAST_MARGIN, 1)} (limit {LEAST_MARGIN:.0f}); hold the C-arm still until the "
         "nail is found anew"
     )
@@ -75,10 +75,9 @@ def _covered(nail: FollowedNail) -> tuple[Reason, ...]:
             reasons.append(Reason(ReasonCode.HOLE_NOT_VISIBLE, message))
         elif hole.contrast_to_noise < LEAST_CONTRAST_TO_NOISE:
             message = (
-                f"hole '{hole.id}' is {figure(hole.contrast_to_noise, LEAST_CONTRAST_TO_NOISE, 1)} standard "
-                "deviations of the noise brighter than the "
-                f"metal around it in this frame (limit {LEAST_CONTRAST_TO_NOISE:.1f}); take away what covers it, or "
-                "raise the dose"
+                f"hole '{hole.id}' is {figure(hole.contrast_to_noise, LEAST_CONTRAST_TO_NOISE, 1)} standard deviations "
+                f"of the noise brighter than the metal around it in this frame (limit {LEAST_CONTRAST_TO_NOISE:.1f}); "
+                "take away what covers it, or raise the dose"
             )
             reasons.append(Reason(ReasonCode.HOLE_NOT_VISIBLE, message))
     return tuple(reasons)
@@ -89,10 +88,9 @@ def _unexplained(nail: FollowedNail) -> tuple[Reason, ...]:
         return ()
     message = (
         f"the residual along the nail's edges is {figure(nail.structure, LARGEST_STRUCTURE, 1)} times that elsewhere "
-        "(limit "
-        f"{LARGEST_STRUCTURE:.1f}), and {figure(100.0 * nail.unexplained, 100.0 * LARGEST_UNEXPLAINED, 1)} % of the "
-        "pixels around the holes are not "
-        f"explained (limit {100.0 * LARGEST_UNEXPLAINED:.0f} %); take away what lies over the nail"
+        f"(limit {LARGEST_STRUCTURE:.1f}), and {figure(100.0 * nail.unexplained, 100.0 * LARGEST_UNEXPLAINED, 1)} % of "
+        f"the pixels around the holes are not explained (limit {100.0 * LARGEST_UNEXPLAINED:.0f} %); take away what "
+        "lies over the nail"
     )
     return (Reason(ReasonCode.NAIL_MODEL_MISMATCH, message),)
 

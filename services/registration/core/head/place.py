@@ -64,9 +64,8 @@ def _turned(base_from_nail: Transform[RobotBase, Nail], mount: MountPlace) -> He
     return HeadRefused(
         HeadTrouble.GUIDE_TURNED,
         f"by the image and the head the nail is turned by {figure(turned_deg, mount.tolerance_deg, 0)}° from where "
-        f"mount '{mount.name}' has it "
-        f"(limit {mount.tolerance_deg:g}°); put the guide on the head with its distal mark to the distal end and its "
-        "drilling side to the bone, and see that the base points distally",
+        f"mount '{mount.name}' has it (limit {mount.tolerance_deg:g}°); put the guide on the head with its distal mark "
+        "to the distal end and its drilling side to the bone, and see that the base points distally",
     )
 
 

@@ -100,8 +100,8 @@ def find_nail(
         return _rejected(
             ReasonCode.HOLE_NOT_VISIBLE,
             "the nail's band was found, but its least visible hole has a contrast of "
-            f"{figure(max(openness, 0.0), _LOWEST_OPENNESS, 2)} of the "
-            f"band's (limit {_LOWEST_OPENNESS}); turn the C-arm until all {len(nail.holes)} holes look open",
+            f"{figure(max(openness, 0.0), _LOWEST_OPENNESS, 2)} of the band's (limit {_LOWEST_OPENNESS}); turn the "
+            f"C-arm until all {len(nail.holes)} holes look open",
         )
     directed = _directed(forwards, backwards, distal_hint_camera)
     if isinstance(directed, Rejected):

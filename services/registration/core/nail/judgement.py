@@ -198,15 +198,15 @@ def _unseen(view: HoleView, least_opening: float) -> Iterator[Reason]:
     if not view.opening >= least_opening:
         message = (
             f"hole '{view.id}' shows {figure(100 * view.opening, 100 * least_opening, 0)} % of its disc (limit "
-            f"{100 * least_opening:.0f} %); "
-            "turn the C-arm towards the hole's axis, or move what covers it, and take one more image"
+            f"{100 * least_opening:.0f} %); turn the C-arm towards the hole's axis, or move what covers it, and take "
+            "one more image"
         )
         yield Reason(ReasonCode.HOLE_NOT_VISIBLE, message)
     elif not view.contrast_to_noise >= _LEAST_CONTRAST_TO_NOISE:
         message = (
-            f"hole '{view.id}' is {figure(view.contrast_to_noise, _LEAST_CONTRAST_TO_NOISE, 1)} standard deviations "
-            "of the noise brighter than the "
-            f"metal around it (limit {_LEAST_CONTRAST_TO_NOISE:.1f}); raise the dose and take one more image"
+            f"hole '{view.id}' is {figure(view.contrast_to_noise, _LEAST_CONTRAST_TO_NOISE, 1)} standard deviations of "
+            f"the noise brighter than the metal around it (limit {_LEAST_CONTRAST_TO_NOISE:.1f}); raise the dose and "
+            "take one more image"
         )
         yield Reason(ReasonCode.HOLE_NOT_VISIBLE, message)
 
@@ -224,25 +224,24 @@ def _mismatch(evidence: Evidence) -> list[Reason]:
     if not evidence.residual.structure <= _MOST_STRUCTURE:
         message = (
             f"the residual along the nail's edges is {figure(evidence.residual.structure, _MOST_STRUCTURE, 1)} times "
-            f"that elsewhere (limit {_MOST_STRUCTURE:.1f}); check the nail file, remove what lies over the holes, "
-            "and take one more image"
+            f"that elsewhere (limit {_MOST_STRUCTURE:.1f}); check the nail file, remove what lies over the holes, and "
+            "take one more image"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     if not evidence.residual.spot <= _MOST_SPOT:
         spot, most = 100.0 * evidence.residual.spot, 100.0 * _MOST_SPOT
         message = (
             f"a spot at a hole differs from the best fit by {figure(spot, most, 0)} % of the step from metal to "
-            "background (limit "
-            f"{most:.0f} %): something lies over it, or balls hide so much of its rim that the pose is wrong; "
-            "remove what lies there, or turn the C-arm by 5°, and take one more image"
+            f"background (limit {most:.0f} %): something lies over it, or balls hide so much of its rim that the pose "
+            "is wrong; remove what lies there, or turn the C-arm by 5°, and take one more image"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     if not evidence.residual.noise_inflation <= _MOST_INFLATION:
         message = (
-            f"after removal of the noise's own correlation the residuals around the nail still go together over "
+            "after removal of the noise's own correlation the residuals around the nail still go together over "
             f"{figure(evidence.residual.noise_inflation, _MOST_INFLATION, 1)} pixels (limit {_MOST_INFLATION:.0f}): "
-            "something that the nail "
-            "file does not describe lies there; check the file, or take one more image without it"
+            "something that the nail file does not describe lies there; check the file, or take one more image without "
+            "it"
         )
         reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     return reasons
@@ -252,8 +251,8 @@ def _ambiguity(evidence: Evidence) -> list[Reason]:
     if evidence.mirror_margin >= _LEAST_MIRROR_MARGIN:
         return []
     message = (
-        f"the reflected tilt explains the image nearly as well: logarithm of the likelihood ratio "
-        f"{figure(evidence.mirror_margin, _LEAST_MIRROR_MARGIN, 1)} (limit {_LEAST_MIRROR_MARGIN:.0f}); turn the "
-        "C-arm by 5° and take one more image"
+        "the reflected tilt explains the image nearly as well: logarithm of the likelihood ratio "
+        f"{figure(evidence.mirror_margin, _LEAST_MIRROR_MARGIN, 1)} (limit {_LEAST_MIRROR_MARGIN:.0f}); turn the C-arm "
+        "by 5° and take one more image"
     )
     return [Reason(ReasonCode.MIRROR_AMBIGUOUS, message)]

@@ -84,8 +84,8 @@ def along_the_beam(
     if circularity[worst] < LOWEST_ASPECT_RATIO:
         message = (
             f"nail hole '{nail.holes[worst].id}' has an aspect ratio of "
-            f"{figure(circularity[worst], LOWEST_ASPECT_RATIO, 3)} "
-            f"(limit {LOWEST_ASPECT_RATIO}); turn the C-arm until the holes look round, or use the model method"
+            f"{figure(circularity[worst], LOWEST_ASPECT_RATIO, 3)} (limit {LOWEST_ASPECT_RATIO}); turn the C-arm until "
+            "the holes look round, or use the model method"
         )
         return Rejected((Reason(ReasonCode.TILT_TOO_LARGE, message),))
     rays = calibration.camera.rays(np.array([outline.centre_px for outline in seen.outlines]))

@@ -161,7 +161,7 @@ def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]
     )
     message = (
         f"wire '{comparison.hole_id}' is known to {figure(bound_mm, LARGEST_OFFSET_MM, 2)} mm and "
-        f"{figure(bound_deg, LARGEST_ANGLE_DEG, 2)} degrees at 95 % (limits "
-        f"{LARGEST_OFFSET_MM} mm and {LARGEST_ANGLE_DEG} degrees); {remedy}"
+        f"{figure(bound_deg, LARGEST_ANGLE_DEG, 2)} degrees at 95 % (limits {LARGEST_OFFSET_MM} mm and "
+        f"{LARGEST_ANGLE_DEG} degrees); {remedy}"
     )
     return [Reason(ReasonCode.UNCERTAINTY_TOO_LARGE, message)]

@@ -69,8 +69,8 @@ def why_no_holes(images: tuple[WiredImage, ...], parts: Parts) -> tuple[Reason, 
         Reason(
             ReasonCode.HOLE_NOT_VISIBLE,
             "no image looks along the nail's holes: the guide's are tilted by "
-            f"{figure(min(tilts), LARGEST_TILT_DEG, 0)}° or more against the "
-            f"beam (limit {LARGEST_TILT_DEG:.0f}°); add an image along the wires, or one from before the wires",
+            f"{figure(min(tilts), LARGEST_TILT_DEG, 0)}° or more against the beam (limit {LARGEST_TILT_DEG:.0f}°); add "
+            "an image along the wires, or one from before the wires",
         ),
     )
 
