@@ -9,6 +9,7 @@ from distalock.case_client import AxisOffset, CaseClient, Localisation, Operatio
 from distalock.rest_client import RequestRefused
 from distalock.room_client import DrillResult, RoomClient, TrueError
 from shared.errors import ReasonCode
+from shared.figures import figure
 
 MOST_SHOTS_FOR_ONE_ANSWER: Final = 4
 MOST_MOVES_PER_ALIGNMENT: Final = 3
@@ -117,9 +118,10 @@ class Procedure:
                 break
         doubtful = [e for e in left if e.chance_to_pass < LEAST_CHANCE_TO_PASS]
         if doubtful:
+            chance = figure(doubtful[0].chance_to_pass, LEAST_CHANCE_TO_PASS, 3)
             raise Refused(
                 f"after {MOST_MOVES_PER_ALIGNMENT} moves a drill through guide hole '{doubtful[0].id}' would pass "
-                f"with a chance of {doubtful[0].chance_to_pass:.3f} (limit {LEAST_CHANCE_TO_PASS}): {_sentence(left)}"
+                f"with a chance of {chance} (limit {LEAST_CHANCE_TO_PASS}): {_sentence(left)}"
             )
 
     def _move(self, plan: Plan) -> None:

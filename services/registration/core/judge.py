@@ -97,15 +97,26 @@ def _unexplained(estimate: NailEstimate) -> Iterator[Reason]:
     misfit = estimate.misfit
     if misfit is None:
         return
-    excess_mm = max(abs(misfit.hole_radius_excess_mm), abs(misfit.nail_radius_excess_mm))
-    if not (excess_mm <= LARGEST_RADIUS_EXCESS_MM and misfit.structure <= LARGEST_STRUCTURE):
+    most_mm = 2.0 * LARGEST_RADIUS_EXCESS_MM
+    measured = [
+        f"the {what} {figure(2.0 * excess_mm, most_mm, 2, '+')} mm in diameter against the nail's file (limit "
+        f"{most_mm:.2f} mm)"
+        for what, excess_mm in (
+            ("holes measure", misfit.hole_radius_excess_mm),
+            ("nail measures", misfit.nail_radius_excess_mm),
+        )
+        if not abs(excess_mm) <= LARGEST_RADIUS_EXCESS_MM
+    ]
+    if not misfit.structure <= LARGEST_STRUCTURE:
+        measured.append(
+            f"{figure(misfit.structure, LARGEST_STRUCTURE, 1)} times the noise is left unexplained at the edges of "
+            f"nail and holes (limit {LARGEST_STRUCTURE:g})"
+        )
+    if measured:
         yield Reason(
             ReasonCode.NAIL_MODEL_MISMATCH,
-            f"holes and nail measure {2.0 * misfit.hole_radius_excess_mm:+.2f} mm and "
-            f"{2.0 * misfit.nail_radius_excess_mm:+.2f} mm in diameter against the nail's file (limit "
-            f"{2.0 * LARGEST_RADIUS_EXCESS_MM:.2f} mm), and {figure(misfit.structure, LARGEST_STRUCTURE, 1)} times the "
-            f"noise is left unexplained at their edges (limit {LARGEST_STRUCTURE:g}); remove wires and instruments "
-            "from in front of the holes, check that the file is that of the implanted nail, and take one more image",
+            f"{', and '.join(measured)}; remove wires and instruments from in front of the holes, check that the file "
+            "is that of the implanted nail, and take one more image",
         )
 
 

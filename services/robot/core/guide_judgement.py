@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from services.robot.core.guide_calibration import GuideCalibration, GuideView, view_residual
+from shared.figures import figure
 from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.hexapod import HexapodPart
 from shared.geometry.transform import Transform
@@ -103,9 +104,8 @@ def _spread(views: Sequence[GuideView]) -> tuple[GuideRefusal, ...]:
     return (
         GuideRefusal(
             GuideTrouble.TOO_LITTLE_ROTATION,
-            f"the poses turn the guide by {spread_deg:.1f}° about a second axis (limit {LEAST_SPREAD_DEG:g}°); take "
-            "images "
-            "with larger turns about at least two axes",
+            f"the poses turn the guide by {figure(spread_deg, LEAST_SPREAD_DEG, 1)}° about a second axis (limit "
+            f"{LEAST_SPREAD_DEG:g}°); take images with larger turns about at least two axes",
         ),
     )
 
@@ -115,9 +115,9 @@ def _agreement(hexapod: HexapodPart, calibration: GuideCalibration, check: Guide
         return (
             GuideRefusal(
                 GuideTrouble.VIEWS_DISAGREE,
-                f"the images disagree {calibration.normalised_rms:.1f} times more than their errors explain (limit "
-                f"{LARGEST_NORMALISED_RMS:g}); see that each image has its own pose, fix C-arm, mount and guide, and "
-                "begin again",
+                f"the images disagree {figure(calibration.normalised_rms, LARGEST_NORMALISED_RMS, 1)} times more than "
+                f"their errors explain (limit {LARGEST_NORMALISED_RMS:g}); see that each image has its own pose, fix "
+                "C-arm, mount and guide, and begin again",
             ),
         )
     found = []
@@ -126,17 +126,18 @@ def _agreement(hexapod: HexapodPart, calibration: GuideCalibration, check: Guide
         found.append(
             GuideRefusal(
                 GuideTrouble.CHECK_POSE_DIFFERS,
-                f"in the check pose the guide is {off_mm:.2f} mm and {off_deg:.2f}° from where the calibration puts it "
-                f"(limits {LARGEST_CHECK_MM:g} mm, {LARGEST_CHECK_DEG:g}°); take the images again",
+                f"in the check pose the guide is {figure(off_mm, LARGEST_CHECK_MM, 2)} mm and "
+                f"{figure(off_deg, LARGEST_CHECK_DEG, 2)}° from where the calibration puts it (limits "
+                f"{LARGEST_CHECK_MM:g} mm, {LARGEST_CHECK_DEG:g}°); take the images again",
             )
         )
     if calibration.translation_sd_mm > LARGEST_SD_MM or calibration.rotation_sd_deg > LARGEST_SD_DEG:
         found.append(
             GuideRefusal(
                 GuideTrouble.UNCERTAIN,
-                f"the calibration is good to {calibration.translation_sd_mm:.2f} mm and "
-                f"{calibration.rotation_sd_deg:.2f}° "
-                f"(limits {LARGEST_SD_MM:g} mm, {LARGEST_SD_DEG:g}°); take more images with larger turns",
+                f"the calibration is good to {figure(calibration.translation_sd_mm, LARGEST_SD_MM, 2)} mm and "
+                f"{figure(calibration.rotation_sd_deg, LARGEST_SD_DEG, 2)}° (limits {LARGEST_SD_MM:g} mm, "
+                f"{LARGEST_SD_DEG:g}°); take more images with larger turns",
             )
         )
     return tuple(found)
@@ -151,21 +152,22 @@ def _head(head: HeadFinding, head_extension_mm: float) -> tuple[GuideRefusal, ..
                 "mark to the distal end",
             ),
         )
-    if abs(head.extension_mm - head_extension_mm) > LARGEST_EXTENSION_ERROR_MM:
+    apart_mm = abs(head.extension_mm - head_extension_mm)
+    if apart_mm > LARGEST_EXTENSION_ERROR_MM:
         return (
             GuideRefusal(
                 GuideTrouble.HEAD_EXTENSION,
-                f"the head's extension was entered as {head_extension_mm:g} mm, the images say "
-                f"{head.extension_mm:.1f} mm "
-                f"(limit {LARGEST_EXTENSION_ERROR_MM:g} mm apart); read its scale again",
+                f"the head's extension was entered as {head_extension_mm:g} mm, the images say {head.extension_mm:.1f} "
+                f"mm, {figure(apart_mm, LARGEST_EXTENSION_ERROR_MM, 1)} mm apart (limit "
+                f"{LARGEST_EXTENSION_ERROR_MM:g} mm); read its scale again",
             ),
         )
     if head.beside_mm > LARGEST_BEND_MM or head.turned_deg > LARGEST_BEND_DEG:
         return (
             GuideRefusal(
                 GuideTrouble.GUIDE_BENT,
-                f"the guide is {head.beside_mm:.1f} mm and {head.turned_deg:.1f}° from where its head should hold it "
-                "(limits "
+                f"the guide is {figure(head.beside_mm, LARGEST_BEND_MM, 1)} mm and "
+                f"{figure(head.turned_deg, LARGEST_BEND_DEG, 1)}° from where its head should hold it (limits "
                 f"{LARGEST_BEND_MM:g} mm, {LARGEST_BEND_DEG:g}°): head or guide is bent; replace it",
             ),
         )

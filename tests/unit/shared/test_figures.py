@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from shared.figures import figure
+from shared.figures import figure, figures
 
 
 @pytest.mark.parametrize(
@@ -27,3 +27,25 @@ def test_a_value_has_the_decimals_that_tell_it_from_its_limit(
     measured: float, limit: float, decimals: int, text: str
 ) -> None:
     assert figure(measured, limit, decimals) == text
+
+
+def test_a_value_above_zero_has_its_sign_where_it_is_wanted() -> None:
+    assert figure(0.2406, 0.24, 2, "+") == "+0.241"
+    assert figure(-0.3, 0.24, 2, "+") == "-0.30"
+
+
+@pytest.mark.parametrize(
+    ("measured", "limit", "decimals", "texts"),
+    [
+        (29.16, 28.78, 0, ("29.2", "28.8")),
+        (43.53, 43.52, 0, ("43.53", "43.52")),
+        (90.0, 28.78, 0, ("90", "29")),
+        (2.04, 2.0, 1, ("2.04", "2.00")),
+        (2.0, 2.0, 1, ("2.0", "2.0")),
+        (math.nan, 2.0, 1, ("nan", "2.0")),
+    ],
+)
+def test_a_limit_that_is_worked_out_gets_decimals_with_the_value(
+    measured: float, limit: float, decimals: int, texts: tuple[str, str]
+) -> None:
+    assert figures(measured, limit, decimals) == texts

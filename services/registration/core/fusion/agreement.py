@@ -13,7 +13,7 @@ from services.registration.core.nail.unknowns import PRIOR, SHAPE_UNKNOWNS, Unkn
 from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence
 from shared.errors import Reason, ReasonCode
-from shared.figures import figure
+from shared.figures import figures
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
@@ -84,12 +84,12 @@ def disagreement(
     if len(evidence) < 2 or _agree(evidence, tuple(range(len(evidence)))):
         return None
     found = fuse(evidence)
-    limit = chi_square_limit(found.degrees_of_freedom)
+    squares, most = figures(found.chi_square, chi_square_limit(found.degrees_of_freedom), 0)
     grouping = min(_groupings(evidence), key=lambda g: g.chi_square, default=None)
     parted = grouping or Grouping((0,), tuple(range(1, len(evidence))), np.inf)
     measured = (
-        f"{_difference(evidence, parted, nail, camera_from_nail)} (chi-square {figure(found.chi_square, limit, 0)} for "
-        f"{found.degrees_of_freedom} degrees of freedom, limit {limit:.0f})"
+        f"{_difference(evidence, parted, nail, camera_from_nail)} (chi-square {squares} for "
+        f"{found.degrees_of_freedom} degrees of freedom, limit {most})"
     )
     return Reason(ReasonCode.IMAGES_DISAGREE, _explained(grouping, names, measured))
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from services.registration.core.guidance.nail import FollowedNail, Look
 from services.registration.core.nail.judgement import CLEAR_VIEW
 from shared.errors import Reason, ReasonCode
-from shared.figures import figure
+from shared.figures import figure, figures
 
 LEAST_CONTRAST_TO_NOISE = 3.0
 LARGEST_STRUCTURE = 2.5
@@ -55,8 +55,9 @@ def _blurred(nail: FollowedNail, look: Look) -> tuple[Reason, ...]:
     limit_px = look.blur_px + LARGEST_BLUR_EXCESS_PX
     if nail.blur_px <= limit_px:
         return ()
+    measured, limit = figures(nail.blur_px, limit_px, 1)
     message = (
-        f"the nail's edges are blurred by {nail.blur_px:.1f} px in this frame (limit {limit_px:.1f} px, "
+        f"the nail's edges are blurred by {measured} px in this frame (limit {limit} px, "
         f"{look.blur_px:.1f} px when it stood still); hold C-arm and leg still for a moment"
     )
     return (Reason(ReasonCode.MOTION_BLUR, message),)
@@ -100,12 +101,12 @@ def _surprised(surprise: Surprise) -> tuple[Reason, ...]:
     within = all(abs(turn) <= limit for turn, limit in zip(surprise.turned_deg, limits, strict=True))
     if within and surprise.across_mm <= _ALWAYS_ALLOWED_MM:
         return ()
-    turned = " and ".join(f"{turn:+.1f}°" for turn in surprise.turned_deg)
-    allowed = " and ".join(f"{limit:.1f}°" for limit in limits)
+    compared = [figures(abs(turn), limit, 1) for turn, limit in zip(surprise.turned_deg, limits, strict=True)]
+    turned = " and ".join(f"{turn}° (limit {limit}°)" for turn, limit in compared)
     message = (
-        f"the nail is turned by {turned} (limits {allowed}) about its axes and lies {surprise.across_mm:.1f} mm (limit "
-        f"{_ALWAYS_ALLOWED_MM:g} mm) from where the guide puts it; if the guide was moved, hold the C-arm still until "
-        "the nail is found anew"
+        f"the nail is turned by {turned} about its axes and lies {figure(surprise.across_mm, _ALWAYS_ALLOWED_MM, 1)} "
+        f"mm (limit {_ALWAYS_ALLOWED_MM:g} mm) from where the guide puts it; if the guide was moved, hold the C-arm "
+        "still until the nail is found anew"
     )
     return (Reason(ReasonCode.NAIL_MODEL_MISMATCH, message),)
 

@@ -77,9 +77,9 @@ def _displaced(
     if not beyond.any():
         return None
     far = ", ".join(
-        f"{off_mm[i]:+.1f} mm along {axis} (limit {mount.tolerance_mm[i]:g} mm)"
-        for i, axis in enumerate("xyz")
-        if beyond[i]
+        f"{figure(off, most, 1, '+')} mm along {axis} (limit {most:g} mm)"
+        for off, most, axis in zip(off_mm.tolist(), mount.tolerance_mm.tolist(), "xyz", strict=True)
+        if abs(off) > most
     )
     fitting_mm = head_extension_mm - float(off_mm[0])
     if not beyond[1:].any() and hexapod.head_extension_mm.contains(fitting_mm):

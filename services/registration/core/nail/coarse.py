@@ -178,10 +178,11 @@ def _measured(
     expected_px = nail.diameter_mm * focal_px / float(pose.translation_mm[2])
     ratio = contour.width_ideal_px / expected_px
     if abs(ratio - 1.0) > _LARGEST_WIDTH_DEVIATION:
+        most = 100.0 * _LARGEST_WIDTH_DEVIATION
         return _rejected(
             ReasonCode.NAIL_MODEL_MISMATCH,
-            f"the band is {ratio:.2f} times as wide as a {nail.diameter_mm:g} mm nail with these holes (limit "
-            f"{1.0 - _LARGEST_WIDTH_DEVIATION:.2f} to {1.0 + _LARGEST_WIDTH_DEVIATION:.2f}); check the nail file",
+            f"the band's width differs by {figure(100.0 * (ratio - 1.0), most, 0, '+')} % from that of a "
+            f"{nail.diameter_mm:g} mm nail with these holes (limit {most:.0f} %); check the nail file",
         )
     length_px = pattern.strip.band.edge_length_px * image.step_px
     darkness, openness = pattern.strip.typical_darkness, float(pattern.openness.min())
@@ -201,11 +202,11 @@ def _openings(
         radius_px = 0.5 * hole.diameter_mm * pattern.px_per_mm * image.step_px
         opening = measure_opening(pixels, calibration, hole.id, centre_px, radius_px)
         if opening is None or opening.seen_fraction < _LOWEST_SEEN_FRACTION:
-            seen = 0.0 if opening is None else opening.seen_fraction
+            seen, least = 100.0 * (0.0 if opening is None else opening.seen_fraction), 100.0 * _LOWEST_SEEN_FRACTION
             return _rejected(
                 ReasonCode.HOLE_NOT_VISIBLE,
-                f"the outline of nail hole '{hole.id}' can be seen over {100.0 * seen:.0f} % of its length (limit "
-                f"{100.0 * _LOWEST_SEEN_FRACTION:.0f} %); turn the C-arm, or move the guide's balls off the hole",
+                f"the outline of nail hole '{hole.id}' can be seen over {figure(seen, least, 0)} % of its length "
+                f"(limit {least:.0f} %); turn the C-arm, or move the guide's balls off the hole",
             )
         found.append(opening)
     return tuple(found)

@@ -213,12 +213,13 @@ def _unseen(view: HoleView, least_opening: float) -> Iterator[Reason]:
 
 def _mismatch(evidence: Evidence) -> list[Reason]:
     reasons = []
+    most_mm = 2 * _MOST_RADIUS_EXCESS_MM
     measured = (("holes measure", evidence.hole_radius_excess_mm), ("nail measures", evidence.nail_radius_excess_mm))
     for what, excess in measured:
         if not abs(excess) <= _MOST_RADIUS_EXCESS_MM:
             message = (
-                f"the {what} {2 * excess:+.2f} mm in diameter against the nail file "
-                f"(limit {2 * _MOST_RADIUS_EXCESS_MM:.2f} mm); check that the file is that of the implanted nail"
+                f"the {what} {figure(2 * excess, most_mm, 2, '+')} mm in diameter against the nail file "
+                f"(limit {most_mm:.2f} mm); check that the file is that of the implanted nail"
             )
             reasons.append(Reason(ReasonCode.NAIL_MODEL_MISMATCH, message))
     if not evidence.residual.structure <= _MOST_STRUCTURE:

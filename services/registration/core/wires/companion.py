@@ -13,6 +13,7 @@ from services.registration.core.guide.locate import GuideFit, Named, guide_ident
 from services.registration.core.localise import Parts
 from services.registration.core.wires.view import in_border
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.figures import figure
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import unit
@@ -84,7 +85,7 @@ def _not_found(ways: int, best: float, second: float) -> Reason:
     return Reason(
         ReasonCode.GUIDE_NOT_FOUND,
         f"{ways} ways to name {LEAST_BALLS} balls of the guide or more were tried with the nail's place known from the "
-        f"other image: the best puts {100.0 * best:.0f} % of the nail on metal (limit {100.0 * LEAST_BAND:.0f} %), the "
-        f"next {100.0 * second:.0f} % (limit {100.0 * LEAST_BAND_MARGIN:.0f} % less); move the C-arm until more of the "
-        "guide is in the image, with the nail, and take the image again",
+        f"other image: the best puts {figure(100.0 * best, 100.0 * LEAST_BAND, 0)} % of the nail on metal (limit "
+        f"{100.0 * LEAST_BAND:.0f} %), the next {100.0 * second:.0f} % (limit {100.0 * LEAST_BAND_MARGIN:.0f} % less); "
+        "move the C-arm until more of the guide is in the image, with the nail, and take the image again",
     )

@@ -8,6 +8,7 @@ from services.registration.core.wires.fit import LEAST_SEEN_PX, LEAST_SEEN_SHARE
 from services.registration.core.wires.model import Passage, endings, wire_model
 from services.registration.core.wires.view import PreparedView
 from shared.errors import Reason, ReasonCode
+from shared.figures import figure
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import read_only, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
@@ -44,12 +45,14 @@ def find_wire(
     fraction = seen_share(fit.seen_px, fit.free_px)
     if seen >= LEAST_SEEN_PX and fraction >= LEAST_SEEN_SHARE and fit.darkness >= _LEAST_DARKNESS:
         return fit
+    darkness = 100.0 * max(fit.darkness, 0.0)
     return Reason(
         ReasonCode.WIRE_NOT_FOUND,
-        f"no wire was found through guide hole '{guide_hole.id}': {seen:.0f} px of its outline were seen (limit "
-        f"{LEAST_SEEN_PX:.0f}), {100.0 * fraction:.0f} % of what is not hidden (limit "
-        f"{100.0 * LEAST_SEEN_SHARE:.0f} %), {100.0 * max(fit.darkness, 0.0):.0f} % as dark as the nail (limit "
-        f"{100.0 * _LEAST_DARKNESS:.0f} %); insert the wire up to the nail, or take an oblique image",
+        f"no wire was found through guide hole '{guide_hole.id}': {figure(seen, LEAST_SEEN_PX, 0)} px of its outline "
+        f"were seen (limit {LEAST_SEEN_PX:.0f}), {figure(100.0 * fraction, 100.0 * LEAST_SEEN_SHARE, 0)} % of what is "
+        f"not hidden (limit {100.0 * LEAST_SEEN_SHARE:.0f} %), {figure(darkness, 100.0 * _LEAST_DARKNESS, 0)} % as "
+        f"dark as the nail (limit {100.0 * _LEAST_DARKNESS:.0f} %); insert the wire up to the nail, or take an "
+        "oblique image",
     )
 
 

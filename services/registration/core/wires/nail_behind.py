@@ -24,6 +24,7 @@ from services.registration.core.wires.fit import WireFit
 from services.registration.core.wires.nail_start import nail_beside_guide
 from services.registration.core.wires.view import MARGIN_PX, WireView, prepare_view
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.figures import figure
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
@@ -98,11 +99,12 @@ def _shift_mm(motion: Transform[Nail, Nail]) -> float:
 
 
 def _restless(moved: Transform[Nail, Nail]) -> Reason:
+    shift, turn = figure(_shift_mm(moved), _RESTLESS_MM, 1), figure(_turn_deg(moved), _RESTLESS_DEG, 1)
     return Reason(
         ReasonCode.NAIL_MODEL_MISMATCH,
-        f"nail and wires do not come to rest together: the nail's last fit moved it by {_shift_mm(moved):.1f} mm and "
-        f"{_turn_deg(moved):.1f}° (limits {_RESTLESS_MM:g} mm and {_RESTLESS_DEG:g}°); add an image from before the "
-        "wires, or turn the C-arm by 5° and take one more image",
+        f"nail and wires do not come to rest together: the nail's last fit moved it by {shift} mm and {turn}° "
+        f"(limits {_RESTLESS_MM:g} mm and {_RESTLESS_DEG:g}°); add an image from before the wires, or turn "
+        "the C-arm by 5° and take one more image",
     )
 
 

@@ -24,7 +24,7 @@ from services.registration.core.wires.nail_outline import (
 from services.registration.core.wires.set_up import SetUp
 from services.registration.core.wires.view import WireView
 from shared.errors import Reason, ReasonCode
-from shared.figures import figure
+from shared.figures import figure, figures
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, NailPart
@@ -70,10 +70,11 @@ class BandDeparture:
         """Why the guide is not where it was when the nail was seen from it; None when it may be."""
         limit = chi_square_limit(len(self.motion))
         (shift_mm, turn_rad), (shift_sd_mm, turn_sd_rad) = np.abs(self.motion), np.sqrt(np.diag(self.covariance))
+        squares, most = figures(self.chi_square, limit, 0)
         measured = (
             f"in image {image} the nail lies {shift_mm:.2f} mm and {np.degrees(turn_rad):.2f}° from where the guide in "
             f"it and the holes in other images put it (standard deviations {shift_sd_mm:.2f} mm and "
-            f"{np.degrees(turn_sd_rad):.2f}°, chi-square {figure(self.chi_square, limit, 0)}, limit {limit:.0f})"
+            f"{np.degrees(turn_sd_rad):.2f}°, chi-square {squares}, limit {most})"
         )
         if self.share < LEAST_SHARE:
             measured = (
