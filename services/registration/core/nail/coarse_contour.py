@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.coarse_band import SearchImage
 from services.registration.core.nail.coarse_openings import HolePattern
+from services.registration.core.reading import vertex_step
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.lines import read_only
 
@@ -62,10 +63,8 @@ def _steepest_rows(grey: NDArray[np.float32], width_px: float, side: float) -> N
     window = slope[first : min(centre + reach + 1, slope.shape[0] - 1)]
     peak = first + window.argmax(axis=0)
     column = np.arange(grey.shape[1])
-    before, at, after = slope[peak - 1, column], slope[peak, column], slope[peak + 1, column]
-    bend = before - 2.0 * at + after
-    shift = np.where(np.abs(bend) > 1e-12, 0.5 * (before - after) / np.where(bend == 0.0, 1.0, bend), 0.0)
-    return np.asarray(peak - middle + np.clip(shift, -0.5, 0.5), dtype=np.float64)
+    steps = vertex_step(slope[peak - 1, column], slope[peak, column], slope[peak + 1, column])
+    return np.asarray(peak - middle + steps, dtype=np.float64)
 
 
 def _robust_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]:

@@ -6,14 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.wires.reading import between_pixels, peaks_of, ramp
+from services.registration.core.reading import between_pixels, peaks_of, profile_px, ramp
 from services.registration.core.wires.view import WireView, balls_mask, in_border
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
 
 _PROXIMAL_OF_HOLES_MM, _STEP_MM = 30.0, 0.5
-_SAMPLES_PER_PX = 2.0
 _BLUR_PX = 1.2
 _BESIDE_PX = 5.0
 # Up to where an edge does not count, and from where on it counts whole: its step over the usual one.
@@ -53,7 +52,7 @@ class OutlineMatch:
     shift_px
         How far outwards it lies, shape (N,).
     share
-        Of the outline that can be seen, how much has an edge.
+        Of the outline that can be seen, how much has an edge; points that count in part are parts of both.
     """
 
     index: NDArray[np.int64]
@@ -114,9 +113,10 @@ def towards_axis(camera_from_nail: Transform[Camera, Nail]) -> tuple[NDArray[np.
 def match_outline(prepared: EdgeView, outline: Outline, reach_px: float) -> OutlineMatch:
     """Steepest brightening outwards within a reach of each point, where both sides are free.
 
-    It counts when it is a good part of the median step: a wire or the guide's body beside the nail makes it smaller.
+    It counts the less, the less it is of the median step (a wire or the guide's body beside the nail makes it smaller),
+    and the more of it is covered; `share` is what counts of what is free.
     """
-    shifts = np.arange(-reach_px, reach_px + 1e-9, 1.0 / _SAMPLES_PER_PX)[:, None]
+    shifts = profile_px(reach_px)[:, None]
     point, outward = outline.point_px[:, None, :], outline.outward[:, None, :]
     inside, outside = (between_pixels(prepared.smooth, point + (shifts + way) * outward) for way in (-1.0, 1.0))
     peaks = peaks_of(outside - inside, shifts[:, 0])

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.wires.reading import peaks_of, ramp
+from services.registration.core.reading import peaks_of, profile_px, ramp
 from services.registration.core.wires.view import PreparedView
 
 _CAP_POINTS = 24
-_SAMPLES_PER_PX = 1.5
 _CLEAR_OF_MASK_PX = 1.25
 # Up to where a point does not count, and from where on it counts whole: its slope over the texture's, its darkness.
 _STRENGTH, _DARKNESS = (3.5, 4.5), (0.35, 0.45)
@@ -121,7 +120,7 @@ def match_edges(prepared: PreparedView, stack: Stack, outline: Outline, reach_px
 
     It counts where it is well above the image's texture and the wire is dark inside it: steel is, bone is not.
     """
-    shifts = np.arange(-reach_px, reach_px + 1e-9, 1.0 / _SAMPLES_PER_PX)
+    shifts = profile_px(reach_px)
     where = outline.point_px[:, None, :] + shifts[None, :, None] * outline.outward[:, None, :]
     slope = prepared.outward_slope(where, np.broadcast_to(outline.outward[:, None, :], where.shape))
     slope = np.where(prepared.free_share(where) > 0.0, slope, 0.0)
