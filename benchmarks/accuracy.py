@@ -7,25 +7,26 @@ Every scene has its own ring and guide pattern and its own nail, so that nothing
 stand the paper's method whole, and its axis rule alone, on the same images. With `--rows`, what came out for each scene
 is written to a file as soon as it is known, and a run that was interrupted continues where it ended; rows of another
 revision of the sources are told in the report. The limits take most of the time and do not depend on any method: with
-`--limits` they are those of an earlier run's rows. The report, docs/benchmarks/accuracy.md with its pictures, is
-written when all scenes are there.
+`--limits` they are those of an earlier run's rows, and only those that `--limit-every` asks for and that run has not
+are worked out. The report, docs/benchmarks/accuracy.md with its pictures, is written when all scenes are there.
 """
 
 import argparse
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
 from benchmarks.accuracy_plots import write_plots
 from benchmarks.accuracy_report import report
+from benchmarks.accuracy_rows import EarlierLimits, StoredRow, read_rows, write_row
 from benchmarks.capture import Capture
 from benchmarks.localised_scenes import SceneRow, model_row, normalised, scene_row, scene_row_with_limit
 from benchmarks.statistics_of import Quantiles, quantiles
@@ -40,15 +41,10 @@ MEASURED = (
     "shared/geometry",
     "shared/xray",
     "simulation/render",
+    "simulation/scenario",
+    "benchmarks/random_scenes.py",
+    "benchmarks/varied_parts.py",
 )
-
-
-@dataclass(frozen=True, slots=True)
-class StoredRow:
-    """A row with the revision of the sources that made it."""
-
-    revision: str
-    row: SceneRow
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,30 +69,28 @@ def main(arguments: Sequence[str] = ()) -> int:
     """Run what is missing and write the report; 0 when nothing is wrong and nine in ten are accepted."""
     given = _options(arguments)
     seeds = range(given.seed, given.seed + given.count)
+    limits = EarlierLimits(given.limits)
     stored = read_rows(given.rows) if given.rows is not None else []
-    known = {one.row.seed: one for one in stored if one.row.seed in seeds}
+    known = {one.row.seed: limits.added_to(one) for one in stored if one.row.seed in seeds}
     missing = [seed for seed in seeds if seed not in known]
-    print(f"{len(known)} of {len(seeds)} scenes are known, {len(missing)} are to be run", flush=True)
-    limits = {one.row.seed: one for one in read_rows(given.limits) if one.row.limits} if given.limits else {}
     limited = frozenset(seed for seed in seeds if given.limit_every and (seed - given.seed) % given.limit_every == 0)
+    limited -= limits.seeds
+    print(f"{len(known)} of {len(seeds)} scenes are known, {len(missing)} are to be run", flush=True)
+    print(f"{len(limits.seeds & set(seeds))} limits are known, {len(limited & set(missing))} are to be worked out")
     revision = _revision() if missing else ""
-    for found in _run(missing, limited - limits.keys(), given.processes):
-        row = replace(found, limits=limits[found.seed].row.limits) if found.seed in limits else found
-        one = known[row.seed] = StoredRow(revision, row)
-        if given.rows is not None:
-            write_row(given.rows, one)
-        print(_line(row), flush=True)
+    with closing(_run(missing, limited, given.processes)) as rows_found:
+        for found in rows_found:
+            one = known[found.seed] = limits.added_to(StoredRow(revision, found))
+            if given.rows is not None:
+                write_row(given.rows, one)
+            print(_line(found), flush=True)
     rows = [known[seed].row for seed in seeds]
-    revisions = sorted({known[seed].revision for seed in seeds})
-    revisions += sorted({f"limits of {limits[seed].revision}" for seed in missing if seed in limits})
+    revisions = sorted({source for seed in seeds for source in known[seed].sources}, key=lambda s: (" " in s, s))
     pictures = write_plots(rows, given.report.parent)
     given.report.write_text(report(rows, revisions, pictures))
     print(given.report.read_text())
     summary = summary_of(rows)
     return 0 if summary.wrong == 0 and summary.accepted >= LEAST_ACCEPTED_SHARE * summary.scenes else 1
-
-
-_STORED = TypeAdapter(StoredRow)
 
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
@@ -130,32 +124,15 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(list(arguments))
 
 
-def write_row(file: Path, row: StoredRow) -> None:
-    """Append a row, on a line of its own even after a line that was cut off."""
-    cut_off = file.exists() and not file.read_bytes().endswith(b"\n")
-    with file.open("a") as lines:
-        lines.write("\n" * cut_off + _STORED.dump_json(row).decode() + "\n")
-
-
-def read_rows(file: Path) -> list[StoredRow]:
-    """Rows that are there; a line that was cut off in the middle is left out."""
-    if not file.exists():
-        return []
-    rows = []
-    for line in file.read_text().splitlines():
-        try:
-            rows.append(_STORED.validate_json(line))
-        except ValidationError:
-            print(f"{file}: a line that is no row is left out: {line[:60]}", flush=True)
-    return rows
-
-
-def _run(seeds: Sequence[int], limited: frozenset[int], processes: int) -> Iterable[SceneRow]:
-    """Rows in the order in which they are done."""
+def _run(seeds: Sequence[int], limited: frozenset[int], processes: int) -> Generator[SceneRow, None, None]:
+    """Rows in the order in which they are done; what has not begun when it is closed is given up."""
     with ProcessPoolExecutor(processes, initializer=_one_thread) as pool:
         jobs = [pool.submit(scene_row_with_limit if seed in limited else scene_row, seed) for seed in seeds]
-        for job in as_completed(jobs):
-            yield job.result()
+        try:
+            for job in as_completed(jobs):
+                yield job.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _one_thread() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from distalock.arguments import EXIT_BAD_INPUT
+from shared.errors import InputError
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 # Name, and what it measures. Each module has a `main` that returns an exit code and writes its table under docs/.
@@ -55,6 +56,10 @@ def run_benchmarks(names: Sequence[str], options: Sequence[str] = ()) -> int:
         return EXIT_BAD_INPUT
     sys.path.insert(0, str(ROOT))
     if options:
-        return int(importlib.import_module(f"benchmarks.{names[0]}").main(options))
+        try:
+            return int(importlib.import_module(f"benchmarks.{names[0]}").main(options))
+        except InputError as error:
+            print(f"distalock bench {names[0]}: {error}", file=sys.stderr)
+            return EXIT_BAD_INPUT
     codes = [int(importlib.import_module(f"benchmarks.{name}").main()) for name in names or BENCHMARKS]
     return next((code for code in codes if code), 0)

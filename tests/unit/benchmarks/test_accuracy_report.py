@@ -1,17 +1,21 @@
 """Rows on file and the tables made of them."""
 
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.accuracy import StoredRow, main, read_rows, summary_of, write_row
+from benchmarks.accuracy import main, summary_of
 from benchmarks.accuracy_report import limit_ratios
+from benchmarks.accuracy_rows import EarlierLimits, StoredRow, read_rows, write_row
 from benchmarks.capture import Capture
 from benchmarks.cramer_rao import AxisLimit
 from benchmarks.localised_scenes import SceneKind, SceneRow
 from benchmarks.methods import HoleError, Outcome
+from shared.errors import InputError
 
 KIND = SceneKind(3.0, 400.0, 1, 0.3, "steel", 11.0, False, 5.5, 0.5, 0.1, 20.0)
 
@@ -47,6 +51,48 @@ def test_a_run_whose_rows_are_all_there_only_reports(tmp_path: Path, capsys: pyt
     for name in ("accuracy-errors.png", "accuracy-honesty.png"):
         assert name in text
         assert np.asarray(Image.open(tmp_path / name).convert("L")).std() > 5.0
+
+
+def written(file: Path, rows: Iterable[StoredRow]) -> Path:
+    for one in rows:
+        write_row(file, one)
+    return file
+
+
+def without_limits(seed: int, revision: str) -> StoredRow:
+    return StoredRow(revision, replace(row(seed, 0.05, 0.12), limits=None))
+
+
+def test_limits_of_an_earlier_run_are_taken_and_said_to_be_from_there(tmp_path: Path) -> None:
+    file = written(tmp_path / "earlier.jsonl", [StoredRow("old", row(1, 9.0, 9.0)), without_limits(2, "old")])
+    limits = EarlierLimits(file)
+    assert limits.seeds == {1}
+    now = limits.added_to(without_limits(1, "new"))
+    assert now.row == row(1, 0.05, 0.12)
+    assert now.sources == ("new", "limits of old")
+    again = EarlierLimits(written(tmp_path / "now.jsonl", [now])).added_to(without_limits(1, "newest"))
+    assert again.sources == ("newest", "limits of old")
+    for untouched in (StoredRow("new", row(1, 0.05, 0.1)), without_limits(2, "new")):
+        assert limits.added_to(untouched) == untouched
+        assert untouched.sources == ("new",)
+
+
+def test_a_report_names_the_sources_of_limits_though_all_rows_were_there(tmp_path: Path) -> None:
+    earlier = written(tmp_path / "earlier.jsonl", [StoredRow("old", row(seed, 9.0, 9.0)) for seed in range(40, 50)])
+    rows = written(tmp_path / "rows.jsonl", [without_limits(seed, "new") for seed in range(40, 50)])
+    page = tmp_path / "page.md"
+    options = ["--seed", "40", "--count", "10", "--rows", str(rows), "--report", str(page)]
+    assert main([*options, "--limits", str(earlier)]) == 0
+    assert "new, limits of old" in page.read_text()
+    assert "| error over limit, rms over 10 accepted scenes | 1.50 |" in page.read_text()
+
+
+def test_limits_of_another_scene_and_files_without_any_are_refused(tmp_path: Path) -> None:
+    other = StoredRow("old", replace(row(1, 0.05, 0.1), kind=replace(KIND, tilt_deg=4.0)))
+    with pytest.raises(InputError, match="seed 1 was another scene"):
+        EarlierLimits(written(tmp_path / "other.jsonl", [other])).added_to(without_limits(1, "new"))
+    with pytest.raises(InputError, match="none of its 1 rows has limits"):
+        EarlierLimits(written(tmp_path / "none.jsonl", [without_limits(1, "old")]))
 
 
 def test_an_accepted_axis_that_is_off_is_wrong_and_a_refused_one_is_not(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.accuracy import StoredRow, write_row
+from benchmarks.accuracy_rows import StoredRow, write_row
 from distalock.__main__ import main
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.bench import BENCHMARKS, ROOT
@@ -47,6 +47,16 @@ def test_wrong_options_of_a_benchmark_are_one_line(
     assert (captured.out, captured.err.count("\n")) == ("", 1)
     assert captured.err.startswith(f"distalock bench {name}: ")
     assert expected in captured.err
+
+
+def test_a_file_that_a_benchmark_cannot_use_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = tmp_path / "rows.jsonl"
+    rows.write_text("a\nb\n")
+    assert main(["bench", "accuracy", "--count", "1", "--limits", str(rows)]) == EXIT_BAD_INPUT
+    told = capsys.readouterr()
+    assert told.out == f"{rows}: 2 lines are no rows and left out; the first: a\n"
+    assert told.err.startswith(f"distalock bench accuracy: {rows}: none of its 0 rows has limits")
+    assert told.err.count("\n") == 1
 
 
 def test_every_benchmark_is_listed() -> None:
