@@ -26,7 +26,7 @@ _DAMPING_FACTOR = 10.0
 # A step that promises less than this part of the tolerance is not worth tracing the rays for.
 _HOPELESS = 0.3
 # A fit is given up when even so many times what the derivatives promise would leave it above what it may cost.
-_TRUSTED_PROMISES = 3.0
+_TRUSTED_PROMISES = 5.0
 # Derivatives are renewed once the parameters are so many standard deviations away: taking them costs three to four
 # times what the rays cost, and that far they change by some per cent.
 _CLOSE_DEVIATIONS = 3.0
