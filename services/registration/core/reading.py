@@ -35,8 +35,8 @@ def profile_px(reach_px: float) -> NDArray[np.float64]:
     Between pixels a picture read linearly has corners at every pixel. Read more densely, its peaks are at corners: they
     would be drawn to the pixels' rows and columns, by up to a quarter of a pixel at two samples a pixel.
     """
-    steps = int(np.floor(reach_px + 1e-9))
-    return np.arange(-steps, steps + 1, dtype=np.float64)
+    steps = int(np.floor(2.0 * reach_px + 1e-9))
+    return np.asarray(np.arange(steps + 1) - 0.5 * steps, dtype=np.float64)
 
 
 def peaks_of(samples: NDArray[np.float64], places: NDArray[np.float64]) -> Peaks:
