@@ -189,7 +189,7 @@ def _benchmark_name(text: str) -> str:
 
 
 def _bench_arguments(parser: argparse.ArgumentParser) -> None:
-    known = "; ".join(f"{name}: {measures}" for name, measures in BENCHMARKS.items())
+    known = "; ".join(f"{name}: {one.measures}" for name, one in BENCHMARKS.items())
     parser.add_argument(
         "names", nargs="*", type=_benchmark_name, metavar="NAME", help=f"all if none; {known.replace('%', '%%')}"
     )

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import statistics
-from benchmarks.capture import Capture
-from benchmarks.localised_scenes import model_row
-from benchmarks.methods import run_model
-from benchmarks.random_scenes import nominal_of, parts_of, scene_of_seed
+from benchmarks.accuracy.accuracy import statistics
+from benchmarks.accuracy.capture import Capture
+from benchmarks.accuracy.localised_scenes import model_row
+from benchmarks.baselines.methods import run_model
+from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from simulation.render.image import ImageFaults, Noise, exposed, view_of
 from simulation.world import starting_state
 

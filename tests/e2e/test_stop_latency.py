@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.stop_latency import LIMIT_P99_S, LIMIT_WORST_S, TRIALS, measured, quantile_s
+from benchmarks.robot.stop_latency import LIMIT_P99_S, LIMIT_WORST_S, TRIALS, measured, quantile_s
 
 
 @pytest.mark.slow

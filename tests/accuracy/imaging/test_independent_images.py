@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.calibration import Row, calibrate, default_folder
+from benchmarks.imaging.independent_calibration import Row, calibrate, default_folder
 
 SAMPLE = (0, 6, 7, 9, 16, 27)
 FOLDER = default_folder()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.robot_closed_loop import LIMIT_DEG, LIMIT_MM, Trouble, run_case
+from benchmarks.robot.closed_loop import LIMIT_DEG, LIMIT_MM, Trouble, run_case
 
 SEEDS = (330, 331)
 

@@ -5,25 +5,25 @@ from multiprocessing import get_context
 
 import pytest
 
-from benchmarks import robot_delivery, robot_faults, robot_noise
+from benchmarks.robot import delivery, faults, noise
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 def test_no_sequence_of_faults_leads_to_an_unpermitted_motion_or_ends_unlocked() -> None:
-    seeds = range(20_000, 20_000 + robot_faults.SEQUENCES // 10)
+    seeds = range(20_000, 20_000 + faults.SEQUENCES // 10)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        results = list(pool.map(robot_faults.run_sequence, seeds, chunksize=25))
+        results = list(pool.map(faults.run_sequence, seeds, chunksize=25))
     print(f"seeds {seeds}: {sum(r.moves for r in results)} moves")
     assert [r for r in results if r.wrong] == []
     assert sum(r.moves for r in results) > len(results) // 2
     assert {r.final_state for r in results} == {"stopped", "fault"}
 
 
-@pytest.mark.parametrize("wrong_share", robot_noise.WRONG_SHARES)
+@pytest.mark.parametrize("wrong_share", noise.WRONG_SHARES)
 def test_on_a_noisy_line_every_move_is_right_or_refused(wrong_share: float) -> None:
-    seeds = range(900, 900 + robot_noise.COMMANDS // robot_noise.BLOCK // 10)
-    total = robot_noise.total_of(robot_noise.run_block(seed, wrong_share) for seed in seeds)
+    seeds = range(900, 900 + noise.COMMANDS // noise.BLOCK // 10)
+    total = noise.total_of(noise.run_block(seed, wrong_share) for seed in seeds)
     print(f"seeds {seeds}: {total}")
     assert total.wrong == ()
     assert total.right + total.refused == total.commands
@@ -32,9 +32,9 @@ def test_on_a_noisy_line_every_move_is_right_or_refused(wrong_share: float) -> N
 
 def test_commands_take_effect_at_most_once_and_never_late() -> None:
     seeds = range(700, 710)
-    total = robot_delivery.total_of(robot_delivery.run_rig(seed) for seed in seeds)
+    total = delivery.total_of(delivery.run_rig(seed) for seed in seeds)
     print(f"seeds {seeds}: {total}")
-    assert total.commands == robot_delivery.COMMANDS // 10
+    assert total.commands == delivery.COMMANDS // 10
     assert (total.late, total.doubled) == (0, 0)
     assert total.moves > total.commands // 5
     assert {"command_expired", "command_out_of_order", "wrong_boot_epoch"} <= set(total.refusals)

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.guide_calibration import IMAGES, calibration_poses
-from benchmarks.guide_rooms import EXTENSION_MM, made_head, rendered_images, room_with_head
+from benchmarks.robot.guide_calibration import IMAGES, calibration_poses
+from benchmarks.robot.guide_rooms import EXTENSION_MM, made_head, rendered_images, room_with_head
 from distalock.__main__ import main
 from services.ui_api.desks.head_calibration import calibrated_hexapod
 from services.ui_api.desks.parts import resolve_part

@@ -1,6 +1,6 @@
 """A tenth of `distalock bench hexapod_kinematics`; the speed only against its peer."""
 
-from benchmarks.hexapod_kinematics import LIMIT_MM, LIMIT_RAD, POSES, SEED, inverse_speed, round_trip
+from benchmarks.robot.hexapod_kinematics import LIMIT_MM, LIMIT_RAD, POSES, SEED, inverse_speed, round_trip
 from shared.parts.hexapod_file import default_hexapod
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.accuracy import main, summary_of
-from benchmarks.accuracy_report import limit_ratios
-from benchmarks.accuracy_rows import EarlierLimits, StoredRow, read_rows, write_row
-from benchmarks.capture import Capture
-from benchmarks.cramer_rao import AxisLimit
-from benchmarks.localised_scenes import SceneKind, SceneRow
-from benchmarks.methods import HoleError, Outcome
+from benchmarks.accuracy.accuracy import main, summary_of
+from benchmarks.accuracy.capture import Capture
+from benchmarks.accuracy.localised_scenes import SceneKind, SceneRow
+from benchmarks.accuracy.report import limit_ratios
+from benchmarks.accuracy.rows import EarlierLimits, StoredRow, read_rows, write_row
+from benchmarks.baselines.methods import HoleError, Outcome
+from benchmarks.limits.cramer_rao import AxisLimit
 from shared.errors import InputError
 
 KIND = SceneKind(3.0, 400.0, 1, 0.3, "steel", 11.0, False, 5.5, 0.5, 0.1, 20.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.capture import is_right
+from benchmarks.accuracy.capture import is_right
 from shared.geometry.frames import Nail, Ring
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.xray_scene import nail_part

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.cramer_rao import limits_of, pixel_covariance
-from benchmarks.cramer_rao_crop import crop_about_holes, sample_sets
-from benchmarks.cramer_rao_images import SceneImages
-from benchmarks.random_scenes import scene_of_seed
+from benchmarks.limits.cramer_rao import limits_of, pixel_covariance
+from benchmarks.limits.cramer_rao_crop import crop_about_holes, sample_sets
+from benchmarks.limits.cramer_rao_images import SceneImages
+from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.frames import Nail
 from shared.geometry.transform import Transform
 from simulation.render.scene import balls_in_view, pack_scene

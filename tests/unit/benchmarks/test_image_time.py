@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from benchmarks.image_time import on_one_core, report
+from benchmarks.accuracy.image_time import on_one_core, report
 
 
 def test_one_core_is_one_for_every_thread_and_only_for_the_while() -> None:

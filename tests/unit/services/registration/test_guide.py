@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.varied_parts import random_guide
+from benchmarks.scenes.varied_parts import random_guide
 from services.registration.core.guide import search
 from services.registration.core.guide.locate import GuideFit, locate_guide, needed_balls
 from services.registration.core.guide.search import search_guide

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.guide_calibration import result_of
-from benchmarks.guide_rooms import EXTENSION_MM, Head, made_head, numerical_views
+from benchmarks.robot.guide_calibration import result_of
+from benchmarks.robot.guide_rooms import EXTENSION_MM, Head, made_head, numerical_views
 from services.robot.core.guide_calibration import GuideView, calibrate_guide, view_residual
 from services.robot.core.guide_judgement import GuideTrouble, head_finding, judge_calibration
 from services.robot.core.guide_poses import suggested_poses

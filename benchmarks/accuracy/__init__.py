@@ -1,0 +1,1 @@
+"""Errors of localisation, fusion, verification and guidance against known truth."""

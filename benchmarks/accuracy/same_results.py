@@ -1,0 +1,174 @@
+"""Verdicts and axes before and after a change, on the same images: 300 scenes on file, and the independent images.
+
+usage: distalock bench same_results scenes FOLDER [--count 300] [--seed 30000]
+       distalock bench same_results locate FOLDER... --results FILE
+       distalock bench same_results compare BEFORE AFTER
+
+`scenes` renders scenes once into a folder: images, part files and a manifest like that of the independent images.
+`locate` localises every image of such folders and writes one JSON line each; it is run on both revisions.
+`compare` lists every image whose verdict or reason codes differ, and the largest difference of an axis, in predicted
+standard deviations. It returns 1 when a verdict differs or an axis moved by more than 0.01 standard deviations.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from benchmarks.scenes.random_scenes import scene_of_seed
+from benchmarks.scenes.varied_parts import write_parts
+from distalock.locate import NominalOptions, locate_image, read_parts
+from simulation.render.image import render_scene
+from simulation.world import starting_state
+
+LARGEST_SHIFT_SD = 0.01
+FIRST_SEED, SCENES, PROCESSES = 30_000, 300, 2
+
+
+def main(arguments: Sequence[str] = ()) -> int:
+    """Write scenes, localise, or compare two runs; 0 when nothing differs."""
+    given = _options(arguments)
+    match given.action:
+        case "scenes":
+            return write_scenes(given.folder, range(given.seed, given.seed + given.count))
+        case "locate":
+            return write_results(given.folders, given.results)
+        case _:
+            return compare(given.before, given.after)
+
+
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="distalock bench same_results", description="before and after a change")
+    actions = parser.add_subparsers(dest="action", required=True)
+    scenes = actions.add_parser("scenes", help="render scenes into a folder")
+    scenes.add_argument("folder", type=Path)
+    scenes.add_argument("--count", type=int, default=SCENES)
+    scenes.add_argument("--seed", type=int, default=FIRST_SEED)
+    locate = actions.add_parser("locate", help="localise every image of folders")
+    locate.add_argument("folders", type=Path, nargs="+")
+    locate.add_argument("--results", type=Path, required=True)
+    comparison = actions.add_parser("compare", help="compare two files of results")
+    comparison.add_argument("before", type=Path)
+    comparison.add_argument("after", type=Path)
+    return parser.parse_args(list(arguments))
+
+
+def write_scenes(folder: Path, seeds: Sequence[int]) -> int:
+    """Render the scenes of some seeds, with the part files that a localisation gets."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(PROCESSES, initializer=_one_thread) as pool:
+        entries = list(pool.map(partial(_write_scene, folder), seeds))
+    (folder / "manifest.json").write_text(json.dumps({"images": entries}, indent=1))
+    return 0
+
+
+def _write_scene(folder: Path, seed: int) -> dict[str, Any]:
+    scenario = scene_of_seed(seed)
+    files = folder / f"{seed}"
+    files.mkdir(exist_ok=True)
+    write_parts(files, np.random.default_rng([seed, *b"varied parts"]))
+    nail = json.loads((files / "nail.json").read_text())
+    for hole in nail["holes"]:
+        del hole["chamfer_mm"]  # makers do not say how their holes are chamfered
+    (files / "nail.json").write_text(json.dumps(nail))
+    shot = render_scene(scenario, starting_state(scenario))
+    cv2.imwrite(str(files / "image.png"), shot.pixels)
+    parts = {kind: f"{seed}/{kind}.json" for kind in ("ring", "guide", "nail")}
+    c_arm = scenario.c_arm
+    nominal = {"source_to_detector_mm": c_arm.nominal_source_to_detector_mm, "pixel_mm": c_arm.nominal_pixel_mm}
+    print(f"rendered {seed}", flush=True)
+    return {"image": f"{seed}/image.png", "nominal": nominal, **parts}
+
+
+def write_results(folders: Sequence[Path], results: Path) -> int:
+    """Localise every image of the folders' manifests, one JSON line each."""
+    jobs = [(folder, entry) for folder in folders for entry in _entries(folder)]
+    with ProcessPoolExecutor(PROCESSES, initializer=_one_thread) as pool, results.open("w") as lines:
+        for line in pool.map(_located, jobs):
+            lines.write(json.dumps(line) + "\n")
+            print(line["image"], line["verdict"], ",".join(line["codes"]), flush=True)
+    return 0
+
+
+def _entries(folder: Path) -> list[dict[str, Any]]:
+    manifest = json.loads((folder / "manifest.json").read_text())
+    shared = {kind: manifest[kind] for kind in ("ring", "guide") if kind in manifest}
+    return [shared | entry for entry in manifest["images"]]
+
+
+def _located(job: tuple[Path, dict[str, Any]]) -> dict[str, Any]:
+    folder, entry = job
+    parts = read_parts(*(folder / entry[kind] for kind in ("ring", "guide", "nail")))
+    message = locate_image(folder / entry["image"], parts, NominalOptions(**entry["nominal"])).message
+    holes = {
+        hole.id: {
+            "entry_mm": hole.entry_point_guide_mm,
+            "axis": hole.axis_guide,
+            "entry_sd_mm": None if hole.standard_uncertainty is None else hole.standard_uncertainty.entry_mm,
+            "axis_sd_deg": None if hole.standard_uncertainty is None else hole.standard_uncertainty.axis_deg,
+        }
+        for hole in message.holes or ()
+    }
+    codes = [str(reason.code) for reason in message.reasons]
+    messages = [reason.message for reason in message.reasons]
+    image = f"{folder.name}/{entry['image']}"
+    return {"image": image, "verdict": message.verdict, "codes": codes, "messages": messages, "holes": holes}
+
+
+def compare(before: Path, after: Path) -> int:
+    """Print what differs between two runs."""
+    first, second = _by_image(before), _by_image(after)
+    images = sorted(first.keys() & second.keys())
+    print(f"{len(images)} images in both, {len(first.keys() ^ second.keys())} in one only")
+    different = [name for name in images if _verdict(first[name]) != _verdict(second[name])]
+    for name in different:
+        print(f"{name}: {_verdict(first[name])} before, {_verdict(second[name])} after")
+    shifts = sorted(((_shift_sd(first[name], second[name]), name) for name in images), reverse=True)
+    for shift, name in shifts[:10]:
+        print(f"{name}: an axis moved by {shift:.6f} standard deviations")
+    print(f"verdicts differ: {len(different)}; largest shift {shifts[0][0]:.6f} standard deviations")
+    return int(bool(different) or shifts[0][0] > LARGEST_SHIFT_SD or len(first) != len(second))
+
+
+def _by_image(file: Path) -> dict[str, dict[str, Any]]:
+    return {row["image"]: row for row in map(json.loads, file.read_text().splitlines())}
+
+
+def _verdict(row: dict[str, Any]) -> tuple[str, ...]:
+    return (row["verdict"], *row["codes"])
+
+
+def _shift_sd(before: dict[str, Any], after: dict[str, Any]) -> float:
+    """Largest difference of an entry point or an axis, and of their predicted deviations, in standard deviations."""
+    if before["holes"].keys() != after["holes"].keys():
+        return float("inf")
+    return max((_hole_shift_sd(hole, after["holes"][name]) for name, hole in before["holes"].items()), default=0.0)
+
+
+def _hole_shift_sd(before: dict[str, Any], after: dict[str, Any]) -> float:
+    if not before["entry_sd_mm"] or not before["axis_sd_deg"]:
+        return 0.0
+    axis = np.array(before["axis"])
+    apart = np.array(after["entry_mm"]) - before["entry_mm"]
+    across_mm = float(np.linalg.norm(apart - axis * (apart @ axis)))
+    turned_deg = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, after["axis"])), axis @ after["axis"])))
+    predicted = max(
+        abs(after["entry_sd_mm"] / before["entry_sd_mm"] - 1.0), abs(after["axis_sd_deg"] / before["axis_sd_deg"] - 1.0)
+    )
+    shift = max(across_mm / before["entry_sd_mm"], turned_deg / before["axis_sd_deg"], predicted)
+    return float(shift)
+
+
+def _one_thread() -> None:
+    cv2.setNumThreads(1)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""The methods and libraries that the product is compared with."""

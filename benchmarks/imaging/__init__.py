@@ -1,0 +1,1 @@
+"""Ball detection, calibration and identification of the ring, against peers and limits."""

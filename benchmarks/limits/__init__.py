@@ -1,0 +1,1 @@
+"""The smallest errors that any unbiased method can have."""

@@ -1,0 +1,1 @@
+"""Kinematics, motion, faults and stop latency of the robot service."""

@@ -1,0 +1,246 @@
+"""Real processes of router, gateway and robot service, and the other ends of their wires, to time a stop."""
+
+import hashlib
+import random
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import httpx
+
+from benchmarks.robot.plans import HEXAPOD, plan_between, pose_value, random_target
+from benchmarks.robot.rig import PlainVerb
+from distalock.processes import Fleet, ProcessSpec, free_ports, tcp_port_answers
+from distalock.rest_client import RestClient
+from shared.bus.keys import Keys
+from shared.bus.port import Bus, Sample
+from shared.bus.zenoh_bus import BusSettings, open_bus
+from shared.errors import NoReply
+from shared.messages.base import decode, encode
+from shared.messages.cases import CaseContext
+from shared.messages.registration import RegistrationEpoch
+from shared.messages.robot import (
+    Approval,
+    CommandEnvelope,
+    CommandReply,
+    MotionState,
+    MoveCommand,
+    PlainCommand,
+    RobotState,
+)
+from simulation.controller.gcs_protocol import SingleByte
+from simulation.controller.servers import tcp_server
+from simulation.controller.virtual_controller import VirtualController
+
+KEYS = Keys("or1")
+CLIENT = "benchmark"
+TARGET_SIZE = 4.0
+PATIENCE_S = 20.0
+SET_UP = {
+    "side": "right",
+    "bone": "femur",
+    "mount": "bone",
+    "nail": "nail-femur-ti-11",
+    "guide": "guide-28",
+    "ring": "ring-120",
+    "head_extension_mm": 60.0,
+}
+
+
+class ListeningController(VirtualController):
+    """Notes when the stop byte arrives; may be mute, but always hears."""
+
+    mute = False
+    stopped_s = float("nan")
+    stop_heard = threading.Event()
+
+    def receive(self, command: str | SingleByte) -> bytes:
+        """Obey, and answer unless mute."""
+        if command is SingleByte.STOP_ALL and not self.stop_heard.is_set():
+            self.stopped_s = time.monotonic()
+            self.stop_heard.set()
+        reply = super().receive(command)
+        return b"" if self.mute else reply
+
+
+@dataclass(slots=True)
+class StopTheatre:
+    """Everybody around the robot service."""
+
+    controller: ListeningController
+    bus: Bus
+    rest: RestClient
+    state: RobotState | None = None
+    case: tuple[str, int] = ("", -1)
+    epoch: str = "registration.1"
+    sequence: int = 0
+    changed: threading.Condition = field(default_factory=threading.Condition)
+
+    def listen(self) -> None:
+        """Follow the robot and the case."""
+        self.bus.subscribe_retained(KEYS.robot_state, self._on_state)
+        self.bus.subscribe_retained(KEYS.case_context, self._on_case)
+
+    def _on_state(self, sample: Sample) -> None:
+        with self.changed:
+            self.state = decode(RobotState, sample.payload)
+            self.changed.notify_all()
+
+    def _on_case(self, sample: Sample) -> None:
+        context = decode(CaseContext, sample.payload)
+        with self.changed:
+            self.case = (context.case_id or "", context.revision)
+            self.changed.notify_all()
+
+    def wait(self, condition: Callable[[RobotState], bool]) -> RobotState:
+        """Wait for a state."""
+        with self.changed:
+            there = self.changed.wait_for(lambda: self.state is not None and condition(self.state), PATIENCE_S)
+            if not there or self.state is None:
+                raise TimeoutError(f"no such state within {PATIENCE_S:g} s; the last is {self.state}")
+            return self.state
+
+    def wait_for_newer(self, seen: RobotState) -> None:
+        """Wait until the robot has published again."""
+        self.wait(lambda s: s.sequence > seen.sequence)
+
+    def envelope(self, state: RobotState) -> CommandEnvelope:
+        """For a command that quotes this state."""
+        self.sequence += 1
+        return CommandEnvelope(
+            command_id=f"bench{self.sequence}",
+            client=CLIENT,
+            client_sequence=self.sequence,
+            robot_boot_epoch=state.boot_epoch,
+            after_state_sequence=state.sequence,
+            issued_at_ns=time.time_ns(),
+        )
+
+    def plain(self, verb: PlainVerb) -> CommandReply | None:
+        """A command without a plan; None when nobody answered."""
+        state = self.wait(lambda _: True)
+        command = encode(PlainCommand(verb=verb, envelope=self.envelope(state)))
+        try:
+            return decode(CommandReply, self.bus.query(KEYS.robot_command(verb), command, 1.0).payload)
+        except NoReply:
+            return None
+
+    def make_ready(self) -> RobotState:
+        """Whatever it takes until the robot is locked and referenced."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline_s:
+            state = self.wait(lambda s: s.state not in (MotionState.DISCONNECTED, MotionState.REFERENCING))
+            match state.state:
+                case MotionState.FAULT:
+                    self.plain("reset")
+                case MotionState.STOPPED:
+                    self.plain("acknowledge_stop")
+                case MotionState.UNREFERENCED:
+                    self.plain("reference")
+                case MotionState.LOCKED if state.locked and state.pose is not None:
+                    return state
+                case _:
+                    pass
+            self.wait_for_newer(state)
+        raise TimeoutError(f"the robot was not ready within {PATIENCE_S:g} s; it is {self.state}")
+
+    def begin_motion(self, source: random.Random) -> None:
+        """Plan somewhere else, as registration, and command it, until the robot moves."""
+        plans = self.bus.retained_publisher(KEYS.plan)
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not self.controller.snapshot().moving:
+            state = self.make_ready()
+            if state.pose is None or time.monotonic() > deadline_s:
+                raise TimeoutError(f"no motion began; the robot is {state}")
+            start, target = pose_value(state.pose), random_target(source, TARGET_SIZE)
+            content = encode(plan_between(start, target, self.epoch, state.boot_epoch, self.case))
+            plans.put(content)
+            time.sleep(0.02)  # plan and command come on different keys
+            self._command(state, content)
+        plans.close()
+
+    def _command(self, state: RobotState, plan: bytes) -> None:
+        approval = Approval(plan_sha256=hashlib.sha256(plan).hexdigest(), approved_by="nobody", approved_at_ns=0)
+        command = MoveCommand(envelope=self.envelope(state), plan_json=plan.decode(), approval=approval)
+        try:
+            self.bus.query(KEYS.robot_command("move"), encode(command), 1.0)
+        except NoReply:
+            return
+        asked_s = time.monotonic()
+        while not self.controller.snapshot().moving and time.monotonic() < asked_s + 0.5:
+            time.sleep(0.002)
+
+    def stop_latency_s(self, source: random.Random, *, mute: bool) -> float:
+        """One trial: begin a motion, ask for a stop somewhere in it, and time the byte."""
+        self.begin_motion(source)
+        self.controller.mute = mute
+        time.sleep(source.uniform(0.02, 0.15))
+        self.controller.stop_heard.clear()
+        asked_s = time.monotonic()
+        try:
+            self.rest.post("/api/v1/robot/stop")
+            if not self.controller.stop_heard.wait(PATIENCE_S):
+                raise TimeoutError(f"no stop byte within {PATIENCE_S:g} s")
+        finally:
+            self.controller.mute = False
+        return self.controller.stopped_s - asked_s
+
+
+@contextmanager
+def stop_theatre() -> Iterator[StopTheatre]:
+    """An installation of its own, for as long as the context lasts."""
+    router_port, rest_port = free_ports(2)
+    controller = ListeningController(HEXAPOD, time.monotonic)
+    ended = threading.Event()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        tcp_server(controller) as gcs_port,
+        Fleet(_processes(router_port, rest_port, gcs_port, Path(folder)), Path(folder) / "logs"),
+        open_bus(BusSettings(f"tcp/127.0.0.1:{router_port}")) as bus,
+        RestClient(f"http://127.0.0.1:{rest_port}") as rest,
+    ):
+        theatre = StopTheatre(controller, bus, rest)
+        theatre.listen()
+        rest.post("/api/v1/cases", SET_UP)
+        vouching = threading.Thread(target=_vouch, args=(bus, theatre.epoch, ended), daemon=True)
+        vouching.start()
+        try:
+            yield theatre
+        finally:
+            ended.set()
+            vouching.join()
+
+
+def _processes(router_port: int, rest_port: int, gcs_port: int, folder: Path) -> list[ProcessSpec]:
+    environment = {
+        "DISTALOCK_ROUTER_ENDPOINT": f"tcp/127.0.0.1:{router_port}",
+        "DISTALOCK_STATE_DIR": str(folder),
+        "DISTALOCK_ROBOT_CONTROLLER_URL": f"socket://127.0.0.1:{gcs_port}",
+        "DISTALOCK_UI_API_PORT": str(rest_port),
+    }
+    listen = ("--listen", f"tcp/127.0.0.1:{router_port}")
+    return [
+        ProcessSpec("router", "shared.bus.router", lambda: tcp_port_answers(router_port), listen),
+        ProcessSpec("robot", "services.robot", lambda: True, environment=environment),
+        ProcessSpec("ui_api", "services.ui_api", lambda: _is_well(rest_port), environment=environment),
+    ]
+
+
+def _is_well(rest_port: int) -> bool:
+    try:
+        return httpx.get(f"http://127.0.0.1:{rest_port}/healthz", timeout=1.0).status_code == httpx.codes.OK
+    except httpx.HTTPError:
+        return False
+
+
+def _vouch(bus: Bus, epoch: str, ended: threading.Event) -> None:
+    """Say, as registration does, that nothing newer has come."""
+    words = bus.publisher(KEYS.registration_epoch)
+    number = 0
+    while not ended.wait(0.1):
+        number += 1
+        words.put(encode(RegistrationEpoch(boot_epoch="registration", sequence=number, registration_epoch=epoch)))

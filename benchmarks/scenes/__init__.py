@@ -1,0 +1,1 @@
+"""Seeded scenes, set-ups and films that the benchmarks render."""
