@@ -2,7 +2,7 @@
 
 usage: distalock bench same_results scenes FOLDER [--count 300] [--seed 30000]
        distalock bench same_results locate FOLDER... --results FILE
-       distalock bench same_results compare BEFORE AFTER
+       distalock bench same_results compare BEFORE AFTER [--subset]
 
 `scenes` renders scenes once into a folder: images, part files and a manifest like that of the independent images.
 `locate` localises every image of such folders and writes one JSON line each; it is run on both revisions.
@@ -15,6 +15,7 @@ import json
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,13 @@ LARGEST_SHIFT_SD = 0.01
 FIRST_SEED, SCENES, PROCESSES = 30_000, 300, 2
 
 
+class Subset(Enum):
+    """Whether the second run may have fewer images than the first."""
+
+    ALLOWED = "allowed"
+    REFUSED = "refused"
+
+
 def main(arguments: Sequence[str] = ()) -> int:
     """Write scenes, localise, or compare two runs; 0 when nothing differs."""
     given = _options(arguments)
@@ -41,7 +49,7 @@ def main(arguments: Sequence[str] = ()) -> int:
         case "locate":
             return write_results(given.folders, given.results)
         case _:
-            return compare(given.before, given.after)
+            return compare(given.before, given.after, Subset.ALLOWED if given.subset else Subset.REFUSED)
 
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
@@ -57,6 +65,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     comparison = actions.add_parser("compare", help="compare two files of results")
     comparison.add_argument("before", type=Path)
     comparison.add_argument("after", type=Path)
+    comparison.add_argument("--subset", action="store_true", help="images in one file only do not count")
     return parser.parse_args(list(arguments))
 
 
@@ -122,7 +131,7 @@ def _located(job: tuple[Path, dict[str, Any]]) -> dict[str, Any]:
     return {"image": image, "verdict": message.verdict, "codes": codes, "messages": messages, "holes": holes}
 
 
-def compare(before: Path, after: Path) -> int:
+def compare(before: Path, after: Path, subset: Subset) -> int:
     """Print what differs between two runs."""
     first, second = _by_image(before), _by_image(after)
     images = sorted(first.keys() & second.keys())
@@ -134,7 +143,8 @@ def compare(before: Path, after: Path) -> int:
     for shift, name in shifts[:10]:
         print(f"{name}: an axis moved by {shift:.6f} standard deviations")
     print(f"verdicts differ: {len(different)}; largest shift {shifts[0][0]:.6f} standard deviations")
-    return int(bool(different) or shifts[0][0] > LARGEST_SHIFT_SD or len(first) != len(second))
+    incomplete = subset is Subset.REFUSED and first.keys() != second.keys()
+    return int(bool(different) or shifts[0][0] > LARGEST_SHIFT_SD or incomplete)
 
 
 def _by_image(file: Path) -> dict[str, dict[str, Any]]:
