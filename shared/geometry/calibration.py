@@ -108,6 +108,11 @@ class CArmCalibration:
         """Number of the ring's balls that were found and identified."""
         return int(np.count_nonzero(self.balls.ring_index != NOT_OF_THE_RING))
 
+    @property
+    def pixel_mm(self) -> float:
+        """Pixel pitch at the ring's plate next to the detector: its distance from the focal spot over focal length."""
+        return float(self.camera_from_ring.translation_mm[2] / self.camera.focal_length_px)
+
     def shows(self, x_px: _Reals, y_px: _Reals, margin_px: float) -> NDArray[np.bool_]:
         """Whether places, columns and rows that broadcast, are in image and aperture, a margin from their borders."""
         inside = (x_px >= margin_px) & (x_px <= self.width_px - 1 - margin_px)

@@ -98,17 +98,12 @@ def _every_ball(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage
         radius[missing],
         np.concatenate([balls.centre_px[~named], centre[index]]),
         np.concatenate([balls.radius_px[~named], radius[index]]),
-        look(_DRIFT_PX, _pixel_mm(calibration), _CLEARLY_THERE),
+        look(_DRIFT_PX, calibration.pixel_mm, _CLEARLY_THERE),
         usable_pixels(upright, calibration.aperture),
     )
     centre[missing[again.seen]] = again.centre_px[again.seen]
     deviation[missing[again.seen]] = again.standard_deviation_px[again.seen]
     return centre, deviation
-
-
-def _pixel_mm(calibration: CArmCalibration) -> float:
-    """Size of a pixel at the ring's plate next to the detector."""
-    return float(calibration.camera_from_ring.translation_mm[2] / calibration.camera.focal_length_px)
 
 
 def ball_statistics(measured: Sequence[Residuals], ball: int) -> BallStatistics:

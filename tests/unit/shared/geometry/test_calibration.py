@@ -38,3 +38,12 @@ def test_an_image_shows_what_is_within_its_border_and_its_aperture() -> None:
     in_circle = np.hypot(columns - 20.0, rows - 100.0) <= 44.0
     assert (round_one == (shown & in_circle)).all()
     assert in_circle.sum() > round_one.sum() > 0
+
+
+def test_the_pixel_pitch_is_what_a_millimetre_on_the_ring_s_plate_spans() -> None:
+    plain = calibration(200)
+    ring_from_camera = plain.camera_from_ring.inverse()
+    foot = ring_from_camera.points(np.zeros((1, 3)))[0]
+    plate = np.array([[foot[0], foot[1], 0.0], [foot[0] + 10.0, foot[1], 0.0]])
+    ends = plain.camera.project(plain.camera_from_ring.points(plate))
+    assert 10.0 / np.hypot(*(ends[1] - ends[0])) == pytest.approx(plain.pixel_mm, rel=1e-6)
