@@ -22,14 +22,14 @@ from benchmarks.scenes.set_ups import SeenImage, SetUp
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.passing import across_basis
-from services.registration.core.wires.images import verify_seen
+from services.registration.core.wires.nail_fit import WiredImage, beside_wires
 from services.registration.core.wires.verify import (
     LARGEST_ANGLE_DEG,
     LARGEST_OFFSET_MM,
     AxisComparison,
     WireVerification,
+    verify_seen,
 )
-from services.registration.core.wires.wired_image import WiredImage, beside_wires
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line, unit
 from shared.geometry.transform import Transform

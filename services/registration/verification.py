@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
-from services.registration.core.wires.images import verify_images
-from services.registration.core.wires.verify import AxisComparison, WireVerification
-from services.registration.core.wires.wired_image import WiredImage
+from services.registration.core.wires.nail_fit import WiredImage
+from services.registration.core.wires.verify import AxisComparison, WireVerification, verify_images
 from services.registration.report import standard_uncertainty
 from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration

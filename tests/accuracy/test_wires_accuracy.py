@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.passing import axis_offset_mm
-from services.registration.core.wires.view import WireView
+from services.registration.core.wires.image import WireView
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
-from tests.unit.services.registration.test_wires import (
+from tests.unit.services.registration.core.wires.wire_scene import (
     GUIDE_COVARIANCE,
     Wired,
     estimates,

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from services.registration.core.guidance.nail import FollowedNail, Look
+from services.registration.core.guidance.nail_tracking import FollowedNail, Look
 from services.registration.core.nail.judgement import CLEAR_VIEW
 from shared.errors import Reason, ReasonCode
 from shared.figures import figure, figures

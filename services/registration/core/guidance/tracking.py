@@ -13,14 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import Advice, advice
-from services.registration.core.guidance.frame_weighing import weighed
-from services.registration.core.guidance.guide import FollowedGuide, follow_guide
+from services.registration.core.guidance.guide_tracking import FollowedGuide, follow_guide
 from services.registration.core.guidance.judgement import (
     Surprise,
     reasons_against_frame,
     reasons_against_margin,
 )
-from services.registration.core.guidance.nail import FollowedNail, Look, follow_nail, learn_look, mirror_margin
+from services.registration.core.guidance.nail_tracking import (
+    FollowedNail,
+    Look,
+    follow_nail,
+    learn_look,
+    mirror_margin,
+    weighed,
+)
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.nail.occluders import Occluders, PlacedGuide

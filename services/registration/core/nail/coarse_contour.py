@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.coarse_band import SearchImage
 from services.registration.core.nail.coarse_openings import HolePattern
-from services.registration.core.reading import vertex_step
+from services.registration.core.subpixel import vertex_step
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.lines import read_only
 

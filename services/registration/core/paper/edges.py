@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from services.registration.core.reading import vertex_step
+from services.registration.core.subpixel import vertex_step
 from shared.geometry.calibration import CArmCalibration
 
 _GRID_PX = 8

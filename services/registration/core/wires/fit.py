@@ -12,12 +12,126 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.wires.equations import NAIL_SIZE, Rows, System, linearised
-from services.registration.core.wires.model import SHARED, START, TIP, WireModel
-from services.registration.core.wires.search import search_starts
-from services.registration.core.wires.shape import PER_VIEW
-from services.registration.core.wires.view import PreparedView
-from shared.geometry.lines import Line, read_only
+from services.registration.core.passing import across_basis
+from services.registration.core.wires.image import PreparedView
+from services.registration.core.wires.model import SHARED, START, TIP, Passage, WireModel, endings, wire_model
+from services.registration.core.wires.outline import (
+    PER_VIEW,
+    EdgeMatches,
+    Shape,
+    match_edges,
+    search_starts,
+    shape_of,
+    stacks_of,
+)
+from shared.errors import Reason, ReasonCode
+from shared.figures import figure
+from shared.geometry.frames import Guide, Nail
+from shared.geometry.lines import Line, read_only, unit
+from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
+from shared.geometry.transform import Transform
+
+NAIL_SIZE = 6
+_RADIUS_SD_PX = 0.3
+_EDGE_SD_PX, _EDGE_CORRELATION_PX = 0.35, 4.0
+_ROBUST_PX = 1.2
+_SEEN_NATS, _MISSING_NATS, _TYPICAL_SHIFT_PX = 2.0, -1.3, 0.5
+_SEEN_WITHIN_PX = 1.0
+_STEPS = np.array([1e-3] * (SHARED + 1) + [1e-5] * 3 + [1e-3] * 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Linearised observations of one view: derivatives along the normals, shifts, weights, effective number."""
+
+    shape: Shape
+    matches: EdgeMatches
+    derivative: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    effective_count: float
+
+    @property
+    def free_px(self) -> float:
+        """Length of outline that is not hidden."""
+        return float(self.shape.free_px.sum())
+
+    @property
+    def seen_px(self) -> float:
+        """Length of it that was found."""
+        close = self.matches.share * (np.abs(self.matches.shift_px) < _SEEN_WITHIN_PX)
+        return float(close @ self.shape.free_px[self.matches.index])
+
+    @property
+    def log_likelihood(self) -> float:
+        """How well edges lie on the outline: a long-tailed law for each correlation length, and a price for none."""
+        seen_nats = _SEEN_NATS - np.log1p((self.matches.shift_px / _TYPICAL_SHIFT_PX) ** 2)
+        nats = np.full(len(self.shape.free), _MISSING_NATS)
+        nats[self.matches.index] += self.matches.share * (seen_nats - _MISSING_NATS)
+        return float(nats @ self.shape.free_px) / _EDGE_CORRELATION_PX
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class System:
+    """Normal equations at a state: of the priors alone, and of everything; the gradient; how well the outlines fit."""
+
+    prior: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    mean_square: float
+    rows: tuple[Rows, ...]
+
+
+def linearised(
+    views: tuple[PreparedView, ...],
+    model: WireModel,
+    precision: NDArray[np.float64],
+    state: NDArray[np.float64],
+    reach_px: float,
+) -> System:
+    """Normal equations of all views and priors at a state: wire, then radius and guide of each view, then the nail."""
+    prior = _prior(model, precision, len(views))
+    mean = np.concatenate([model.mean, np.zeros(state.size - SHARED)])
+    normal, gradient = prior.copy(), prior @ (mean - state)
+    all_rows = []
+    for k, view in enumerate(views):
+        columns = np.concatenate([np.arange(SHARED), SHARED + k * PER_VIEW + np.arange(PER_VIEW)])
+        rows = _rows(view, model, state[columns], reach_px)
+        weighted = rows.weight[:, None] * rows.derivative
+        normal[np.ix_(columns, columns)] += weighted.T @ rows.derivative
+        gradient[columns] += weighted.T @ rows.matches.shift_px
+        all_rows.append(rows)
+    squares = sum(float(rows.weight @ rows.matches.shift_px**2) for rows in all_rows)
+    count = sum(rows.effective_count for rows in all_rows)
+    return System(prior, normal, gradient, squares / max(count, 1.0), tuple(all_rows))
+
+
+def _prior(model: WireModel, precision: NDArray[np.float64], view_count: int) -> NDArray[np.float64]:
+    """Precision of all unknowns before the wire is looked at."""
+    size = SHARED + PER_VIEW * view_count + NAIL_SIZE
+    prior = np.zeros((size, size))
+    prior[:SHARED, :SHARED] = model.precision
+    radius = SHARED + PER_VIEW * np.arange(view_count)
+    prior[radius, radius] = _RADIUS_SD_PX**-2
+    others = np.setdiff1d(np.arange(SHARED, size), radius)
+    prior[np.ix_(others, others)] = precision
+    return prior
+
+
+def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> Rows:
+    shape = shape_of(view, model, unknowns)
+    matches = match_edges(view, shape.stack, shape.outline, reach_px)
+    disc, outward = shape.outline.disc[matches.index], shape.outline.outward[matches.index]
+    moved = stacks_of(view, model, unknowns + np.diag(_STEPS), len(shape.stack.radius_px))
+    by_centre = (moved.centre_px - shape.stack.centre_px)[:, disc]
+    derivative = np.einsum("jmi,mi->mj", by_centre, outward) / _STEPS
+    # A change of apparent radius along the wire is left to the view's own radius error: edges shift with contrast.
+    ends = [START, TIP, SHARED]
+    derivative[:, ends] += ((moved.radius_px[ends] - shape.stack.radius_px) / _STEPS[ends, None])[:, disc].T
+    crowding = np.maximum(_EDGE_CORRELATION_PX / np.maximum(shape.outline.length_px[matches.index], 1e-6), 1.0)
+    effective = matches.share / crowding
+    weight = effective / (_EDGE_SD_PX**2 * (1.0 + (matches.shift_px / _ROBUST_PX) ** 2))
+    return Rows(shape, matches, derivative, weight, float(effective.sum()))
+
 
 LEAST_SEEN_PX, LEAST_SEEN_SHARE = 7.0, 0.6
 # The outline is read at neighbouring points, whose errors go together: likelihoods of rivals count with this share.
@@ -199,3 +313,62 @@ def _impossibility(solution: _Solution) -> float:
     missed_mm = max(passage.missed_by_mm(solution.state[2:4]) - _GIVES_MM, 0.0)
     variance_mm2 = float(np.linalg.eigvalsh(solution.covariance[2:4, 2:4])[-1])
     return 0.5 * missed_mm**2 / variance_mm2
+
+
+WIRE_DIAMETER_MM = 2.0
+_LEAST_DARKNESS = 0.5
+
+
+def find_wire(
+    views: tuple[PreparedView, ...],
+    guide: GuidePart,
+    guide_hole: Hole,
+    nail: NailPart,
+    guide_from_nail: Transform[Guide, Nail],
+    known: NDArray[np.float64],
+) -> WireFit | Reason:
+    """The wire through one guide hole, or why there is none to be seen.
+
+    Parameters
+    ----------
+    guide_hole
+        The nail has one of the same id.
+    known
+        Covariance of guide and nail, as `SetUp.covariance`.
+    """
+    nail_hole = next(hole for hole in nail.holes if hole.id == guide_hole.id)
+    entry_mm = guide_from_nail @ hole_surface_points(nail, nail_hole)[0]
+    along_mm = float((entry_mm - guide_hole.axis.point_mm) @ guide_hole.axis.direction)
+    ways = endings(_passage(guide_hole, nail, nail_hole, entry_mm, guide_from_nail))
+    models = tuple(wire_model(guide, guide_hole, WIRE_DIAMETER_MM, along_mm, ending) for ending in ways)
+    fit = fit_wire(views, models, known)
+    seen = sum(fit.seen_px)
+    fraction = seen_share(fit.seen_px, fit.free_px)
+    if seen >= LEAST_SEEN_PX and fraction >= LEAST_SEEN_SHARE and fit.darkness >= _LEAST_DARKNESS:
+        return fit
+    darkness = 100.0 * max(fit.darkness, 0.0)
+    return Reason(
+        ReasonCode.WIRE_NOT_FOUND,
+        f"no wire was found through guide hole '{guide_hole.id}': {figure(seen, LEAST_SEEN_PX, 0)} px of its outline "
+        f"were seen (limit {LEAST_SEEN_PX:.0f}), {figure(100.0 * fraction, 100.0 * LEAST_SEEN_SHARE, 0)} % of what is "
+        f"not hidden (limit {100.0 * LEAST_SEEN_SHARE:.0f} %), {figure(darkness, 100.0 * _LEAST_DARKNESS, 0)} % as "
+        f"dark as the nail (limit {100.0 * _LEAST_DARKNESS:.0f} %); insert the wire up to the nail, or take an "
+        "oblique image",
+    )
+
+
+def _passage(
+    guide_hole: Hole,
+    nail: NailPart,
+    nail_hole: Hole,
+    entry_guide_mm: NDArray[np.float64],
+    guide_from_nail: Transform[Guide, Nail],
+) -> Passage:
+    across = across_basis(guide_hole.axis.direction)
+    beside = across @ np.cross(guide_hole.axis.direction, guide_from_nail.directions(np.array([1.0, 0.0, 0.0])))
+    return Passage(
+        read_only(across @ (entry_guide_mm - guide_hole.axis.point_mm)),
+        0.5 * (nail_hole.diameter_mm - WIRE_DIAMETER_MM),
+        read_only(unit(beside)),
+        nail.radius_mm + 0.5 * WIRE_DIAMETER_MM,
+    )

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.reading import between_pixels, peaks_of, profile_px, ramp
-from services.registration.core.wires.view import WireView, balls_mask, in_border
+from services.registration.core.subpixel import between_pixels, peaks_of, profile_px, ramp
+from services.registration.core.wires.image import WireView, balls_mask, in_border
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.reading import peaks_of, profile_px, ramp
-from services.registration.core.wires.view import PreparedView
+from services.registration.core.subpixel import peaks_of, profile_px, ramp
+from services.registration.core.wires.image import PreparedView
+from services.registration.core.wires.model import SHARED, WireModel
 
 _CAP_POINTS = 24
 _CLEAR_OF_MASK_PX = 1.25
@@ -136,3 +137,109 @@ def match_edges(prepared: PreparedView, stack: Stack, outline: Outline, reach_px
     share *= ramp(darkness, *_DARKNESS)
     found = np.flatnonzero(share)
     return EdgeMatches(found, share[found], peaks.place[found], darkness[found])
+
+
+PER_VIEW = 7
+# Farther apart, the likelihood of one place would depend by some nats on which points of the outline happen to be read.
+_LEAST_DISCS, _MOST_DISCS, _DISC_EVERY_PX = 12, 500, 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A wire's outline in one view.
+
+    Attributes
+    ----------
+    free
+        How much of each point can be seen, and counts, from 0 to 1, shape (M,).
+    """
+
+    stack: Stack
+    outline: Outline
+    free: NDArray[np.float64]
+
+    @property
+    def free_px(self) -> NDArray[np.float64]:
+        """Length of outline that each point stands for and that can be seen, shape (M,)."""
+        return self.outline.length_px * self.free
+
+
+def stacks_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], count: int) -> Stack:
+    """Discs along wires: centres of shape (B, count, 2), radii of shape (B, count).
+
+    Parameters
+    ----------
+    unknowns
+        Shape (B, 13): of the wire (see `WireModel`), then the error of the apparent radius in this view (px), then that
+        of the guide's pose (rad, mm, in the guide's own frame).
+    """
+    points = model.points_guide_mm(unknowns[:, :SHARED], count)
+    turn, shift = unknowns[:, None, SHARED + 1 : SHARED + 4], unknowns[:, None, SHARED + 4 :]
+    # The guide's pose is wrong by a hundredth of a degree: the turn's first order is exact to nanometres.
+    points_camera = view.camera_points_mm(points + np.cross(turn, points) + shift)
+    calibration = view.view.calibration
+    distance = np.linalg.norm(points_camera, axis=-1)
+    radius = model.radius_mm * calibration.camera.focal_length_px / distance + unknowns[:, SHARED, None]
+    return Stack(calibration.image_from_camera(points_camera), radius)
+
+
+def shape_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> Shape:
+    """Outline of one wire, by a disc every pixel and a half."""
+    rough = stacks_of(view, model, unknowns[None], 3).centre_px[0]
+    way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
+    discs = int(np.clip(way_px / _DISC_EVERY_PX, _LEAST_DISCS, _MOST_DISCS))
+    stacks = stacks_of(view, model, unknowns[None], discs)
+    return shape_in(view, Stack(stacks.centre_px[0], stacks.radius_px[0]))
+
+
+def shape_in(view: PreparedView, stack: Stack) -> Shape:
+    """Outline of one stack of discs."""
+    outline = outline_of(stack)
+    # The cap at the begin of the wire does not count: where it is, nobody knows.
+    free = view.free_share(outline.point_px) * (outline.disc > 0)
+    return Shape(stack, outline, free)
+
+
+_SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
+_OTHER_TIPS_MM = (-10.0, 10.0)
+_SEARCH_DISCS = 40
+_CANDIDATES, _STARTS, _STARTS_APART_MM = 40, 5, 1.0
+_PENALTY_OF_MISSING = 0.5
+
+
+def search_starts(views: tuple[PreparedView, ...], model: WireModel) -> list[NDArray[np.float64]]:
+    """Best axes of a grid through the middle of the guide hole, apart from one another, for a few places of the tip."""
+    steps = np.arange(-_SEARCH_REACH_MM, _SEARCH_REACH_MM + 1e-9, _SEARCH_STEP_MM)
+    scored = _ranked(views, model, [(x, y, 0.0) for x in steps for y in steps])[:_CANDIDATES]
+    others = [(x, y, tip) for _, (x, y, _) in scored for tip in _OTHER_TIPS_MM]
+    chosen: list[tuple[float, float, float]] = []
+    for _, place in sorted(scored + _ranked(views, model, others), reverse=True):
+        if all(np.hypot(place[0] - x, place[1] - y) > _STARTS_APART_MM for x, y, _ in chosen):
+            chosen.append(place)
+    return [_unknowns_at(model, place) for place in chosen[:_STARTS]]
+
+
+def _ranked(
+    views: tuple[PreparedView, ...], model: WireModel, places: list[tuple[float, float, float]]
+) -> list[tuple[float, tuple[float, float, float]]]:
+    """Scores of places at the nail (two offsets, and how far the tip is past its usual place, in mm), best first."""
+    unknowns = np.array([_unknowns_at(model, place) for place in places])
+    deviation = unknowns - model.mean
+    scores = -0.5 * np.einsum("bi,ij,bj->b", deviation, model.precision, deviation)
+    in_view = np.concatenate([unknowns, np.zeros((len(places), PER_VIEW))], axis=1)
+    for view in views:
+        stacks = stacks_of(view, model, in_view, _SEARCH_DISCS)
+        pairs = zip(stacks.centre_px, stacks.radius_px, strict=True)
+        scores += [_evidence_px(view, Stack(centre_px, radius_px)) for centre_px, radius_px in pairs]
+    return sorted(zip(scores.tolist(), places, strict=True), reverse=True)
+
+
+def _unknowns_at(model: WireModel, place: tuple[float, float, float]) -> NDArray[np.float64]:
+    return np.asarray(model.mean + np.array([0.0, 0.0, place[0], place[1], 0.0, place[2]]))
+
+
+def _evidence_px(view: PreparedView, stack: Stack) -> float:
+    shape = shape_in(view, stack)
+    matches = match_edges(view, shape.stack, shape.outline, _SEARCH_REACH_PX)
+    seen_px = float(matches.share @ shape.free_px[matches.index])
+    return seen_px - _PENALTY_OF_MISSING * float(shape.free_px.sum())

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from services.registration.core.passing import across_basis
-from services.registration.core.wires.equations import NAIL_SIZE, linearised
+from services.registration.core.wires.fit import NAIL_SIZE, linearised
+from services.registration.core.wires.image import prepare_view
 from services.registration.core.wires.model import TIP, endings, wire_model
-from services.registration.core.wires.outline import Stack, outline_of
-from services.registration.core.wires.shape import PER_VIEW
-from services.registration.core.wires.view import prepare_view
-from tests.unit.services.registration.test_wires import ASKEW, GUIDE_FROM_NAIL, oblique, set_up, view_of
-from tests.unit.services.registration.test_wires_model import PASSAGE
+from services.registration.core.wires.outline import PER_VIEW, Stack, outline_of
+from tests.unit.services.registration.core.wires.test_model import PASSAGE
+from tests.unit.services.registration.core.wires.wire_scene import ASKEW, GUIDE_FROM_NAIL, oblique, set_up, view_of
 from tests.unit.services.registration.xray_scene import guide_part, nail_part
 
 REACH_PX = 2.5

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from services.registration.core.nail.covariance import pose_covariance
 from services.registration.core.nail.equations import Problem
@@ -187,3 +188,30 @@ def _covariance(given: Given, problem: Problem, solution: Solution, noise: Noise
     shared = jacobian @ look.shared_covariance @ jacobian.T
     own = model_covariance(given.nail, scene.pose(solution.parameters))
     return np.asarray(pose_covariance(problem, solution, noise) + shared + own)
+
+
+_SHARED = 0.5
+
+
+def weighed(
+    predicted: Transform[Camera, Nail],
+    predicted_covariance: NDArray[np.float64],
+    seen: Transform[Camera, Nail],
+    seen_covariance: NDArray[np.float64],
+) -> tuple[Transform[Camera, Nail], NDArray[np.float64]]:
+    """The weighted mean of two poses, and its covariance under partly shared errors.
+
+    Covariances have shape (6, 6), of a small motion in the nail's own frame, as in `NailEstimate`.
+    """
+    apart = predicted.inverse() @ seen
+    motion = np.concatenate([apart.rotation_vector_rad, apart.translation_mm])
+    gain = np.linalg.solve(predicted_covariance + seen_covariance, predicted_covariance).T
+    rest = np.eye(6) - gain
+    step = gain @ motion
+    moved: Transform[Nail, Nail] = Transform.from_rotation_translation(
+        Rotation.from_rotvec(step[:3]).as_matrix(), step[3:]
+    )
+    both = _SHARED * np.linalg.cholesky(predicted_covariance) @ np.linalg.cholesky(seen_covariance).T
+    crossed = rest @ both @ gain.T
+    covariance = rest @ predicted_covariance @ rest.T + gain @ seen_covariance @ gain.T + crossed + crossed.T
+    return predicted @ moved, covariance

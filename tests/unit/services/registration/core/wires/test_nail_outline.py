@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.wires.nail_outline import EdgeView, Outline, OutlineMatch, match_outline
-from tests.unit.services.registration.test_wires_set_up import blank_view
+from tests.unit.services.registration.core.wires.test_joint_estimate import blank_view
 
 EDGE_PX, ROWS, COLUMNS = 50.3, 200, 100
 

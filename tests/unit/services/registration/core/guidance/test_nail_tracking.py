@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.guidance.frame_weighing import weighed
+from services.registration.core.guidance.nail_tracking import weighed
 from services.registration.core.pose_evidence import motion_of_nail
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform

@@ -12,25 +12,18 @@ from services.registration.core.fusion.fuse import fuse
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.pose_evidence import PoseEvidence, motion_of_nail
-from services.registration.core.wires.companion import locate_guide_beside
-from services.registration.core.wires.images import seen_set_up
+from services.registration.core.wires.guided_search import locate_guide_beside
+from services.registration.core.wires.image import WireView
+from services.registration.core.wires.joint_estimate import SetUp, set_up_of, with_outline
+from services.registration.core.wires.nail_fit import WiredImage
 from services.registration.core.wires.nail_outline import edge_view, match_outline, nail_outline
-from services.registration.core.wires.outline_fit import with_outline
-from services.registration.core.wires.set_up import SetUp, set_up_of
-from services.registration.core.wires.view import WireView
-from services.registration.core.wires.wired_image import WiredImage
+from services.registration.core.wires.verify import seen_set_up
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
 from shared.xray.detection import detect_balls
-from tests.unit.services.registration.rendered_case import CAMERA_FROM_GUIDE, CAMERA_FROM_NAIL
-from tests.unit.services.registration.rendered_case import SIZE_PX as CASE_SIZE_PX
-from tests.unit.services.registration.rendered_case import rendered_parts as parts_of_the_case
-from tests.unit.services.registration.stated_errors import errors_without_shape
-from tests.unit.services.registration.test_fusion import PARTS as FUSION_PARTS
-from tests.unit.services.registration.test_fusion import localised
-from tests.unit.services.registration.test_wires import (
+from tests.unit.services.registration.core.wires.wire_scene import (
     ALONG_THE_GUIDE,
     GUIDE_COVARIANCE,
     GUIDE_FROM_NAIL,
@@ -38,6 +31,12 @@ from tests.unit.services.registration.test_wires import (
     oblique,
     view_of,
 )
+from tests.unit.services.registration.rendered_case import CAMERA_FROM_GUIDE, CAMERA_FROM_NAIL
+from tests.unit.services.registration.rendered_case import SIZE_PX as CASE_SIZE_PX
+from tests.unit.services.registration.rendered_case import rendered_parts as parts_of_the_case
+from tests.unit.services.registration.stated_errors import errors_without_shape
+from tests.unit.services.registration.test_fusion import PARTS as FUSION_PARTS
+from tests.unit.services.registration.test_fusion import localised
 from tests.unit.services.registration.xray_scene import Scene, calibration, guide_part, nail_part, render
 
 OBLIQUE = oblique(38.0)

@@ -1,19 +1,17 @@
-"""K-wires on rendered images: measured where they are, refused where one image cannot say."""
+"""K-wires on rendered images: scenes, and what is true in them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset
-from services.registration.core.wires.set_up import SetUp
+from services.registration.core.wires.image import WireView
+from services.registration.core.wires.joint_estimate import SetUp
 from services.registration.core.wires.verify import AxisComparison, WireVerification, verify_wires
-from services.registration.core.wires.view import WireView
-from shared.errors import ReasonCode
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line, across_axis_offset_mm
 from shared.geometry.parts import NailPart, hole_surface_points
@@ -113,83 +111,3 @@ def assert_explains(comparison: AxisComparison, wires: Wired, sigmas: float = 3.
 
 ALONG_THE_GUIDE = Wired(NO_OFFSETS)
 ASKEW = Wired({"distal": np.array([0.6, -0.4, 1.6, -0.9]), "proximal": np.array([-0.5, 0.3, -1.2, 1.3])})
-
-
-@pytest.mark.parametrize("wires", [ALONG_THE_GUIDE, ASKEW], ids=["along the guide", "askew in the guide"])
-def test_a_pair_of_images_measures_both_wires(wires: Wired) -> None:
-    result = verified(view_of(LATERAL, wires, seed=31), view_of(oblique(38.0), wires, seed=32))
-    assert result.reasons == ()
-    assert [wire.hole_id for wire in result.wires] == ["distal", "proximal"]
-    for wire in result.wires:
-        assert_explains(wire, wires)
-        entry_mm, _ = true_offsets_mm(wires, wire.hole_id)
-        assert wire.offset.entry_mm == pytest.approx(entry_mm, abs=0.3)
-        assert wire.offset.entry_sd_mm < 0.4
-
-
-def test_wires_along_the_holes_let_the_drill_pass() -> None:
-    result = verified(view_of(LATERAL, ALONG_THE_GUIDE, seed=33), view_of(oblique(38.0), ALONG_THE_GUIDE, seed=34))
-    assert [wire.chance_to_pass > 0.9 for wire in result.wires] == [True, True]
-
-
-def test_wires_askew_do_not() -> None:
-    result = verified(view_of(LATERAL, ASKEW, seed=35), view_of(oblique(38.0), ASKEW, seed=36))
-    assert [wire.chance_to_pass < 0.05 for wire in result.wires] == [True, True]
-
-
-def test_the_lateral_image_alone_sees_the_stubs() -> None:
-    result = verified(view_of(LATERAL, ASKEW, seed=37))
-    assert len(result.wires) == 2
-    for wire in result.wires:
-        assert_explains(wire, ASKEW)
-        assert wire.offset.entry_sd_mm < 1.6
-
-
-def test_one_oblique_image_leaves_a_plane_open_and_is_refused() -> None:
-    result = verified(view_of(oblique(38.0), ASKEW, seed=38))
-    assert {reason.code for reason in result.reasons} == {ReasonCode.UNCERTAINTY_TOO_LARGE}
-    assert "add an image from another direction" in result.reasons[0].message
-    for wire in result.wires:
-        assert wire.offset.entry_sd_mm > 2.0
-        assert_explains(wire, ASKEW)
-
-
-def test_without_wires_there_are_none() -> None:
-    result = verified(view_of(LATERAL, Wired({}), seed=39), view_of(oblique(38.0), Wired({}), seed=40))
-    assert result.wires == ()
-    assert [reason.code for reason in result.reasons] == [ReasonCode.WIRE_NOT_FOUND] * 2
-    assert "guide hole 'distal'" in result.reasons[0].message
-
-
-def test_a_plastic_rod_is_no_wire() -> None:
-    views = []
-    for pose, seed in ((LATERAL, 46), (oblique(38.0), 47)):
-        camera = calibration(SIZE_PX)
-        rods = tuple(replace(rod, per_mm=0.09) for rod in ALONG_THE_GUIDE.rods(pose, 112.0))
-        scene = Scene(SIZE_PX, nail_part(), pose @ GUIDE_FROM_NAIL, rods, texture=0.02, noise=0.003)
-        views.append(WireView(render(scene, camera, seed), camera, pose, GUIDE_COVARIANCE))
-    result = verified(*views)
-    assert [reason.code for reason in result.reasons] == [ReasonCode.WIRE_NOT_FOUND] * 2
-
-
-def test_one_wire_of_two_is_still_measured() -> None:
-    one = Wired({"proximal": np.zeros(4)})
-    result = verified(view_of(LATERAL, one, seed=41), view_of(oblique(38.0), one, seed=42))
-    assert [wire.hole_id for wire in result.wires] == ["proximal"]
-    assert [reason.code for reason in result.reasons] == [ReasonCode.WIRE_NOT_FOUND]
-
-
-def test_the_guides_own_holes_are_compared_too() -> None:
-    result = verified(view_of(LATERAL, Wired({}), seed=43))
-    for hole in result.guide_holes:
-        entry_mm, exit_mm = true_offsets_mm(ALONG_THE_GUIDE, hole.hole_id)
-        assert (hole.offset.entry_mm, hole.offset.exit_mm) == pytest.approx((entry_mm, exit_mm), abs=1e-9)
-        assert hole.angle_deg == pytest.approx(0.5, abs=0.01)
-        assert hole.offset.entry_sd_mm == pytest.approx(0.02 * np.sqrt(2.0))
-
-
-def test_holes_that_do_not_belong_together_are_refused() -> None:
-    nail = nail_part()
-    others = replace(nail, holes=tuple(replace(hole, id=f"other {hole.id}") for hole in nail.holes))
-    result = verify_wires(set_up(view_of(LATERAL, Wired({}), seed=44)), guide_part(), others)
-    assert [reason.code for reason in result.reasons] == [ReasonCode.NAIL_MODEL_MISMATCH]

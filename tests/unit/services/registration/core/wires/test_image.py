@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.wires.view import WireView, burnt_out
-from tests.unit.services.registration.test_wires import ASKEW, LATERAL, assert_explains, oblique, verified, view_of
+from services.registration.core.wires.image import WireView, burnt_out
+from tests.unit.services.registration.core.wires.wire_scene import (
+    ASKEW,
+    LATERAL,
+    assert_explains,
+    oblique,
+    verified,
+    view_of,
+)
 
 OBLIQUE = oblique(38.0)
 

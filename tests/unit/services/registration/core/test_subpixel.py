@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from services.registration.core.reading import between_pixels, peaks_of, profile_px, ramp
+from services.registration.core.subpixel import between_pixels, peaks_of, profile_px, ramp
 
 
 def test_values_between_pixels_are_linear_and_beyond_the_border_its_own() -> None:

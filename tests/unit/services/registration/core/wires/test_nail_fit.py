@@ -13,14 +13,18 @@ from services.registration.core.localise import LocalisationResult, Method, Part
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.pose_evidence import motion_between
-from services.registration.core.wires.nail_behind import localise_behind_wires
-from services.registration.core.wires.nail_start import nail_beside_guide
-from services.registration.core.wires.wired_image import WiredImage, beside_wires, tilt_of_guide_deg, why_no_holes
+from services.registration.core.wires.guided_search import nail_beside_guide
+from services.registration.core.wires.nail_fit import (
+    WiredImage,
+    beside_wires,
+    localise_behind_wires,
+    tilt_of_guide_deg,
+    why_no_holes,
+)
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
-from tests.unit.services.registration.rendered_case import rendered_parts
-from tests.unit.services.registration.test_wires import (
+from tests.unit.services.registration.core.wires.wire_scene import (
     GUIDE_COVARIANCE,
     GUIDE_FROM_NAIL,
     LATERAL,
@@ -28,6 +32,7 @@ from tests.unit.services.registration.test_wires import (
     Wired,
     oblique,
 )
+from tests.unit.services.registration.rendered_case import rendered_parts
 from tests.unit.services.registration.xray_scene import AS_OF_A_TUBE, Scene, calibration, guide_part, nail_part, render
 
 # Over the holes, but not along them: the wires' stubs and what sticks out of them cover a part of each.
