@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.image_files import images_in, read_image_file
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, read_parts
-from services.imaging.core.following import calibrate_next
+from services.imaging.core.ring_tracking import calibrate_next
 from services.imaging.devices.received_image import Acquisition
 from services.imaging.devices.video_source import grey_of
 from services.registration.core.guidance.c_arm_angles import CArmAngles

@@ -28,8 +28,8 @@ from benchmarks.imaging.scenes import (
     transmission,
 )
 from services.imaging.core.calibration import calibrate_image
-from services.imaging.core.following import calibrate_next
 from services.imaging.core.nominal import NominalGeometry
+from services.imaging.core.ring_tracking import calibrate_next
 from shared.errors import Accepted
 from shared.geometry.calibration import CArmCalibration
 

@@ -5,9 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.imaging.core.ball_measurement import (
+    View,
+    found_radii_px,
+    look_widely,
+    usual_radii_px,
+)
 from services.imaging.core.camera_model import SourceAndField, build_calibration, field_on_grid
-from services.imaging.core.field_model import FieldPrior
-from services.imaging.core.image_checks import unusable_reason
+from services.imaging.core.checks import judge, motion_reason, too_few_reason, unusable_reason
+from services.imaging.core.distortion_field import FieldPrior
 from services.imaging.core.joint_estimate import (
     Gauge,
     JointEstimate,
@@ -16,17 +22,15 @@ from services.imaging.core.joint_estimate import (
     estimate_jointly,
     on_plane,
 )
-from services.imaging.core.judgement import judge, motion_reason, too_few_reason
-from services.imaging.core.look import look_widely
+from services.imaging.core.motion_blur import motion_blur_px
 from services.imaging.core.nominal import NominalGeometry
-from services.imaging.core.ring_radii import found_radii_px, usual_radii_px
-from services.imaging.core.ring_search import find_ring
-from services.imaging.core.view import View, upright_discs, view_of
+from services.imaging.core.ring_search import find_ring, upright_discs, view_of
+from services.imaging.core.similarity_hypotheses import make_seeds
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import find_usable_area
-from shared.xray.discs import Array, FloatImage
+from shared.xray.discs import Array, FloatImage, compile_fits
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
 
 _SOURCE_SD_MM = (100.0, 100.0, 150.0)
@@ -218,3 +222,12 @@ def _all_balls(view: View, measured: BallMeasurements, used: NDArray[np.int64], 
         ),
         ring_index=np.concatenate([used, others.ring_index[other]]),
     )
+
+
+def compile_core() -> None:
+    """Run every compiled function once, on next to nothing; machine code of an earlier start is loaded instead."""
+    compile_fits()
+    place, one = np.array([[16.0, 16.0], [20.0, 16.0]]), np.ones(2)
+    motion_blur_px(np.ones((32, 32), np.float32), place, one)
+    discs = BallCandidates(place, one, one, one, np.full(2, NOT_OF_THE_RING, dtype=np.int64))
+    make_seeds(discs, place, np.zeros(2, dtype=np.int64), 4.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.imaging.core.field_model import FieldSolution
+from services.imaging.core.distortion_field import FieldSolution
 from services.imaging.core.joint_estimate import Gauge
 from shared.geometry.calibration import Aperture, BallCandidates, CArmCalibration
 from shared.geometry.camera import DisplacementField, PinholeCamera

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from services.imaging.core.nominal import NominalGeometry
-from services.imaging.core.seeds import Array, Ints, Seeds, make_seeds
+from services.imaging.core.similarity_hypotheses import Array, Ints, Seeds, make_seeds
 from shared.geometry.calibration import BallCandidates
 from shared.geometry.parts import RingPart
 from shared.xray.assignment import nearest_to_each

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.imaging.core.field_model import (
+from services.imaging.core.distortion_field import (
     Array,
     FieldPrior,
     FieldSolution,
     LinearSystem,
+    most_likely_prior,
     solve_field,
 )
-from services.imaging.core.roughness import most_likely_prior
 from shared.xray.discs import Mask
 
 _ORDER = 3

@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.imaging.core.look import look
-from services.imaging.core.ring_radii import found_radii_px, usual_radii_px
+from services.imaging.core.ball_measurement import found_radii_px, look, usual_radii_px
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import usable_pixels

@@ -1,18 +1,19 @@
 """From pixels to the ring's balls by name: detect, identify, and say why when it fails."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from services.imaging.core.ball_measurement import View
+from services.imaging.core.checks import CLIPPED_SUSPECT, clipped_fraction, saturated_reason
 from services.imaging.core.identification import RingIdentity, identify_ring
-from services.imaging.core.image_checks import CLIPPED_SUSPECT, clipped_fraction, saturated_reason
 from services.imaging.core.nominal import NominalGeometry
 from shared.errors import Reason, ReasonCode, Rejected
-from shared.geometry.calibration import BallCandidates
+from shared.geometry.calibration import NOT_OF_THE_RING, Aperture, BallCandidates
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import UsableArea
 from shared.xray.detection import detect_balls
-from shared.xray.discs import FloatImage
+from shared.xray.discs import Array, FloatImage
 
 _RADIUS_TOLERANCE = 0.2
 _LEAST_FRACTION = 0.2
@@ -129,3 +130,42 @@ def _not_found_reasons(found: _Search, pixels: FloatImage, area: UsableArea, rin
     if clipped > CLIPPED_SUSPECT:
         reasons.append(saturated_reason(clipped, CLIPPED_SUSPECT))
     return tuple(reasons)
+
+
+def upright_discs(found: FoundRing, columns: int) -> BallCandidates:
+    """All discs, in the un-mirrored image of so many columns, those of the ring with their ball's index."""
+    identity, candidates = found.identity, found.candidates
+    index = np.full(len(candidates.radius_px), NOT_OF_THE_RING, dtype=np.int64)
+    known = np.flatnonzero(identity.candidate_of_ball >= 0)
+    index[identity.candidate_of_ball[known]] = known
+    centre = _upright(candidates.centre_px, columns) if identity.mirrored else candidates.centre_px
+    return replace(candidates, centre_px=centre, ring_index=index)
+
+
+def view_of(pixels: FloatImage, area: UsableArea, identity: RingIdentity, discs: BallCandidates) -> View:
+    """Turn the image so that it obeys physics: a mirrored one is reflected, column x becomes W - 1 - x.
+
+    Parameters
+    ----------
+    pixels, area, identity
+        As received.
+    discs
+        As `upright_discs` makes them.
+    """
+    if identity.mirrored:
+        pixels, area = np.ascontiguousarray(pixels[:, ::-1]), _mirrored(area)
+    others = discs.select(discs.ring_index == NOT_OF_THE_RING)
+    return View(pixels, area, identity.mirrored, others, float(identity.identified - identity.runner_up))
+
+
+def _upright(places_px: Array, columns: int) -> Array:
+    """Places (x, y) of a mirrored image of so many columns in the un-mirrored one, shape (N, 2)."""
+    return np.column_stack([columns - 1 - places_px[:, 0], places_px[:, 1]])
+
+
+def _mirrored(area: UsableArea) -> UsableArea:
+    circle = area.aperture
+    if circle is not None:
+        x, y = _upright(np.array([circle.centre_px]), area.mask.shape[1])[0]
+        circle = Aperture((float(x), float(y)), circle.radius_px)
+    return UsableArea(np.ascontiguousarray(area.mask[:, ::-1]), circle)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from services.imaging.core.ring_shift import SHIFT_LIMIT_MM, TURN_LIMIT_DEG, RingShift, ring_shift
+from services.imaging.core.ring_tracking import SHIFT_LIMIT_MM, TURN_LIMIT_DEG, RingShift, ring_shift
 from services.imaging.devices.position_store import PositionStore
 from shared.geometry.calibration import CArmCalibration
 

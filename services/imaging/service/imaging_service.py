@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from services.imaging.core.following import calibrate_next
+from services.imaging.core.calibration import compile_core
 from services.imaging.core.nominal import NominalGeometry
-from services.imaging.core.warm_up import compile_core
+from services.imaging.core.ring_tracking import calibrate_next
 from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore

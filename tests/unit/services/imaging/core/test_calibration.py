@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.imaging.core.calibration import calibrate_image
-from services.imaging.core.look import DRIFT_PX
+from services.imaging.core.ball_measurement import DRIFT_PX, View
+from services.imaging.core.calibration import calibrate_image, compile_core
+from services.imaging.core.motion_blur import _moments
 from services.imaging.core.nominal import NominalGeometry
-from services.imaging.core.view import View
+from services.imaging.core.similarity_hypotheses import _counted
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
+from shared.xray.disc_residuals import darkest_spot
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
+from shared.xray.patch_fit import fit_each, fit_patch
 from tests.unit.services.imaging.synthetic import Rendered, Scene, default_ring, render
 
 PX_PER_MM = 4.37
@@ -187,3 +190,9 @@ def test_balls_are_looked_for_more_widely_where_the_discs_place_them_badly(monke
     clear_px, faint_px = looks
     assert np.median(clear_px) < 1.2 * DRIFT_PX
     assert np.median(faint_px) > 1.5 * DRIFT_PX
+
+
+def test_every_compiled_function_that_images_go_through_is_compiled() -> None:
+    compile_core()
+    for function in (_moments, _counted, darkest_spot, fit_each, fit_patch):
+        assert function.signatures, function

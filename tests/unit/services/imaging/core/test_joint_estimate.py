@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from services.imaging.core.calibration import similarity_near
-from services.imaging.core.field_model import FieldPrior, correlation, distances_px, polynomial
+from services.imaging.core.distortion_field import FieldPrior, correlation, distances_px, polynomial
 from services.imaging.core.joint_estimate import (
     JointEstimate,
     NominalSource,

@@ -1,4 +1,4 @@
-"""An image that shows the ring where the one before did, and those that do not."""
+"""Calibration at the place of an earlier image, and rings that have moved since."""
 
 from dataclasses import replace
 
@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from services.imaging.core.calibration import calibrate_image
-from services.imaging.core.following import calibrate_next, still_dark
 from services.imaging.core.nominal import NominalGeometry
+from services.imaging.core.ring_tracking import calibrate_next, ring_shift, still_dark
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 from tests.unit.services.imaging.synthetic import Rendered, Scene, default_ring, render
@@ -89,3 +89,36 @@ def test_a_glance_tells_whether_the_ring_is_where_it_was(before: CArmCalibration
     assert not still_dark(np.asarray(same.max() - same, dtype=np.float32), before.balls)
     assert not still_dark(upright(replace(FIRST, seed=59, turn_deg=79.0)), before.balls)
     assert not still_dark(upright(replace(FIRST, seed=60, present=0.0)), before.balls)
+
+
+SCENE = Scene(seed=70, others=4)
+
+
+def calibration_of(scene: Scene) -> CArmCalibration:
+    outcome = calibrate_image(render(scene, default_ring()).pixels, default_ring(), NominalGeometry())
+    assert isinstance(outcome, Accepted)
+    return outcome.value
+
+
+@pytest.fixture(scope="module")
+def first_position() -> CArmCalibration:
+    return calibration_of(SCENE)
+
+
+def test_another_image_of_the_same_ring_shows_no_shift(first_position: CArmCalibration) -> None:
+    shift = ring_shift(calibration_of(replace(SCENE, seed=71)), first_position)
+    assert shift is not None
+    assert shift.translation_mm < 0.05
+    assert abs(shift.turn_deg) < 0.05
+    assert not shift.beyond_limits
+
+
+def test_a_turned_ring_is_measured(first_position: CArmCalibration) -> None:
+    shift = ring_shift(calibration_of(replace(SCENE, seed=72, turn_deg=SCENE.turn_deg + 2.0)), first_position)
+    assert shift is not None
+    assert shift.turn_deg == pytest.approx(2.0, abs=0.2)
+    assert shift.beyond_limits
+
+
+def test_another_display_says_nothing(first_position: CArmCalibration) -> None:
+    assert ring_shift(replace(first_position, mirrored=not first_position.mirrored), first_position) is None

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.imaging.core.field_model import FieldPrior, LinearSystem, correlation, distances_px, polynomial
-from services.imaging.core.roughness import RestrictedLikelihood, most_likely_prior
+from services.imaging.core.distortion_field import (
+    FieldPrior,
+    LinearSystem,
+    RestrictedLikelihood,
+    correlation,
+    distances_px,
+    most_likely_prior,
+    polynomial,
+)
 
 Array = NDArray[np.float64]
 
