@@ -106,7 +106,7 @@ def _add_tools(app: FastAPI, room: OperatingRoom) -> None:
     @app.post("/wires", status_code=201)
     def insert_wires(body: WiresBody | None = None) -> PassagesBody:
         named = body.hole_ids if body is not None and body.hole_ids is not None else None
-        holes = tuple(h.id for h in room.scenario.parts.guide.holes) if named is None else tuple(named)
+        holes = room.scenario.parts.common_hole_ids if named is None else tuple(named)
         return PassagesBody(items=[passage_body(w) for w in room.insert_wires(holes)])
 
     @app.delete("/wires", status_code=204)

@@ -81,7 +81,7 @@ def scenario_body(scenario: Scenario) -> ScenarioBody:
     return ScenarioBody(
         seed=scenario.seed,
         case=case,
-        hole_ids=[h.id for h in parts.guide.holes],
+        hole_ids=list(parts.common_hole_ids),
         drill_diameter_mm=scenario.drilling.diameter_mm,
         detector="flat_panel" if isinstance(scenario.detector, FlatPanel) else "image_intensifier",
         part_sha256={
@@ -151,7 +151,7 @@ class RunBody(Body):
 
 
 class WiresBody(Body):
-    """Guide holes to push a wire through; all when left out."""
+    """Guide holes to push a wire through; when left out, all that the nail has too."""
 
     hole_ids: list[HoleName] | None = None
 

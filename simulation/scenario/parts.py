@@ -1,14 +1,13 @@
 """Find the parts of a scenario: in the catalogue that the product ships, or as files beside the scenario."""
 
-from collections.abc import Callable
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from shared.errors import PartFileInvalid
+from shared.parts.catalogue import PartKind, catalogue_entry, catalogue_names
 from shared.parts.files import guide_from_json, nail_from_json, read_part_file, ring_from_json
 from shared.parts.hexapod_file import hexapod_from_json
 from simulation.scenario.files import ScenarioFile, ScenarioInvalid
@@ -17,18 +16,17 @@ from simulation.scenario.values import Parts, PartSource, PartSources
 P = TypeVar("P")
 
 
-def _catalogue() -> Traversable:
-    return files("shared.parts").joinpath("catalogue")
-
-
-def catalogue_names(kind: str) -> tuple[str, ...]:
-    """Names of the catalogue's parts of a kind (`ring`, `guide`, `nail`, `hexapod`), sorted."""
-    names = [f.name.removesuffix(".json") for f in _catalogue().iterdir() if f.name.endswith(".json")]
-    return tuple(sorted(n for n in names if n.startswith(f"{kind}-")))
+# What seeds pick from, apart from the catalogue: a part added to the catalogue must not change what a seed makes.
+DRAWN_BY_SEEDS: Mapping[PartKind, tuple[str, ...]] = {
+    "ring": ("ring-120",),
+    "guide": ("guide-28",),
+    "nail": ("nail-femur-steel-11", "nail-femur-steel-12", "nail-femur-ti-10", "nail-femur-ti-11"),
+    "hexapod": ("hexapod-h70",),
+}
 
 
 def choose_parts(file: ScenarioFile, folder: Path, generator: np.random.Generator) -> tuple[Parts, PartSources]:
-    """Read the parts that a scenario names; what it leaves open, the generator picks from the catalogue.
+    """Read the parts that a scenario names; what it leaves open, the generator picks from `DRAWN_BY_SEEDS`.
 
     Parameters
     ----------
@@ -55,20 +53,17 @@ def choose_parts(file: ScenarioFile, folder: Path, generator: np.random.Generato
     return parts, sources
 
 
-def _name(given: str | None, kind: str, generator: np.random.Generator) -> str:
-    names = catalogue_names(kind)
+def _name(given: str | None, kind: PartKind, generator: np.random.Generator) -> str:
     # Drawn even when the name is given, so that the choices that follow do not depend on it.
     pick = generator.random()
-    if given is not None:
-        return given
-    if not names:
-        raise ScenarioInvalid(f"the catalogue holds no {kind}; name a {kind} file in the scenario")
-    return names[int(pick * len(names))]
+    names = DRAWN_BY_SEEDS[kind]
+    return names[int(pick * len(names))] if given is None else given
 
 
-def _source(name: str, kind: str, folder: Path) -> PartSource:
-    if name in catalogue_names(kind):
-        return PartSource(name, in_catalogue=True, content=_catalogue().joinpath(f"{name}.json").read_bytes())
+def _source(name: str, kind: PartKind, folder: Path) -> PartSource:
+    entry = catalogue_entry(name)
+    if entry is not None and entry.kind == kind:
+        return PartSource(name, in_catalogue=True, content=entry.content)
     try:
         return PartSource(name, in_catalogue=False, content=read_part_file(folder / name))
     except PartFileInvalid as error:

@@ -33,6 +33,12 @@ class Parts:
     nail: NailPart
     hexapod: HexapodPart
 
+    @property
+    def common_hole_ids(self) -> tuple[str, ...]:
+        """Ids of the guide's holes that the nail has too, in the guide's order."""
+        of_the_nail = {hole.id for hole in self.nail.holes}
+        return tuple(hole.id for hole in self.guide.holes if hole.id in of_the_nail)
+
 
 @dataclass(frozen=True, slots=True)
 class PartSource:

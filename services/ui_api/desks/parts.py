@@ -3,17 +3,14 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.resources import files
-from importlib.resources.abc import Traversable
-from typing import Literal
 
 from services.ui_api.core.event_data import PartUse
 from services.ui_api.desks.refusals import invalid
 from shared.errors import PartFileInvalid
+from shared.parts.catalogue import PartKind, catalogue_entry, catalogue_names, schema_of
 from shared.parts.files import guide_from_json, nail_from_json, ring_from_json, sha256_of
 from shared.parts.hexapod_file import hexapod_from_json
 
-PartKind = Literal["ring", "guide", "nail", "hexapod"]
 JsonObject = Mapping[str, object]
 INLINE = "inline"
 
@@ -24,15 +21,6 @@ class PartFile:
 
     use: PartUse
     content: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class CatalogueEntry:
-    """One part that the product ships."""
-
-    name: str
-    kind: PartKind
-    sha256: str
 
 
 def _check_ring(content: bytes, source: str) -> tuple[str, ...]:
@@ -81,28 +69,6 @@ def resolve_part(kind: PartKind, given: str | JsonObject) -> PartFile:
     return PartFile(PartUse(name, sha256_of(content), hole_ids), content)
 
 
-def catalogue() -> tuple[CatalogueEntry, ...]:
-    """All parts that the product ships, by name."""
-    entries = []
-    for name, file in sorted(_catalogue_files().items()):
-        content = file.read_bytes()
-        kind = _kind_of(content)
-        if kind is not None:
-            entries.append(CatalogueEntry(name, kind, sha256_of(content)))
-    return tuple(entries)
-
-
-def catalogue_content(name: str) -> bytes | None:
-    """JSON text of a part in the catalogue; None when there is none of that name."""
-    file = _catalogue_files().get(name)
-    return None if file is None else file.read_bytes()
-
-
-def _catalogue_files() -> dict[str, Traversable]:
-    folder = files("shared.parts").joinpath("catalogue")
-    return {f.name.removesuffix(".json"): f for f in folder.iterdir() if f.name.endswith(".json")}
-
-
 def _inline(kind: PartKind, given: JsonObject) -> bytes:
     try:
         return json.dumps(given, ensure_ascii=False, separators=(",", ":")).encode()
@@ -112,25 +78,15 @@ def _inline(kind: PartKind, given: JsonObject) -> bytes:
 
 
 def _from_catalogue(kind: PartKind, name: str) -> bytes:
-    content = catalogue_content(name)
-    if content is None:
-        known = ", ".join(e.name for e in catalogue() if e.kind == kind) or "none"
+    entry = catalogue_entry(name)
+    if entry is None:
+        known = ", ".join(catalogue_names(kind)) or "none"
         raise invalid("unknown_part", f"the catalogue has no {kind} named {name!r}; it has {known}")
-    return content
+    return entry.content
 
 
 def _require_schema(kind: PartKind, name: str, content: bytes) -> None:
     """Say plainly that a nail is not a ring, instead of listing every key that differs."""
-    found = _schema_of(content)
+    found = schema_of(content)
     if found != f"distalock/{kind}/1":
         raise PartFileInvalid(f"{kind} '{name}': its schema is {found!r}, expected 'distalock/{kind}/1'")
-
-
-def _kind_of(content: bytes) -> PartKind | None:
-    schema = _schema_of(content)
-    return next((kind for kind in _CHECKS if schema == f"distalock/{kind}/1"), None)
-
-
-def _schema_of(content: bytes) -> object:
-    parsed = json.loads(content)
-    return parsed.get("schema") if isinstance(parsed, dict) else None

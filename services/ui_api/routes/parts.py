@@ -1,13 +1,11 @@
 """`/parts`: the part files that the product ships, for choosing by name."""
 
-from typing import Literal
-
 from fastapi import APIRouter, Response
 
-from services.ui_api.desks.parts import catalogue, catalogue_content
 from services.ui_api.desks.refusals import unknown
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256
+from shared.parts.catalogue import PartKind, catalogue, catalogue_entry
 
 router = APIRouter(prefix="/parts", tags=["parts"])
 
@@ -16,7 +14,7 @@ class CatalogueView(View):
     """One part in the catalogue."""
 
     name: str
-    kind: Literal["ring", "guide", "nail", "hexapod"]
+    kind: PartKind
     sha256: Sha256
 
 
@@ -29,7 +27,7 @@ def list_parts() -> list[CatalogueView]:
 @router.get("/{name}")
 def read_part(name: str) -> Response:
     """A part file, byte for byte."""
-    content = catalogue_content(name)
-    if content is None:
+    entry = catalogue_entry(name)
+    if entry is None:
         raise unknown("part", name, "GET /parts lists the catalogue")
-    return Response(content, media_type="application/json")
+    return Response(entry.content, media_type="application/json")
