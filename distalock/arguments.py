@@ -1,29 +1,20 @@
 """Command-line arguments: argparse, but bad usage is one line on stderr and exit code 2."""
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Final
 
 from distalock.outputs import require_writable
+from shared.arguments import EXIT_BAD_INPUT as EXIT_BAD_INPUT
+from shared.arguments import OneLineParser as OneLineParser
 from shared.errors import InputError
 
-EXIT_BAD_INPUT: Final = 2
 # What a shell reports of a program that SIGPIPE ended.
 EXIT_UNREAD: Final = 141
 
 Run = Callable[[argparse.Namespace], int]
-
-
-class OneLineParser(argparse.ArgumentParser):
-    """A parser that says in one line what is wrong, and where help is."""
-
-    def error(self, message: str) -> NoReturn:
-        """Refuse the arguments."""
-        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
-        sys.exit(EXIT_BAD_INPUT)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ which carries one `Reason` or more. An exception is for what the caller did not 
     │   └── NoReply           a query brought no answer: this does not mean that it was not carried out
     ├── DeviceError           a device (hexapod controller, C-arm) did not do what its protocol says
     └── ConfigurationError    settings, ports or folders that do not allow a start
+        └── ServiceAlreadyRuns  another service of the same name is in the room
 """
 
 from dataclasses import dataclass
@@ -132,3 +133,9 @@ class ConfigurationError(DistalockError):
     """Settings, ports or folders that do not allow a start."""
 
     code = "configuration_error"
+
+
+class ServiceAlreadyRuns(ConfigurationError):
+    """Another service of the same name is in the room, which has place for one."""
+
+    code = "service_already_runs"

@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from shared.arguments import OneLineParser
 from shared.errors import ConfigurationError
 from simulation.settings import virtual_room_settings
 from simulation.virtual_room import run_virtual_or
@@ -32,7 +33,9 @@ def run(given: argparse.Namespace) -> int:
 
 def main() -> int:
     """Run it from the command line."""
-    parser = argparse.ArgumentParser(prog="virtual-or", description="The virtual operating room: stands for hardware.")
+    parser = OneLineParser(
+        prog="python -m simulation", description="The virtual operating room: stands for the hospital's hardware."
+    )
     add_arguments(parser)
     return run(parser.parse_args())
 

@@ -16,8 +16,10 @@ from services.ui_api.record.verify import verify_record
 from services.ui_api.server import listening_socket, serving
 from services.ui_api.service import open_gateway
 from services.ui_api.settings import UiApiSettings
+from shared.arguments import OneLineParser
 from shared.bus.port import Bus
 from shared.errors import ConfigurationError
+from shared.runtime.help import settings_help
 from shared.runtime.lifecycle import Runtime, run_service
 from shared.runtime.settings import load_settings
 
@@ -37,7 +39,12 @@ def main(arguments: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m services.ui_api", description=__doc__)
+    parser = OneLineParser(
+        prog="python -m services.ui_api",
+        description=__doc__,
+        epilog=settings_help(UiApiSettings),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("command", nargs="?", choices=("serve", "verify", "openapi"), default="serve")
     parser.add_argument("--host", help="address to listen on")
     parser.add_argument("--port", type=int, help="port to listen on; 0: any free")

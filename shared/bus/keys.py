@@ -96,3 +96,7 @@ class Keys:
     def alive(self, service: ServiceName) -> str:
         """Liveliness token of a service."""
         return self._key("alive", service)
+
+    def alive_as(self, service: ServiceName, identity: str) -> str:
+        """Liveliness token of one process of a service that may be only once in a room; `*` for any process."""
+        return self._key("alive", service, identity)

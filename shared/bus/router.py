@@ -4,7 +4,6 @@ A session opened with ``mode: router`` is a full Zenoh router, with no Python in
 serves an official `zenohd`.
 """
 
-import argparse
 import json
 import sys
 import threading
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import zenoh
 
+from shared.arguments import OneLineParser
 from shared.errors import ConfigurationError
 from shared.signals import set_by_signals
 
@@ -69,7 +69,7 @@ def _first_line(error: zenoh.ZError) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGTERM or SIGINT; 0 after a clean end, 2 when the router cannot start."""
-    parser = argparse.ArgumentParser(prog="python -m shared.bus.router", description="The message router.")
+    parser = OneLineParser(prog="python -m shared.bus.router", description="The message router.")
     parser.add_argument("--config", type=Path, default=DEFAULT_CONFIG, help="Zenoh configuration, JSON5")
     parser.add_argument("--listen", action="append", default=[], help="endpoint, e.g. tcp/127.0.0.1:7447; repeatable")
     given = parser.parse_args(arguments)

@@ -8,8 +8,8 @@ import os
 import secrets
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import TypeVar
@@ -21,11 +21,15 @@ from shared.bus.port import Bus
 from shared.bus.zenoh_bus import BusSettings, open_bus
 from shared.errors import BusUnavailable, ConfigurationError, DistalockError
 from shared.messages.presence import ServiceName
+from shared.runtime.help import service_parser
 from shared.runtime.logging import Log, configure_logging
 from shared.runtime.presence import StatusReporter, beating
 from shared.runtime.settings import ServiceSettings, load_settings
+from shared.runtime.sole_service import sole_service
 from shared.signals import set_by_signals
 
+# Services of which a room has place for one: a second robot service would stop the first one's moves.
+ONE_IN_A_ROOM: frozenset[ServiceName] = frozenset({"robot"})
 HEARTBEAT_HZ: dict[ServiceName, float] = {"imaging": 5.0, "registration": 5.0, "robot": 5.0, "ui_api": 20.0}
 _LEAVE_WITHIN_S = 10.0
 
@@ -90,6 +94,8 @@ def open_service(
     ------
     BusUnavailable
         When no router answers in time.
+    ServiceAlreadyRuns
+        When the room has such a service already and place for one only; nothing was published.
     """
     boot_epoch = secrets.token_hex(8)
     log = configure_logging(name, settings.room, boot_epoch, settings.log_level)
@@ -97,20 +103,37 @@ def open_service(
     with opener(BusSettings(settings.router_endpoint, settings.router_timeout_s)) as bus:
         status = StatusReporter(bus.retained_publisher(keys.status(name)), name, boot_epoch, software_version())
         runtime = Runtime(name, boot_epoch, keys, log, status)
-        status.report("starting")
-        with beating(bus, keys, name, boot_epoch, HEARTBEAT_HZ[name], lambda e: runtime.fail(f"heartbeat: {e}")):
-            log.info("started", version=software_version(), router=settings.router_endpoint)
-            try:
-                yield bus, runtime
-            finally:
-                status.report("stopping")
+        with _place_in_room(bus, runtime):
+            status.report("starting")
+            with beating(bus, keys, name, boot_epoch, HEARTBEAT_HZ[name], lambda e: runtime.fail(f"heartbeat: {e}")):
+                log.info("started", version=software_version(), router=settings.router_endpoint)
+                try:
+                    yield bus, runtime
+                finally:
+                    status.report("stopping")
     log.info("ended")
 
 
+def _place_in_room(bus: Bus, runtime: Runtime) -> AbstractContextManager[None]:
+    if runtime.service not in ONE_IN_A_ROOM:
+        return nullcontext()
+    return sole_service(bus, runtime.keys, runtime.service, runtime.boot_epoch, runtime.fail)
+
+
 def service_main(
-    name: ServiceName, kind: type[S], compose: Callable[[S, Bus, Runtime], AbstractContextManager[object]]
+    name: ServiceName,
+    kind: type[S],
+    compose: Callable[[S, Bus, Runtime], AbstractContextManager[object]],
+    arguments: Sequence[str] | None = None,
 ) -> int:
-    """What a service's `__main__` returns to the shell: read the settings, then `run_service`."""
+    """What a service's `__main__` returns to the shell: read arguments (there are none) and settings, `run_service`.
+
+    Raises
+    ------
+    SystemExit
+        For `--help` (code 0) and unknown arguments (code 2), before anything is started.
+    """
+    service_parser(name, kind).parse_args(arguments)
     try:
         settings = load_settings(kind)
     except ConfigurationError as error:

@@ -9,10 +9,11 @@ from services.ui_api.core.event_data import CaseOpened, CaseSetup, PartUse, Setu
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
 from services.ui_api.desks.head_calibration import calibrated_hexapod, is_head_calibration
-from services.ui_api.desks.parts import JsonObject, PartFile, PartKind, resolve_part
+from services.ui_api.desks.parts import JsonObject, PartFile, resolve_part
 from services.ui_api.desks.refusals import conflict, invalid, unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit import Unit
+from shared.parts.catalogue import PartKind
 
 
 @dataclass(frozen=True, slots=True)

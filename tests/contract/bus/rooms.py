@@ -114,6 +114,10 @@ class Collector(Generic[T]):
         with self._changed:
             assert self._changed.wait_for(lambda: item in self.items, PATIENCE_S), f"no {item!r} in {self.items!r}"
 
+    def wait_until(self, count: int) -> None:
+        with self._changed:
+            assert self._changed.wait_for(lambda: len(self.items) >= count, PATIENCE_S), f"only {self.items!r}"
+
     def wait_for_last(self, item: T) -> None:
         with self._changed:
             arrived = self._changed.wait_for(lambda: self.items[-1:] == [item], PATIENCE_S)

@@ -32,9 +32,9 @@ class Room:
         self.beats: queue.Queue[Heartbeat] = queue.Queue()
         self.alive: queue.Queue[bool] = queue.Queue()
         bus = self.router.open()
-        bus.subscribe_retained(KEYS.status("robot"), lambda s: self.statuses.put(decode(ServiceStatus, s.payload)))
-        bus.subscribe(KEYS.heartbeat("robot"), lambda s: self.beats.put(decode(Heartbeat, s.payload)))
-        bus.watch_alive(KEYS.alive("robot"), lambda _key, alive: self.alive.put(alive))
+        bus.subscribe_retained(KEYS.status("imaging"), lambda s: self.statuses.put(decode(ServiceStatus, s.payload)))
+        bus.subscribe(KEYS.heartbeat("imaging"), lambda s: self.beats.put(decode(Heartbeat, s.payload)))
+        bus.watch_alive(KEYS.alive("imaging"), lambda _key, alive: self.alive.put(alive))
 
     def opener(self, _settings: BusSettings) -> AbstractContextManager[Bus]:
         return self.router.open()
@@ -43,7 +43,7 @@ class Room:
         return [self.statuses.get(timeout=PATIENCE_S).condition for _ in range(count)]
 
     def run(self, compose: Compose) -> int:
-        return run_service("robot", SETTINGS, compose, self.opener)
+        return run_service("imaging", SETTINGS, compose, self.opener)
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def room() -> Room:
 
 
 def test_service_shows_itself_from_start_to_end(room: Room) -> None:
-    with open_service("robot", SETTINGS, room.opener) as (_, runtime):
+    with open_service("imaging", SETTINGS, room.opener) as (_, runtime):
         assert room.alive.get(timeout=PATIENCE_S)
         first, second = room.beats.get(timeout=PATIENCE_S), room.beats.get(timeout=PATIENCE_S)
         assert second.sequence == first.sequence + 1
@@ -66,7 +66,7 @@ def test_service_shows_itself_from_start_to_end(room: Room) -> None:
 def test_every_start_has_its_own_boot_epoch(room: Room) -> None:
     epochs = set()
     for _ in range(3):
-        with open_service("robot", SETTINGS, room.opener) as (_, runtime):
+        with open_service("imaging", SETTINGS, room.opener) as (_, runtime):
             epochs.add(runtime.boot_epoch)
     assert len(epochs) == 3
 
@@ -111,7 +111,7 @@ def test_unexpected_error_is_logged_and_1(room: Room, capsys: pytest.CaptureFixt
     assert room.run(compose) == 1
     (fault,) = [line for line in capsys.readouterr().err.splitlines() if '"fault"' in line]
     assert "ZeroDivisionError" in fault
-    assert '"service": "robot"' in fault
+    assert '"service": "imaging"' in fault
     assert room.conditions(2) == ["starting", "stopping"]
 
 
@@ -123,5 +123,5 @@ def test_start_that_cannot_be_is_one_line_and_2(error: Exception, capsys: pytest
     def compose(_bus: Bus, _runtime: Runtime) -> AbstractContextManager[object]:
         raise AssertionError("must not be composed")
 
-    assert run_service("robot", SETTINGS, compose, opener) == 2
-    assert capsys.readouterr().err == f"robot: {error}\n"
+    assert run_service("imaging", SETTINGS, compose, opener) == 2
+    assert capsys.readouterr().err == f"imaging: {error}\n"

@@ -67,7 +67,7 @@ def test_the_guide_is_off_but_the_robot_can_correct_it(seed: int) -> None:
         [h.axis.point_mm[0] for h in part.holes if h.id in common]
         for part in (scenario.parts.guide, scenario.parts.nail)
     ]
-    apart_mm = np.subtract(*places_mm)
+    apart_mm = np.array(places_mm[0]) - np.array(places_mm[1])
     left_mm = np.abs(apart_mm - apart_mm.mean())
     errors = guide_axis_errors(scenario, world_at(scenario, corrected))
     np.testing.assert_allclose([max(e.entry_offset_mm, e.exit_offset_mm) for e in errors], left_mm, atol=1e-6)
