@@ -18,7 +18,7 @@ from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult, Method, Parts, conclude, localise, unmirrored
-from services.registration.core.nail.coarse import find_nail
+from services.registration.core.nail.search.find import find_nail
 from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.paper.axis_rule import SeenNail, along_the_beam
 from services.registration.core.paper.calibration import calibrate_by_plates

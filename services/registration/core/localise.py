@@ -12,10 +12,10 @@ from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate, hole_estimates
 from services.registration.core.judge import judge
-from services.registration.core.nail.coarse import NailStart, find_nail
-from services.registration.core.nail.coarse_cover import covered_pixels
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
+from services.registration.core.nail.search.find import NailStart, find_nail
+from services.registration.core.nail.search.outline import covered_pixels
 from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from services.registration.core.paper.guide import locate_guide_by_axes
 from services.registration.core.paper.nail import locate_nail_by_band

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.pose import POSE_SIZE
+from services.registration.core.nail.parameters import POSE_SIZE
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import read_only, unit
 from shared.geometry.parts import NailPart

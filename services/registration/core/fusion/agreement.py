@@ -9,7 +9,7 @@ from scipy.special import chdtri
 
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.nail.unknowns import PRIOR, SHAPE_UNKNOWNS, Unknown
+from services.registration.core.nail.parameters import PRIOR, SHAPE_UNKNOWNS, Unknown
 from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence
 from shared.errors import Reason, ReasonCode

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.fusion.joint_errors import covariance_of_mean, disagreement_of, weights_of
-from services.registration.core.nail.pose import POSE_SIZE
+from services.registration.core.nail.parameters import POSE_SIZE
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import read_only

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.nail.pose import POSE_SIZE
+from services.registration.core.nail.parameters import POSE_SIZE
 from services.registration.core.pose_errors import PoseErrors
 from services.registration.core.pose_evidence import PoseEvidence
 from shared.geometry.lines import angle_between_rad

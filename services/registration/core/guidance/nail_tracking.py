@@ -12,25 +12,31 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.nail.covariance import pose_covariance
-from services.registration.core.nail.equations import Problem
+from services.registration.core.nail.fit import pose_covariance
+from services.registration.core.nail.forward_model import Detail, Given, NailScene, scene_at
+from services.registration.core.nail.imaging_chain import Scale
 from services.registration.core.nail.judgement import HoleView, hole_views, nail_outside, residual_statistics
-from services.registration.core.nail.pose import POSE_SIZE, motion_by_parameters, parameters_from_pose
-from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.solver import Solution, minimise, minimise_from, with_derivatives
-from services.registration.core.nail.stages import (
+from services.registration.core.nail.least_squares import (
     EVERYTHING,
-    Detail,
-    Given,
     Noise,
+    Problem,
+    Solution,
     evenly_weighted,
+    minimise,
+    minimise_from,
     noise_of,
     problem_for,
     reweighted,
-    scene_at,
+    with_derivatives,
 )
-from services.registration.core.nail.unknowns import PARAMETERS, Unknown, prior_mean
-from services.registration.core.nail.window import Scale
+from services.registration.core.nail.parameters import (
+    PARAMETERS,
+    POSE_SIZE,
+    Unknown,
+    motion_by_parameters,
+    parameters_from_pose,
+    prior_mean,
+)
 from services.registration.core.pose_errors import model_covariance
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail

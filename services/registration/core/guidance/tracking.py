@@ -29,8 +29,8 @@ from services.registration.core.guidance.nail_tracking import (
 )
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.nail.forward_model import Given
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.nail.stages import Given
 from services.registration.core.pose_evidence import motion_of_nail
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration

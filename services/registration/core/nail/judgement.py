@@ -6,14 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.appearance import share_without_metal
-from services.registration.core.nail.blur import blurred_image
-from services.registration.core.nail.equations import Linear, Problem
+from services.registration.core.nail.forward_model import NailScene, share_without_metal
+from services.registration.core.nail.imaging_chain import blurred_image
+from services.registration.core.nail.least_squares import Linear, Noise, Problem, Solution
 from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION
-from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.solver import Solution
-from services.registration.core.nail.stages import Noise
-from services.registration.core.nail.window import Window
+from services.registration.core.nail.region import Window
 from shared.errors import Reason, ReasonCode, Rejected
 from shared.figures import figure
 from shared.geometry.parts import Hole, NailPart
@@ -139,7 +136,7 @@ def _hole_view(
     inside_nail = np.abs(window.across_mm) < 0.8 * scene.nail.radius_mm
     seen = clear & near & inside_nail
     depth = float(scene.pose(parameters).translation_mm[2])
-    pixel_mm = depth / scene.camera.focal_length_px * window.reduction
+    pixel_mm = depth / scene.camera.focal_length_px * window.scale.reduction
     opening = float(np.count_nonzero(seen)) * pixel_mm**2 / (np.pi * radius**2)
     to_noise = float(np.median(contrast[seen])) if np.any(seen) else 0.0
     return HoleView(hole.id, min(opening, 1.0), to_noise)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from services.registration.core.nail.blur import Real
+from services.registration.core.nail.imaging_chain import Real
 from shared.two_cores import mapped
 
 _LAGS = 9

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.coarse import NailStart
-from services.registration.core.nail.coarse_outline import Ellipse
-from services.registration.core.nail.coarse_pose import camera_from_nail_facing
+from services.registration.core.nail.search.find import NailStart, camera_from_nail_facing
+from services.registration.core.nail.search.outline import Ellipse
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.figures import figure
 from shared.geometry.calibration import CArmCalibration

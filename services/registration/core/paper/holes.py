@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.coarse_outline import Ellipse, fit_ellipse
+from services.registration.core.nail.search.outline import Ellipse, fit_ellipse
 from services.registration.core.paper.band import Band
 from services.registration.core.paper.edges import EdgeImage
 from shared.geometry.parts import NailPart

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.locate import GuideFit, Named, guide_identities, measured_guide
 from services.registration.core.localise import Parts
-from services.registration.core.nail.coarse_band import SearchImage, depth_range_mm, find_bands, prepare_search
-from services.registration.core.nail.coarse_openings import HolePattern, Strip, find_pattern, straighten
-from services.registration.core.nail.coarse_outline import measure_opening
-from services.registration.core.nail.coarse_pose import camera_from_nail_facing
+from services.registration.core.nail.search.band import SearchImage, depth_range_mm, find_bands, prepare_search
+from services.registration.core.nail.search.find import camera_from_nail_facing
+from services.registration.core.nail.search.holes import HolePattern, Strip, find_pattern, straighten
+from services.registration.core.nail.search.outline import measure_opening
 from services.registration.core.wires.image import in_border
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.figures import figure

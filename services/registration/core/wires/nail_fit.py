@@ -17,8 +17,7 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Method, Parts, conclude, unmirrored
 from services.registration.core.nail.fit import NailFit, measure_nail
 from services.registration.core.nail.judgement import LeastOpenings, reasons_against
-from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.nail.rods import SteelRod
+from services.registration.core.nail.occluders import Occluders, PlacedGuide, SteelRod
 from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from services.registration.core.wires.fit import WIRE_DIAMETER_MM, WireFit, find_wire
 from services.registration.core.wires.guided_search import nail_beside_guide

@@ -6,15 +6,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.registration.core.nail.appearance import derivatives_of_share, visible_share
-from services.registration.core.nail.blur import blurred_image
+from services.registration.core.nail.forward_model import (
+    Detail,
+    Given,
+    NailScene,
+    derivatives_of_share,
+    paths,
+    scene_at,
+    visible_share,
+)
+from services.registration.core.nail.imaging_chain import Scale, blurred_image
+from services.registration.core.nail.least_squares import EVERYTHING
 from services.registration.core.nail.noise import correlation_of, whitening_for
-from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
-from services.registration.core.nail.scene import NailScene
-from services.registration.core.nail.stages import EVERYTHING, Detail, Given, scene_at
-from services.registration.core.nail.tracing import paths
-from services.registration.core.nail.unknowns import Unknown, prior_mean, within_reason
-from services.registration.core.nail.window import Scale
+from services.registration.core.nail.parameters import (
+    POSE_SIZE,
+    Unknown,
+    parameters_from_pose,
+    prior_mean,
+    within_reason,
+)
 from tests.accuracy.registration.nail.fluoroscope import nail_part, posed, shoot
 
 _OF_ALL_BUT_SHAPE = tuple(Unknown)[Unknown.LOG_ATTENUATION : Unknown.DELRIN_PER_MM + 1]

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.localise import Parts
-from services.registration.core.nail.capture import POSE_ONLY
-from services.registration.core.nail.equations import Problem
+from services.registration.core.nail.forward_model import Detail, Given, scene_at
+from services.registration.core.nail.least_squares import Problem, problem_for
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.nail.pose import POSE_SIZE, parameters_from_pose
-from services.registration.core.nail.stages import Detail, Given, problem_for, scene_at
-from services.registration.core.nail.unknowns import prior_mean
+from services.registration.core.nail.parameters import POSE_SIZE, parameters_from_pose, prior_mean
+from services.registration.core.nail.tilt_ambiguity import POSE_ONLY
 from services.registration.parts import parts_from_json
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail

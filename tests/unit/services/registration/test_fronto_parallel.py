@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.registration.core.nail.coarse import find_nail
+from services.registration.core.nail.search.find import find_nail
 from services.registration.core.paper.axis_rule import LOWEST_ASPECT_RATIO, FrontoParallelNail, SeenNail, along_the_beam
 from services.registration.core.paper.nail import locate_nail_by_band
 from shared.errors import Accepted, ReasonCode, Rejected

@@ -24,8 +24,8 @@ from services.registration.core.guidance.tracking import (
     localised_sight,
 )
 from services.registration.core.localise import Method, localise
+from services.registration.core.nail.forward_model import Given
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.nail.stages import Given
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera

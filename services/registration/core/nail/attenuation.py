@@ -1,0 +1,427 @@
+"""Transmission of the X-rays through the nail in each pixel, and its derivatives by pose, radii and material.
+
+The path of a ray in the nail ends at surfaces: at the nail's, a bore's or the cannulation's. A surface that the ray
+grazes is a step in the image, or worse, and a few samples in a pixel see it jump. Each sample is therefore a mean
+over a bore's radius, or over the ray's distance from the nail's axis, a sixth of a pixel to either side. Then the
+derivative by radius or distance is a plain difference, and that by the nail's motion follows from how the surface moves
+along its normal where the ray runs beside it.
+
+A path's end on a surface moves along the ray by (g . v) / (g . d) when the surface moves by v, with its normal g and
+the ray's direction d. Along a bore's wall that has no bound; there the derivative by the radius is a difference, and
+the wall's motion along its normal is a change of radius.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.compiled import compiled
+from services.registration.core.nail.rays import (
+    FIRST_SAMPLES,
+    LEAST_STEP_MM,
+    NO_TUBE,
+    Bore,
+    PixelRays,
+    Ray,
+    SteelBeside,
+    Tube,
+    bore_and_rim_near,
+    bore_at,
+    chamfered,
+    cone,
+    in_bore,
+    meets,
+    outline_near,
+    ray_through,
+    tube_of,
+    within,
+)
+
+# Columns of the derivatives: small motion of the nail in its own frame (rotation vector, translation), radii, material.
+MOTION_SIZE = 6
+BY_HOLE_RADIUS, BY_NAIL_RADIUS, BY_CHAMFER, BY_LOG_ATTENUATION, BY_HARDENING = range(MOTION_SIZE, MOTION_SIZE + 5)
+DERIVATIVES = MOTION_SIZE + 5
+
+# The hardest X-rays of a tube at 60-80 kV are attenuated by this share of the mean: so much hardening leaves.
+_HARDEST = 0.4
+# Below, the law is the exponential one, and its derivative the first term of a series.
+_NO_HARDENING = 1e-3
+
+Material = tuple[float, float]
+Shade = tuple[float, float, float]
+
+# So many steps from an edge, the difference over a step is the derivative.
+_NEAR_EDGE = 5.0
+
+_LEAST_INCIDENCE = 0.002
+
+_UNIFORM = 0.02
+_SOFTENING_PX = 0.15
+# Half a pixel's diagonal (0.7), what samples are softened by (0.15), and some more, as just inside an edge paths are
+# much curved: with 1.0, single pixels changed by up to 0.009 of what passes, with 1.5 by 0.003.
+_EDGE_REACH_PX = 1.5
+
+
+@compiled
+def shade_behind(path_mm: float, material: Material) -> Shade:
+    """exp(-f * d) * (1 + h * (1 - f) * d)^(-1 / h) behind a path of depth d; its derivatives by log d and by h.
+
+    That is what passes of a beam whose attenuations are f times their mean (d counts the mean) and above that
+    distributed like a gamma variable of relative variance h, the hardening. The first tenths of a millimetre meet the
+    mean, and the rest what came through.
+    """
+    depth, hardening = material[0] * path_mm, material[1]
+    if depth <= 0.0:
+        return 1.0, 0.0, 0.0
+    soft = (1.0 - _HARDEST) * depth
+    if hardening < _NO_HARDENING:
+        passed = np.exp(-depth)
+        return passed, -depth * passed, 0.5 * soft * soft * passed
+    # log1p would be exact for a vanishing path too, where nothing depends on it, and takes about twice as long
+    logarithm, left = np.log(1.0 + hardening * soft) / hardening, soft / (1.0 + hardening * soft)
+    passed = np.exp(-_HARDEST * depth - logarithm)
+    return passed, -(_HARDEST * depth + left) * passed, (logarithm - left) / hardening * passed
+
+
+@compiled
+def mean_shade(low: Shade, middle: Shade, high: Shade) -> Shade:
+    """Mean over a short way (Simpson's rule)."""
+    return (
+        (low[0] + 4.0 * middle[0] + high[0]) / 6.0,
+        (low[1] + 4.0 * middle[1] + high[1]) / 6.0,
+        (low[2] + 4.0 * middle[2] + high[2]) / 6.0,
+    )
+
+
+@compiled
+def add_motion(
+    x: float, y: float, z: float, gx: float, gy: float, gz: float, share: float, slope: NDArray[np.float32]
+) -> None:
+    """Add what the motion of a surface at (x, y, z) along its normal g contributes."""
+    slope[0] += share * (y * gz - z * gy)
+    slope[1] += share * (z * gx - x * gz)
+    slope[2] += share * (x * gy - y * gx)
+    slope[3] += share * gx
+    slope[4] += share * gy
+    slope[5] += share * gz
+
+
+@compiled
+def _half_chord(impact_mm: float, radius_mm: float, inner_mm: float) -> float:
+    """Half the chord of a tube's cross-section at a distance from its axis."""
+    outer, inner = radius_mm**2 - impact_mm**2, inner_mm**2 - impact_mm**2
+    return float(np.sqrt(max(outer, 0.0)) - np.sqrt(max(inner, 0.0)))
+
+
+@compiled
+def _tube_at_edge(
+    impact: float,
+    radius_mm: float,
+    inner_mm: float,
+    step_mm: float,
+    chord: float,
+    steel_mm: float,
+    material: Material,
+) -> tuple[Shade, float, float]:
+    """Shade near an edge, mean over the distance from the axis, and its derivatives by that distance and the radius."""
+    metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
+    low = shade_behind(chord * _half_chord(impact - step_mm, radius_mm, inner_mm) + steel_mm, material)
+    middle = shade_behind(metal_mm + steel_mm, material)
+    high = shade_behind(chord * _half_chord(impact + step_mm, radius_mm, inner_mm) + steel_mm, material)
+    by_impact = (high[0] - low[0]) / (2.0 * step_mm)
+    # Half the chord is a root of radius² - impact²: at the outline the two move it alike, elsewhere it is smooth. Of a
+    # wall so thin that the cannulation's edge is as near it would be wrong; none is thinner than a pixel.
+    if radius_mm - abs(impact) < _NEAR_EDGE * step_mm:
+        by_radius = -by_impact * radius_mm / impact
+    else:
+        by_radius = middle[1] / (metal_mm + steel_mm) * chord * radius_mm / np.sqrt(radius_mm**2 - impact**2)
+    return mean_shade(low, middle, high), by_impact, by_radius
+
+
+@compiled
+def _tube_inside(
+    impact: float, radius_mm: float, inner_mm: float, chord: float, steel_mm: float, material: Material
+) -> tuple[Shade, float, float]:
+    """The same where no edge is near: there the derivatives are those of the chord."""
+    outer = np.sqrt(radius_mm**2 - impact**2)
+    by_impact = -impact / outer
+    inner = 0.0
+    if abs(impact) < inner_mm:
+        inner = np.sqrt(inner_mm**2 - impact**2)
+        by_impact += impact / inner
+    path_mm = chord * (outer - inner) + steel_mm
+    shade = shade_behind(path_mm, material)
+    by_half_chord = shade[1] / path_mm * chord
+    return shade, by_half_chord * by_impact, by_half_chord * radius_mm / outer
+
+
+@compiled
+def shade_at_tube(
+    ray: Ray,
+    radius_mm: float,
+    inner_mm: float,
+    step_mm: float,
+    unit_mm: float,
+    steel_mm: float,
+    material: Material,
+    slope: NDArray[np.float32],
+) -> Shade:
+    """Shade of a ray that no bore touches."""
+    ox, oy, oz, dx, dy, dz = ray
+    across = np.sqrt(dy * dy + dz * dz)
+    my, mz = -dz / across, dy / across
+    impact = oy * my + oz * mz
+    if abs(impact) > radius_mm + step_mm:
+        return shade_behind(steel_mm, material)
+    chord = 2.0 * unit_mm / across
+    near_edge = _NEAR_EDGE * step_mm
+    if radius_mm - abs(impact) < near_edge or abs(inner_mm - abs(impact)) < near_edge:
+        shade, by_impact, by_radius = _tube_at_edge(impact, radius_mm, inner_mm, step_mm, chord, steel_mm, material)
+    else:
+        shade, by_impact, by_radius = _tube_inside(impact, radius_mm, inner_mm, chord, steel_mm, material)
+    metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
+    turning = shade[1] * metal_mm / (metal_mm + steel_mm) * dx / across if metal_mm > 0.0 else 0.0
+    x = ox - (oy * dy + oz * dz) / (across * across) * dx
+    slope[1] += by_impact * x * mz + turning * my
+    slope[2] += turning * mz - by_impact * x * my
+    slope[4] -= by_impact * my
+    slope[5] -= by_impact * mz
+    slope[BY_NAIL_RADIUS] += by_radius
+    return shade
+
+
+@compiled
+def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float32]) -> float:
+    """Add the motion of a path's end on the nail or its cannulation; returns the share that the radius has."""
+    ox, oy, oz, dx, dy, dz = ray
+    x, y, z = ox + place * dx, oy + place * dy, oz + place * dz
+    norm = np.sqrt(y * y + z * z)
+    share /= max(abs(y * dy + z * dz) / norm, _LEAST_INCIDENCE)
+    add_motion(x, y, z, 0.0, y / norm, z / norm, share, slope)
+    return share
+
+
+@compiled
+def _add_cone_end(
+    ray: Ray, place: float, inwards: float, bore: Bore, weight: float, slope: NDArray[np.float32]
+) -> None:
+    """Add the motion of a path's end on a bore's chamfer; `weight` is the derivative of what passes by the length."""
+    _, gx, gy, gz = cone(ray, place, bore)
+    share = weight / (-inwards * (gx * ray[3] + gy * ray[4] + gz * ray[5]))
+    x, y, z = ray[0] + place * ray[3], ray[1] + place * ray[4], ray[2] + place * ray[5]
+    add_motion(x, y, z, gx, gy, gz, share, slope)
+    slope[BY_HOLE_RADIUS] -= share
+    slope[BY_CHAMFER] -= share
+    slope[BY_NAIL_RADIUS] += share
+
+
+@compiled
+def _add_wall(
+    ray: Ray, tube: Tube, bore: Bore, first: float, last: float, share: float, slope: NDArray[np.float32]
+) -> None:
+    """Add the motion of a bore's wall along a stretch of the ray, as the middle of the stretch sees it."""
+    middle = 0.5 * (max(first, tube[0]) + min(last, tube[1]))
+    x, y, z = ray[0] + middle * ray[3], ray[1] + middle * ray[4], ray[2] + middle * ray[5]
+    px, py, pz = x - bore[0], y - bore[1], z - bore[2]
+    along = px * bore[3] + py * bore[4] + pz * bore[5]
+    gx, gy, gz = px - along * bore[3], py - along * bore[4], pz - along * bore[5]
+    norm = np.sqrt(gx * gx + gy * gy + gz * gz)
+    add_motion(x, y, z, gx / norm, gy / norm, gz / norm, share, slope)
+
+
+@compiled
+def _behind_bore(
+    ray: Ray,
+    tube: Tube,
+    bore: Bore,
+    bored: tuple[float, float],
+    weight: float,
+    unit_mm: float,
+    steel_mm: float,
+    material: Material,
+    slope: NDArray[np.float32],
+) -> Shade:
+    """Shade of a ray that is in a bore between two places; derivatives by the other ends are added, times `weight`."""
+    near, far, inner_near, inner_far = tube
+    empty = bored[1] <= bored[0]
+    metal = within(tube, near, far) - (0.0 if empty else within(tube, bored[0], bored[1]))
+    near_free, far_free = empty or not bored[0] < near < bored[1], empty or not bored[0] < far < bored[1]
+    near_cut = chamfered(ray, near, 1.0, bore) if near_free else 0.0
+    far_cut = chamfered(ray, far, -1.0, bore) if far_free else 0.0
+    # where the chamfer meets the bore, no end is left between them
+    if not empty and near_free and bored[1] > near and near_cut >= bored[0] - near:
+        near_cut, near_free = bored[0] - near, False
+    if not empty and far_free and bored[0] < far and far_cut >= far - bored[1]:
+        far_cut, far_free = far - bored[1], False
+    metal = metal - near_cut - far_cut
+    path_mm = unit_mm * max(metal, 0.0) + steel_mm
+    shade = shade_behind(path_mm, material)
+    if metal <= 0.0 or shade[1] == 0.0:
+        return shade
+    share = weight * shade[1] / path_mm * unit_mm
+    if near_free and near_cut > 0.0:
+        _add_cone_end(ray, near + near_cut, 1.0, bore, share, slope)
+    elif near_free:
+        slope[BY_NAIL_RADIUS] += _add_end(ray, near, share, slope)
+    if far_free and far_cut > 0.0:
+        _add_cone_end(ray, far - far_cut, -1.0, bore, share, slope)
+    elif far_free:
+        slope[BY_NAIL_RADIUS] += _add_end(ray, far, share, slope)
+    if inner_far > inner_near and (empty or not bored[0] < inner_near < bored[1]):
+        _add_end(ray, inner_near, -share, slope)
+    if inner_far > inner_near and (empty or not bored[0] < inner_far < bored[1]):
+        _add_end(ray, inner_far, -share, slope)
+    return shade
+
+
+@compiled
+def shade_at_bore(
+    ray: Ray,
+    tube: Tube,
+    bore: Bore,
+    step_mm: float,
+    unit_mm: float,
+    steel_mm: float,
+    material: Material,
+    slope: NDArray[np.float32],
+) -> Shade:
+    """Shade of a ray that a bore touches, mean over the bore's radius from `-step_mm` to `step_mm`."""
+    wide, narrow = in_bore(ray, bore, step_mm), in_bore(ray, bore, -step_mm)
+    in_wide = within(tube, wide[0], wide[1])
+    in_narrow = within(tube, narrow[0], narrow[1]) if narrow[1] > narrow[0] else 0.0
+    if in_wide <= in_narrow:
+        return _behind_bore(ray, tube, bore, wide, 1.0, unit_mm, steel_mm, material, slope)
+    middle = in_bore(ray, bore, 0.0)
+    low = _behind_bore(ray, tube, bore, narrow, 1.0 / 6.0, unit_mm, steel_mm, material, slope)
+    central = _behind_bore(ray, tube, bore, middle, 4.0 / 6.0, unit_mm, steel_mm, material, slope)
+    high = _behind_bore(ray, tube, bore, wide, 1.0 / 6.0, unit_mm, steel_mm, material, slope)
+    by_radius = (high[0] - low[0]) / (2.0 * step_mm)
+    slope[BY_HOLE_RADIUS] += by_radius
+    if narrow[1] <= narrow[0]:
+        narrow = (0.5 * (wide[0] + wide[1]), 0.5 * (wide[0] + wide[1]))
+    before, after = within(tube, wide[0], narrow[0]), within(tube, narrow[1], wide[1])
+    if before > 0.0:
+        _add_wall(ray, tube, bore, wide[0], narrow[0], by_radius * before / (before + after), slope)
+    if after > 0.0:
+        _add_wall(ray, tube, bore, narrow[1], wide[1], by_radius * after / (before + after), slope)
+    return mean_shade(low, central, high)
+
+
+class NailShape(NamedTuple):
+    """The nail as the rays meet it.
+
+    Attributes
+    ----------
+    rotation, translation_mm
+        `camera_from_nail`, shapes (3, 3) and (3,).
+    radius_mm, cannulation_radius_mm
+        Of the nail and of the canal along it (0: solid).
+    bores
+        Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as
+        it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
+    attenuation, hardening
+        Mean of the X-rays' attenuations, per mm, and how much they differ (`transmission_behind`).
+    steel_in_nail_material
+        How many mm of the nail's material attenuate as 1 mm of steel does.
+    """
+
+    rotation: NDArray[np.float64]
+    translation_mm: NDArray[np.float64]
+    radius_mm: float
+    cannulation_radius_mm: float
+    bores: NDArray[np.float64]
+    attenuation: float
+    hardening: float
+    steel_in_nail_material: float
+
+
+@compiled
+def _add_sample(
+    ray: Ray, tube: Tube, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float32]
+) -> float:
+    """Share that passes along one ray; its derivatives are added to `slope`.
+
+    Bores are looked for in the tube (in `NO_TUBE` none is); `steel_mm` are mm of the nail's material.
+    """
+    material = (nail.attenuation, nail.hardening)
+    radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
+    touched = -1
+    if tube[1] > tube[0]:
+        for h in range(nail.bores.shape[0]):
+            if meets(ray, tube, bore_at(nail.bores, h), radius_mm, step_mm):
+                touched = h
+    if touched >= 0:
+        shade = shade_at_bore(ray, tube, bore_at(nail.bores, touched), step_mm, unit_mm, steel_mm, material, slope)
+    else:
+        shade = shade_at_tube(ray, radius_mm, inner_mm, step_mm, unit_mm, steel_mm, material, slope)
+    slope[BY_LOG_ATTENUATION] += shade[1]
+    slope[BY_HARDENING] += shade[2]
+    return shade[0]
+
+
+@compiled
+def _bore_and_edge_near(cx: float, cy: float, nail: NailShape, reach_mm: float) -> tuple[bool, bool]:
+    """Whether a bore, and whether any edge of the nail, is less than `reach_mm` from the ray through (cx, cy, 1)."""
+    ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)
+    radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
+    bore_near, rim_near = bore_and_rim_near(ray, radius_mm, inner_mm, nail.bores, reach_mm)
+    return bore_near, rim_near or outline_near(ray, radius_mm, inner_mm, reach_mm)
+
+
+@compiled
+def trace(
+    rays: PixelRays,
+    samples_px: NDArray[np.float64],
+    steel: SteelBeside,
+    nail: NailShape,
+    passed: NDArray[np.float64],
+    by_cause: NDArray[np.float32],
+) -> None:
+    """Mean over each pixel of the share that passes, with more samples where the first four differ.
+
+    Of pixels away from all edges and from other steel the middle is taken.
+
+    Parameters
+    ----------
+    rays
+        Of the S pixels.
+    samples_px
+        Places within a pixel, shape (K, 2); the first four stand for the pixel by themselves.
+    steel
+        Balls and wires beside the nail.
+    passed
+        Result, shape (S,).
+    by_cause
+        Its derivatives, shape (S, DERIVATIVES): by a small motion of the nail in its own frame (rad, mm), by radii and
+        material.
+    """
+    for n in range(rays.slopes.shape[0]):
+        right_x, right_y, down_x, down_y = rays.right[n, 0], rays.right[n, 1], rays.down[n, 0], rays.down[n, 1]
+        slope = by_cause[n]
+        slope[:] = 0.0
+        total, least, most, count = 0.0, 2.0, -1.0, 0
+        pixel_mm = nail.translation_mm[2] * np.sqrt(right_x * right_x + right_y * right_y)
+        step_mm = max(_SOFTENING_PX * pixel_mm, LEAST_STEP_MM)
+        bore_near, edge_near = _bore_and_edge_near(
+            rays.slopes[n, 0], rays.slopes[n, 1], nail, _EDGE_REACH_PX * pixel_mm
+        )
+        row = steel.row[n]
+        several = edge_near or row >= 0
+        for k in range(samples_px.shape[0]):
+            if (k == FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not several):
+                break
+            cx, cy = rays.slopes[n, 0], rays.slopes[n, 1]
+            if several:
+                cx += samples_px[k, 0] * right_x + samples_px[k, 1] * down_x
+                cy += samples_px[k, 0] * right_y + samples_px[k, 1] * down_y
+            ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)
+            tube = tube_of(ray, nail.radius_mm, nail.cannulation_radius_mm) if bore_near else NO_TUBE
+            unit_mm = np.sqrt(cx * cx + cy * cy + 1.0)
+            beside_mm = nail.steel_in_nail_material * steel.path_mm[row, k] if row >= 0 else 0.0
+            share = _add_sample(ray, tube, nail, step_mm, unit_mm, beside_mm, slope)
+            total += share
+            least, most = min(least, share), max(most, share)
+            count += 1
+        passed[n] = total / count
+        slope /= count

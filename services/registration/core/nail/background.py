@@ -1,0 +1,313 @@
+"""The background as a smooth random field: cubic B-splines on a grid in the nail's plane with a roughness prior.
+
+Its coefficients couple only to their neighbours: the field's block of the normal equations is a band, and the few
+columns that act everywhere are a border. Solved so, the equations cost a small part of what a full matrix would.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, cholesky_banded
+from scipy.linalg.lapack import dtbtrs
+
+from services.registration.core.compiled import compiled
+
+_IN_CELL = 16
+
+
+class BorderedMatrix(NamedTuple):
+    """A symmetric matrix of M + D rows.
+
+    Attributes
+    ----------
+    band
+        Of the first M rows: place (m, k) holds what stands in row m + k and column m, shape (M, width).
+    border
+        The last D rows without their last D columns, shape (D, M).
+    corner
+        The last D rows and columns, shape (D, D), of which the lower triangle counts.
+    """
+
+    band: NDArray[np.float64]
+    border: NDArray[np.float64]
+    corner: NDArray[np.float64]
+
+    @staticmethod
+    def of_zeros(size: int, width: int, dense: int) -> "BorderedMatrix":
+        """Nothing yet, for M = `size` and D = `dense`."""
+        return BorderedMatrix(np.zeros((size, width)), np.zeros((dense, size)), np.zeros((dense, dense)))
+
+    def add_to_diagonal(self, share_of_mean: float) -> None:
+        """Raise the diagonal by a share of its mean, in place."""
+        in_corner = np.diag_indices(len(self.corner))
+        total = float(self.band[:, 0].sum() + self.corner[in_corner].sum())
+        rise = share_of_mean * total / (len(self.band) + len(self.corner))
+        self.band[:, 0] += rise
+        self.corner[in_corner] += rise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Factor:
+    """The Cholesky factor, block by block.
+
+    Attributes
+    ----------
+    band
+        Of the field's block, as LAPACK holds it, shape (width, M).
+    border
+        What stands beside it, transposed, shape (M, D).
+    corner
+        The last block, shape (D, D).
+    """
+
+    band: NDArray[np.float64]
+    border: NDArray[np.float64]
+    corner: NDArray[np.float64]
+
+    def solved(self, sides: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Solution for right-hand sides of shape (M + D,) or (M + D, T), of the same shape."""
+        size = len(self.border)
+        of_field = _through_band(self.band, sides[:size])
+        of_dense = cho_solve((self.corner, True), sides[size:] - self.border.T @ of_field, check_finite=False)
+        return np.concatenate([_through_band(self.band, of_field - self.border @ of_dense, transposed=True), of_dense])
+
+
+def factorised(matrix: BorderedMatrix) -> Factor:
+    """Factor a matrix, which must be positive definite; its band is overwritten."""
+    band = cholesky_banded(matrix.band.T, overwrite_ab=True, lower=True, check_finite=False)
+    border = _through_band(band, matrix.border.T)
+    corner, _ = cho_factor(matrix.corner - border.T @ border, lower=True, check_finite=False)
+    return Factor(band, border, corner)
+
+
+def _through_band(
+    band: NDArray[np.float64], sides: NDArray[np.float64], *, transposed: bool = False
+) -> NDArray[np.float64]:
+    """Solve with the factor of a band, or with its transpose, for sides of shape (M,) or (M, T)."""
+    solution, fault = dtbtrs(band, sides.reshape(len(sides), -1), uplo="L", trans="T" if transposed else "N")
+    if fault:
+        raise np.linalg.LinAlgError(f"row {abs(fault)} of a band's factor cannot be solved")
+    return np.asarray(solution).reshape(sides.shape)
+
+
+def lower_band(matrix: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """Band of a symmetric matrix, shape (M, M), that has nothing beyond it, as `BorderedMatrix` holds it."""
+    size = len(matrix)
+    band = np.zeros((size, width))
+    for k in range(min(width, size)):
+        band[: size - k, k] = np.diagonal(matrix, -k)
+    return band
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SplineField:
+    """Cubic B-spline basis at given places.
+
+    Attributes
+    ----------
+    corner
+        Index of the first of the 4 x 4 coefficients that act at each place, shape (N,).
+    order
+        The places, cell by cell, shape (N,).
+    cells
+        Where in `order` each cell begins, and where the last ends, shape (C + 1,).
+    along_weights, across_weights
+        Weights of those coefficients along the two axes, shape (N, 4).
+    grid
+        Number of coefficients along and across.
+    roughness
+        Precision matrix of the prior for unit scale: squared second differences along both axes, shape (M, M).
+    roughness_band
+        The same as a band (see `BorderedMatrix`), as wide as any two coefficients that act at one place are apart.
+    """
+
+    corner: NDArray[np.int64]
+    order: NDArray[np.int64]
+    cells: NDArray[np.int64]
+    along_weights: NDArray[np.float64]
+    across_weights: NDArray[np.float64]
+    grid: tuple[int, int]
+    roughness: NDArray[np.float64]
+    roughness_band: NDArray[np.float64]
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.grid[0] * self.grid[1]
+
+    def at_places(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Value of the field at the places, shape (N,), from coefficients, shape (M,)."""
+        out = np.empty(len(self.corner))
+        _evaluate(self.corner, self.along_weights, self.across_weights, self.grid[1], coefficients, out)
+        return out
+
+
+def spline_field(along_mm: NDArray[np.float64], across_mm: NDArray[np.float64], spacing_mm: float) -> SplineField:
+    """Basis for places in the nail's plane, shape (N,) each, with knots `spacing_mm` apart."""
+    first, count_along, weights_along = _axis_weights(along_mm, spacing_mm)
+    second, count_across, weights_across = _axis_weights(across_mm, spacing_mm)
+    roughness = _roughness(count_along, count_across)
+    corner = first * count_across + second
+    order = np.argsort(corner, kind="stable")
+    cells = np.flatnonzero(np.diff(corner[order], prepend=-1, append=-1))
+    band = lower_band(roughness, 3 * count_across + 4)
+    grid = count_along, count_across
+    return SplineField(corner, order, cells, weights_along, weights_across, grid, roughness, band)
+
+
+def _axis_weights(places: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.int64], int, NDArray[np.float64]]:
+    position = (places - places.min()) / spacing
+    cell = np.floor(position).astype(np.int64)
+    t = position - cell
+    weights = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=1)
+    return cell, int(cell.max()) + 4, weights / 6.0
+
+
+def _roughness(along: int, across: int) -> NDArray[np.float64]:
+    def second_differences(count: int) -> NDArray[np.float64]:
+        d = np.diff(np.eye(count), n=2, axis=0)
+        return np.asarray(d.T @ d)
+
+    # mixed differences hold the coefficients that no pixel sees; the tiny ridge makes the prior proper
+    d_along, d_across = np.diff(np.eye(along), axis=0), np.diff(np.eye(across), axis=0)
+    mixed = np.kron(d_along.T @ d_along, d_across.T @ d_across)
+    bend = np.kron(second_differences(along), np.eye(across)) + np.kron(np.eye(along), second_differences(across))
+    return np.asarray(bend + 2.0 * mixed)
+
+
+@compiled
+def _evaluate(
+    corner: NDArray[np.int64],
+    along_weights: NDArray[np.float64],
+    across_weights: NDArray[np.float64],
+    count_across: int,
+    coefficients: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    for n in range(corner.shape[0]):
+        total = 0.0
+        for i in range(4):
+            base = corner[n] + i * count_across
+            for j in range(4):
+                total += along_weights[n, i] * across_weights[n, j] * coefficients[base + j]
+        out[n] = total
+
+
+class Columns(NamedTuple):
+    """The columns A = [gain * spline basis, dense] and the weights W of N pixels.
+
+    Attributes
+    ----------
+    order, cells, corner, along_weights, across_weights
+        Of the `SplineField`.
+    coefficients, count_across
+        Number of its coefficients, in all and across.
+    gain, weight
+        Shape (N,).
+    dense
+        Columns that act everywhere, shape (N, D).
+    """
+
+    order: NDArray[np.int64]
+    cells: NDArray[np.int64]
+    corner: NDArray[np.int64]
+    along_weights: NDArray[np.float64]
+    across_weights: NDArray[np.float64]
+    coefficients: int
+    count_across: int
+    gain: NDArray[np.float64]
+    dense: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+
+def columns_of(
+    field: SplineField, gain: NDArray[np.float64], dense: NDArray[np.float64], weight: NDArray[np.float64]
+) -> Columns:
+    """Columns of a field that is seen with some gain, and of what acts everywhere."""
+    weights = (field.along_weights, field.across_weights)
+    return Columns(field.order, field.cells, field.corner, *weights, field.size, field.grid[1], gain, dense, weight)
+
+
+@compiled
+def _cell_index(columns: Columns, cell: int) -> NDArray[np.int64]:
+    """Which of all coefficients the pixels of a cell depend on, increasing, shape (16 + D,)."""
+    dense = columns.dense.shape[1]
+    index = np.empty(_IN_CELL + dense, dtype=np.int64)
+    first = columns.corner[columns.order[columns.cells[cell]]]
+    for i in range(4):
+        index[4 * i : 4 * i + 4] = first + i * columns.count_across + np.arange(4)
+    index[_IN_CELL:] = columns.coefficients + np.arange(dense)
+    return index
+
+
+@compiled
+def _cell_rows(columns: Columns, cell: int) -> NDArray[np.float64]:
+    """What is not zero of A in the rows of a cell's pixels, shape (pixels, 16 + D)."""
+    first, end = columns.cells[cell], columns.cells[cell + 1]
+    rows = np.empty((end - first, _IN_CELL + columns.dense.shape[1]))
+    for m in range(first, end):
+        n = columns.order[m]
+        row = rows[m - first]
+        for i in range(4):
+            along = columns.along_weights[n, i] * columns.gain[n]
+            for j in range(4):
+                row[4 * i + j] = along * columns.across_weights[n, j]
+        row[_IN_CELL:] = columns.dense[n]
+    return rows
+
+
+@compiled
+def _places_and_weights(columns: Columns, cell: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """A cell's pixels, shape (pixels,), and their weights, shape (pixels, 1)."""
+    places = columns.order[columns.cells[cell] : columns.cells[cell + 1]]
+    return places, columns.weight[places].reshape(-1, 1)
+
+
+@compiled
+def add_normal_equations(
+    columns: Columns,
+    first: int,
+    end: int,
+    target: NDArray[np.float64],
+    matrix: BorderedMatrix,
+    side: NDArray[np.float64],
+) -> None:
+    """Add A'WA and A'W target of the cells from `first` to before `end`.
+
+    Parameters
+    ----------
+    target
+        Shape (N,).
+    matrix, side
+        Results, for M + D coefficients.
+    """
+    for cell in range(first, end):
+        index, rows = _cell_index(columns, cell), _cell_rows(columns, cell)
+        places, weight = _places_and_weights(columns, cell)
+        weighted = weight * rows
+        block, of_target = np.dot(rows.T, weighted), np.dot(weighted.T, target[places])
+        for a in range(index.shape[0]):
+            side[index[a]] += of_target[a]
+        for a in range(_IN_CELL):
+            for b in range(a + 1):
+                matrix.band[index[b], index[a] - index[b]] += block[a, b]
+        for a in range(_IN_CELL, index.shape[0]):
+            for b in range(_IN_CELL):
+                matrix.border[a - _IN_CELL, index[b]] += block[a, b]
+            for b in range(_IN_CELL, a + 1):
+                matrix.corner[a - _IN_CELL, b - _IN_CELL] += block[a, b]
+
+
+@compiled
+def add_right_sides(
+    columns: Columns, first: int, end: int, targets: NDArray[np.float64], sides: NDArray[np.float64]
+) -> None:
+    """Add A'W targets, targets of shape (N, T), of some of the cells to `sides`, shape (M + D, T)."""
+    for cell in range(first, end):
+        index, rows = _cell_index(columns, cell), _cell_rows(columns, cell)
+        places, weight = _places_and_weights(columns, cell)
+        block = np.dot(rows.T, weight * targets[places])
+        for a in range(index.shape[0]):
+            sides[index[a]] += block[a]

@@ -1,0 +1,1 @@
+"""Global search for the nail in an image: band, holes, outlines, initial pose."""

@@ -1,0 +1,276 @@
+"""Find the nail in an image without an initial guess: band, openings, direction, pose at zero tilt.
+
+The result initialises the maximum-likelihood fit, and the paper's fronto-parallel method.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.search.band import SearchImage, depth_range_mm, find_bands, prepare_search
+from services.registration.core.nail.search.holes import (
+    HolePattern,
+    find_pattern,
+    hole_midpoints_mm,
+    mean_hole_direction,
+    straighten,
+)
+from services.registration.core.nail.search.outline import Contour, Opening, measure_contour, measure_opening
+from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.figures import figure
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.lines import unit
+from shared.geometry.parts import NailPart
+from shared.geometry.transform import Transform
+from shared.two_cores import mapped
+
+_BANDS_TRIED = 6
+_LOWEST_DARKNESS = 0.06
+_LOWEST_OPENNESS = 0.3
+_CLEAR_MARGIN = 0.3
+_CONTRADICTING_MARGIN = 0.5
+_LOWEST_SEEN_FRACTION = 0.35
+_LARGEST_WIDTH_DEVIATION = 0.07
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NailStart:
+    """Where the nail is, with its holes taken to be parallel to the rays through them.
+
+    Attributes
+    ----------
+    camera_from_nail
+        Zero tilt: the holes' mean axis runs along the ray through their middle. Depth from the holes' spacing.
+    openings
+        One per hole of the nail's file, in its order.
+    contour
+        The nail's edges beside the holes.
+    edge_length_px
+        Length of the band's shorter edge, in ideal pixels.
+    darkness
+        How much darker the band is than its sides, as a fraction of the image's range of grey values.
+    openness
+        Smallest brightness of an opening between the metal (0) and the band's sides (1).
+    distal_margin
+        Evidence in the image for this direction of the nail minus that for the opposite one, from -1 to about 1.
+    width_over_expected
+        Width of the band over that which the nail's file and the depth from the holes give (1 when all agree).
+    """
+
+    camera_from_nail: Transform[Camera, Nail]
+    openings: tuple[Opening, ...]
+    contour: Contour
+    edge_length_px: float
+    darkness: float
+    openness: float
+    distal_margin: float
+    width_over_expected: float
+
+
+def find_nail(
+    pixels: NDArray[np.generic],
+    calibration: CArmCalibration,
+    nail: NailPart,
+    distal_hint_camera: NDArray[np.float64] | None = None,
+) -> Accepted[NailStart] | Rejected:
+    """Search the whole image for the nail and its holes.
+
+    Parameters
+    ----------
+    pixels
+        Un-mirrored image (see `CArmCalibration.mirrored`), shape (height, width), darker is denser.
+    distal_hint_camera
+        Rough direction of the nail's +x in the camera frame, shape (3,), for instance the guide's +x. It decides when
+        the nail's tip cannot be seen.
+
+    Returns
+    -------
+    Accepted or Rejected
+        Rejected with `nail_not_found`, `hole_not_visible` or `nail_model_mismatch`.
+    """
+    image = prepare_search(pixels, calibration, nail)
+    candidates = _dark_candidates(image, calibration, nail)
+    if not candidates:
+        return _rejected(
+            ReasonCode.NAIL_NOT_FOUND,
+            f"no dark band of a {nail.diameter_mm:g} mm nail's width was found in the image; "
+            "bring the nail's distal end into view, or check the nail file",
+        )
+    forwards, backwards = max(candidates, key=lambda pair: _quality(pair[0]))
+    openness = float(max(forwards.openness.min(), backwards.openness.min()))
+    if openness < _LOWEST_OPENNESS:
+        return _rejected(
+            ReasonCode.HOLE_NOT_VISIBLE,
+            "the nail's band was found, but its least visible hole has a contrast of "
+            f"{figure(max(openness, 0.0), _LOWEST_OPENNESS, 2)} of the band's (limit {_LOWEST_OPENNESS}); turn the "
+            f"C-arm until all {len(nail.holes)} holes look open",
+        )
+    directed = _directed(forwards, backwards, distal_hint_camera)
+    if isinstance(directed, Rejected):
+        return directed
+    pattern, margin = directed
+    return _measured(pixels, image, calibration, nail, pattern, margin)
+
+
+def _dark_candidates(
+    image: SearchImage, calibration: CArmCalibration, nail: NailPart
+) -> list[tuple[HolePattern, HolePattern]]:
+    near_mm, far_mm = depth_range_mm(calibration)
+    width_at_1_mm = nail.diameter_mm * calibration.camera.focal_length_px / image.step_px
+    bands = find_bands(image, (width_at_1_mm / far_mm, width_at_1_mm / near_mm), _BANDS_TRIED)
+    strips = [straighten(image, band) for band in bands]
+    dark = [strip for strip in strips if strip.typical_darkness >= _LOWEST_DARKNESS]
+    return mapped(lambda strip: find_pattern(strip, nail), dark, 2)
+
+
+def _quality(pattern: HolePattern) -> float:
+    """Rank of a band: how open its holes are counts most, then how long its edges are."""
+    openness = float(np.clip(pattern.openness.min(), 0.0, 1.0))
+    return openness + 0.2 * pattern.strip.band.edge_length_px / max(pattern.strip.band.width_px, 1.0)
+
+
+def _directed(
+    forwards: HolePattern, backwards: HolePattern, hint_camera: NDArray[np.float64] | None
+) -> tuple[HolePattern, float] | Rejected:
+    """Choose the direction of the nail: from its tip and the pattern of its holes, else from the hint."""
+    evidence = [p.tip_evidence + float(np.minimum(p.openness, 1.0).min()) for p in (forwards, backwards)]
+    seen, margin = (forwards, evidence[0] - evidence[1])
+    if margin < 0.0:
+        seen, margin = backwards, -margin
+    if hint_camera is None:
+        if margin < _CLEAR_MARGIN:
+            return _rejected(
+                ReasonCode.NAIL_NOT_FOUND,
+                f"the nail was found, but not which end is distal (margin {figure(margin, _CLEAR_MARGIN, 2)}, limit "
+                f"{_CLEAR_MARGIN}); bring the nail's tip or the drill guide into view",
+            )
+        return seen, margin
+    along = forwards.strip.band.along
+    hinted = forwards if float(along @ hint_camera[:2]) >= 0.0 else backwards
+    if hinted is seen:
+        return seen, margin
+    if margin >= _CONTRADICTING_MARGIN:
+        return _rejected(
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            f"the nail's tip lies at its other end than the drill guide says (margin {margin:.2f}, limit "
+            f"{_CONTRADICTING_MARGIN}); check the nail file's tip_x_mm and how the guide is mounted",
+        )
+    return hinted, -margin
+
+
+def _measured(
+    pixels: NDArray[np.generic],
+    image: SearchImage,
+    calibration: CArmCalibration,
+    nail: NailPart,
+    pattern: HolePattern,
+    margin: float,
+) -> Accepted[NailStart] | Rejected:
+    """Measure the openings and the contour, and build the pose."""
+    openings = _openings(pixels, image, calibration, nail, pattern)
+    if isinstance(openings, Rejected):
+        return openings
+    contour = measure_contour(image, calibration, pattern)
+    focal_px = calibration.camera.focal_length_px
+    rays = calibration.camera.rays(np.array([o.ellipse.centre_px for o in openings]))
+    distal = np.array([*(pattern.distal_sign * pattern.strip.band.along), 0.0])
+    pose = camera_from_nail_facing(
+        nail, rays, unit(rays.sum(axis=0)), distal, nail.diameter_mm * focal_px / contour.width_ideal_px
+    )
+    expected_px = nail.diameter_mm * focal_px / float(pose.translation_mm[2])
+    ratio = contour.width_ideal_px / expected_px
+    if abs(ratio - 1.0) > _LARGEST_WIDTH_DEVIATION:
+        most = 100.0 * _LARGEST_WIDTH_DEVIATION
+        return _rejected(
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            f"the band's width differs by {figure(100.0 * (ratio - 1.0), most, 0, '+')} % from that of a "
+            f"{nail.diameter_mm:g} mm nail with these holes (limit {most:.0f} %); check the nail file",
+        )
+    length_px = pattern.strip.band.edge_length_px * image.step_px
+    darkness, openness = pattern.strip.typical_darkness, float(pattern.openness.min())
+    return Accepted(NailStart(pose, openings, contour, length_px, darkness, openness, margin, ratio))
+
+
+def _openings(
+    pixels: NDArray[np.generic],
+    image: SearchImage,
+    calibration: CArmCalibration,
+    nail: NailPart,
+    pattern: HolePattern,
+) -> tuple[Opening, ...] | Rejected:
+    proposed_px = calibration.distortion.distort(image.ideal_px(pattern.centre_search_px))
+    found = []
+    for hole, centre_px in zip(nail.holes, proposed_px, strict=True):
+        radius_px = 0.5 * hole.diameter_mm * pattern.px_per_mm * image.step_px
+        opening = measure_opening(pixels, calibration, hole.id, centre_px, radius_px)
+        if opening is None or opening.seen_fraction < _LOWEST_SEEN_FRACTION:
+            seen, least = 100.0 * (0.0 if opening is None else opening.seen_fraction), 100.0 * _LOWEST_SEEN_FRACTION
+            return _rejected(
+                ReasonCode.HOLE_NOT_VISIBLE,
+                f"the outline of nail hole '{hole.id}' can be seen over {figure(seen, least, 0)} % of its length "
+                f"(limit {least:.0f} %); turn the C-arm, or move the guide's balls off the hole",
+            )
+        found.append(opening)
+    return tuple(found)
+
+
+def _rejected(code: ReasonCode, message: str) -> Rejected:
+    return Rejected((Reason(code, message),))
+
+
+def camera_from_nail_facing(
+    nail: NailPart,
+    hole_rays_camera: NDArray[np.float64],
+    hole_axis_camera: NDArray[np.float64],
+    distal_camera: NDArray[np.float64],
+    depth_from_width_mm: float,
+) -> Transform[Camera, Nail]:
+    """Pose with the holes' mean axis along a given direction that puts every hole on its ray.
+
+    With the axis given, a rotation about it, a shift across it and a depth remain: they follow from a linear fit of the
+    holes' places to the rays (in complex numbers: rotation and scale are one factor).
+
+    Parameters
+    ----------
+    hole_rays_camera
+        Unit direction of the ray through each opening's centre, in the order of the nail's holes, shape (N, 3).
+    hole_axis_camera
+        Direction that the holes' mean axis is to have, unit, shape (3,).
+    distal_camera
+        Rough direction of the nail's +x, shape (3,). Used alone when there is only one hole.
+    depth_from_width_mm
+        Depth to use when there is only one hole.
+
+    Returns
+    -------
+    Transform
+        `camera_from_nail`. Several holes give the depth; a tilt of 10 degrees about the band's normal makes it 1.5 %
+        too large.
+    """
+    view = _frame_about(hole_axis_camera, distal_camera)
+    flat = _frame_about(mean_hole_direction(nail), np.array([1.0, 0.0, 0.0]))
+    holes = hole_midpoints_mm(nail) @ flat.T
+    rays = hole_rays_camera @ view.T
+    # A point at (x, y, z + depth) appears at (x, y) / (depth + z); z varies by millimetres against 700 mm of depth.
+    seen = (rays[:, 0] + 1j * rays[:, 1]) / rays[:, 2]
+    known = holes[:, 0] + 1j * holes[:, 1]
+    if len(known) == 1:
+        factor, shift = 1.0 / depth_from_width_mm + 0j, seen[0] - known[0] / depth_from_width_mm
+    else:
+        design = np.stack([known, np.ones_like(known)], axis=-1)
+        (factor, shift), *_ = np.linalg.lstsq(design, seen, rcond=None)
+    depth_mm = 1.0 / abs(factor)
+    spin = factor * depth_mm
+    turn = np.array([[spin.real, -spin.imag, 0.0], [spin.imag, spin.real, 0.0], [0.0, 0.0, 1.0]])
+    rotation = view.T @ turn @ flat
+    origin = view.T @ np.array([shift.real * depth_mm, shift.imag * depth_mm, depth_mm - float(holes[:, 2].mean())])
+    return Transform.from_rotation_translation(rotation, origin)
+
+
+def _frame_about(z_axis: NDArray[np.float64], near_x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation, shape (3, 3), whose rows are a right-handed frame with the given z, and x near the given direction."""
+    z = unit(z_axis)
+    x = unit(near_x - z * (near_x @ z))
+    return np.stack([x, np.cross(z, x), z])

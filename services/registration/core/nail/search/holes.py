@@ -1,0 +1,227 @@
+"""Find the bright openings of the nail's holes inside its dark band, and which end of the band is distal."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.search.band import Band, SearchImage
+from shared.geometry.lines import unit
+from shared.geometry.parts import NailPart, hole_surface_points
+
+_SCALES = np.linspace(0.86, 1.12, 27)
+_LOWEST_CONTRAST = 0.02
+_NOT_A_HOLE = -1.0
+_BEYOND_OPEN = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strip:
+    """The image along a band, turned upright: columns along the band, rows across it, 1 pixel of the search image each.
+
+    Attributes
+    ----------
+    grey
+        Shape (rows, columns), float32; the middle row is the band's middle line.
+    valid
+        Shape (columns,): the middle line is inside the image.
+    first_along_px
+        Place of column 0 along the band, from the band's centre.
+    inside, outside
+        Grey value of the band's dark metal, and of what lies beside it, by column, shape (columns,).
+    """
+
+    band: Band
+    grey: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    first_along_px: float
+    inside: NDArray[np.float64]
+    outside: NDArray[np.float64]
+
+    def search_px(self, column: float, row_from_middle: float) -> NDArray[np.float64]:
+        """Pixel of the search image, shape (2,), of a place in the strip."""
+        along = self.first_along_px + column
+        return self.band.centre_px + along * self.band.along + row_from_middle * self.band.across
+
+    @property
+    def darkness(self) -> NDArray[np.float64]:
+        """How much darker the band is than its sides, by column: about 0 where there is no nail."""
+        return self.outside - self.inside
+
+    @property
+    def typical_darkness(self) -> float:
+        """Median of the darkness over the part of the band inside the image."""
+        return float(np.median(self.darkness[self.valid])) if self.valid.any() else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HolePattern:
+    """The nail's holes found along a band.
+
+    Attributes
+    ----------
+    strip
+        Where they were found.
+    centre_search_px
+        One opening per hole of the nail file, in its order, in pixels of the search image, shape (N, 2).
+    px_per_mm
+        Scale along the band, in pixels of the search image.
+    distal_sign
+        +1 when the nail's +x runs along `strip.band.along`, else -1.
+    openness
+        Brightness of each opening between the metal (0) and the band's sides (1), shape (N,).
+    tip_evidence
+        From 0 (the band runs on where this direction has the nail's tip) to 1 (it ends there); 0.5 when out of view.
+    """
+
+    strip: Strip
+    centre_search_px: NDArray[np.float64]
+    px_per_mm: float
+    distal_sign: int
+    openness: NDArray[np.float64]
+    tip_evidence: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpeningLevel:
+    """How much every column of a strip looks like the middle of an opening, at one scale.
+
+    Attributes
+    ----------
+    openness
+        Brightness between the metal (0) and the band's sides (1), at the best row, shape (columns,).
+    row_from_middle
+        That row, shape (columns,).
+    """
+
+    px_per_mm: float
+    openness: NDArray[np.float64]
+    row_from_middle: NDArray[np.float64]
+
+
+def straighten(image: SearchImage, band: Band) -> Strip:
+    """Cut out a band with its surroundings."""
+    height, width = image.grey.shape
+    corners = np.array([(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)])
+    along = (corners - band.centre_px) @ band.along
+    half_rows = int(np.ceil(1.1 * band.width_px))
+    columns, rows = np.arange(np.floor(along.min()), np.ceil(along.max()) + 1), np.arange(-half_rows, half_rows + 1)
+    points = (
+        band.centre_px
+        + columns[None, :, None] * band.along[None, None, :]
+        + rows[:, None, None] * band.across[None, None, :]
+    ).astype(np.float32)
+    grey = cv2.remap(image.grey, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    valid = cv2.remap(image.valid.astype(np.uint8), points[..., 0], points[..., 1], cv2.INTER_NEAREST) > 0
+    used = np.flatnonzero(valid[half_rows])
+    keep = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0, 1)
+    cut, valid = np.asarray(grey[:, keep], dtype=np.float32), valid[:, keep]
+    across = np.abs(rows) / band.width_px
+    inside = _mean_of_rows(cut, valid, (across > 0.27) & (across < 0.4))
+    outside = np.minimum(
+        _mean_of_rows(cut, valid, (across > 0.62) & (across < 0.9) & (rows < 0)),
+        _mean_of_rows(cut, valid, (across > 0.62) & (across < 0.9) & (rows > 0)),
+    )
+    return Strip(band, cut, valid[half_rows], float(columns[keep.start]), inside, outside)
+
+
+def _mean_of_rows(grey: NDArray[np.float32], valid: NDArray[np.bool_], rows: NDArray[np.bool_]) -> NDArray[np.float64]:
+    weight = valid[rows].astype(np.float64)
+    total = weight.sum(axis=0)
+    mean = (grey[rows] * weight).sum(axis=0) / np.maximum(total, 1.0)
+    return np.asarray(np.where(total > 0.0, mean, 0.0))
+
+
+def find_pattern(strip: Strip, nail: NailPart) -> tuple[HolePattern, HolePattern]:
+    """Best places of all holes for each of the two directions of the nail: along the band, and against it.
+
+    The scale is free within what the band's width allows, the place along the band is free; every hole must be a
+    brighter patch with dark metal on both sides along the band.
+    """
+    levels = [_opening_level(strip, nail, strip.band.width_px / nail.diameter_mm * scale) for scale in _SCALES]
+    return _best_pattern(strip, nail, levels, +1), _best_pattern(strip, nail, levels, -1)
+
+
+def _best_pattern(strip: Strip, nail: NailPart, levels: list[OpeningLevel], sign: int) -> HolePattern:
+    hole_x_mm = sign * hole_midpoints_mm(nail)[:, 0]
+    scored = [_best_column(level.openness, hole_x_mm * level.px_per_mm) for level in levels]
+    best = int(np.argmax([total for total, _ in scored]))
+    level, column = levels[best], scored[best][1]
+    columns = np.clip(column + hole_x_mm * level.px_per_mm, 0, level.openness.size - 1)
+    nearest = np.rint(columns).astype(np.int64)
+    places = zip(columns, level.row_from_middle[nearest], strict=True)
+    centres = np.array([strip.search_px(float(c), float(r)) for c, r in places])
+    evidence = _tip_evidence(strip, nail, column, sign * level.px_per_mm)
+    return HolePattern(strip, centres, level.px_per_mm, sign, level.openness[nearest], evidence)
+
+
+def _opening_level(strip: Strip, nail: NailPart, px_per_mm: float) -> OpeningLevel:
+    radius = 0.5 * float(np.mean([hole.diameter_mm for hole in nail.holes])) * px_per_mm
+    middle = strip.grey.shape[0] // 2
+    reach = max(int(0.1 * strip.band.width_px), 1)
+    rows = slice(middle - reach, middle + reach + 1)
+    disc = _mean_of_disc(strip.grey, rows, 0.75 * radius)
+    side = _mean_of_disc(strip.grey, rows, 0.35 * radius)
+    gap = int(np.rint(1.45 * radius))
+    contrast = disc - np.maximum(np.roll(side, gap, axis=1), np.roll(side, -gap, axis=1))
+    openness = contrast.max(axis=0).astype(np.float64) / max(strip.typical_darkness, _LOWEST_CONTRAST)
+    openness[~strip.valid] = _NOT_A_HOLE
+    openness[:gap], openness[-gap:] = _NOT_A_HOLE, _NOT_A_HOLE
+    return OpeningLevel(px_per_mm, openness, (contrast.argmax(axis=0) - reach).astype(np.float64))
+
+
+def _mean_of_disc(grey: NDArray[np.float32], rows: slice, radius: float) -> NDArray[np.float32]:
+    """Mean over a disc about every pixel of some rows."""
+    half = int(np.ceil(radius))
+    y, x = np.mgrid[-half : half + 1, -half : half + 1]
+    kernel = np.clip(radius + 0.5 - np.hypot(x, y), 0.0, 1.0).astype(np.float32)
+    above = min(half, rows.start)
+    around = grey[rows.start - above : rows.stop + half]
+    means = cv2.filter2D(around, cv2.CV_32F, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(means[above : above + rows.stop - rows.start])
+
+
+def _best_column(openness: NDArray[np.float64], offsets_px: NDArray[np.float64]) -> tuple[float, float]:
+    """Column of the nail's origin at which the holes are brightest together; the dimmest hole counts double."""
+    columns = np.arange(openness.size, dtype=np.float64)
+    at_holes = np.stack(
+        [np.interp(columns + o, columns, openness, left=_NOT_A_HOLE, right=_NOT_A_HOLE) for o in offsets_px]
+    )
+    # A very bright hole must not make up for a dim one; but flat out it would leave ties among places and scales.
+    capped = np.minimum(at_holes, 1.0 + _BEYOND_OPEN * (at_holes - 1.0))
+    total = capped.mean(axis=0) + capped.min(axis=0)
+    best = int(np.argmax(total))
+    return float(total[best]), float(best)
+
+
+def _tip_evidence(strip: Strip, nail: NailPart, origin_column: float, px_per_mm: float) -> float:
+    """Compare the band's darkness just before and just after the place where the tip should be."""
+    before = _darkness_between(strip, origin_column, px_per_mm, nail.tip_x_mm - 8.0, nail.tip_x_mm - 4.0)
+    after = _darkness_between(strip, origin_column, px_per_mm, nail.tip_x_mm + 3.0, nail.tip_x_mm + 9.0)
+    if before is None or after is None:
+        return 0.5
+    return float(np.clip(before, 0.0, 1.0) * (1.0 - np.clip(after, 0.0, 1.0)))
+
+
+def _darkness_between(
+    strip: Strip, origin_column: float, px_per_mm: float, from_mm: float, to_mm: float
+) -> float | None:
+    """Darkness relative to the band's where the holes are; None when that stretch is out of view."""
+    ends = sorted(origin_column + px_per_mm * x for x in (from_mm, to_mm))
+    columns = np.arange(round(ends[0]), round(ends[1]) + 1)
+    if columns.size == 0 or columns[0] < 0 or columns[-1] >= strip.valid.size or not strip.valid[columns].all():
+        return None
+    near = np.clip(np.arange(round(origin_column) - 12, round(origin_column) + 13), 0, strip.valid.size - 1)
+    reference = max(float(np.median(strip.darkness[near])), _LOWEST_CONTRAST)
+    return float(np.median(strip.darkness[columns])) / reference
+
+
+def hole_midpoints_mm(nail: NailPart) -> NDArray[np.float64]:
+    """Middle of each hole inside the metal, shape (N, 3), in the nail's frame."""
+    return np.array([np.mean(hole_surface_points(nail, hole), axis=0) for hole in nail.holes])
+
+
+def mean_hole_direction(nail: NailPart) -> NDArray[np.float64]:
+    """Mean direction of the holes' axes in the nail's frame, unit, shape (3,)."""
+    return unit(np.sum([hole.axis.direction for hole in nail.holes], axis=0))

@@ -1,0 +1,314 @@
+"""Outlines in the image as received: of a hole's opening, of the nail's two edges, and what covers an opening."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.nail.search.band import SearchImage
+from services.registration.core.nail.search.holes import HolePattern
+from services.registration.core.subpixel import vertex_step
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.lines import read_only
+
+_OUTLINE_DIRECTIONS = 96
+_STEP_PX = 0.5
+# How far from the centre the outline is looked for.
+_REACH_IN_RADII = 1.45
+_BLUR_REACH_PX = 6
+_ROUNDS = 6
+_LOWEST_POINTS = 16
+_TOLERANCE_PX = 1.0
+
+_BEYOND_HOLES_MM = 10.0
+_REACH_IN_WIDTHS = 0.16
+
+_INSIDE_RIM_PX = 2.0
+_OPEN_PX = 3.0
+_METAL_PX = (4.0, 10.0)
+_DARK_SHARE = 0.55
+_LEAST_STUB_PX = 6
+_REACH_MM = 1.45
+_BALL_MARGIN_PX = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ellipse:
+    """An ellipse in an image.
+
+    Attributes
+    ----------
+    centre_px
+        Shape (2,).
+    semi_axes_px
+        Major, then minor.
+    major_axis_rad
+        Direction of the major axis, from +x to +y.
+    """
+
+    centre_px: NDArray[np.float64]
+    semi_axes_px: tuple[float, float]
+    major_axis_rad: float
+
+    @property
+    def aspect_ratio(self) -> float:
+        """Minor over major axis, at most 1: the paper's measure of a hole's circularity."""
+        return self.semi_axes_px[1] / self.semi_axes_px[0]
+
+    def signed_distance_px(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """First-order distance of points, shape (N, 2), from the outline; positive outside, shape (N,)."""
+        turn = np.array([np.cos(self.major_axis_rad), np.sin(self.major_axis_rad)])
+        offset = points_px - self.centre_px
+        along, across = offset @ turn, offset @ np.array([-turn[1], turn[0]])
+        a, b = self.semi_axes_px
+        level = np.hypot(along / a, across / b)
+        slope = np.hypot(along / a**2, across / b**2) / np.maximum(level, 1e-9)
+        return np.asarray((level - 1.0) / np.maximum(slope, 1e-9))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opening:
+    """The visible opening of one nail hole.
+
+    Attributes
+    ----------
+    hole_id
+        Name of the hole in the nail's file.
+    outline_px
+        Points of the outline in measured pixels, those that the ellipse explains, shape (M, 2).
+    ellipse
+        Fitted in ideal pixels, where perspective is undistorted.
+    seen_fraction
+        Part of the directions from the centre in which the outline was found (the rest is covered or blurred away).
+    """
+
+    hole_id: str
+    outline_px: NDArray[np.float64]
+    ellipse: Ellipse
+    seen_fraction: float
+
+
+def measure_opening(
+    pixels: NDArray[np.generic],
+    calibration: CArmCalibration,
+    hole_id: str,
+    centre_px: NDArray[np.float64],
+    radius_px: float,
+) -> Opening | None:
+    """Outline of an opening about a proposed centre; None when too little of it can be seen.
+
+    The outline is where the grey value crosses the middle between the opening's and the metal's, going outwards. Balls
+    that cover a part give points too far inside, which the fit leaves out.
+
+    Parameters
+    ----------
+    pixels
+        Un-mirrored image, shape (height, width).
+    centre_px
+        Proposed centre in measured pixels, shape (2,).
+    radius_px
+        Radius that the hole would have if seen along its axis.
+    """
+    grey, corner_px = _surroundings(pixels, centre_px, radius_px)
+    centre = centre_px
+    for _ in range(2):
+        points = _crossings(grey, centre - corner_px, radius_px) + corner_px
+        if len(points) < _LOWEST_POINTS:
+            return None
+        centre = np.asarray(0.5 * (np.percentile(points, 4, axis=0) + np.percentile(points, 96, axis=0)))
+    ideal = calibration.distortion.undistort(points)
+    fitted = _fit_without_covered(ideal, radius_px)
+    if fitted is None:
+        return None
+    ellipse, used = fitted
+    return Opening(hole_id, read_only(points[used]), ellipse, float(np.count_nonzero(used)) / _OUTLINE_DIRECTIONS)
+
+
+def _surroundings(
+    pixels: NDArray[np.generic], centre_px: NDArray[np.float64], radius_px: float
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Smoothed grey values wherever the outline is looked for, and the place of their first pixel, shape (2,)."""
+    reach = int(np.ceil(2.0 * _REACH_IN_RADII * radius_px)) + _BLUR_REACH_PX
+    limit = np.array(pixels.shape[::-1])
+    low = np.clip(np.rint(centre_px).astype(int) - reach, 0, limit - 1)
+    high = np.clip(np.rint(centre_px).astype(int) + reach + 1, low + 1, limit)
+    block = pixels[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    return np.asarray(cv2.GaussianBlur(block, (0, 0), 1.0), dtype=np.float32), low.astype(np.float64)
+
+
+def _crossings(grey: NDArray[np.float32], centre_px: NDArray[np.float64], radius_px: float) -> NDArray[np.float64]:
+    """Points, shape (M, 2), where the grey value falls through the middle level on rays from the centre."""
+    angles = np.linspace(0.0, 2.0 * np.pi, _OUTLINE_DIRECTIONS, endpoint=False)
+    distances = np.arange(0.0, _REACH_IN_RADII * radius_px, _STEP_PX)
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    where = (centre_px + rays[:, None, :] * distances[None, :, None]).astype(np.float32)
+    profile = cv2.remap(grey, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    bright = float(np.percentile(profile[:, distances < 0.55 * radius_px], 70))
+    # Along the band the metal reaches far, across it the band's edge is near: the darkest quarter is metal.
+    dark = float(np.percentile(profile[:, distances > 1.15 * radius_px], 25))
+    below = profile < 0.5 * (bright + dark)
+    # Outermost crossing: nothing bright may follow within the band, and a ball inside the opening does not count.
+    inner = distances[None, :] < 1.3 * radius_px
+    last_bright = distances.size - 1 - np.argmax((~below & inner)[:, ::-1], axis=1)
+    found = (~below & inner).any(axis=1) & (last_bright < np.count_nonzero(inner[0]) - 1)
+    row, column = np.flatnonzero(found), last_bright[found]
+    here, after = profile[row, column], profile[row, column + 1]
+    fraction = (here - 0.5 * (bright + dark)) / np.maximum(here - after, 1e-9)
+    distance = (column + np.clip(fraction, 0.0, 1.0)) * _STEP_PX
+    return np.asarray(centre_px + rays[row] * distance[:, None])
+
+
+def _fit_without_covered(points_px: NDArray[np.float64], radius_px: float) -> tuple[Ellipse, NDArray[np.bool_]] | None:
+    """Fit, leave out points off the outline, fit again: first those far inside, where a ball covers it."""
+    used = np.ones(len(points_px), dtype=bool)
+    ellipse: Ellipse | None = None
+    for attempt in range(_ROUNDS):
+        if np.count_nonzero(used) < _LOWEST_POINTS:
+            return None
+        ellipse = fit_ellipse(points_px[used])
+        if ellipse is None or not 0.35 * radius_px < ellipse.semi_axes_px[0] < 1.5 * radius_px:
+            return None
+        residual = ellipse.signed_distance_px(points_px)
+        residual = residual - np.median(residual[used])
+        tolerance = max(_TOLERANCE_PX, (3.0 - 0.4 * attempt) * 1.48 * float(np.median(np.abs(residual[used]))))
+        used = (residual > -tolerance) & (residual < 1.5 * tolerance)
+    return None if ellipse is None else (ellipse, used)
+
+
+def fit_ellipse(points_px: NDArray[np.float64]) -> Ellipse | None:
+    """Ellipse through points, shape (M, 2), M >= 5, by direct least squares; None when there is none."""
+    centre = points_px.mean(axis=0)
+    (x, y), (width, height), angle_deg = cv2.fitEllipseDirect((points_px - centre).astype(np.float32))
+    if not np.isfinite([x, y, width, height]).all() or min(width, height) <= 0.0:
+        return None
+    angle = np.radians(angle_deg) + (np.pi / 2.0 if height > width else 0.0)
+    major, minor = max(width, height), min(width, height)
+    return Ellipse(read_only(centre + np.array([x, y])), (0.5 * major, 0.5 * minor), float(angle % np.pi))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contour:
+    """Both edges of the nail beside its holes.
+
+    Attributes
+    ----------
+    ends_px
+        Two edges, two ends each (proximal, distal), in measured pixels, shape (2, 2, 2).
+    width_ideal_px
+        Mean distance of the edges in ideal pixels.
+    """
+
+    ends_px: NDArray[np.float64]
+    width_ideal_px: float
+
+
+def measure_contour(image: SearchImage, calibration: CArmCalibration, pattern: HolePattern) -> Contour:
+    """Fit a straight line to each edge, over the holes and a little beyond."""
+    strip, scale = pattern.strip, pattern.px_per_mm
+    along = (pattern.centre_search_px - strip.band.centre_px) @ strip.band.along - strip.first_along_px
+    first = int(max(along.min() - _BEYOND_HOLES_MM * scale, 0))
+    last = int(min(along.max() + _BEYOND_HOLES_MM * scale, strip.valid.size - 1))
+    columns = np.arange(first, last + 1)
+    edges = []
+    for side in (-1.0, 1.0):
+        rows = _steepest_rows(strip.grey[:, first : last + 1], strip.band.width_px, side)
+        slope, offset = _robust_line(columns.astype(np.float64), rows)
+        ends = columns[[0, -1]] if pattern.distal_sign > 0 else columns[[-1, 0]]
+        edges.append([strip.search_px(float(c), float(offset + slope * c)) for c in ends])
+    ideal = image.ideal_px(np.array(edges))
+    separation = ideal[1] - ideal[0]
+    run = ideal[0, 1] - ideal[0, 0]
+    widths = np.abs(separation @ np.array([-run[1], run[0]])) / np.linalg.norm(run)
+    return Contour(read_only(calibration.distortion.distort(ideal)), float(widths.mean()))
+
+
+def _steepest_rows(grey: NDArray[np.float32], width_px: float, side: float) -> NDArray[np.float64]:
+    """Row from the middle, to a fraction of a pixel, where it brightens most towards one side, for every column."""
+    middle = grey.shape[0] // 2
+    smooth = cv2.GaussianBlur(grey, (0, 0), 1.0)
+    slope = side * np.gradient(smooth, axis=0)
+    reach = max(int(np.ceil(_REACH_IN_WIDTHS * width_px)), 2)
+    centre = int(np.rint(middle + side * 0.5 * width_px))
+    first = max(centre - reach, 1)
+    window = slope[first : min(centre + reach + 1, slope.shape[0] - 1)]
+    peak = first + window.argmax(axis=0)
+    column = np.arange(grey.shape[1])
+    steps = vertex_step(slope[peak - 1, column], slope[peak, column], slope[peak + 1, column])
+    return np.asarray(peak - middle + steps, dtype=np.float64)
+
+
+def _robust_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]:
+    """Slope and offset; points that lie off the line (a ball on the edge) are left out step by step."""
+    used = np.ones(x.size, dtype=bool)
+    slope, offset = 0.0, float(np.median(y))
+    for _ in range(6):
+        residual = y - (offset + slope * x)
+        spread = max(1.48 * float(np.median(np.abs(residual[used]))), 0.3)
+        used = np.abs(residual) < 2.5 * spread
+        slope, offset = (float(v) for v in np.polyfit(x[used], y[used], 1))
+    return slope, offset
+
+
+def covered_pixels(
+    pixels: NDArray[np.generic],
+    calibration: CArmCalibration,
+    openings: tuple[Opening, ...],
+    depth_mm: float,
+    known_discs_px: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Mask of what to leave out of the nail's fit, shape (height, width); empty when the openings are clear.
+
+    Parameters
+    ----------
+    pixels
+        Un-mirrored image, shape (height, width), darker is denser.
+    openings
+        The nail's openings as the coarse search measured them.
+    depth_mm
+        Depth of the nail, for the reach of the mask in pixels.
+    known_discs_px
+        Balls whose place is known and modelled: centre x, y and radius in measured pixels, shape (B, 3).
+    """
+    stubs = np.zeros(pixels.shape, dtype=np.uint8)
+    for opening in openings:
+        _add_stub(stubs, pixels, calibration, opening, known_discs_px)
+    if not stubs.any():
+        return np.zeros(pixels.shape, dtype=bool)
+    reach_px = int(np.ceil(_REACH_MM * calibration.camera.focal_length_px / depth_mm))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1, 2 * reach_px + 1))
+    return np.asarray(cv2.dilate(stubs, kernel) > 0)
+
+
+def _add_stub(
+    stubs: NDArray[np.uint8],
+    pixels: NDArray[np.generic],
+    calibration: CArmCalibration,
+    opening: Opening,
+    known_discs_px: NDArray[np.float64],
+) -> None:
+    """Mark pixels inside the rim that are as dark as the metal around it and not part of a known ball."""
+    centre = calibration.distortion.distort(opening.ellipse.centre_px)
+    reach = int(np.ceil(opening.ellipse.semi_axes_px[0] + _METAL_PX[1]))
+    left, top = (max(int(np.rint(c)) - reach, 0) for c in centre)
+    right, bottom = (int(np.rint(c)) + reach + 1 for c in centre)
+    block = pixels[top:bottom, left:right].astype(np.float64)
+    y, x = np.mgrid[top : top + block.shape[0], left : left + block.shape[1]]
+    places = np.stack([x, y], axis=-1).reshape(-1, 2).astype(np.float64)
+    outside_px = opening.ellipse.signed_distance_px(calibration.distortion.undistort(places)).reshape(block.shape)
+    metal = (outside_px > _METAL_PX[0]) & (outside_px < _METAL_PX[1])
+    if not metal.any() or not (outside_px < -_OPEN_PX).any():
+        return
+    bright = float(np.percentile(block[outside_px < -_OPEN_PX], 70))
+    dark = float(np.percentile(block[metal], 20))
+    stub = (block < _DARK_SHARE * bright + (1.0 - _DARK_SHARE) * dark) & (outside_px < -_INSIDE_RIM_PX)
+    for ball_x, ball_y, radius in _near(known_discs_px, centre, reach):
+        stub &= np.hypot(x - ball_x, y - ball_y) > radius + _BALL_MARGIN_PX
+    if np.count_nonzero(stub) >= _LEAST_STUB_PX:
+        stubs[top:bottom, left:right] |= stub.astype(np.uint8)
+
+
+def _near(discs_px: NDArray[np.float64], centre_px: NDArray[np.float64], reach_px: int) -> NDArray[np.float64]:
+    """Those discs, margin included, that may touch a square about a centre."""
+    away = np.abs(discs_px[:, :2] - centre_px).max(axis=1)
+    return np.asarray(discs_px[away < reach_px + 1.0 + discs_px[:, 2] + _BALL_MARGIN_PX])

@@ -1,0 +1,106 @@
+"""Fits that are given up, only when they end above what they may cost; solutions had again; derivatives at the end."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.registration.core.nail.forward_model import Detail
+from services.registration.core.nail.imaging_chain import Scale
+from services.registration.core.nail.least_squares import (
+    Problem,
+    Solution,
+    equations_at,
+    minimise,
+    solution_again,
+    solution_at,
+    with_derivatives,
+)
+from services.registration.core.nail.parameters import Unknown
+from tests.unit.services.registration.rendered_case import pose_problem
+
+# samples within pixels leave the cost uneven: at one of these tilts it fell by 22 where derivatives had promised 5.5,
+# at another by 720 where they had promised 250
+_STEPS, _TOLERANCE, _A_LITTLE = 20, 0.5, 20.0
+_TILTED_RAD = np.radians([(6.0, 0.0), (-6.0, 0.0), (0.0, 8.0), (5.0, -9.0)])
+
+
+@cache
+def case() -> tuple[Problem, NDArray[np.float64]]:
+    return pose_problem(Detail(Scale(3, 0.8), 3.5, 4.0, 0.02))
+
+
+def fitted(tilt: int, hopeless_cost: float = np.inf) -> Solution:
+    """The fit that begins with the nail tilted by one of the tilts."""
+    problem, start = case()[0], case()[1].copy()
+    start[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]] += _TILTED_RAD[tilt]
+    return minimise(problem, start, _STEPS, _TOLERANCE, hopeless_cost)
+
+
+@cache
+def ended(tilt: int) -> Solution:
+    return fitted(tilt)
+
+
+@pytest.mark.parametrize("tilt", range(len(_TILTED_RAD)))
+def test_a_fit_is_given_up_only_when_it_ends_above_what_it_may_cost(tilt: int) -> None:
+    allowed = 0.5 * ended(tilt).cost
+    given_up = fitted(tilt, allowed)
+    assert allowed < given_up.least_cost <= ended(tilt).cost
+    assert given_up.steps < ended(tilt).steps
+    assert not given_up.converged
+
+
+@pytest.mark.parametrize("tilt", range(len(_TILTED_RAD)))
+def test_a_fit_that_ends_a_little_below_what_it_may_cost_is_followed(tilt: int) -> None:
+    followed = fitted(tilt, ended(tilt).cost + _A_LITTLE)
+    assert followed.cost == followed.least_cost == ended(tilt).cost
+    assert followed.converged
+
+
+def test_a_solution_had_again_with_other_weights_is_that_of_the_traced_rays() -> None:
+    problem, start = case()
+    others = replace(problem, weight=problem.weight * np.linspace(0.5, 2.0, len(problem.weight)))
+    again, anew = solution_again(others, solution_at(problem, start)), solution_at(others, start)
+    assert again.cost == anew.cost != solution_at(problem, start).cost
+    assert np.array_equal(again.residual, anew.residual)
+
+
+def test_a_solution_cannot_be_had_again_in_another_scene() -> None:
+    problem, start = case()
+    elsewhere = replace(problem, scene=replace(problem.scene))
+    with pytest.raises(ValueError, match="whitening changes the scene"):
+        solution_again(elsewhere, solution_at(problem, start))
+
+
+def test_derivatives_at_the_end_are_those_of_the_end() -> None:
+    """A fit of one step ends far from where its derivatives were taken, and nobody has asked for others yet."""
+    problem, start = case()[0], case()[1].copy()
+    start[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]] += _TILTED_RAD[0]
+    stopped = minimise(problem, start, 1, _TOLERANCE)
+    assert np.array_equal(stopped.moves.at, start)
+    with_them = with_derivatives(problem, stopped)
+    there = equations_at(problem, stopped.linear)
+    assert np.array_equal(with_them.moves.at, stopped.parameters)
+    assert with_them.normal_matrix == pytest.approx(there.normal_matrix)
+    assert with_derivatives(problem, with_them) is with_them
+
+
+def test_derivatives_from_beyond_the_chamfers_end_are_taken_anew() -> None:
+    """Without a chamfer nothing changes by it: a fit that took that over would hold no tilt for uncertain by it."""
+    problem, start = case()[0], case()[1].copy()
+    free = problem.free.copy()
+    free[Unknown.CHAMFER_DEVIATIONS] = True
+    problem = replace(problem, free=free)
+    place = int(np.count_nonzero(free[: Unknown.CHAMFER_DEVIATIONS]))
+    without, left = start.copy(), start.copy()
+    without[Unknown.CHAMFER_DEVIATIONS], left[Unknown.CHAMFER_DEVIATIONS] = -1.02, -0.98
+    none, some = (equations_at(problem, solution_at(problem, at)) for at in (without, left))
+    assert np.all(none.moves.of_pixels[:, place] == 0.0)
+    linear = solution_at(problem, left)
+    stale = Solution(linear, none.moves, none.normal_matrix, 1, True, linear.cost)
+    renewed = with_derivatives(problem, stale)
+    assert renewed.moves.of_pixels == pytest.approx(some.moves.of_pixels)
+    assert np.any(renewed.moves.of_pixels[:, place] != 0.0)
