@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from benchmarks.baselines.methods import LARGEST_AXIS_ERROR_DEG, LARGEST_ENTRY_ERROR_MM, ModelRun
 from services.registration.core.localise import Parts, unmirrored
-from services.registration.core.nail.forward_model import Given
+from services.registration.core.nail.forward_model import FitInput
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
 from services.registration.core.nail.search.find import find_nail
 from services.registration.core.nail.search.outline import covered_pixels
-from services.registration.core.nail.tilt_ambiguity import find_winner
+from services.registration.core.nail.tilt_ambiguity import find_global_optimum
 from shared.errors import Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail, Ring
@@ -81,6 +81,6 @@ def _searched(
     balls = Occluders(placed, parts.ring)
     depth_mm = float(start.value.camera_from_nail.translation_mm[2])
     hidden = covered_pixels(upright, calibration, start.value.openings, depth_mm, ball_discs_px(balls, calibration))
-    given = Given(upright, calibration, parts.nail, replace(balls, hidden=hidden))
-    winner = find_winner(given, start.value.camera_from_nail)
+    given = FitInput(upright, calibration, parts.nail, replace(balls, hidden=hidden))
+    winner = find_global_optimum(given, start.value.camera_from_nail)
     return None if winner is None else winner.camera_from_nail

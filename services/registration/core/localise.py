@@ -14,7 +14,7 @@ from services.registration.core.hole_axes import HoleEstimate, hole_estimates
 from services.registration.core.judge import judge
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
-from services.registration.core.nail.search.find import NailStart, find_nail
+from services.registration.core.nail.search.find import NailDetection, find_nail
 from services.registration.core.nail.search.outline import covered_pixels
 from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from services.registration.core.paper.guide import locate_guide_by_axes
@@ -173,7 +173,7 @@ def _by_model(
     calibration: CArmCalibration,
     parts: Parts,
     guide: GuideFit | None,
-    start: NailStart,
+    start: NailDetection,
 ) -> Accepted[NailEstimate] | Rejected:
     balls = _balls(parts, guide)
     depth_mm = float(start.camera_from_nail.translation_mm[2])

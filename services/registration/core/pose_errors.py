@@ -21,7 +21,7 @@ from shared.geometry.transform import Transform
 MODEL_SD_DEG = 0.04
 MODEL_SD_ABOUT_Z_DEG = 0.02
 MODEL_SD_MM = 0.007
-# The same of what it finds of the nail's radii and chamfers (`SHAPE_UNKNOWNS`), in deviations: 6 um of a radius.
+# The same of what it finds of the nail's radii and chamfers (`SHAPE_PARAMETERS`), in deviations: 6 um of a radius.
 MODEL_SD_OF_SHAPE = np.array([0.2, 0.2, 0.0])
 
 

@@ -9,7 +9,7 @@ from scipy.special import chdtri
 
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.nail.parameters import PRIOR, SHAPE_UNKNOWNS, Unknown
+from services.registration.core.nail.parameters import PRIOR, SHAPE_PARAMETERS, Parameter
 from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence
 from shared.errors import Reason, ReasonCode
@@ -24,8 +24,8 @@ _SURVIVAL = 1e-4
 _EXCESS = 1.25**2
 # Radii that tell one nail from another, by the names that people give them.
 _RADII = {
-    Unknown.HOLE_RADIUS_EXCESS_MM: "the holes' radius",
-    Unknown.NAIL_RADIUS_EXCESS_MM: "the nail's radius",
+    Parameter.HOLE_RADIUS_EXCESS_MM: "the holes' radius",
+    Parameter.NAIL_RADIUS_EXCESS_MM: "the nail's radius",
 }
 _WORTH_TELLING_MM = 0.03
 
@@ -178,7 +178,7 @@ def _other_radii(evidence: tuple[PoseEvidence, ...], grouping: Grouping) -> str:
     )
     apart_mm = {
         name: PRIOR[unknown][1] * abs(float(a - b))
-        for unknown, a, b in zip(SHAPE_UNKNOWNS, first, second, strict=False)
+        for unknown, a, b in zip(SHAPE_PARAMETERS, first, second, strict=False)
         if (name := _RADII.get(unknown)) is not None
     }
     return "".join(f", {name} by {mm:.2f} mm" for name, mm in apart_mm.items() if mm >= _WORTH_TELLING_MM)

@@ -102,7 +102,7 @@ def disagreement_of(evidence: tuple[PoseEvidence, ...], departures: NDArray[np.f
 
 
 def image_correlation(first: PoseEvidence, second: PoseEvidence) -> float:
-    """Correlation of the errors that come with two images."""
+    """NoiseCorrelation of the errors that come with two images."""
     apart_deg = float(np.degrees(angle_between_rad(first.ray_nail, second.ray_nail)))
     return float(SHARED_FROM_ONE_DIRECTION * np.exp(-0.5 * (apart_deg / SHARED_WITHIN_DEG) ** 2))
 

@@ -13,26 +13,26 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.nail.fit import pose_covariance
-from services.registration.core.nail.forward_model import Detail, Given, NailScene, scene_at
+from services.registration.core.nail.forward_model import Detail, FitInput, ForwardModel, model_at
 from services.registration.core.nail.imaging_chain import Scale
 from services.registration.core.nail.judgement import HoleView, hole_views, nail_outside, residual_statistics
 from services.registration.core.nail.least_squares import (
-    EVERYTHING,
-    Noise,
+    ALL_PARAMETERS,
+    NoiseModel,
     Problem,
     Solution,
+    estimate_noise,
     evenly_weighted,
     minimise,
     minimise_from,
-    noise_of,
     problem_for,
     reweighted,
     with_derivatives,
 )
 from services.registration.core.nail.parameters import (
-    PARAMETERS,
+    PARAMETER_COUNT,
     POSE_SIZE,
-    Unknown,
+    Parameter,
     motion_by_parameters,
     parameters_from_pose,
     prior_mean,
@@ -49,9 +49,9 @@ _KEY_STEPS, _FIRST_STEPS, _LAST_STEPS, _RIVAL_STEPS = 8, 2, 2, 5
 _LOOSE, _TIGHT = 2.0, 0.2
 _DISTINCT_RAD = float(np.radians(1.5))
 _UNEXPLAINED_DEVIATIONS = 4.0
-_POSE = np.arange(PARAMETERS) < POSE_SIZE
-_FOLLOWED = _POSE | (np.arange(PARAMETERS) == Unknown.LOG_BLUR_PX)
-_TILTS = [Unknown.PITCH_RAD, Unknown.ROLL_RAD]
+_POSE = np.arange(PARAMETER_COUNT) < POSE_SIZE
+_FOLLOWED = _POSE | (np.arange(PARAMETER_COUNT) == Parameter.LOG_BLUR_PX)
+_TILTS = [Parameter.PITCH_RAD, Parameter.ROLL_RAD]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +61,7 @@ class Look:
     Attributes
     ----------
     parameters
-        All unknowns of the fit there, shape (PARAMETERS,); those of the pose belong to that image alone.
+        All unknowns of the fit there, shape (PARAMETER_COUNT,); those of the pose belong to that image alone.
     shared_covariance
         Of the pose's parameters, shape (6, 6): what the other unknowns leave open, the same in every frame.
     weight
@@ -75,7 +75,7 @@ class Look:
     @property
     def blur_px(self) -> float:
         """Standard deviation of the blur."""
-        return float(np.exp(self.parameters[Unknown.LOG_BLUR_PX]))
+        return float(np.exp(self.parameters[Parameter.LOG_BLUR_PX]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,18 +106,18 @@ class FollowedNail:
     unexplained: float
     problem: Problem
     solution: Solution
-    noise: Noise
+    noise: NoiseModel
 
 
-def learn_look(given: Given, camera_from_nail: Transform[Camera, Nail]) -> Look | None:
+def learn_look(given: FitInput, camera_from_nail: Transform[Camera, Nail]) -> Look | None:
     """Fit everything once in an image whose nail is known; `None` when its holes are not in the image."""
-    scene = scene_at(given, camera_from_nail, _detail(given, camera_from_nail))
+    scene = model_at(given, camera_from_nail, _detail(given, camera_from_nail))
     if scene is None:
         return None
     start = _with_pose(prior_mean(), scene, camera_from_nail)
-    problem = problem_for(scene, _detail(given, camera_from_nail), EVERYTHING)
+    problem = problem_for(scene, _detail(given, camera_from_nail), ALL_PARAMETERS)
     first = minimise(problem, start, _FIRST_STEPS, _LOOSE)
-    problem = reweighted(problem, first.linear, noise_of(problem, first.linear))
+    problem = reweighted(problem, first.linear, estimate_noise(problem, first.linear))
     solution = with_derivatives(problem, minimise_from(problem, first.linear, _KEY_STEPS, _TIGHT))
     normal = solution.normal_matrix
     alone = np.linalg.inv(normal[np.ix_(_FOLLOWED, _FOLLOWED)])[:POSE_SIZE, :POSE_SIZE]
@@ -125,19 +125,19 @@ def learn_look(given: Given, camera_from_nail: Transform[Camera, Nail]) -> Look 
     return Look(solution.parameters, shared, float(np.median(problem.weight)))
 
 
-def follow_nail(given: Given, look: Look, predicted: Transform[Camera, Nail]) -> Accepted[FollowedNail] | Rejected:
+def follow_nail(given: FitInput, look: Look, predicted: Transform[Camera, Nail]) -> Accepted[FollowedNail] | Rejected:
     """Refine a predicted pose on the pixels of this frame; judging what came out is the caller's business."""
     detail = _detail(given, predicted)
-    scene = scene_at(given, predicted, detail)
+    scene = model_at(given, predicted, detail)
     if scene is None:
         return nail_outside(given.nail)
     start = _with_pose(look.parameters, scene, predicted)
     problem = problem_for(scene, detail, _FOLLOWED)
     problem = replace(problem, weight=np.full(len(problem.grey), look.weight))
     solution = minimise(problem, start, _FIRST_STEPS, _LOOSE)
-    problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
+    problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
     solution = with_derivatives(problem, minimise_from(problem, solution.linear, _LAST_STEPS, _TIGHT))
-    noise = noise_of(problem, solution.linear)
+    noise = estimate_noise(problem, solution.linear)
     residual = residual_statistics(problem, solution, noise)
     beyond = np.abs(solution.linear.residual) > _UNEXPLAINED_DEVIATIONS * np.sqrt(noise.variance)
     pose = scene.pose(solution.parameters)
@@ -145,7 +145,7 @@ def follow_nail(given: Given, look: Look, predicted: Transform[Camera, Nail]) ->
         FollowedNail(
             pose,
             _covariance(given, problem, solution, noise, look),
-            float(np.exp(solution.parameters[Unknown.LOG_BLUR_PX])),
+            float(np.exp(solution.parameters[Parameter.LOG_BLUR_PX])),
             hole_views(problem, solution),
             residual.structure,
             float(np.mean(beyond)),
@@ -167,13 +167,13 @@ def mirror_margin(found: FollowedNail) -> float | None:
     problem = evenly_weighted(found.problem, found.noise)
     here = minimise_from(problem, found.solution.linear, _LAST_STEPS, _LOOSE)
     rival = minimise(problem, start, _RIVAL_STEPS, _LOOSE)
-    z = problem.scene.pose(rival.parameters).rotation[:, 2]
+    z = problem.model.pose(rival.parameters).rotation[:, 2]
     if angle_between_rad(z, found.camera_from_nail.rotation[:, 2]) < _DISTINCT_RAD:
         return None
     return 0.5 * (rival.cost - here.cost)
 
 
-def _detail(given: Given, pose: Transform[Camera, Nail]) -> Detail:
+def _detail(given: FitInput, pose: Transform[Camera, Nail]) -> Detail:
     """Pixels so large that the smallest hole is about twelve of them wide, at least two by two of the image's."""
     px_per_mm = given.calibration.camera.focal_length_px / float(pose.translation_mm[2])
     smallest_px = min(hole.diameter_mm for hole in given.nail.holes) * px_per_mm
@@ -181,15 +181,19 @@ def _detail(given: Given, pose: Transform[Camera, Nail]) -> Detail:
     return Detail(scale, _SURROUNDINGS_MM, _KNOTS_MM, _TEXTURE)
 
 
-def _with_pose(parameters: NDArray[np.float64], scene: NailScene, pose: Transform[Camera, Nail]) -> NDArray[np.float64]:
+def _with_pose(
+    parameters: NDArray[np.float64], scene: ForwardModel, pose: Transform[Camera, Nail]
+) -> NDArray[np.float64]:
     start = parameters.copy()
     start[:POSE_SIZE] = parameters_from_pose(pose, scene.camera, scene.anchors)
     return start
 
 
-def _covariance(given: Given, problem: Problem, solution: Solution, noise: Noise, look: Look) -> NDArray[np.float64]:
+def _covariance(
+    given: FitInput, problem: Problem, solution: Solution, noise: NoiseModel, look: Look
+) -> NDArray[np.float64]:
     """Of pose and blur in this frame, of what the key left open, and of the model's own errors."""
-    scene = problem.scene
+    scene = problem.model
     jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
     shared = jacobian @ look.shared_covariance @ jacobian.T
     own = model_covariance(given.nail, scene.pose(solution.parameters))

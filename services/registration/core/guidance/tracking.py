@@ -29,7 +29,7 @@ from services.registration.core.guidance.nail_tracking import (
 )
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
-from services.registration.core.nail.forward_model import Given
+from services.registration.core.nail.forward_model import FitInput
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.pose_evidence import motion_of_nail
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
@@ -229,9 +229,9 @@ def _missed(track: Track) -> Track | None:
 
 def _given(
     pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, camera_from_guide: Transform[Camera, Guide]
-) -> Given:
+) -> FitInput:
     occluders = Occluders(PlacedGuide(parts.guide, camera_from_guide), parts.ring)
-    return Given(unmirrored(pixels, calibration), calibration, parts.nail, occluders)
+    return FitInput(unmirrored(pixels, calibration), calibration, parts.nail, occluders)
 
 
 def _surprise(nail: FollowedNail, predicted: Transform[Camera, Nail], expected: NDArray[np.float64]) -> Surprise:

@@ -24,7 +24,7 @@ from services.registration.core.nail.rays import (
     Bore,
     PixelRays,
     Ray,
-    SteelBeside,
+    SteelPaths,
     Tube,
     bore_and_rim_near,
     bore_at,
@@ -49,7 +49,7 @@ _HARDEST = 0.4
 _NO_HARDENING = 1e-3
 
 Material = tuple[float, float]
-Shade = tuple[float, float, float]
+PathTransmission = tuple[float, float, float]
 
 # So many steps from an edge, the difference over a step is the derivative.
 _NEAR_EDGE = 5.0
@@ -64,7 +64,7 @@ _EDGE_REACH_PX = 1.5
 
 
 @compiled
-def shade_behind(path_mm: float, material: Material) -> Shade:
+def transmission_behind(path_mm: float, material: Material) -> PathTransmission:
     """exp(-f * d) * (1 + h * (1 - f) * d)^(-1 / h) behind a path of depth d; its derivatives by log d and by h.
 
     That is what passes of a beam whose attenuations are f times their mean (d counts the mean) and above that
@@ -76,16 +76,16 @@ def shade_behind(path_mm: float, material: Material) -> Shade:
         return 1.0, 0.0, 0.0
     soft = (1.0 - _HARDEST) * depth
     if hardening < _NO_HARDENING:
-        passed = np.exp(-depth)
-        return passed, -depth * passed, 0.5 * soft * soft * passed
+        transmission = np.exp(-depth)
+        return transmission, -depth * transmission, 0.5 * soft * soft * transmission
     # log1p would be exact for a vanishing path too, where nothing depends on it, and takes about twice as long
     logarithm, left = np.log(1.0 + hardening * soft) / hardening, soft / (1.0 + hardening * soft)
-    passed = np.exp(-_HARDEST * depth - logarithm)
-    return passed, -(_HARDEST * depth + left) * passed, (logarithm - left) / hardening * passed
+    transmission = np.exp(-_HARDEST * depth - logarithm)
+    return transmission, -(_HARDEST * depth + left) * transmission, (logarithm - left) / hardening * transmission
 
 
 @compiled
-def mean_shade(low: Shade, middle: Shade, high: Shade) -> Shade:
+def mean_transmission(low: PathTransmission, middle: PathTransmission, high: PathTransmission) -> PathTransmission:
     """Mean over a short way (Simpson's rule)."""
     return (
         (low[0] + 4.0 * middle[0] + high[0]) / 6.0,
@@ -95,7 +95,7 @@ def mean_shade(low: Shade, middle: Shade, high: Shade) -> Shade:
 
 
 @compiled
-def add_motion(
+def add_surface_motion(
     x: float, y: float, z: float, gx: float, gy: float, gz: float, share: float, slope: NDArray[np.float32]
 ) -> None:
     """Add what the motion of a surface at (x, y, z) along its normal g contributes."""
@@ -123,12 +123,12 @@ def _tube_at_edge(
     chord: float,
     steel_mm: float,
     material: Material,
-) -> tuple[Shade, float, float]:
+) -> tuple[PathTransmission, float, float]:
     """Shade near an edge, mean over the distance from the axis, and its derivatives by that distance and the radius."""
     metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
-    low = shade_behind(chord * _half_chord(impact - step_mm, radius_mm, inner_mm) + steel_mm, material)
-    middle = shade_behind(metal_mm + steel_mm, material)
-    high = shade_behind(chord * _half_chord(impact + step_mm, radius_mm, inner_mm) + steel_mm, material)
+    low = transmission_behind(chord * _half_chord(impact - step_mm, radius_mm, inner_mm) + steel_mm, material)
+    middle = transmission_behind(metal_mm + steel_mm, material)
+    high = transmission_behind(chord * _half_chord(impact + step_mm, radius_mm, inner_mm) + steel_mm, material)
     by_impact = (high[0] - low[0]) / (2.0 * step_mm)
     # Half the chord is a root of radius² - impact²: at the outline the two move it alike, elsewhere it is smooth. Of a
     # wall so thin that the cannulation's edge is as near it would be wrong; none is thinner than a pixel.
@@ -136,13 +136,13 @@ def _tube_at_edge(
         by_radius = -by_impact * radius_mm / impact
     else:
         by_radius = middle[1] / (metal_mm + steel_mm) * chord * radius_mm / np.sqrt(radius_mm**2 - impact**2)
-    return mean_shade(low, middle, high), by_impact, by_radius
+    return mean_transmission(low, middle, high), by_impact, by_radius
 
 
 @compiled
 def _tube_inside(
     impact: float, radius_mm: float, inner_mm: float, chord: float, steel_mm: float, material: Material
-) -> tuple[Shade, float, float]:
+) -> tuple[PathTransmission, float, float]:
     """The same where no edge is near: there the derivatives are those of the chord."""
     outer = np.sqrt(radius_mm**2 - impact**2)
     by_impact = -impact / outer
@@ -151,13 +151,13 @@ def _tube_inside(
         inner = np.sqrt(inner_mm**2 - impact**2)
         by_impact += impact / inner
     path_mm = chord * (outer - inner) + steel_mm
-    shade = shade_behind(path_mm, material)
-    by_half_chord = shade[1] / path_mm * chord
-    return shade, by_half_chord * by_impact, by_half_chord * radius_mm / outer
+    behind = transmission_behind(path_mm, material)
+    by_half_chord = behind[1] / path_mm * chord
+    return behind, by_half_chord * by_impact, by_half_chord * radius_mm / outer
 
 
 @compiled
-def shade_at_tube(
+def transmission_through_tube(
     ray: Ray,
     radius_mm: float,
     inner_mm: float,
@@ -166,29 +166,29 @@ def shade_at_tube(
     steel_mm: float,
     material: Material,
     slope: NDArray[np.float32],
-) -> Shade:
+) -> PathTransmission:
     """Shade of a ray that no bore touches."""
     ox, oy, oz, dx, dy, dz = ray
     across = np.sqrt(dy * dy + dz * dz)
     my, mz = -dz / across, dy / across
     impact = oy * my + oz * mz
     if abs(impact) > radius_mm + step_mm:
-        return shade_behind(steel_mm, material)
+        return transmission_behind(steel_mm, material)
     chord = 2.0 * unit_mm / across
     near_edge = _NEAR_EDGE * step_mm
     if radius_mm - abs(impact) < near_edge or abs(inner_mm - abs(impact)) < near_edge:
-        shade, by_impact, by_radius = _tube_at_edge(impact, radius_mm, inner_mm, step_mm, chord, steel_mm, material)
+        behind, by_impact, by_radius = _tube_at_edge(impact, radius_mm, inner_mm, step_mm, chord, steel_mm, material)
     else:
-        shade, by_impact, by_radius = _tube_inside(impact, radius_mm, inner_mm, chord, steel_mm, material)
+        behind, by_impact, by_radius = _tube_inside(impact, radius_mm, inner_mm, chord, steel_mm, material)
     metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
-    turning = shade[1] * metal_mm / (metal_mm + steel_mm) * dx / across if metal_mm > 0.0 else 0.0
+    turning = behind[1] * metal_mm / (metal_mm + steel_mm) * dx / across if metal_mm > 0.0 else 0.0
     x = ox - (oy * dy + oz * dz) / (across * across) * dx
     slope[1] += by_impact * x * mz + turning * my
     slope[2] += turning * mz - by_impact * x * my
     slope[4] -= by_impact * my
     slope[5] -= by_impact * mz
     slope[BY_NAIL_RADIUS] += by_radius
-    return shade
+    return behind
 
 
 @compiled
@@ -198,7 +198,7 @@ def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float32]) -
     x, y, z = ox + place * dx, oy + place * dy, oz + place * dz
     norm = np.sqrt(y * y + z * z)
     share /= max(abs(y * dy + z * dz) / norm, _LEAST_INCIDENCE)
-    add_motion(x, y, z, 0.0, y / norm, z / norm, share, slope)
+    add_surface_motion(x, y, z, 0.0, y / norm, z / norm, share, slope)
     return share
 
 
@@ -210,7 +210,7 @@ def _add_cone_end(
     _, gx, gy, gz = cone(ray, place, bore)
     share = weight / (-inwards * (gx * ray[3] + gy * ray[4] + gz * ray[5]))
     x, y, z = ray[0] + place * ray[3], ray[1] + place * ray[4], ray[2] + place * ray[5]
-    add_motion(x, y, z, gx, gy, gz, share, slope)
+    add_surface_motion(x, y, z, gx, gy, gz, share, slope)
     slope[BY_HOLE_RADIUS] -= share
     slope[BY_CHAMFER] -= share
     slope[BY_NAIL_RADIUS] += share
@@ -227,7 +227,7 @@ def _add_wall(
     along = px * bore[3] + py * bore[4] + pz * bore[5]
     gx, gy, gz = px - along * bore[3], py - along * bore[4], pz - along * bore[5]
     norm = np.sqrt(gx * gx + gy * gy + gz * gz)
-    add_motion(x, y, z, gx / norm, gy / norm, gz / norm, share, slope)
+    add_surface_motion(x, y, z, gx / norm, gy / norm, gz / norm, share, slope)
 
 
 @compiled
@@ -241,7 +241,7 @@ def _behind_bore(
     steel_mm: float,
     material: Material,
     slope: NDArray[np.float32],
-) -> Shade:
+) -> PathTransmission:
     """Shade of a ray that is in a bore between two places; derivatives by the other ends are added, times `weight`."""
     near, far, inner_near, inner_far = tube
     empty = bored[1] <= bored[0]
@@ -256,10 +256,10 @@ def _behind_bore(
         far_cut, far_free = far - bored[1], False
     metal = metal - near_cut - far_cut
     path_mm = unit_mm * max(metal, 0.0) + steel_mm
-    shade = shade_behind(path_mm, material)
-    if metal <= 0.0 or shade[1] == 0.0:
-        return shade
-    share = weight * shade[1] / path_mm * unit_mm
+    behind = transmission_behind(path_mm, material)
+    if metal <= 0.0 or behind[1] == 0.0:
+        return behind
+    share = weight * behind[1] / path_mm * unit_mm
     if near_free and near_cut > 0.0:
         _add_cone_end(ray, near + near_cut, 1.0, bore, share, slope)
     elif near_free:
@@ -272,11 +272,11 @@ def _behind_bore(
         _add_end(ray, inner_near, -share, slope)
     if inner_far > inner_near and (empty or not bored[0] < inner_far < bored[1]):
         _add_end(ray, inner_far, -share, slope)
-    return shade
+    return behind
 
 
 @compiled
-def shade_at_bore(
+def transmission_at_bore(
     ray: Ray,
     tube: Tube,
     bore: Bore,
@@ -285,7 +285,7 @@ def shade_at_bore(
     steel_mm: float,
     material: Material,
     slope: NDArray[np.float32],
-) -> Shade:
+) -> PathTransmission:
     """Shade of a ray that a bore touches, mean over the bore's radius from `-step_mm` to `step_mm`."""
     wide, narrow = in_bore(ray, bore, step_mm), in_bore(ray, bore, -step_mm)
     in_wide = within(tube, wide[0], wide[1])
@@ -305,7 +305,7 @@ def shade_at_bore(
         _add_wall(ray, tube, bore, wide[0], narrow[0], by_radius * before / (before + after), slope)
     if after > 0.0:
         _add_wall(ray, tube, bore, narrow[1], wide[1], by_radius * after / (before + after), slope)
-    return mean_shade(low, central, high)
+    return mean_transmission(low, central, high)
 
 
 class NailShape(NamedTuple):
@@ -352,12 +352,14 @@ def _add_sample(
             if meets(ray, tube, bore_at(nail.bores, h), radius_mm, step_mm):
                 touched = h
     if touched >= 0:
-        shade = shade_at_bore(ray, tube, bore_at(nail.bores, touched), step_mm, unit_mm, steel_mm, material, slope)
+        behind = transmission_at_bore(
+            ray, tube, bore_at(nail.bores, touched), step_mm, unit_mm, steel_mm, material, slope
+        )
     else:
-        shade = shade_at_tube(ray, radius_mm, inner_mm, step_mm, unit_mm, steel_mm, material, slope)
-    slope[BY_LOG_ATTENUATION] += shade[1]
-    slope[BY_HARDENING] += shade[2]
-    return shade[0]
+        behind = transmission_through_tube(ray, radius_mm, inner_mm, step_mm, unit_mm, steel_mm, material, slope)
+    slope[BY_LOG_ATTENUATION] += behind[1]
+    slope[BY_HARDENING] += behind[2]
+    return behind[0]
 
 
 @compiled
@@ -370,13 +372,13 @@ def _bore_and_edge_near(cx: float, cy: float, nail: NailShape, reach_mm: float) 
 
 
 @compiled
-def trace(
+def trace_pixels(
     rays: PixelRays,
     samples_px: NDArray[np.float64],
-    steel: SteelBeside,
+    steel: SteelPaths,
     nail: NailShape,
-    passed: NDArray[np.float64],
-    by_cause: NDArray[np.float32],
+    transmission: NDArray[np.float64],
+    derivatives: NDArray[np.float32],
 ) -> None:
     """Mean over each pixel of the share that passes, with more samples where the first four differ.
 
@@ -398,7 +400,7 @@ def trace(
     """
     for n in range(rays.slopes.shape[0]):
         right_x, right_y, down_x, down_y = rays.right[n, 0], rays.right[n, 1], rays.down[n, 0], rays.down[n, 1]
-        slope = by_cause[n]
+        slope = derivatives[n]
         slope[:] = 0.0
         total, least, most, count = 0.0, 2.0, -1.0, 0
         pixel_mm = nail.translation_mm[2] * np.sqrt(right_x * right_x + right_y * right_y)
@@ -423,5 +425,5 @@ def trace(
             total += share
             least, most = min(least, share), max(most, share)
             count += 1
-        passed[n] = total / count
+        transmission[n] = total / count
         slope /= count

@@ -49,7 +49,7 @@ class BorderedMatrix(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Factor:
+class BorderedFactor:
     """The Cholesky factor, block by block.
 
     Attributes
@@ -74,12 +74,12 @@ class Factor:
         return np.concatenate([_through_band(self.band, of_field - self.border @ of_dense, transposed=True), of_dense])
 
 
-def factorised(matrix: BorderedMatrix) -> Factor:
+def cholesky_factor(matrix: BorderedMatrix) -> BorderedFactor:
     """Factor a matrix, which must be positive definite; its band is overwritten."""
     band = cholesky_banded(matrix.band.T, overwrite_ab=True, lower=True, check_finite=False)
     border = _through_band(band, matrix.border.T)
     corner, _ = cho_factor(matrix.corner - border.T @ border, lower=True, check_finite=False)
-    return Factor(band, border, corner)
+    return BorderedFactor(band, border, corner)
 
 
 def _through_band(
@@ -195,7 +195,7 @@ def _evaluate(
         out[n] = total
 
 
-class Columns(NamedTuple):
+class DesignMatrix(NamedTuple):
     """The columns A = [gain * spline basis, dense] and the weights W of N pixels.
 
     Attributes
@@ -222,16 +222,18 @@ class Columns(NamedTuple):
     weight: NDArray[np.float64]
 
 
-def columns_of(
+def design_matrix(
     field: SplineField, gain: NDArray[np.float64], dense: NDArray[np.float64], weight: NDArray[np.float64]
-) -> Columns:
+) -> DesignMatrix:
     """Columns of a field that is seen with some gain, and of what acts everywhere."""
     weights = (field.along_weights, field.across_weights)
-    return Columns(field.order, field.cells, field.corner, *weights, field.size, field.grid[1], gain, dense, weight)
+    return DesignMatrix(
+        field.order, field.cells, field.corner, *weights, field.size, field.grid[1], gain, dense, weight
+    )
 
 
 @compiled
-def _cell_index(columns: Columns, cell: int) -> NDArray[np.int64]:
+def _cell_index(columns: DesignMatrix, cell: int) -> NDArray[np.int64]:
     """Which of all coefficients the pixels of a cell depend on, increasing, shape (16 + D,)."""
     dense = columns.dense.shape[1]
     index = np.empty(_IN_CELL + dense, dtype=np.int64)
@@ -243,7 +245,7 @@ def _cell_index(columns: Columns, cell: int) -> NDArray[np.int64]:
 
 
 @compiled
-def _cell_rows(columns: Columns, cell: int) -> NDArray[np.float64]:
+def _cell_rows(columns: DesignMatrix, cell: int) -> NDArray[np.float64]:
     """What is not zero of A in the rows of a cell's pixels, shape (pixels, 16 + D)."""
     first, end = columns.cells[cell], columns.cells[cell + 1]
     rows = np.empty((end - first, _IN_CELL + columns.dense.shape[1]))
@@ -259,7 +261,7 @@ def _cell_rows(columns: Columns, cell: int) -> NDArray[np.float64]:
 
 
 @compiled
-def _places_and_weights(columns: Columns, cell: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _places_and_weights(columns: DesignMatrix, cell: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """A cell's pixels, shape (pixels,), and their weights, shape (pixels, 1)."""
     places = columns.order[columns.cells[cell] : columns.cells[cell + 1]]
     return places, columns.weight[places].reshape(-1, 1)
@@ -267,7 +269,7 @@ def _places_and_weights(columns: Columns, cell: int) -> tuple[NDArray[np.int64],
 
 @compiled
 def add_normal_equations(
-    columns: Columns,
+    columns: DesignMatrix,
     first: int,
     end: int,
     target: NDArray[np.float64],
@@ -302,7 +304,7 @@ def add_normal_equations(
 
 @compiled
 def add_right_sides(
-    columns: Columns, first: int, end: int, targets: NDArray[np.float64], sides: NDArray[np.float64]
+    columns: DesignMatrix, first: int, end: int, targets: NDArray[np.float64], sides: NDArray[np.float64]
 ) -> None:
     """Add A'W targets, targets of shape (N, T), of some of the cells to `sides`, shape (M + D, T)."""
     for cell in range(first, end):

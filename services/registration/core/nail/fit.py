@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.nail.forward_model import Detail, Given, scene_at
+from services.registration.core.nail.forward_model import Detail, FitInput, model_at
 from services.registration.core.nail.imaging_chain import Scale
 from services.registration.core.nail.judgement import (
     Evidence,
@@ -21,16 +21,16 @@ from services.registration.core.nail.judgement import (
     residual_statistics,
 )
 from services.registration.core.nail.least_squares import (
-    EVERYTHING,
-    Noise,
+    ALL_PARAMETERS,
+    NoiseModel,
     Problem,
     Solution,
-    followed_by_linear,
+    estimate_noise,
+    linear_response,
+    linear_solution_at,
     minimise_from,
-    noise_of,
     problem_for,
     reweighted,
-    solution_at,
     whitened,
     with_derivatives,
 )
@@ -38,13 +38,13 @@ from services.registration.core.nail.noise import covariance_of_sums
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.parameters import (
     POSE_SIZE,
-    SHAPE_UNKNOWNS,
-    Unknown,
+    SHAPE_PARAMETERS,
+    Parameter,
     motion_by_parameters,
     prior_mean,
     prior_precision,
 )
-from services.registration.core.nail.tilt_ambiguity import Winner, find_winner
+from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
 from services.registration.core.pose_errors import MODEL_SD_OF_SHAPE, PoseErrors, model_loadings
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -141,69 +141,69 @@ def measure_nail(
     occluders: Occluders,
 ) -> Accepted[NailFit] | Rejected:
     """The same without a verdict; rejected only when the strip around the holes is not in the image."""
-    given = Given(pixels, calibration, nail, occluders)
-    winner = find_winner(given, start)
+    given = FitInput(pixels, calibration, nail, occluders)
+    winner = find_global_optimum(given, start)
     if winner is None:
         return nail_outside(nail)
-    scene = scene_at(given, winner.camera_from_nail, _FINE)
-    if scene is None:
+    model = model_at(given, winner.camera_from_nail, _FINE)
+    if model is None:
         return nail_outside(nail)
-    problem, solution, noise = _refined(problem_for(scene, _FINE, EVERYTHING), winner)
+    problem, solution, noise = _refined(problem_for(model, _FINE, ALL_PARAMETERS), winner)
     return Accepted(
         NailFit(
-            scene.pose(solution.parameters),
+            model.pose(solution.parameters),
             pose_errors(problem, solution, noise),
             winner.margin,
-            float(solution.parameters[Unknown.HOLE_RADIUS_EXCESS_MM]),
-            float(solution.parameters[Unknown.NAIL_RADIUS_EXCESS_MM]),
-            float(np.exp(solution.parameters[Unknown.LOG_BLUR_PX])),
+            float(solution.parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
+            float(solution.parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
+            float(np.exp(solution.parameters[Parameter.LOG_BLUR_PX])),
             residual_statistics(problem, solution, noise),
             hole_views(problem, solution),
         )
     )
 
 
-def _refined(problem: Problem, winner: Winner) -> tuple[Problem, Solution, Noise]:
+def _refined(problem: Problem, winner: GlobalOptimum) -> tuple[Problem, Solution, NoiseModel]:
     """Full resolution: learn the noise where the coarser stage ended, filter the noise, fit, weigh, fit."""
-    here = solution_at(problem, winner.parameters)
-    problem, here = whitened(problem, here, noise_of(problem, here))
+    here = linear_solution_at(problem, winner.parameters)
+    problem, here = whitened(problem, here, estimate_noise(problem, here))
     solution = minimise_from(problem, here, _FIRST_STEPS, _TOLERANCE)
-    problem = reweighted(problem, solution.linear, noise_of(problem, solution.linear))
+    problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
     # begun with derivatives from here: those of the first steps may have led along the valley in which radii, curve and
     # tilt nearly make up for one another, and ended in it
     solution = with_derivatives(problem, minimise_from(problem, solution.linear, _LAST_STEPS, _TOLERANCE))
-    return problem, solution, noise_of(problem, solution.linear)
+    return problem, solution, estimate_noise(problem, solution.linear)
 
 
-def pose_covariance(problem: Problem, solution: Solution, noise: Noise) -> NDArray[np.float64]:
+def pose_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
     """Covariance of a small motion of the nail in its own frame, shape (6, 6): rotation vector (rad), translation (mm).
 
     The true pose is `camera_from_nail @ motion` with `motion` this small motion. The fit's weights are a compromise:
     they count slow noise, which hides the tilt, as if it hid sharp rims too. What the noise does to the fit follows
     from its correlation instead (the sandwich formula); to it comes what priors and background leave open.
     """
-    return _spread(problem, solution, noise, _motion_gain(problem, solution), prior_precision()[problem.free])
+    return _covariance_by(problem, solution, noise, _motion_gain(problem, solution), prior_precision()[problem.free])
 
 
-def pose_errors(problem: Problem, solution: Solution, noise: Noise) -> PoseErrors:
-    """The same for pose and shape together, and the model's own errors; all of `SHAPE_UNKNOWNS` must have been free."""
+def pose_errors(problem: Problem, solution: Solution, noise: NoiseModel) -> PoseErrors:
+    """The same for pose and shape together, and the model's own errors; all of `SHAPE_PARAMETERS` were free."""
     precision = prior_precision()[problem.free]
-    places = [int(np.count_nonzero(problem.free[:unknown])) for unknown in SHAPE_UNKNOWNS]
+    places = [int(np.count_nonzero(problem.free[:unknown])) for unknown in SHAPE_PARAMETERS]
     per_deviation = np.sqrt(precision[places])
     of_shape = per_deviation[:, None] * np.linalg.inv(solution.normal_matrix)[places]
     gain = np.vstack([_motion_gain(problem, solution), of_shape])
     precision[places] = 0.0
-    deviations = (solution.parameters - prior_mean())[list(SHAPE_UNKNOWNS)] * per_deviation
-    by_others = _spread(problem, solution, noise, gain, precision)
-    by_model = model_loadings(problem.scene.nail, problem.scene.pose(solution.parameters))
+    deviations = (solution.parameters - prior_mean())[list(SHAPE_PARAMETERS)] * per_deviation
+    by_others = _covariance_by(problem, solution, noise, gain, precision)
+    by_model = model_loadings(problem.model.nail, problem.model.pose(solution.parameters))
     by_model = block_diag(by_model, np.diag(MODEL_SD_OF_SHAPE))
     return PoseErrors(deviations, by_others, gain[:, places] * per_deviation, by_model)
 
 
-def _spread(
+def _covariance_by(
     problem: Problem,
     solution: Solution,
-    noise: Noise,
+    noise: NoiseModel,
     gain: NDArray[np.float64],
     precision: NDArray[np.float64],
 ) -> NDArray[np.float64]:
@@ -214,7 +214,7 @@ def _spread(
     precision
         Of the priors that leave an end open, shape (P,).
     """
-    linear = followed_by_linear(problem, solution.linear, solution.moves.of_pixels)
+    linear = linear_response(problem, solution.linear, solution.moves.of_pixels)
     by_noise = _by_noise(problem, noise, _after_background(problem, solution, linear, gain))
     field = linear[: problem.field.size]
     open_ends = problem.texture_precision * (field.T @ problem.field.roughness @ field)
@@ -224,8 +224,8 @@ def _spread(
 
 def _motion_gain(problem: Problem, solution: Solution) -> NDArray[np.float64]:
     """The nail's small motion per gradient, shape (6, P)."""
-    scene = problem.scene
-    motion = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
+    model = problem.model
+    motion = motion_by_parameters(solution.parameters[:POSE_SIZE], model.camera, model.anchors)
     return np.asarray(motion @ np.linalg.inv(solution.normal_matrix)[:POSE_SIZE])
 
 
@@ -243,10 +243,10 @@ def _after_background(
     return np.asarray(direct - visible[:, None] * background - (1.0 - visible)[:, None] * floor)
 
 
-def _by_noise(problem: Problem, noise: Noise, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:
+def _by_noise(problem: Problem, noise: NoiseModel, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance by noise alone; `moved_by`, shape (N, G), weighs the pixels."""
-    window = problem.scene.window
-    images = np.zeros((moved_by.shape[1], *window.shape), dtype=np.float32)
+    region = problem.model.region
+    images = np.zeros((moved_by.shape[1], *region.shape), dtype=np.float32)
     deviations = problem.weight * np.sqrt(noise.variance)
-    images.reshape(len(images), -1)[:, window.compared] = (moved_by * deviations[:, None]).T
+    images.reshape(len(images), -1)[:, region.compared] = (moved_by * deviations[:, None]).T
     return covariance_of_sums(images, ((noise.dark, 1.0 - noise.brightness), (noise.bright, noise.brightness)))

@@ -11,19 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, NailShape, trace
+from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, NailShape, trace_pixels
 from services.registration.core.nail.imaging_chain import (
-    OF_DISPLAY,
-    OF_SHARPENING,
-    Display,
+    CHAIN_PARAMETERS,
+    SHARPENING_PARAMETERS,
+    ImagingChain,
     Real,
     Scale,
     derivative_before_sharpening,
     derivative_of_sharpening,
-    display_of,
+    imaging_chain_of,
 )
 from services.registration.core.nail.noise import (
-    Whitening,
+    WhiteningFilter,
 )
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.parameters import (
@@ -34,14 +34,14 @@ from services.registration.core.nail.parameters import (
     USUAL_CHAMFER_MM,
     USUAL_CHAMFER_SD_MM,
     Anchors,
-    Unknown,
+    Parameter,
     anchors_of,
     motion_by_parameters,
     pose_from_parameters,
     rotation_and_translation,
 )
 from services.registration.core.nail.rays import LEAST_RAYS_TO_SHARE, SAMPLES_PX, rays_of
-from services.registration.core.nail.region import Window, cut_window
+from services.registration.core.nail.region import FitRegion, cut_region
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
@@ -50,14 +50,14 @@ from shared.geometry.transform import Transform
 from shared.two_cores import mapped, on_both_halves
 
 # Unknowns in the order of the kernel's derivatives.
-_OF_PATHS = tuple(Unknown)[: Unknown.HARDENING + 1]
+_PATH_PARAMETERS = tuple(Parameter)[: Parameter.HARDENING + 1]
 
 # Pictures with fewer pixels in all are done sooner than handed to another core.
 _LEAST_PX = 100_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NailScene:
+class ForwardModel:
     """All that is fixed during a fit: the window, the camera and the nail's nominal shape.
 
     Attributes
@@ -66,35 +66,35 @@ class NailScene:
         Filter that image and model both go through.
     """
 
-    window: Window
+    region: FitRegion
     camera: PinholeCamera
     anchors: Anchors
     nail: NailPart
-    whitening: Whitening | None
+    whitening: WhiteningFilter | None
 
     def compared(self, picture: NDArray[Real]) -> NDArray[np.float64]:
         """The strip's pixels, shape (N,), of a picture of the window, whitened when the scene says so."""
         if self.whitening is None:
-            return self.window.strip(picture)
-        return self.window.strip(self.whitening.apply(picture))
+            return self.region.strip(picture)
+        return self.region.strip(self.whitening.apply(picture))
 
     @property
     def grey(self) -> NDArray[np.float64]:
         """Measured grey values that the model is compared with, shape (N,)."""
-        return self.compared(self.window.grey)
+        return self.compared(self.region.grey)
 
     def pose(self, parameters: NDArray[np.float64]) -> Transform[Camera, Nail]:
         """`camera_from_nail` that the parameters stand for."""
         return pose_from_parameters(parameters[:POSE_SIZE], self.camera, self.anchors)
 
 
-def nail_scene(window: Window, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> NailScene:
+def nail_scene(region: FitRegion, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> ForwardModel:
     """Scene as it is before anything has been learned from a fit."""
-    return NailScene(window, camera, anchors, nail, None)
+    return ForwardModel(region, camera, anchors, nail, None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Given:
+class FitInput:
     """What a fit is given."""
 
     pixels: NDArray[np.float32]
@@ -117,9 +117,9 @@ class Detail:
     texture: float
 
 
-def scene_at(given: Given, camera_from_nail: Transform[Camera, Nail], detail: Detail) -> NailScene | None:
-    """Window around a pose; `None` when the nail's holes are not in the image."""
-    window = cut_window(
+def model_at(given: FitInput, camera_from_nail: Transform[Camera, Nail], detail: Detail) -> ForwardModel | None:
+    """The model around a pose; `None` when the nail's holes are not in the image."""
+    region = cut_region(
         given.pixels,
         given.calibration,
         given.nail,
@@ -128,69 +128,71 @@ def scene_at(given: Given, camera_from_nail: Transform[Camera, Nail], detail: De
         given.occluders,
         detail.scale,
     )
-    if window is None:
+    if region is None:
         return None
     anchors = anchors_of(given.nail)
-    return nail_scene(window, given.calibration.camera, anchors, given.nail)
+    return nail_scene(region, given.calibration.camera, anchors, given.nail)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Paths:
+class TracedTransmission:
     """What the rays meet: share that passes, on the whole rectangle, and its derivatives on the support.
 
     Attributes
     ----------
     parameters
         For which the rays were traced.
-    passed
+    transmission
         Share of the X-rays that pass the metal, mean over each pixel, shape (rows, columns).
-    by_cause
+    derivatives
         Its derivatives by the causes of `attenuation.py`, shape (S, DERIVATIVES).
     """
 
     parameters: NDArray[np.float64]
-    passed: NDArray[np.float64]
-    by_cause: NDArray[np.float32]
+    transmission: NDArray[np.float64]
+    derivatives: NDArray[np.float32]
 
 
-def paths(scene: NailScene, parameters: NDArray[np.float64]) -> Paths:
+def paths(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
     """Trace all rays of the window."""
-    window, count = scene.window, len(scene.window.support)
-    passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
-    shape = _nail_shape(scene, parameters)
+    region, count = model.region, len(model.region.support)
+    transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
+    shape = _nail_shape(model, parameters)
 
     def trace_part(part: slice) -> None:
-        rays, steel = rays_of(window.rays, part), window.steel.of(part)
-        trace(rays, SAMPLES_PX, steel, shape, passed[part], by_cause[part])
+        rays, steel = rays_of(region.rays, part), region.steel.of(part)
+        trace_pixels(rays, SAMPLES_PX, steel, shape, transmission[part], derivatives[part])
 
     on_both_halves(trace_part, count, LEAST_RAYS_TO_SHARE)
-    return Paths(parameters, _on_rectangle(window, passed, 1.0), by_cause)
+    return TracedTransmission(parameters, _on_rectangle(region, transmission, 1.0), derivatives)
 
 
-def derivatives_of_paths(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> Iterator[NDArray[np.float32]]:
+def transmission_derivatives(
+    model: ForwardModel, traced: TracedTransmission, free: NDArray[np.bool_]
+) -> Iterator[NDArray[np.float32]]:
     """Derivatives of the transmission map by the free parameters that act on the paths, in their order."""
-    causes = np.zeros((len(_OF_PATHS), DERIVATIVES))
-    motion = motion_by_parameters(traced.parameters[:POSE_SIZE], scene.camera, scene.anchors)
+    causes = np.zeros((len(_PATH_PARAMETERS), DERIVATIVES))
+    motion = motion_by_parameters(traced.parameters[:POSE_SIZE], model.camera, model.anchors)
     causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
     causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
-    causes[Unknown.CHAMFER_DEVIATIONS] *= _chamfer(scene.nail, traced.parameters)[1]
-    for values in causes[free[: len(_OF_PATHS)]].astype(np.float32) @ traced.by_cause.T:
-        yield _on_rectangle(scene.window, values, 0.0)
+    causes[Parameter.CHAMFER_DEVIATIONS] *= _chamfer(model.nail, traced.parameters)[1]
+    for values in causes[free[: len(_PATH_PARAMETERS)]].astype(np.float32) @ traced.derivatives.T:
+        yield _on_rectangle(model.region, values, 0.0)
 
 
-def _nail_shape(scene: NailScene, parameters: NDArray[np.float64]) -> NailShape:
-    nail = scene.nail
-    rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], scene.camera, scene.anchors)
-    excess = parameters[Unknown.HOLE_RADIUS_EXCESS_MM]
-    radius_mm = float(nail.radius_mm + parameters[Unknown.NAIL_RADIUS_EXCESS_MM])
+def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailShape:
+    nail = model.nail
+    rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], model.camera, model.anchors)
+    excess = parameters[Parameter.HOLE_RADIUS_EXCESS_MM]
+    radius_mm = float(nail.radius_mm + parameters[Parameter.NAIL_RADIUS_EXCESS_MM])
     return NailShape(
         np.ascontiguousarray(rotation),
         np.ascontiguousarray(translation_mm),
         radius_mm,
         0.5 * nail.cannulation_diameter_mm,
         np.array([_bore_row(h, excess, radius_mm - _chamfer(nail, parameters)[0]) for h in nail.holes]),
-        ATTENUATION_PER_MM[nail.material] * float(np.exp(parameters[Unknown.LOG_ATTENUATION])),
-        float(parameters[Unknown.HARDENING]),
+        ATTENUATION_PER_MM[nail.material] * float(np.exp(parameters[Parameter.LOG_ATTENUATION])),
+        float(parameters[Parameter.HARDENING]),
         STEEL_IN_NAIL_MATERIAL[nail.material],
     )
 
@@ -201,7 +203,7 @@ def _chamfer(nail: NailPart, parameters: NDArray[np.float64]) -> tuple[float, fl
     mean, deviation = USUAL_CHAMFER_MM, USUAL_CHAMFER_SD_MM
     if len(stated) == len(nail.holes):
         mean, deviation = float(np.mean(stated)), STATED_CHAMFER_SD_MM
-    depth_mm = mean + deviation * float(parameters[Unknown.CHAMFER_DEVIATIONS])
+    depth_mm = mean + deviation * float(parameters[Parameter.CHAMFER_DEVIATIONS])
     return (depth_mm, deviation) if depth_mm > 0.0 else (0.0, 0.0)
 
 
@@ -209,67 +211,70 @@ def _bore_row(hole: Hole, excess_mm: float, widening_mm: float) -> tuple[float, 
     return (*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm)
 
 
-def chamfer_is_left(scene: NailScene, parameters: NDArray[np.float64]) -> bool:
+def has_chamfer(model: ForwardModel, parameters: NDArray[np.float64]) -> bool:
     """Whether the holes still have a chamfer: without one, nothing changes by its unknown."""
-    return _chamfer(scene.nail, parameters)[0] > 0.0
+    return _chamfer(model.nail, parameters)[0] > 0.0
 
 
-def _on_rectangle(window: Window, values: NDArray[Real], elsewhere: float) -> NDArray[Real]:
+def _on_rectangle(region: FitRegion, values: NDArray[Real], elsewhere: float) -> NDArray[Real]:
     """Values of the support's pixels, shape (S,), on the whole rectangle, shape of it."""
-    out = np.full(window.shape, elsewhere, dtype=values.dtype)
-    out.ravel()[window.support] = values
+    out = np.full(region.shape, elsewhere, dtype=values.dtype)
+    out.ravel()[region.support] = values
     return out
 
 
-def visible_share(scene: NailScene, traced: Paths) -> NDArray[np.float64]:
+def visible_fraction(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float64]:
     """Share of the background that each compared pixel sees, shape (N,); from single precision, which is plenty."""
-    passed = (traced.passed * _guide_share(scene, traced.parameters)).astype(np.float32)
-    return scene.compared(display_of(scene.window.scale, traced.parameters).shown(passed))
+    transmission = (traced.transmission * _guide_transmission(model, traced.parameters)).astype(np.float32)
+    return model.compared(imaging_chain_of(model.region.scale, traced.parameters).apply(transmission))
 
 
-def share_without_metal(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def visible_fraction_without_metal(model: ForwardModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same if nothing but the guide's body were there, shape (N,)."""
-    guide = _guide_share(scene, parameters).astype(np.float32)
-    return scene.compared(display_of(scene.window.scale, parameters).shown(guide))
+    guide = _guide_transmission(model, parameters).astype(np.float32)
+    return model.compared(imaging_chain_of(model.region.scale, parameters).apply(guide))
 
 
-def derivatives_of_share(scene: NailScene, traced: Paths, free: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
-    """Derivatives of `visible_share` by the free parameters, in their order."""
-    display, guide = display_of(scene.window.scale, traced.parameters), _guide_share(scene, traced.parameters)
-    passed = traced.passed * guide
-    stages = display.stages(passed)
+def visible_fraction_derivatives(
+    model: ForwardModel, traced: TracedTransmission, free: NDArray[np.bool_]
+) -> list[NDArray[np.float64]]:
+    """Derivatives of `visible_fraction` by the free parameters, in their order."""
+    display = imaging_chain_of(model.region.scale, traced.parameters)
+    guide = _guide_transmission(model, traced.parameters)
+    transmission = traced.transmission * guide
+    stages = display.stages(transmission)
     slope = display.slope(stages).astype(np.float32)
     thin = guide.astype(np.float32)
-    least = 2 + _LEAST_PX // passed.size
+    least = 2 + _LEAST_PX // transmission.size
 
-    once_sharpened = _compared_once_sharpened(scene, display)
+    once_sharpened = _compared_once_sharpened(model, display)
 
     def by_passed(change: NDArray[np.float32]) -> NDArray[np.float64]:
         return once_sharpened(slope * display.blurred(change))
 
-    def by_display(unknown: Unknown) -> NDArray[np.float64]:
-        of_display = unknown, scene.window.scale, traced.parameters
-        if unknown in OF_SHARPENING:
-            return scene.compared(derivative_of_sharpening(*of_display, display, stages))
-        return once_sharpened(derivative_before_sharpening(*of_display, passed, display, stages))
+    def by_display(unknown: Parameter) -> NDArray[np.float64]:
+        of_display = unknown, model.region.scale, traced.parameters
+        if unknown in SHARPENING_PARAMETERS:
+            return model.compared(derivative_of_sharpening(*of_display, display, stages))
+        return once_sharpened(derivative_before_sharpening(*of_display, transmission, display, stages))
 
-    columns = mapped(lambda p: by_passed(p * thin), derivatives_of_paths(scene, traced, free), least)
-    columns += mapped(by_display, [unknown for unknown in OF_DISPLAY if free[unknown]], least)
-    if free[Unknown.DELRIN_PER_MM]:
-        columns.append(by_passed((-scene.window.delrin_excess_mm * passed).astype(np.float32)))
+    columns = mapped(lambda p: by_passed(p * thin), transmission_derivatives(model, traced, free), least)
+    columns += mapped(by_display, [unknown for unknown in CHAIN_PARAMETERS if free[unknown]], least)
+    if free[Parameter.DELRIN_PER_MM]:
+        columns.append(by_passed((-model.region.delrin_excess_mm * transmission).astype(np.float32)))
     return columns
 
 
 def _compared_once_sharpened(
-    scene: NailScene, display: Display
+    model: ForwardModel, display: ImagingChain
 ) -> Callable[[NDArray[np.float32]], NDArray[np.float64]]:
-    """What `NailScene.compared` makes of a picture after edge enhancement; the scene's filter takes both in one."""
-    if scene.whitening is None:
-        return lambda picture: scene.compared(display.sharpened(picture))
-    both = scene.whitening.after(display.sharpened)
-    return lambda picture: scene.window.strip(both.apply(picture))
+    """What `ForwardModel.compared` makes of a picture after edge enhancement; the scene's filter takes both in one."""
+    if model.whitening is None:
+        return lambda picture: model.compared(display.sharpened(picture))
+    both = model.whitening.after(display.sharpened)
+    return lambda picture: model.region.strip(both.apply(picture))
 
 
-def _guide_share(scene: NailScene, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def _guide_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Share of the X-rays that pass the guide's body, over the usual one (1 in most places), shape (rows, columns)."""
-    return np.asarray(np.exp(-parameters[Unknown.DELRIN_PER_MM] * scene.window.delrin_excess_mm))
+    return np.asarray(np.exp(-parameters[Parameter.DELRIN_PER_MM] * model.region.delrin_excess_mm))

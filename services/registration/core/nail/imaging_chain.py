@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.parameters import Unknown
+from services.registration.core.nail.parameters import Parameter
 
 _KERNEL_REACH = 4.0
 
@@ -18,10 +18,10 @@ _STRAIGHT = 1e-6
 # One-sided: what the second derivative adds is below a per cent.
 _DERIVATIVE_STEP = 0.005
 _MOST_CURVE = 5.0
-_OF_BLUR = (Unknown.LOG_BLUR_PX, Unknown.TAIL_SHARE, Unknown.LOG_TAIL_WIDTH)
-OF_SHARPENING = (Unknown.SHARPENING, Unknown.LOG_SHARPENING_WIDTH_PX)
+_BLUR_PARAMETERS = (Parameter.LOG_BLUR_PX, Parameter.TAIL_SHARE, Parameter.LOG_TAIL_WIDTH)
+SHARPENING_PARAMETERS = (Parameter.SHARPENING, Parameter.LOG_SHARPENING_WIDTH_PX)
 # All unknowns that act on the picture after the rays.
-OF_DISPLAY = tuple(Unknown)[Unknown.LOG_BLUR_PX : Unknown.CURVE_EXPONENT + 1]
+CHAIN_PARAMETERS = tuple(Parameter)[Parameter.LOG_BLUR_PX : Parameter.CURVE_EXPONENT + 1]
 
 
 def blurred_image(image: NDArray[Real], sigma: float) -> NDArray[Real]:
@@ -60,16 +60,16 @@ class Scale:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stages:
+class ChainImages:
     """The share that passes after each thing that happens to it, on the whole rectangle, shape of it."""
 
     blurred: NDArray[np.float64]
-    bent: NDArray[np.float64]
+    tone_mapped: NDArray[np.float64]
     sharpened: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Display:
+class ImagingChain:
     """What happens to the intensity on its way to the grey value.
 
     The blur is a Gaussian with a wider one about it: light spreads further in a phosphor than its core does, and
@@ -87,15 +87,15 @@ class Display:
     sharpening: float
     width_px: float
 
-    def shown(self, passed: NDArray[Real]) -> NDArray[Real]:
+    def apply(self, transmission: NDArray[Real]) -> NDArray[Real]:
         """What becomes of the share that passes."""
-        return self.sharpened(self.bent(self.blurred(passed)))
+        return self.sharpened(self.tone_mapped(self.blurred(transmission)))
 
-    def stages(self, passed: NDArray[np.float64]) -> Stages:
+    def stages(self, transmission: NDArray[np.float64]) -> ChainImages:
         """The same, step by step."""
-        blurred = self.blurred(passed)
-        bent = self.bent(blurred)
-        return Stages(blurred, bent, self.sharpened(bent))
+        blurred = self.blurred(transmission)
+        tone_mapped = self.tone_mapped(blurred)
+        return ChainImages(blurred, tone_mapped, self.sharpened(tone_mapped))
 
     def blurred(self, image: NDArray[Real]) -> NDArray[Real]:
         """As the detector blurs the intensity."""
@@ -103,13 +103,13 @@ class Display:
         wide = blurred_image(core, float(np.sqrt(max(self.tail_px**2 - self.blur_px**2, 0.0))))
         return np.asarray(core + image.dtype.type(self.tail_share) * (wide - core), dtype=image.dtype)
 
-    def bent(self, share: NDArray[Real]) -> NDArray[Real]:
+    def tone_mapped(self, share: NDArray[Real]) -> NDArray[Real]:
         """Share of the grey step that a share of the intensity step makes."""
         return np.asarray(np.expm1(self.exponent * np.log1p(self.rise * share)) / self.grey_rise, dtype=share.dtype)
 
-    def slope(self, before: Stages) -> NDArray[np.float64]:
-        """Derivative of `bent` by the share, where both are known."""
-        steepness = (1.0 + self.grey_rise * before.bent) / (1.0 + self.rise * before.blurred)
+    def slope(self, before: ChainImages) -> NDArray[np.float64]:
+        """Derivative of `tone_mapped` by the share, where both are known."""
+        steepness = (1.0 + self.grey_rise * before.tone_mapped) / (1.0 + self.rise * before.blurred)
         return np.asarray(self.exponent * self.rise / self.grey_rise * steepness)
 
     def sharpened(self, image: NDArray[Real]) -> NDArray[Real]:
@@ -117,37 +117,37 @@ class Display:
         return (1.0 + self.sharpening) * image - self.sharpening * blurred_image(image, self.width_px)
 
 
-def display_of(scale: Scale, parameters: NDArray[np.float64]) -> Display:
+def imaging_chain_of(scale: Scale, parameters: NDArray[np.float64]) -> ImagingChain:
     """The display that the parameters stand for."""
-    exponent = float(parameters[Unknown.CURVE_EXPONENT])
+    exponent = float(parameters[Parameter.CURVE_EXPONENT])
     if abs(exponent) < _STRAIGHT:
         exponent = _STRAIGHT
     # so that the bend hardly depends on the exponent
-    curve = float(np.clip(2.0 * parameters[Unknown.CURVE] / (1.0 - exponent), _STRAIGHT, _MOST_CURVE))
+    curve = float(np.clip(2.0 * parameters[Parameter.CURVE] / (1.0 - exponent), _STRAIGHT, _MOST_CURVE))
     rise, grey_rise = float(np.expm1(curve)), float(np.expm1(exponent * curve))
-    return _with_optics(Display(0.0, 0.0, 0.0, rise, grey_rise, exponent, 0.0, 0.0), scale, parameters)
+    return _with_optics(ImagingChain(0.0, 0.0, 0.0, rise, grey_rise, exponent, 0.0, 0.0), scale, parameters)
 
 
-def _with_optics(display: Display, scale: Scale, parameters: NDArray[np.float64]) -> Display:
+def _with_optics(display: ImagingChain, scale: Scale, parameters: NDArray[np.float64]) -> ImagingChain:
     """A display with the same curve, and the parameters' blur and edge enhancement."""
-    blur_px, width = np.exp(parameters[[Unknown.LOG_BLUR_PX, Unknown.LOG_TAIL_WIDTH]])
+    blur_px, width = np.exp(parameters[[Parameter.LOG_BLUR_PX, Parameter.LOG_TAIL_WIDTH]])
     return replace(
         display,
         blur_px=float(np.hypot(blur_px / scale.reduction, scale.smoothing)),
-        tail_share=float(parameters[Unknown.TAIL_SHARE]),
+        tail_share=float(parameters[Parameter.TAIL_SHARE]),
         tail_px=float(np.hypot(width * blur_px / scale.reduction, scale.smoothing)),
-        sharpening=float(parameters[Unknown.SHARPENING]),
-        width_px=float(np.exp(parameters[Unknown.LOG_SHARPENING_WIDTH_PX])) / scale.reduction,
+        sharpening=float(parameters[Parameter.SHARPENING]),
+        width_px=float(np.exp(parameters[Parameter.LOG_SHARPENING_WIDTH_PX])) / scale.reduction,
     )
 
 
 def derivative_before_sharpening(
-    unknown: Unknown,
+    unknown: Parameter,
     scale: Scale,
     parameters: NDArray[np.float64],
-    passed: NDArray[np.float64],
-    display: Display,
-    before: Stages,
+    transmission: NDArray[np.float64],
+    display: ImagingChain,
+    before: ChainImages,
 ) -> NDArray[np.float32]:
     """Derivative of the bent share by one of the unknowns of blur and curve: a difference, and the curve's slope.
 
@@ -157,22 +157,22 @@ def derivative_before_sharpening(
         The display of the parameters, and what it makes of what passed.
     """
     moved = _moved(unknown, parameters)
-    if unknown in _OF_BLUR:
-        change = display.slope(before) * (_with_optics(display, scale, moved).blurred(passed) - before.blurred)
+    if unknown in _BLUR_PARAMETERS:
+        change = display.slope(before) * (_with_optics(display, scale, moved).blurred(transmission) - before.blurred)
     else:  # of the curve
-        change = display_of(scale, moved).bent(before.blurred) - before.bent
+        change = imaging_chain_of(scale, moved).tone_mapped(before.blurred) - before.tone_mapped
     return np.asarray(change / _DERIVATIVE_STEP, dtype=np.float32)
 
 
 def derivative_of_sharpening(
-    unknown: Unknown, scale: Scale, parameters: NDArray[np.float64], display: Display, before: Stages
+    unknown: Parameter, scale: Scale, parameters: NDArray[np.float64], display: ImagingChain, before: ChainImages
 ) -> NDArray[np.float32]:
     """Derivative of the sharpened share by one of the unknowns of the edge enhancement; parameters as above."""
-    change = _with_optics(display, scale, _moved(unknown, parameters)).sharpened(before.bent) - before.sharpened
+    change = _with_optics(display, scale, _moved(unknown, parameters)).sharpened(before.tone_mapped) - before.sharpened
     return np.asarray(change / _DERIVATIVE_STEP, dtype=np.float32)
 
 
-def _moved(unknown: Unknown, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moved(unknown: Parameter, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     moved = parameters.copy()
     moved[unknown] += _DERIVATIVE_STEP
     return moved

@@ -11,47 +11,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.background import (
+    BorderedFactor,
     BorderedMatrix,
-    Columns,
-    Factor,
+    DesignMatrix,
     SplineField,
     add_normal_equations,
     add_right_sides,
-    columns_of,
-    factorised,
+    cholesky_factor,
+    design_matrix,
     spline_field,
 )
 from services.registration.core.nail.forward_model import (
     Detail,
-    NailScene,
-    Paths,
-    chamfer_is_left,
-    derivatives_of_share,
+    ForwardModel,
+    TracedTransmission,
+    has_chamfer,
     paths,
-    visible_share,
+    visible_fraction,
+    visible_fraction_derivatives,
 )
 from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.noise import (
-    Correlation,
-    correlation_of,
+    NoiseCorrelation,
+    noise_correlation,
     robust_weight,
     variance_by_brightness,
-    whitening_for,
+    whitening_filter,
 )
 from services.registration.core.nail.parameters import (
-    PARAMETERS,
+    PARAMETER_COUNT,
+    clipped_to_bounds,
     prior_mean,
     prior_precision,
-    within_reason,
 )
-from services.registration.core.nail.region import Window
+from services.registration.core.nail.region import FitRegion
 from shared.two_cores import mapped, on_both_halves
 
 _LEAST_RIDGE = 1e-9
 # The normal equations of fewer are done sooner than handed to another core.
 _LEAST_CELLS = 100
 
-EVERYTHING = np.ones(PARAMETERS, dtype=bool)
+ALL_PARAMETERS = np.ones(PARAMETER_COUNT, dtype=bool)
 _ASSUMED_NOISE = 0.025
 _CLIPPED_DEVIATIONS = 4.0
 _BRIGHTNESS_BLUR_PX = 1.5
@@ -65,7 +65,7 @@ _DAMPING_FACTOR = 10.0
 # A step that promises less than this part of the tolerance is not worth tracing the rays for.
 _HOPELESS = 0.3
 # A fit is given up when even so many times what the derivatives promise would leave it above what it may cost.
-_TRUSTED_PROMISES = 5.0
+_TRUSTED_DECREASES = 5.0
 # Derivatives are renewed once the parameters are so many standard deviations away: taking them costs three to four
 # times what the rays cost, and that far they change by some per cent.
 _CLOSE_DEVIATIONS = 3.0
@@ -86,10 +86,10 @@ class Problem:
     texture_precision
         Inverse variance of the field's second differences.
     free
-        Which parameters move, shape (PARAMETERS,).
+        Which parameters move, shape (PARAMETER_COUNT,).
     """
 
-    scene: NailScene
+    model: ForwardModel
     field: SplineField
     grey: NDArray[np.float64]
     floor: NDArray[np.float64]
@@ -99,17 +99,17 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linear:
+class LinearSolution:
     """Solution for the parameters that enter linearly, at given other ones, of a problem in a scene."""
 
-    scene: NailScene
-    traced: Paths
+    model: ForwardModel
+    traced: TracedTransmission
     visible: NDArray[np.float64]
     background: NDArray[np.float64]
     floor: NDArray[np.float64]
     residual: NDArray[np.float64]
     cost: float
-    factor: Factor
+    factor: BorderedFactor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +119,7 @@ class Sensitivity:
     Attributes
     ----------
     at
-        All parameters where `of_pixels` was taken, shape (PARAMETERS,).
+        All parameters where `of_pixels` was taken, shape (PARAMETER_COUNT,).
     of_pixels
         Derivative of the modelled grey values, background and floor held, shape (N, P).
     """
@@ -129,7 +129,7 @@ class Sensitivity:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Equations:
+class NormalEquations:
     """What a step follows from: derivatives, normal matrix, shape (P, P), and gradient, shape (P,)."""
 
     moves: Sensitivity
@@ -137,27 +137,27 @@ class Equations:
     gradient: NDArray[np.float64]
 
 
-def solution_at(problem: Problem, parameters: NDArray[np.float64]) -> Linear:
+def linear_solution_at(problem: Problem, parameters: NDArray[np.float64]) -> LinearSolution:
     """Best background and floor at given other parameters."""
-    return solution_for(problem, paths(problem.scene, parameters))
+    return linear_solution_for(problem, paths(problem.model, parameters))
 
 
-def solution_for(problem: Problem, traced: Paths) -> Linear:
+def linear_solution_for(problem: Problem, traced: TracedTransmission) -> LinearSolution:
     """Best background and floor where the rays have been traced already."""
-    return _solution(problem, traced, visible_share(problem.scene, traced))
+    return _solution(problem, traced, visible_fraction(problem.model, traced))
 
 
-def solution_again(problem: Problem, known: Linear) -> Linear:
+def linear_solution_from(problem: Problem, known: LinearSolution) -> LinearSolution:
     """Best background and floor of this or another problem in the same scene, where one has been solved."""
-    if problem.scene is not known.scene:
+    if problem.model is not known.model:
         raise ValueError("a solution can be had again only in the scene it was found in: whitening changes the scene")
     return _solution(problem, known.traced, known.visible)
 
 
-def _solution(problem: Problem, traced: Paths, visible: NDArray[np.float64]) -> Linear:
+def _solution(problem: Problem, traced: TracedTransmission, visible: NDArray[np.float64]) -> LinearSolution:
     columns = _columns(problem, visible)
     matrix, side = _normal_equations(problem, columns)
-    factor = factorised(matrix)
+    factor = cholesky_factor(matrix)
     coefficients = factor.solved(side)
     size = problem.field.size
     c = coefficients[:size]
@@ -168,16 +168,16 @@ def _solution(problem: Problem, traced: Paths, visible: NDArray[np.float64]) -> 
     excess = traced.parameters - prior_mean()
     prior = float((prior_precision() * problem.free) @ excess**2)
     cost = float(problem.weight @ residual**2) + penalty + prior
-    return Linear(problem.scene, traced, visible, background, floor, residual, cost, factor)
+    return LinearSolution(problem.model, traced, visible, background, floor, residual, cost, factor)
 
 
-def _columns(problem: Problem, visible: NDArray[np.float64]) -> Columns:
+def _columns(problem: Problem, visible: NDArray[np.float64]) -> DesignMatrix:
     """What background and floor act through."""
     dense = (1.0 - visible)[:, None] * problem.floor
-    return columns_of(problem.field, visible, dense, problem.weight)
+    return design_matrix(problem.field, visible, dense, problem.weight)
 
 
-def _normal_equations(problem: Problem, columns: Columns) -> tuple[BorderedMatrix, NDArray[np.float64]]:
+def _normal_equations(problem: Problem, columns: DesignMatrix) -> tuple[BorderedMatrix, NDArray[np.float64]]:
     """A'WA and the background's prior, for M + D coefficients, and A'W grey, shape (M + D,)."""
     size, dense = problem.field.size, columns.dense.shape[1]
     width = problem.field.roughness_band.shape[1]
@@ -195,7 +195,7 @@ def _normal_equations(problem: Problem, columns: Columns) -> tuple[BorderedMatri
     return matrix, side
 
 
-def _right_sides(columns: Columns, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+def _right_sides(columns: DesignMatrix, targets: NDArray[np.float64]) -> NDArray[np.float64]:
     """A'W times targets, shape (N, T); the result has shape (M + D, T)."""
     total = columns.coefficients + columns.dense.shape[1]
 
@@ -215,23 +215,23 @@ def _total(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     return total
 
 
-def _derivatives_at(problem: Problem, here: Linear) -> NDArray[np.float64]:
+def _derivatives_at(problem: Problem, here: LinearSolution) -> NDArray[np.float64]:
     """Of the modelled grey values, background and floor held, shape (N, P)."""
     step = here.background - here.floor
-    changes = derivatives_of_share(problem.scene, here.traced, problem.free)
+    changes = visible_fraction_derivatives(problem.model, here.traced, problem.free)
     return np.column_stack([change * step for change in changes])
 
 
-def equations_at(problem: Problem, here: Linear) -> Equations:
+def normal_equations_at(problem: Problem, here: LinearSolution) -> NormalEquations:
     """Normal matrix and gradient of the free parameters with the linear ones eliminated."""
     columns = _derivatives_at(problem, here)
     cross = _right_sides(_columns(problem, here.visible), columns)
     normal = columns.T @ (problem.weight[:, None] * columns) - cross.T @ here.factor.solved(cross)
     normal[np.diag_indices(len(normal))] += prior_precision()[problem.free]
-    return Equations(Sensitivity(here.traced.parameters, columns), normal, _gradient(problem, here, columns))
+    return NormalEquations(Sensitivity(here.traced.parameters, columns), normal, _gradient(problem, here, columns))
 
 
-def followed_by_linear(problem: Problem, here: Linear, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+def linear_response(problem: Problem, here: LinearSolution, columns: NDArray[np.float64]) -> NDArray[np.float64]:
     """Coefficients of background and floor that make up best for changes of the grey values, shape (N, P).
 
     The result has shape (M + D, P).
@@ -239,12 +239,12 @@ def followed_by_linear(problem: Problem, here: Linear, columns: NDArray[np.float
     return here.factor.solved(_right_sides(_columns(problem, here.visible), columns))
 
 
-def with_gradient_at(problem: Problem, here: Linear, known: Equations) -> Equations:
+def with_gradient_at(problem: Problem, here: LinearSolution, known: NormalEquations) -> NormalEquations:
     """The same equations a small way on, where only the gradient is another."""
     return replace(known, gradient=_gradient(problem, here, known.moves.of_pixels))
 
 
-def _gradient(problem: Problem, here: Linear, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+def _gradient(problem: Problem, here: LinearSolution, columns: NDArray[np.float64]) -> NDArray[np.float64]:
     """Half of the cost's fall by the free parameters, shape (P,).
 
     The linear ones may be held: at their optimum the cost does not change with them.
@@ -254,7 +254,7 @@ def _gradient(problem: Problem, here: Linear, columns: NDArray[np.float64]) -> N
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Noise:
+class NoiseModel:
     """Residuals of a fit as noise.
 
     Attributes
@@ -271,38 +271,38 @@ class Noise:
 
     variance: NDArray[np.float64]
     brightness: NDArray[np.float64]
-    dark: Correlation
-    bright: Correlation
+    dark: NoiseCorrelation
+    bright: NoiseCorrelation
     inflation: NDArray[np.float64]
 
 
-def problem_for(scene: NailScene, detail: Detail, free: NDArray[np.bool_]) -> Problem:
+def problem_for(model: ForwardModel, detail: Detail, free: NDArray[np.bool_]) -> Problem:
     """Least-squares problem with the same weight for all pixels."""
-    window = scene.window
-    field = spline_field(window.along_mm, window.across_mm, detail.knots_mm)
-    weight = np.full(len(window.compared), _ASSUMED_NOISE**-2)
-    return Problem(scene, field, scene.grey, _floor_basis(window), weight, detail.texture**-2, free)
+    region = model.region
+    field = spline_field(region.along_mm, region.across_mm, detail.knots_mm)
+    weight = np.full(len(region.compared), _ASSUMED_NOISE**-2)
+    return Problem(model, field, model.grey, _floor_basis(region), weight, detail.texture**-2, free)
 
 
-def noise_of(problem: Problem, linear: Linear) -> Noise:
+def estimate_noise(problem: Problem, linear: LinearSolution) -> NoiseModel:
     """Variance and correlation of the residuals."""
     residual = linear.residual
-    window = problem.scene.window
+    region = problem.model.region
     variance = variance_by_brightness(residual, problem.grey - residual)
     standardised = np.clip(residual / np.sqrt(variance), -_CLIPPED_DEVIATIONS, _CLIPPED_DEVIATIONS)
-    brightness = np.clip(blurred_image(linear.traced.passed, _BRIGHTNESS_BLUR_PX), 0.0, 1.0)
-    here = brightness.ravel()[window.compared]
+    brightness = np.clip(blurred_image(linear.traced.transmission, _BRIGHTNESS_BLUR_PX), 0.0, 1.0)
+    here = brightness.ravel()[region.compared]
 
-    def of_kind(kind: NDArray[np.bool_]) -> Correlation:
+    def of_kind(kind: NDArray[np.bool_]) -> NoiseCorrelation:
         enough = kind if np.count_nonzero(kind) >= _LEAST_OF_A_KIND else np.ones_like(kind)
-        return correlation_of(standardised[enough], window.compared[enough], window.shape)
+        return noise_correlation(standardised[enough], region.compared[enough], region.shape)
 
     dark, bright = mapped(of_kind, (here < 0.5, here >= 0.5), 2)
     inflation = (1.0 - here) * dark.inflation + here * bright.inflation
-    return Noise(variance, brightness, dark, bright, inflation)
+    return NoiseModel(variance, brightness, dark, bright, inflation)
 
 
-def reweighted(problem: Problem, linear: Linear, noise: Noise) -> Problem:
+def reweighted(problem: Problem, linear: LinearSolution, noise: NoiseModel) -> Problem:
     """The same problem with every pixel weighed by its variance, outliers less.
 
     Divided by the inflation, the cost counts independent samples: only then do priors have their due weight.
@@ -311,26 +311,26 @@ def reweighted(problem: Problem, linear: Linear, noise: Noise) -> Problem:
     return replace(problem, weight=weight)
 
 
-def evenly_weighted(problem: Problem, noise: Noise) -> Problem:
+def evenly_weighted(problem: Problem, noise: NoiseModel) -> Problem:
     """The same problem with every pixel weighed by its variance, outliers as all others."""
     return replace(problem, weight=1.0 / (noise.variance * noise.inflation))
 
 
-def whitened(problem: Problem, linear: Linear, noise: Noise) -> tuple[Problem, Linear]:
+def whitened(problem: Problem, linear: LinearSolution, noise: NoiseModel) -> tuple[Problem, LinearSolution]:
     """The same problem on the image after the filter that makes its noise about independent, weights renewed.
 
     Also its solution, found with the old weights.
     """
-    whitening = whitening_for(noise.dark, noise.bright, noise.brightness)
-    scene = replace(problem.scene, whitening=whitening)
-    filtered = replace(problem, scene=scene, grey=scene.grey)
-    after = solution_for(filtered, linear.traced)
-    return reweighted(filtered, after, noise_of(filtered, after)), after
+    whitening = whitening_filter(noise.dark, noise.bright, noise.brightness)
+    model = replace(problem.model, whitening=whitening)
+    filtered = replace(problem, model=model, grey=model.grey)
+    after = linear_solution_for(filtered, linear.traced)
+    return reweighted(filtered, after, estimate_noise(filtered, after)), after
 
 
-def _floor_basis(window: Window) -> NDArray[np.float64]:
+def _floor_basis(region: FitRegion) -> NDArray[np.float64]:
     """Grey value behind closed metal: scatter and glare vary slowly, like a quadratic in the strip, shape (N, 6)."""
-    x, y = window.along_mm / 20.0, window.across_mm / 6.0
+    x, y = region.along_mm / 20.0, region.across_mm / 6.0
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
 
 
@@ -345,7 +345,7 @@ class Solution:
     independent pixels). `least_cost` is the same, but for a fit that was given up: what its end can hardly fall below.
     """
 
-    linear: Linear
+    linear: LinearSolution
     moves: Sensitivity
     normal_matrix: NDArray[np.float64]
     steps: int
@@ -354,7 +354,7 @@ class Solution:
 
     @property
     def parameters(self) -> NDArray[np.float64]:
-        """Where the fit ended, shape (PARAMETERS,)."""
+        """Where the fit ended, shape (PARAMETER_COUNT,)."""
         return self.linear.traced.parameters
 
     @property
@@ -364,26 +364,30 @@ class Solution:
 
 
 def minimise(
-    problem: Problem, start: NDArray[np.float64], most_steps: int, tolerance: float, hopeless_cost: float = np.inf
+    problem: Problem, start: NDArray[np.float64], most_steps: int, tolerance: float, cost_limit: float = np.inf
 ) -> Solution:
     """Levenberg-Marquardt on the free parameters until a step lowers the cost by less than `tolerance`.
 
-    Given up as soon as its end can hardly cost less than `hopeless_cost`.
+    Stopped early when its end can hardly cost less than `cost_limit`.
     """
-    return _descended(problem, solution_at(problem, start), most_steps, tolerance, hopeless_cost)
+    return _levenberg_marquardt(problem, linear_solution_at(problem, start), most_steps, tolerance, cost_limit)
 
 
-def minimise_from(problem: Problem, known: Linear, most_steps: int, tolerance: float) -> Solution:
+def minimise_from(problem: Problem, known: LinearSolution, most_steps: int, tolerance: float) -> Solution:
     """The same from where this or another problem in the same scene has been solved."""
-    return _descended(problem, solution_again(problem, known), most_steps, tolerance, np.inf)
+    return _levenberg_marquardt(problem, linear_solution_from(problem, known), most_steps, tolerance, np.inf)
 
 
-def _descended(problem: Problem, here: Linear, most_steps: int, tolerance: float, hopeless_cost: float) -> Solution:
+def _levenberg_marquardt(
+    problem: Problem, here: LinearSolution, most_steps: int, tolerance: float, cost_limit: float
+) -> Solution:
     damping, converged, steps = _LEAST_DAMPING, False, 0
-    equations = equations_at(problem, here)
+    equations = normal_equations_at(problem, here)
     while steps < most_steps and not converged:
-        least_cost = here.cost - _TRUSTED_PROMISES * _promise(equations) if here.cost > hopeless_cost else here.cost
-        if least_cost > hopeless_cost:
+        least_cost = (
+            here.cost - _TRUSTED_DECREASES * _predicted_decrease(equations) if here.cost > cost_limit else here.cost
+        )
+        if least_cost > cost_limit:
             return Solution(here, equations.moves, equations.normal_matrix, steps, converged, least_cost)
         steps += 1
         below, damping = _step_down(problem, here, equations, damping, tolerance)
@@ -401,54 +405,56 @@ def with_derivatives(problem: Problem, solution: Solution) -> Solution:
     """The same end with derivatives and normal matrix from there or close by."""
     if _is_close(problem, solution.linear, solution.moves.at, solution.normal_matrix):
         return solution
-    equations = equations_at(problem, solution.linear)
+    equations = normal_equations_at(problem, solution.linear)
     return replace(solution, moves=equations.moves, normal_matrix=equations.normal_matrix)
 
 
-def _equations_beside(problem: Problem, here: Linear, known: Equations) -> Equations:
+def _equations_beside(problem: Problem, here: LinearSolution, known: NormalEquations) -> NormalEquations:
     """The equations after a step from where they are known."""
     if _is_close(problem, here, known.moves.at, known.normal_matrix):
         return with_gradient_at(problem, here, known)
-    return equations_at(problem, here)
+    return normal_equations_at(problem, here)
 
 
-def _promise(equations: Equations) -> float:
+def _predicted_decrease(equations: NormalEquations) -> float:
     """By how much the cost would fall if the model were as linear as it looks from here."""
     return float(equations.gradient @ np.linalg.lstsq(equations.normal_matrix, equations.gradient)[0])
 
 
 def _step_down(
     problem: Problem,
-    here: Linear,
-    equations: Equations,
+    here: LinearSolution,
+    equations: NormalEquations,
     damping: float,
     tolerance: float,
-) -> tuple[Linear | None, float]:
+) -> tuple[LinearSolution | None, float]:
     """Solution after a step that lowers the cost (None when none does by enough), and the damping for the next."""
     normal, gradient = equations.normal_matrix, equations.gradient
     scale = np.diag(np.maximum(np.diag(normal), _LEAST_CURVATURE))
-    least_promise = _HOPELESS * tolerance
+    least_decrease = _HOPELESS * tolerance
     while damping <= _MOST_DAMPING:
         step = np.linalg.solve(normal + damping * scale, gradient)
-        if float(2.0 * gradient @ step - step @ normal @ step) < least_promise:
+        if float(2.0 * gradient @ step - step @ normal @ step) < least_decrease:
             break
         trial = here.traced.parameters.copy()
         trial[problem.free] += step
-        below = solution_at(problem, within_reason(trial))
+        below = linear_solution_at(problem, clipped_to_bounds(trial))
         if below.cost < here.cost:
             return below, max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
         damping = max(damping * _DAMPING_FACTOR, _DAMPING_AFTER_FAILURE)
         # after a broken promise, a step that promises less than the tolerance would end the fit: it is saved
-        least_promise = tolerance
+        least_decrease = tolerance
     return None, damping
 
 
-def _is_close(problem: Problem, here: Linear, at: NDArray[np.float64], normal_matrix: NDArray[np.float64]) -> bool:
+def _is_close(
+    problem: Problem, here: LinearSolution, at: NDArray[np.float64], normal_matrix: NDArray[np.float64]
+) -> bool:
     """Whether derivatives taken elsewhere will do: fewer standard deviations away than change an edge's profile.
 
     Where the chamfer ends they change at once.
     """
-    if chamfer_is_left(problem.scene, here.traced.parameters) != chamfer_is_left(problem.scene, at):
+    if has_chamfer(problem.model, here.traced.parameters) != has_chamfer(problem.model, at):
         return False
     way = (here.traced.parameters - at)[problem.free]
     return float(way @ normal_matrix @ way) < _CLOSE_DEVIATIONS**2

@@ -29,7 +29,7 @@ MEDIAN_TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Correlation:
+class NoiseCorrelation:
     """Correlation of standardised residuals between pixels up to 9 apart, shape (19, 19), 1 in the middle."""
 
     by_lag: NDArray[np.float64]
@@ -48,7 +48,7 @@ class Correlation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Whitening:
+class WhiteningFilter:
     """Short symmetric filters, gain one for slow variations, that make the noise about independent between pixels.
 
     Where metal stops the quanta the electronics' noise remains, which no blur has correlated: dark and bright places
@@ -66,7 +66,7 @@ class Whitening:
     bright: NDArray[np.float32]
     brightness: NDArray[np.float32]
 
-    def after(self, earlier: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> "Whitening":
+    def after(self, earlier: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> "WhiteningFilter":
         """What a symmetric filter and then this one do, in one, but for a rim of the picture.
 
         There, beyond the padding, this one's spectrum wraps round, while the filters one by one repeat edge values.
@@ -81,7 +81,9 @@ class Whitening:
         impulse[rows // 2, columns // 2] = 1.0
         before = cv2.dft(np.roll(earlier(impulse), (-(rows // 2), -(columns // 2)), axis=(0, 1)))
         dark, bright = (cv2.mulSpectrums(own, before, 0) for own in (self.dark, self.bright))
-        return Whitening(np.asarray(dark, dtype=np.float32), np.asarray(bright, dtype=np.float32), self.brightness)
+        return WhiteningFilter(
+            np.asarray(dark, dtype=np.float32), np.asarray(bright, dtype=np.float32), self.brightness
+        )
 
     def apply(self, picture: NDArray[Real]) -> NDArray[np.float32]:
         """Filter a picture, shape (rows, columns), edge values repeated beyond its border."""
@@ -97,7 +99,9 @@ class Whitening:
         return np.asarray(dark + self.brightness * (bright - dark))
 
 
-def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]) -> Correlation:
+def noise_correlation(
+    standardised: NDArray[np.float64], places: NDArray[np.int64], shape: tuple[int, int]
+) -> NoiseCorrelation:
     """Correlation of residuals, shape (N,), at flat places, shape (N,), of a rectangle."""
     # single precision is plenty: sums of tens of thousands of squares, to a part in a million
     values, present = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
@@ -107,17 +111,19 @@ def correlation_of(standardised: NDArray[np.float64], places: NDArray[np.int64],
     counts = fft.irfft2(np.abs(fft.rfft2(present, padded)) ** 2, padded)
     lags = np.arange(-_LAGS, _LAGS + 1)
     by_lag = sums[np.ix_(lags, lags)].astype(np.float64) / np.maximum(counts[np.ix_(lags, lags)], 1.0)
-    return Correlation(by_lag / by_lag[_LAGS, _LAGS])
+    return NoiseCorrelation(by_lag / by_lag[_LAGS, _LAGS])
 
 
-def whitening_for(dark: Correlation, bright: Correlation, brightness: NDArray[np.float64]) -> Whitening:
+def whitening_filter(
+    dark: NoiseCorrelation, bright: NoiseCorrelation, brightness: NDArray[np.float64]
+) -> WhiteningFilter:
     """Filters whose responses are the inverse roots of the noise's power spectra, the same in all directions."""
     rows, columns = (cv2.getOptimalDFTSize(side + 2 * _PADDING) for side in brightness.shape)
     of_dark, of_bright = mapped(lambda kind: _response(kind, (rows, columns)), (dark, bright), 2)
-    return Whitening(of_dark, of_bright, brightness.astype(np.float32))
+    return WhiteningFilter(of_dark, of_bright, brightness.astype(np.float32))
 
 
-def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArray[np.float32]:
+def _response(correlation: NoiseCorrelation, padded_shape: tuple[int, int]) -> NDArray[np.float32]:
     rows, columns = padded_shape
     power = correlation.spectrum(padded_shape)
     frequency = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :])
@@ -132,7 +138,7 @@ def _response(correlation: Correlation, padded_shape: tuple[int, int]) -> NDArra
 
 
 def covariance_of_sums(
-    images: NDArray[np.float32], kinds: tuple[tuple[Correlation, NDArray[np.float64]], ...]
+    images: NDArray[np.float32], kinds: tuple[tuple[NoiseCorrelation, NDArray[np.float64]], ...]
 ) -> NDArray[np.float64]:
     """Covariance of sums of noise weighed by images.
 
@@ -141,7 +147,7 @@ def covariance_of_sums(
     images
         Weights times the noise's standard deviation, shape (K, rows, columns).
     kinds
-        Correlation of each kind of noise, and its share in each pixel's variance, shape (rows, columns).
+        NoiseCorrelation of each kind of noise, and its share in each pixel's variance, shape (rows, columns).
 
     Returns
     -------
@@ -155,7 +161,7 @@ def covariance_of_sums(
     if columns % 2 == 0:
         twice[-1] = 1.0
 
-    def of_kind(kind: tuple[Correlation, NDArray[np.float64]]) -> NDArray[np.float64]:
+    def of_kind(kind: tuple[NoiseCorrelation, NDArray[np.float64]]) -> NDArray[np.float64]:
         correlation, share = kind
         power = correlation.spectrum((rows, columns)) * twice / (rows * columns)
         spectra = fft.rfft2(images * np.sqrt(share).astype(np.float32), (rows, columns))

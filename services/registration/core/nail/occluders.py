@@ -119,7 +119,7 @@ def _path_in_ball(cx: float, cy: float, x: float, y: float, z: float, radius_mm:
     return float(2.0 * np.sqrt(max(inside, 0.0)))
 
 
-class Blocks(NamedTuple):
+class DrilledBoxes(NamedTuple):
     """Boxes with bores, in their own frame.
 
     Attributes
@@ -139,7 +139,7 @@ class Blocks(NamedTuple):
 
 
 @compiled
-def _path_in(blocks: Blocks, origin: NDArray[np.float64], cx: float, cy: float) -> float:
+def _path_in(blocks: DrilledBoxes, origin: NDArray[np.float64], cx: float, cy: float) -> float:
     """Length of the ray in direction (cx, cy, 1) from the focal spot, which is at `origin` in the blocks' frame."""
     turn, boxes, bores, total = blocks.rotation, blocks.boxes_mm, blocks.bores, 0.0
     dx = turn[0, 0] * cx + turn[1, 0] * cy + turn[2, 0]
@@ -169,7 +169,9 @@ def _between(middle: float, half: float, slope: float, near: float, far: float) 
 
 
 @compiled
-def _mean_paths(rays: PixelRays, places_px: NDArray[np.float64], blocks: Blocks, out_mm: NDArray[np.float64]) -> None:
+def _mean_paths(
+    rays: PixelRays, places_px: NDArray[np.float64], blocks: DrilledBoxes, out_mm: NDArray[np.float64]
+) -> None:
     origin = -(blocks.rotation.T @ blocks.translation_mm)
     for n in range(rays.slopes.shape[0]):
         total, right, down = 0.0, rays.right[n], rays.down[n]
@@ -191,7 +193,7 @@ def guide_body_path(
     boxes = np.array([(*box.centre_mm, *box.size_mm) for box in guide.body])
     bores = [(*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm) for hole in guide.holes]
     placed = camera_from_guide.rotation, camera_from_guide.translation_mm
-    _mean_paths(rays, places_px, Blocks(*placed, boxes, np.array(bores).reshape(-1, 7)), out)
+    _mean_paths(rays, places_px, DrilledBoxes(*placed, boxes, np.array(bores).reshape(-1, 7)), out)
     return out
 
 
@@ -310,7 +312,7 @@ def ball_discs_px(occluders: Occluders, calibration: CArmCalibration) -> NDArray
     return np.concatenate(discs)
 
 
-def delrin_path_mm(rays: PixelRays, occluders: Occluders, penumbra: Penumbra) -> NDArray[np.float64]:
+def guide_body_path_mm(rays: PixelRays, occluders: Occluders, penumbra: Penumbra) -> NDArray[np.float64]:
     """Mean length in the guide's body over a few places in each of S pixels, shape (S,), in mm."""
     guide = occluders.guide
     if guide is None or not guide.part.body:

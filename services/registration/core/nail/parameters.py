@@ -28,7 +28,7 @@ _DEFAULT_ANCHOR_MM = 15.0
 _STEP = np.array([0.01, 0.01, 0.01, 0.01, 1e-4, 1e-4])
 
 
-class Unknown(IntEnum):
+class Parameter(IntEnum):
     """Place of each unknown in the parameter vector; the first six are the pose."""
 
     FIRST_X_PX = 0
@@ -52,11 +52,11 @@ class Unknown(IntEnum):
     DELRIN_PER_MM = 18
 
 
-PARAMETERS = len(Unknown)
+PARAMETER_COUNT = len(Parameter)
 
 
 # What the nail's file says of the nail, more or less: it is the same in every image of that nail.
-SHAPE_UNKNOWNS = (Unknown.HOLE_RADIUS_EXCESS_MM, Unknown.NAIL_RADIUS_EXCESS_MM, Unknown.CHAMFER_DEVIATIONS)
+SHAPE_PARAMETERS = (Parameter.HOLE_RADIUS_EXCESS_MM, Parameter.NAIL_RADIUS_EXCESS_MM, Parameter.CHAMFER_DEVIATIONS)
 
 
 # Mean and standard deviation of what is known before the image is seen. Attenuation: the mean of the X-rays that pass
@@ -73,19 +73,19 @@ STEEL_IN_NAIL_MATERIAL = {"steel": 1.0, "Ti6Al4V": 3.2}
 
 
 PRIOR = {
-    Unknown.HOLE_RADIUS_EXCESS_MM: (0.0, 0.03),
-    Unknown.NAIL_RADIUS_EXCESS_MM: (0.0, 0.03),
-    Unknown.CHAMFER_DEVIATIONS: (0.0, 1.0),
-    Unknown.LOG_ATTENUATION: (0.0, 0.5),
-    Unknown.HARDENING: (0.65, 0.3),
-    Unknown.LOG_BLUR_PX: (float(np.log(1.2)), 0.35),
-    Unknown.TAIL_SHARE: (0.2, 0.15),
-    Unknown.LOG_TAIL_WIDTH: (float(np.log(2.2)), 0.2),
-    Unknown.SHARPENING: (0.2, 0.4),
-    Unknown.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
-    Unknown.CURVE: (0.3, 0.3),
-    Unknown.CURVE_EXPONENT: (0.4, 0.25),
-    Unknown.DELRIN_PER_MM: (0.02, 0.02),
+    Parameter.HOLE_RADIUS_EXCESS_MM: (0.0, 0.03),
+    Parameter.NAIL_RADIUS_EXCESS_MM: (0.0, 0.03),
+    Parameter.CHAMFER_DEVIATIONS: (0.0, 1.0),
+    Parameter.LOG_ATTENUATION: (0.0, 0.5),
+    Parameter.HARDENING: (0.65, 0.3),
+    Parameter.LOG_BLUR_PX: (float(np.log(1.2)), 0.35),
+    Parameter.TAIL_SHARE: (0.2, 0.15),
+    Parameter.LOG_TAIL_WIDTH: (float(np.log(2.2)), 0.2),
+    Parameter.SHARPENING: (0.2, 0.4),
+    Parameter.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
+    Parameter.CURVE: (0.3, 0.3),
+    Parameter.CURVE_EXPONENT: (0.4, 0.25),
+    Parameter.DELRIN_PER_MM: (0.02, 0.02),
 }
 
 
@@ -96,44 +96,44 @@ _LEAST_EXPONENT, _MOST_EXPONENT = -0.4, 0.9
 _MOST_TAIL = 0.8
 
 
-_RADII = (Unknown.HOLE_RADIUS_EXCESS_MM, Unknown.NAIL_RADIUS_EXCESS_MM)
+_RADII = (Parameter.HOLE_RADIUS_EXCESS_MM, Parameter.NAIL_RADIUS_EXCESS_MM)
 
 
-def _reach_of(unknown: Unknown) -> float:
+def _reach_of(unknown: Parameter) -> float:
     """How far from its prior's mean a parameter may go; radii far enough to tell another nail."""
     if unknown not in PRIOR:
         return float("inf")
     return _RADIUS_EXCESS_BOUND_MM if unknown in _RADII else _MOST_DEVIATIONS * PRIOR[unknown][1]
 
 
-_REACH = np.array([_reach_of(unknown) for unknown in Unknown])
+_REACH = np.array([_reach_of(unknown) for unknown in Parameter])
 
 
-_MEAN = np.array([PRIOR[u][0] if u in PRIOR else 0.0 for u in Unknown])
+_MEAN = np.array([PRIOR[u][0] if u in PRIOR else 0.0 for u in Parameter])
 
 
-_PRECISION = np.array([PRIOR[u][1] ** -2 if u in PRIOR else 0.0 for u in Unknown])
+_PRECISION = np.array([PRIOR[u][1] ** -2 if u in PRIOR else 0.0 for u in Parameter])
 
 
 def prior_mean() -> NDArray[np.float64]:
-    """Shape (PARAMETERS,); zero for the pose."""
+    """Shape (PARAMETER_COUNT,); zero for the pose."""
     return _MEAN.copy()
 
 
 def prior_precision() -> NDArray[np.float64]:
-    """Inverse variances, shape (PARAMETERS,); zero for the pose."""
+    """Inverse variances, shape (PARAMETER_COUNT,); zero for the pose."""
     return _PRECISION.copy()
 
 
-def within_reason(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def clipped_to_bounds(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Nuisances clipped to where they still mean something, mostly six standard deviations of their prior."""
     clipped = np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
-    exponent = Unknown.CURVE_EXPONENT
+    exponent = Parameter.CURVE_EXPONENT
     clipped[exponent] = np.clip(clipped[exponent], _LEAST_EXPONENT, _MOST_EXPONENT)
-    clipped[Unknown.HARDENING] = max(clipped[Unknown.HARDENING], 0.0)
+    clipped[Parameter.HARDENING] = max(clipped[Parameter.HARDENING], 0.0)
     # below, the curve is straight and nothing would tell the way back
-    clipped[Unknown.CURVE] = max(clipped[Unknown.CURVE], 0.0)
-    clipped[Unknown.TAIL_SHARE] = np.clip(clipped[Unknown.TAIL_SHARE], 0.0, _MOST_TAIL)
+    clipped[Parameter.CURVE] = max(clipped[Parameter.CURVE], 0.0)
+    clipped[Parameter.TAIL_SHARE] = np.clip(clipped[Parameter.TAIL_SHARE], 0.0, _MOST_TAIL)
     return np.asarray(clipped)
 
 

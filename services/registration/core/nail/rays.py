@@ -55,7 +55,7 @@ class PixelRays(NamedTuple):
     down: NDArray[np.float64]
 
 
-class SteelBeside(NamedTuple):
+class SteelPaths(NamedTuple):
     """Paths in steel other than the nail, which few pixels have.
 
     Attributes
@@ -70,16 +70,16 @@ class SteelBeside(NamedTuple):
     path_mm: NDArray[np.float64]
 
     @staticmethod
-    def of_pixels(count: int, places: NDArray[np.int64], path_mm: NDArray[np.float64]) -> "SteelBeside":
+    def of_pixels(count: int, places: NDArray[np.int64], path_mm: NDArray[np.float64]) -> "SteelPaths":
         """Of so many pixels those with a path, looked for at some places; paths there have shape (places, samples)."""
         some = np.any(path_mm > 0.0, axis=1)
         row = np.full(count, -1, dtype=np.int64)
         row[places[some]] = np.arange(np.count_nonzero(some))
-        return SteelBeside(row, np.ascontiguousarray(path_mm[some]))
+        return SteelPaths(row, np.ascontiguousarray(path_mm[some]))
 
-    def of(self, part: slice) -> "SteelBeside":
+    def of(self, part: slice) -> "SteelPaths":
         """That of some of the pixels."""
-        return SteelBeside(self.row[part], self.path_mm)
+        return SteelPaths(self.row[part], self.path_mm)
 
 
 def pixel_rays(slopes: NDArray[np.float64]) -> PixelRays:

@@ -8,11 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.imaging_chain import Real, Scale, blurred_image
-from services.registration.core.nail.occluders import Occluders, Penumbra, ball_discs_px, delrin_path_mm, steel_path_mm
+from services.registration.core.nail.occluders import (
+    Occluders,
+    Penumbra,
+    ball_discs_px,
+    guide_body_path_mm,
+    steel_path_mm,
+)
 from services.registration.core.nail.rays import (
     LEAST_RAYS_TO_SHARE,
     PixelRays,
-    SteelBeside,
+    SteelPaths,
     nail_rays,
     pixel_rays,
     rays_of,
@@ -35,7 +41,7 @@ _STRETCH, _WIRE_REACH_MM = 0.3, 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Strip:
+class RegionBounds:
     """Part of the nail that is looked at, in the nail's frame: from x to x, and to either side of its axis, in mm."""
 
     first_x_mm: float
@@ -43,12 +49,12 @@ class Strip:
     half_width_mm: float
 
 
-def strip_of(nail: NailPart, surroundings_mm: float) -> Strip:
+def region_bounds(nail: NailPart, surroundings_mm: float) -> RegionBounds:
     """The holes with so many mm of surroundings along and beside the nail, without the rounded tip."""
     first = min(h.axis.point_mm[0] - 0.5 * h.diameter_mm for h in nail.holes)
     last = max(h.axis.point_mm[0] + 0.5 * h.diameter_mm for h in nail.holes)
     before_tip = max(last, nail.tip_x_mm - nail.radius_mm)
-    return Strip(
+    return RegionBounds(
         float(first) - surroundings_mm, float(min(last + surroundings_mm, before_tip)), nail.radius_mm + surroundings_mm
     )
 
@@ -89,7 +95,11 @@ class PixelGrid:
 
 
 def grid_around(
-    calibration: CArmCalibration, strip: Strip, camera_from_nail: Transform[Camera, Nail], reduction: int, around: int
+    calibration: CArmCalibration,
+    strip: RegionBounds,
+    camera_from_nail: Transform[Camera, Nail],
+    reduction: int,
+    around: int,
 ) -> PixelGrid | None:
     """The strip's rectangle with so many reduced pixels around it; `None` when hardly any of it is in the image."""
     corners = np.array(
@@ -107,7 +117,7 @@ def grid_around(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Window:
+class FitRegion:
     """A rectangle of (perhaps reduced) pixels, the strip in it that is compared, and all rays that it needs.
 
     Attributes
@@ -144,7 +154,7 @@ class Window:
     along_mm: NDArray[np.float64]
     across_mm: NDArray[np.float64]
     rays: PixelRays
-    steel: SteelBeside
+    steel: SteelPaths
     delrin_excess_mm: NDArray[np.float64]
 
     def strip(self, picture: NDArray[Real]) -> NDArray[np.float64]:
@@ -152,7 +162,7 @@ class Window:
         return picture.ravel()[self.compared].astype(np.float64, copy=False)
 
 
-def cut_window(
+def cut_region(
     pixels: NDArray[np.float32],
     calibration: CArmCalibration,
     nail: NailPart,
@@ -160,9 +170,9 @@ def cut_window(
     camera_from_nail: Transform[Camera, Nail],
     occluders: Occluders,
     scale: Scale,
-) -> Window | None:
+) -> FitRegion | None:
     """Take the strip out of the image; `None` when fewer than 200 of its pixels are inside image and aperture."""
-    strip = strip_of(nail, surroundings_mm)
+    strip = region_bounds(nail, surroundings_mm)
     grid = grid_around(calibration, strip, camera_from_nail, scale.reduction, _BLUR_REACH_PX + 1)
     if grid is None:
         return None
@@ -184,7 +194,7 @@ def cut_window(
     if scale.smoothing > 0.0:
         grey = blurred_image(grey, scale.smoothing)
     grey_scale = float(np.percentile(grey.ravel()[compared], 95.0)) or 1.0
-    return Window(
+    return FitRegion(
         scale,
         grid.shape,
         grid.origin_px,
@@ -207,7 +217,7 @@ def _steel_beside(
     occluders: Occluders,
     calibration: CArmCalibration,
     penumbra: Penumbra,
-) -> SteelBeside:
+) -> SteelPaths:
     """Paths in balls and wires; rays far from all are not followed."""
     near = np.zeros(len(centres_px), dtype=bool)
     wires_px = [rod.discs_px(calibration, _WIRE_REACH_MM) for rod in occluders.rods]
@@ -220,7 +230,7 @@ def _steel_beside(
         near |= (centres_px[:, 0] - x) ** 2 + (centres_px[:, 1] - y) ** 2 < radius**2
     places = np.flatnonzero(near)
     path_mm = steel_path_mm(rays_of(rays, places), occluders, calibration, penumbra)
-    return SteelBeside.of_pixels(len(centres_px), places, path_mm)
+    return SteelPaths.of_pixels(len(centres_px), places, path_mm)
 
 
 def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
@@ -263,7 +273,7 @@ def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _delrin_paths(rays: PixelRays, occluders: Occluders, penumbra: Penumbra) -> NDArray[np.float64]:
     """Mean path in the guide's body over a few samples of every pixel, shape (S,), in mm."""
     halves = on_both_halves(
-        lambda part: delrin_path_mm(rays_of(rays, part), occluders, penumbra),
+        lambda part: guide_body_path_mm(rays_of(rays, part), occluders, penumbra),
         len(rays.slopes),
         LEAST_RAYS_TO_SHARE,
     )

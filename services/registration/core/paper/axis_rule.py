@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.search.find import NailStart, camera_from_nail_facing
+from services.registration.core.nail.search.find import NailDetection, camera_from_nail_facing
 from services.registration.core.nail.search.outline import Ellipse
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.figures import figure
@@ -43,7 +43,7 @@ class SeenNail:
     depth_from_width_mm: float
 
     @staticmethod
-    def of_start(start: NailStart) -> "SeenNail":
+    def of_start(start: NailDetection) -> "SeenNail":
         """As the project's own coarse search saw the nail."""
         return SeenNail(
             tuple(opening.ellipse for opening in start.openings),

@@ -15,7 +15,7 @@ from services.registration.core.guide.locate import GuideFit, Named, guide_ident
 from services.registration.core.localise import Parts
 from services.registration.core.nail.search.band import SearchImage, depth_range_mm, find_bands, prepare_search
 from services.registration.core.nail.search.find import camera_from_nail_facing
-from services.registration.core.nail.search.holes import HolePattern, Strip, find_pattern, straighten
+from services.registration.core.nail.search.holes import HolePattern, StraightenedBand, find_pattern, straighten_band
 from services.registration.core.nail.search.outline import measure_opening
 from services.registration.core.wires.image import in_border
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
@@ -78,7 +78,7 @@ def _patterns(
     width_at_1_mm = nail.diameter_mm * calibration.camera.focal_length_px / image.step_px
     distal = camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
     for band in find_bands(image, (width_at_1_mm / far_mm, width_at_1_mm / near_mm), _BANDS_TRIED):
-        strip = straighten(image, band)
+        strip = straighten_band(image, band)
         if strip.typical_darkness < _LOWEST_DARKNESS:
             continue
         px_per_mm = band.width_px / nail.diameter_mm
@@ -104,7 +104,7 @@ def _aimed_at_px(
     return np.asarray(calibration.camera.project(np.array(points)))
 
 
-def _near(strip: Strip, places_px: NDArray[np.float64], reach_px: float) -> NDArray[np.bool_]:
+def _near(strip: StraightenedBand, places_px: NDArray[np.float64], reach_px: float) -> NDArray[np.bool_]:
     """Columns of a strip within reach of one of some places of the search image; none when all lie beside the band."""
     band = strip.band
     column = (places_px - band.centre_px) @ band.along - strip.first_along_px

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.localise import Parts
-from services.registration.core.nail.forward_model import Detail, Given, scene_at
+from services.registration.core.nail.forward_model import Detail, FitInput, model_at
 from services.registration.core.nail.least_squares import Problem, problem_for
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.nail.parameters import POSE_SIZE, parameters_from_pose, prior_mean
@@ -82,8 +82,8 @@ def rendered(shown: Shown, seed: int) -> tuple[NDArray[np.float32], CArmCalibrat
 def pose_problem(detail: Detail) -> tuple[Problem, NDArray[np.float64]]:
     """The nail's fit at the true pose with the pose alone free, and all its unknowns there."""
     parts, (pixels, view) = rendered_parts(), rendered(Shown(), seed=3)
-    given = Given(pixels, view, parts.nail, Occluders(PlacedGuide(parts.guide, CAMERA_FROM_GUIDE), parts.ring))
-    scene = scene_at(given, CAMERA_FROM_NAIL, detail)
+    given = FitInput(pixels, view, parts.nail, Occluders(PlacedGuide(parts.guide, CAMERA_FROM_GUIDE), parts.ring))
+    scene = model_at(given, CAMERA_FROM_NAIL, detail)
     assert scene is not None
     parameters = prior_mean()
     parameters[:POSE_SIZE] = parameters_from_pose(CAMERA_FROM_NAIL, scene.camera, scene.anchors)

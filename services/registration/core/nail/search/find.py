@@ -14,7 +14,7 @@ from services.registration.core.nail.search.holes import (
     find_pattern,
     hole_midpoints_mm,
     mean_hole_direction,
-    straighten,
+    straighten_band,
 )
 from services.registration.core.nail.search.outline import Contour, Opening, measure_contour, measure_opening
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
@@ -36,7 +36,7 @@ _LARGEST_WIDTH_DEVIATION = 0.07
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NailStart:
+class NailDetection:
     """Where the nail is, with its holes taken to be parallel to the rays through them.
 
     Attributes
@@ -74,7 +74,7 @@ def find_nail(
     calibration: CArmCalibration,
     nail: NailPart,
     distal_hint_camera: NDArray[np.float64] | None = None,
-) -> Accepted[NailStart] | Rejected:
+) -> Accepted[NailDetection] | Rejected:
     """Search the whole image for the nail and its holes.
 
     Parameters
@@ -120,7 +120,7 @@ def _dark_candidates(
     near_mm, far_mm = depth_range_mm(calibration)
     width_at_1_mm = nail.diameter_mm * calibration.camera.focal_length_px / image.step_px
     bands = find_bands(image, (width_at_1_mm / far_mm, width_at_1_mm / near_mm), _BANDS_TRIED)
-    strips = [straighten(image, band) for band in bands]
+    strips = [straighten_band(image, band) for band in bands]
     dark = [strip for strip in strips if strip.typical_darkness >= _LOWEST_DARKNESS]
     return mapped(lambda strip: find_pattern(strip, nail), dark, 2)
 
@@ -167,7 +167,7 @@ def _measured(
     nail: NailPart,
     pattern: HolePattern,
     margin: float,
-) -> Accepted[NailStart] | Rejected:
+) -> Accepted[NailDetection] | Rejected:
     """Measure the openings and the contour, and build the pose."""
     openings = _openings(pixels, image, calibration, nail, pattern)
     if isinstance(openings, Rejected):
@@ -190,7 +190,7 @@ def _measured(
         )
     length_px = pattern.strip.band.edge_length_px * image.step_px
     darkness, openness = pattern.strip.typical_darkness, float(pattern.openness.min())
-    return Accepted(NailStart(pose, openings, contour, length_px, darkness, openness, margin, ratio))
+    return Accepted(NailDetection(pose, openings, contour, length_px, darkness, openness, margin, ratio))
 
 
 def _openings(

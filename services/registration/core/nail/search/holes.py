@@ -17,7 +17,7 @@ _BEYOND_OPEN = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Strip:
+class StraightenedBand:
     """The image along a band, turned upright: columns along the band, rows across it, 1 pixel of the search image each.
 
     Attributes
@@ -75,7 +75,7 @@ class HolePattern:
         From 0 (the band runs on where this direction has the nail's tip) to 1 (it ends there); 0.5 when out of view.
     """
 
-    strip: Strip
+    strip: StraightenedBand
     centre_search_px: NDArray[np.float64]
     px_per_mm: float
     distal_sign: int
@@ -84,7 +84,7 @@ class HolePattern:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OpeningLevel:
+class OpennessProfile:
     """How much every column of a strip looks like the middle of an opening, at one scale.
 
     Attributes
@@ -100,7 +100,7 @@ class OpeningLevel:
     row_from_middle: NDArray[np.float64]
 
 
-def straighten(image: SearchImage, band: Band) -> Strip:
+def straighten_band(image: SearchImage, band: Band) -> StraightenedBand:
     """Cut out a band with its surroundings."""
     height, width = image.grey.shape
     corners = np.array([(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)])
@@ -123,7 +123,7 @@ def straighten(image: SearchImage, band: Band) -> Strip:
         _mean_of_rows(cut, valid, (across > 0.62) & (across < 0.9) & (rows < 0)),
         _mean_of_rows(cut, valid, (across > 0.62) & (across < 0.9) & (rows > 0)),
     )
-    return Strip(band, cut, valid[half_rows], float(columns[keep.start]), inside, outside)
+    return StraightenedBand(band, cut, valid[half_rows], float(columns[keep.start]), inside, outside)
 
 
 def _mean_of_rows(grey: NDArray[np.float32], valid: NDArray[np.bool_], rows: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -133,7 +133,7 @@ def _mean_of_rows(grey: NDArray[np.float32], valid: NDArray[np.bool_], rows: NDA
     return np.asarray(np.where(total > 0.0, mean, 0.0))
 
 
-def find_pattern(strip: Strip, nail: NailPart) -> tuple[HolePattern, HolePattern]:
+def find_pattern(strip: StraightenedBand, nail: NailPart) -> tuple[HolePattern, HolePattern]:
     """Best places of all holes for each of the two directions of the nail: along the band, and against it.
 
     The scale is free within what the band's width allows, the place along the band is free; every hole must be a
@@ -143,7 +143,7 @@ def find_pattern(strip: Strip, nail: NailPart) -> tuple[HolePattern, HolePattern
     return _best_pattern(strip, nail, levels, +1), _best_pattern(strip, nail, levels, -1)
 
 
-def _best_pattern(strip: Strip, nail: NailPart, levels: list[OpeningLevel], sign: int) -> HolePattern:
+def _best_pattern(strip: StraightenedBand, nail: NailPart, levels: list[OpennessProfile], sign: int) -> HolePattern:
     hole_x_mm = sign * hole_midpoints_mm(nail)[:, 0]
     scored = [_best_column(level.openness, hole_x_mm * level.px_per_mm) for level in levels]
     best = int(np.argmax([total for total, _ in scored]))
@@ -156,7 +156,7 @@ def _best_pattern(strip: Strip, nail: NailPart, levels: list[OpeningLevel], sign
     return HolePattern(strip, centres, level.px_per_mm, sign, level.openness[nearest], evidence)
 
 
-def _opening_level(strip: Strip, nail: NailPart, px_per_mm: float) -> OpeningLevel:
+def _opening_level(strip: StraightenedBand, nail: NailPart, px_per_mm: float) -> OpennessProfile:
     radius = 0.5 * float(np.mean([hole.diameter_mm for hole in nail.holes])) * px_per_mm
     middle = strip.grey.shape[0] // 2
     reach = max(int(0.1 * strip.band.width_px), 1)
@@ -168,7 +168,7 @@ def _opening_level(strip: Strip, nail: NailPart, px_per_mm: float) -> OpeningLev
     openness = contrast.max(axis=0).astype(np.float64) / max(strip.typical_darkness, _LOWEST_CONTRAST)
     openness[~strip.valid] = _NOT_A_HOLE
     openness[:gap], openness[-gap:] = _NOT_A_HOLE, _NOT_A_HOLE
-    return OpeningLevel(px_per_mm, openness, (contrast.argmax(axis=0) - reach).astype(np.float64))
+    return OpennessProfile(px_per_mm, openness, (contrast.argmax(axis=0) - reach).astype(np.float64))
 
 
 def _mean_of_disc(grey: NDArray[np.float32], rows: slice, radius: float) -> NDArray[np.float32]:
@@ -195,7 +195,7 @@ def _best_column(openness: NDArray[np.float64], offsets_px: NDArray[np.float64])
     return float(total[best]), float(best)
 
 
-def _tip_evidence(strip: Strip, nail: NailPart, origin_column: float, px_per_mm: float) -> float:
+def _tip_evidence(strip: StraightenedBand, nail: NailPart, origin_column: float, px_per_mm: float) -> float:
     """Compare the band's darkness just before and just after the place where the tip should be."""
     before = _darkness_between(strip, origin_column, px_per_mm, nail.tip_x_mm - 8.0, nail.tip_x_mm - 4.0)
     after = _darkness_between(strip, origin_column, px_per_mm, nail.tip_x_mm + 3.0, nail.tip_x_mm + 9.0)
@@ -205,7 +205,7 @@ def _tip_evidence(strip: Strip, nail: NailPart, origin_column: float, px_per_mm:
 
 
 def _darkness_between(
-    strip: Strip, origin_column: float, px_per_mm: float, from_mm: float, to_mm: float
+    strip: StraightenedBand, origin_column: float, px_per_mm: float, from_mm: float, to_mm: float
 ) -> float | None:
     """Darkness relative to the band's where the holes are; None when that stretch is out of view."""
     ends = sorted(origin_column + px_per_mm * x for x in (from_mm, to_mm))

@@ -24,7 +24,7 @@ from services.registration.core.guidance.tracking import (
     localised_sight,
 )
 from services.registration.core.localise import Method, localise
-from services.registration.core.nail.forward_model import Given
+from services.registration.core.nail.forward_model import FitInput
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -210,7 +210,7 @@ def test_the_mirrored_tilt_is_compared_whatever_the_fit_weighed_less() -> None:
     _, _, track = begun()
     seen = still()
     balls = Occluders(PlacedGuide(PARTS.guide, CAMERA_FROM_GUIDE), PARTS.ring)
-    given = Given(seen.pixels, seen.calibration, PARTS.nail, balls)
+    given = FitInput(seen.pixels, seen.calibration, PARTS.nail, balls)
     followed = follow_nail(given, track.key.look, CAMERA_FROM_NAIL)
     assert isinstance(followed, Accepted), followed
     found = followed.value

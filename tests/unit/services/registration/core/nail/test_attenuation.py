@@ -16,10 +16,10 @@ from services.registration.core.nail.attenuation import (
     DERIVATIVES,
     MOTION_SIZE,
     NailShape,
-    shade_behind,
-    trace,
+    trace_pixels,
+    transmission_behind,
 )
-from services.registration.core.nail.rays import SAMPLES_PX, PixelRays, SteelBeside
+from services.registration.core.nail.rays import SAMPLES_PX, PixelRays, SteelPaths
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 from simulation.render.attenuation import Material, attenuation_per_mm, spectrum
@@ -40,15 +40,15 @@ def directions(seed: int, count: int) -> NDArray[np.float64]:
     return np.ascontiguousarray(points[:, :2] / points[:, 2:])
 
 
-def no_steel(count: int) -> SteelBeside:
-    return SteelBeside(np.full(count, -1), np.zeros((0, len(SAMPLES_PX))))
+def no_steel(count: int) -> SteelPaths:
+    return SteelPaths(np.full(count, -1), np.zeros((0, len(SAMPLES_PX))))
 
 
 def transmitted(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.float64]:
     none = np.zeros_like(rays)
-    out, by_cause = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES), dtype=np.float32)
+    out, derivatives = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES), dtype=np.float32)
     nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 0.0, 1.0)
-    trace(PixelRays(rays, none, none), CENTRE_ONLY, no_steel(len(rays)), nail, out, by_cause)
+    trace_pixels(PixelRays(rays, none, none), CENTRE_ONLY, no_steel(len(rays)), nail, out, derivatives)
     return out
 
 
@@ -84,23 +84,23 @@ def test_pixels_beside_steel_are_sampled_more_finely() -> None:
     beside = np.ascontiguousarray(rays + np.array([[1.0, 0.0]]))  # far beside the nail, at its middle
     right = np.ascontiguousarray(rays - beside)  # but half a pixel further lies the nail
     places = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
-    out, by_cause = np.empty(1), np.empty((1, DERIVATIVES), dtype=np.float32)
+    out, derivatives = np.empty(1), np.empty((1, DERIVATIVES), dtype=np.float32)
     path_mm = np.full((1, len(places)), 1e3)
     path_mm[:, :3] = 0.0
     nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0, 1.0)
-    beside_steel = SteelBeside.of_pixels(1, np.zeros(1, dtype=np.int64), path_mm)
+    beside_steel = SteelPaths.of_pixels(1, np.zeros(1, dtype=np.int64), path_mm)
     for steel, pixel, expected in ((beside_steel, right, 3.0 / 8.0), (no_steel(1), 0.01 * right, 1.0)):
         rays_beside = PixelRays(beside, pixel, np.zeros((1, 2)))
-        trace(rays_beside, places, steel, nail, out, by_cause)
+        trace_pixels(rays_beside, places, steel, nail, out, derivatives)
         assert out[0] == pytest.approx(expected)
 
 
 def test_steel_counts_as_so_much_of_the_nails_material() -> None:
     beside = np.array([[0.2, 0.0]])  # far beside the nail
-    out, by_cause = np.empty(1), np.empty((1, DERIVATIVES), dtype=np.float32)
-    steel = SteelBeside.of_pixels(1, np.zeros(1, dtype=np.int64), np.full((1, len(CENTRE_ONLY)), 2.0))
+    out, derivatives = np.empty(1), np.empty((1, DERIVATIVES), dtype=np.float32)
+    steel = SteelPaths.of_pixels(1, np.zeros(1, dtype=np.int64), np.full((1, len(CENTRE_ONLY)), 2.0))
     nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0, 1.7)
-    trace(PixelRays(beside, 0.0 * beside, 0.0 * beside), CENTRE_ONLY, steel, nail, out, by_cause)
+    trace_pixels(PixelRays(beside, 0.0 * beside, 0.0 * beside), CENTRE_ONLY, steel, nail, out, derivatives)
     assert out[0] == pytest.approx(np.exp(-0.1 * 1.7 * 2.0))
 
 
@@ -148,11 +148,11 @@ def blurred(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def traced(nail: NailShape, *, all_finely: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     rays = rays_of_picture()
     count = len(rays.slopes)
-    passed, by_cause = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
+    transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
     # steel so thin that it does not count has its pixels looked at finely all the same
-    everywhere = SteelBeside(np.arange(count), np.zeros((count, len(SAMPLES_PX))))
-    trace(rays, SAMPLES_PX, everywhere if all_finely else no_steel(count), nail, passed, by_cause)
-    return passed, by_cause.astype(np.float64)
+    everywhere = SteelPaths(np.arange(count), np.zeros((count, len(SAMPLES_PX))))
+    trace_pixels(rays, SAMPLES_PX, everywhere if all_finely else no_steel(count), nail, transmission, derivatives)
+    return transmission, derivatives.astype(np.float64)
 
 
 @pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
@@ -160,9 +160,9 @@ def test_the_middle_stands_for_a_pixel_only_away_from_edges(cannulation_mm: floa
     nail = nail_in_picture(cannulation_mm)
     for cause in range(DERIVATIVES):
         other = moved(nail, cause, 10.0 * STEPS[cause])
-        passed, finely = traced(other)[0], traced(other, all_finely=True)[0]
-        assert np.abs(passed - finely).max() < 0.005
-        assert np.sqrt(np.mean((passed - finely) ** 2)) < 4e-4
+        transmission, finely = traced(other)[0], traced(other, all_finely=True)[0]
+        assert np.abs(transmission - finely).max() < 0.005
+        assert np.sqrt(np.mean((transmission - finely) ** 2)) < 4e-4
 
 
 def moved(nail: NailShape, cause: int, by: float) -> NailShape:
@@ -195,7 +195,7 @@ def test_derivatives_agree_with_differences_over_a_tenth_of_a_pixel(cause: int, 
 
 
 def law(paths_mm: NDArray[np.float64], attenuation: float, hardening: float) -> NDArray[np.float64]:
-    return np.array([shade_behind(path, (attenuation, hardening))[0] for path in paths_mm])
+    return np.array([transmission_behind(path, (attenuation, hardening))[0] for path in paths_mm])
 
 
 @pytest.mark.parametrize("metal", [Material.TITANIUM, Material.STEEL])
@@ -221,13 +221,13 @@ def test_the_law_holds_for_the_x_rays_of_a_tube_behind_a_thigh(
 @pytest.mark.parametrize("path_mm", [0.01, 0.8, 9.0])
 def test_derivatives_are_those_of_the_law(hardening: float, path_mm: float) -> None:
     attenuation, step = 0.5, 1e-4
-    _, by_depth, by_hardening = shade_behind(path_mm, (attenuation, hardening))
-    sides = [shade_behind(path_mm * np.exp(s), (attenuation, hardening))[0] for s in (step, -step)]
+    _, by_depth, by_hardening = transmission_behind(path_mm, (attenuation, hardening))
+    sides = [transmission_behind(path_mm * np.exp(s), (attenuation, hardening))[0] for s in (step, -step)]
     assert by_depth == pytest.approx((sides[0] - sides[1]) / (2.0 * step), rel=1e-5)
-    above, here = (shade_behind(path_mm, (attenuation, max(hardening, 0.001) + h))[0] for h in (0.01, 0.0))
+    above, here = (transmission_behind(path_mm, (attenuation, max(hardening, 0.001) + h))[0] for h in (0.01, 0.0))
     assert by_hardening == pytest.approx((above - here) / 0.01, rel=0.05)
 
 
 def test_nothing_is_lost_without_metal_and_nothing_passes_much() -> None:
-    assert shade_behind(0.0, (1.6, 0.65)) == (1.0, 0.0, 0.0)
-    assert shade_behind(200.0, (1.6, 0.65))[0] < 1e-30
+    assert transmission_behind(0.0, (1.6, 0.65)) == (1.0, 0.0, 0.0)
+    assert transmission_behind(200.0, (1.6, 0.65))[0] < 1e-30

@@ -8,8 +8,8 @@ from services.registration.core.nail.background import (
     SplineField,
     add_normal_equations,
     add_right_sides,
-    columns_of,
-    factorised,
+    cholesky_factor,
+    design_matrix,
     lower_band,
     spline_field,
 )
@@ -58,7 +58,7 @@ def test_normal_equations_are_those_of_the_dense_matrix() -> None:
     total, target = field.size + 3, rng.normal(size=300)
     matrix = BorderedMatrix.of_zeros(field.size, field.roughness_band.shape[1], 3)
     right, side = np.zeros((total, 2)), np.zeros(total)
-    of_field, cells = columns_of(field, gain, dense, weight), len(field.cells) - 1
+    of_field, cells = design_matrix(field, gain, dense, weight), len(field.cells) - 1
     for first, end in ((0, cells // 3), (cells // 3, cells)):
         add_normal_equations(of_field, first, end, target, matrix, side)
         add_right_sides(of_field, first, end, targets, right)
@@ -84,7 +84,7 @@ def test_a_bordered_matrix_is_solved_like_the_full_one() -> None:
     matrix.add_to_diagonal(1e-3)
     assert np.abs(np.tril(whole(matrix)) - np.tril(full)).max() < 1e-9
     sides = rng.normal(size=(size + 3, 4))
-    factor = factorised(matrix)
+    factor = cholesky_factor(matrix)
     assert np.abs(full @ factor.solved(sides) - sides).max() < 1e-8
     assert np.array_equal(factor.solved(sides[:, 0]), factor.solved(sides[:, :1])[:, 0])
 
@@ -92,10 +92,10 @@ def test_a_bordered_matrix_is_solved_like_the_full_one() -> None:
 def test_columns_that_the_field_can_follow_are_solved_for_all_the_same() -> None:
     """Where all pixels see as much of the background, a level floor is a level background."""
     field = field_at(2000, 5)
-    columns = columns_of(field, np.full(2000, 0.5), np.full((2000, 1), 0.5), np.full(2000, 1.0e4))
+    columns = design_matrix(field, np.full(2000, 0.5), np.full((2000, 1), 0.5), np.full(2000, 1.0e4))
     matrix, side = BorderedMatrix.of_zeros(field.size, field.roughness_band.shape[1], 1), np.zeros(field.size + 1)
     add_normal_equations(columns, 0, len(field.cells) - 1, np.ones(2000), matrix, side)
     matrix.band[:] += 1.0e4 * field.roughness_band
     matrix.add_to_diagonal(1e-9)
-    solution = factorised(matrix).solved(side)
+    solution = cholesky_factor(matrix).solved(side)
     assert np.abs(0.5 * field.at_places(solution[:-1]) + 0.5 * solution[-1] - 1.0).max() < 1e-3

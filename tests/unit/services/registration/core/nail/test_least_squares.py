@@ -12,13 +12,13 @@ from services.registration.core.nail.imaging_chain import Scale
 from services.registration.core.nail.least_squares import (
     Problem,
     Solution,
-    equations_at,
+    linear_solution_at,
+    linear_solution_from,
     minimise,
-    solution_again,
-    solution_at,
+    normal_equations_at,
     with_derivatives,
 )
-from services.registration.core.nail.parameters import Unknown
+from services.registration.core.nail.parameters import Parameter
 from tests.unit.services.registration.rendered_case import pose_problem
 
 # samples within pixels leave the cost uneven: at one of these tilts it fell by 22 where derivatives had promised 5.5,
@@ -35,7 +35,7 @@ def case() -> tuple[Problem, NDArray[np.float64]]:
 def fitted(tilt: int, hopeless_cost: float = np.inf) -> Solution:
     """The fit that begins with the nail tilted by one of the tilts."""
     problem, start = case()[0], case()[1].copy()
-    start[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]] += _TILTED_RAD[tilt]
+    start[[Parameter.PITCH_RAD, Parameter.ROLL_RAD]] += _TILTED_RAD[tilt]
     return minimise(problem, start, _STEPS, _TOLERANCE, hopeless_cost)
 
 
@@ -63,26 +63,26 @@ def test_a_fit_that_ends_a_little_below_what_it_may_cost_is_followed(tilt: int) 
 def test_a_solution_had_again_with_other_weights_is_that_of_the_traced_rays() -> None:
     problem, start = case()
     others = replace(problem, weight=problem.weight * np.linspace(0.5, 2.0, len(problem.weight)))
-    again, anew = solution_again(others, solution_at(problem, start)), solution_at(others, start)
-    assert again.cost == anew.cost != solution_at(problem, start).cost
+    again, anew = linear_solution_from(others, linear_solution_at(problem, start)), linear_solution_at(others, start)
+    assert again.cost == anew.cost != linear_solution_at(problem, start).cost
     assert np.array_equal(again.residual, anew.residual)
 
 
 def test_a_solution_cannot_be_had_again_in_another_scene() -> None:
     problem, start = case()
-    elsewhere = replace(problem, scene=replace(problem.scene))
+    elsewhere = replace(problem, model=replace(problem.model))
     with pytest.raises(ValueError, match="whitening changes the scene"):
-        solution_again(elsewhere, solution_at(problem, start))
+        linear_solution_from(elsewhere, linear_solution_at(problem, start))
 
 
 def test_derivatives_at_the_end_are_those_of_the_end() -> None:
     """A fit of one step ends far from where its derivatives were taken, and nobody has asked for others yet."""
     problem, start = case()[0], case()[1].copy()
-    start[[Unknown.PITCH_RAD, Unknown.ROLL_RAD]] += _TILTED_RAD[0]
+    start[[Parameter.PITCH_RAD, Parameter.ROLL_RAD]] += _TILTED_RAD[0]
     stopped = minimise(problem, start, 1, _TOLERANCE)
     assert np.array_equal(stopped.moves.at, start)
     with_them = with_derivatives(problem, stopped)
-    there = equations_at(problem, stopped.linear)
+    there = normal_equations_at(problem, stopped.linear)
     assert np.array_equal(with_them.moves.at, stopped.parameters)
     assert with_them.normal_matrix == pytest.approx(there.normal_matrix)
     assert with_derivatives(problem, with_them) is with_them
@@ -92,14 +92,14 @@ def test_derivatives_from_beyond_the_chamfers_end_are_taken_anew() -> None:
     """Without a chamfer nothing changes by it: a fit that took that over would hold no tilt for uncertain by it."""
     problem, start = case()[0], case()[1].copy()
     free = problem.free.copy()
-    free[Unknown.CHAMFER_DEVIATIONS] = True
+    free[Parameter.CHAMFER_DEVIATIONS] = True
     problem = replace(problem, free=free)
-    place = int(np.count_nonzero(free[: Unknown.CHAMFER_DEVIATIONS]))
+    place = int(np.count_nonzero(free[: Parameter.CHAMFER_DEVIATIONS]))
     without, left = start.copy(), start.copy()
-    without[Unknown.CHAMFER_DEVIATIONS], left[Unknown.CHAMFER_DEVIATIONS] = -1.02, -0.98
-    none, some = (equations_at(problem, solution_at(problem, at)) for at in (without, left))
+    without[Parameter.CHAMFER_DEVIATIONS], left[Parameter.CHAMFER_DEVIATIONS] = -1.02, -0.98
+    none, some = (normal_equations_at(problem, linear_solution_at(problem, at)) for at in (without, left))
     assert np.all(none.moves.of_pixels[:, place] == 0.0)
-    linear = solution_at(problem, left)
+    linear = linear_solution_at(problem, left)
     stale = Solution(linear, none.moves, none.normal_matrix, 1, True, linear.cost)
     renewed = with_derivatives(problem, stale)
     assert renewed.moves.of_pixels == pytest.approx(some.moves.of_pixels)

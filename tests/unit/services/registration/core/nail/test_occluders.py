@@ -14,8 +14,8 @@ from services.registration.core.nail.occluders import (
     SteelRod,
     add_ball_paths,
     add_rod_path,
-    delrin_path_mm,
     guide_body_path,
+    guide_body_path_mm,
     steel_path_mm,
 )
 from services.registration.core.nail.rays import SAMPLES_PX, PixelRays
@@ -92,7 +92,7 @@ def test_the_guides_body_has_edges_as_soft_as_its_depth_makes_them() -> None:
     slopes = np.column_stack([side_mm / depth_mm + off_px / FOCAL_PX, np.zeros_like(off_px)])
     of_all = np.ones((len(off_px), 1)) / FOCAL_PX
     rays = PixelRays(slopes, of_all * [1.0, 0.0], of_all * [0.0, 1.0])
-    path_mm = delrin_path_mm(rays, Occluders(PlacedGuide(plate, pose), None), PENUMBRA)
+    path_mm = guide_body_path_mm(rays, Occluders(PlacedGuide(plate, pose), None), PENUMBRA)
     leaves = -np.diff(path_mm) / (path_mm[0] - path_mm[-1])
     middle = 0.5 * (off_px[1:] + off_px[:-1])
     variance = leaves @ middle**2 - (leaves @ middle) ** 2

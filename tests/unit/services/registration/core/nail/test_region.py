@@ -7,7 +7,7 @@ import pytest
 
 from services.registration.core.nail.imaging_chain import Scale
 from services.registration.core.nail.occluders import Occluders, Penumbra, PlacedGuide, SteelRod, steel_path_mm
-from services.registration.core.nail.region import Window, cut_window
+from services.registration.core.nail.region import FitRegion, cut_region
 from shared.geometry.frames import Camera
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.rendered_case import (
@@ -20,16 +20,16 @@ from tests.unit.services.registration.rendered_case import (
 from tests.unit.services.registration.xray_scene import pincushion
 
 
-def window_with(hidden: tuple[slice, slice] | None, reduction: int) -> Window:
+def window_with(hidden: tuple[slice, slice] | None, reduction: int) -> FitRegion:
     parts, (pixels, view) = rendered_parts(), rendered(Shown(), seed=3)
     occluders = Occluders(None, parts.ring)
     if hidden is not None:
         mask = np.zeros(pixels.shape, dtype=bool)
         mask[hidden] = True
         occluders = replace(occluders, hidden=mask)
-    window = cut_window(pixels, view, parts.nail, 3.5, CAMERA_FROM_NAIL, occluders, Scale(reduction, 0.0))
-    assert window is not None
-    return window
+    region = cut_region(pixels, view, parts.nail, 3.5, CAMERA_FROM_NAIL, occluders, Scale(reduction, 0.0))
+    assert region is not None
+    return region
 
 
 @pytest.mark.parametrize("reduction", [1, 3])
@@ -56,11 +56,11 @@ def test_steel_is_found_wherever_there_is_some(reduction: int, edge_fraction: fl
     aside: Transform[Camera, Camera] = Transform.from_rotvec(np.zeros(3), np.array([aside_mm, aside_mm, 0.0]))
     wire = SteelRod(np.array([-60.0, -31.0, 700.0]), np.array([65.0, 68.0, 760.0]), 3.0)
     occluders = Occluders(PlacedGuide(parts.guide, aside @ CAMERA_FROM_GUIDE), parts.ring, rods=(wire,))
-    window = cut_window(pixels, view, parts.nail, 3.5, aside @ CAMERA_FROM_NAIL, occluders, Scale(reduction, 0.0))
-    assert window is not None
+    region = cut_region(pixels, view, parts.nail, 3.5, aside @ CAMERA_FROM_NAIL, occluders, Scale(reduction, 0.0))
+    assert region is not None
     penumbra = Penumbra.beside(view, float((aside @ CAMERA_FROM_NAIL).translation_mm[2]), reduction)
-    everywhere = steel_path_mm(window.rays, occluders, view, penumbra)
-    row, path_mm = window.steel
+    everywhere = steel_path_mm(region.rays, occluders, view, penumbra)
+    row, path_mm = region.steel
     assert np.array_equal(np.where(row[:, None] >= 0, path_mm[row], 0.0), everywhere)
     assert path_mm.any(axis=1).all()
     assert np.count_nonzero(everywhere) > 100
@@ -69,9 +69,9 @@ def test_steel_is_found_wherever_there_is_some(reduction: int, edge_fraction: fl
 def test_only_where_the_guides_body_differs_from_its_usual_path_is_told_from_the_background() -> None:
     parts, (pixels, view) = rendered_parts(), rendered(Shown(), seed=3)
     occluders = Occluders(PlacedGuide(parts.guide, CAMERA_FROM_GUIDE), parts.ring)
-    window = cut_window(pixels, view, parts.nail, 3.5, CAMERA_FROM_NAIL, occluders, Scale(1, 0.0))
-    assert window is not None
-    excess = window.delrin_excess_mm.ravel()[window.compared]
+    region = cut_region(pixels, view, parts.nail, 3.5, CAMERA_FROM_NAIL, occluders, Scale(1, 0.0))
+    assert region is not None
+    excess = region.delrin_excess_mm.ravel()[region.compared]
     assert np.median(excess) == 0.0
     thickness_mm = sum(box.size_mm[2] for box in parts.guide.body)
     assert excess.min() == pytest.approx(-thickness_mm, rel=0.05)  # through a bore

@@ -5,19 +5,26 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.background import Factor
-from services.registration.core.nail.forward_model import NailScene, Paths
-from services.registration.core.nail.least_squares import Linear, Sensitivity, Solution
-from services.registration.core.nail.tilt_ambiguity import Optimum, brought_to_rest
+from services.registration.core.nail.background import BorderedFactor
+from services.registration.core.nail.forward_model import ForwardModel, TracedTransmission
+from services.registration.core.nail.least_squares import LinearSolution, Sensitivity, Solution
+from services.registration.core.nail.tilt_ambiguity import Optimum, converged_optimum
 
 NOTHING: NDArray[np.float64] = np.zeros(0)
 
 
 def optimum(cost: float, tilt_deg: float, least_cost: float | None = None) -> Optimum:
     # costs alone are compared: no scene is looked at, and nothing solved
-    scene, factor = cast("NailScene", None), cast("Factor", None)
-    linear = Linear(
-        scene, Paths(NOTHING, NOTHING, NOTHING.astype(np.float32)), NOTHING, NOTHING, NOTHING, NOTHING, cost, factor
+    model, factor = cast("ForwardModel", None), cast("BorderedFactor", None)
+    linear = LinearSolution(
+        model,
+        TracedTransmission(NOTHING, NOTHING, NOTHING.astype(np.float32)),
+        NOTHING,
+        NOTHING,
+        NOTHING,
+        NOTHING,
+        cost,
+        factor,
     )
     solution = Solution(
         linear,
@@ -38,7 +45,7 @@ class Landscape:
         self.nearby, self.further = iter(nearby), iter(further)
 
     def rest(self, start: Optimum) -> tuple[Optimum, float]:
-        return brought_to_rest(start, lambda _: next(self.nearby), lambda _: next(self.further))
+        return converged_optimum(start, lambda _: next(self.nearby), lambda _: next(self.further))
 
 
 def test_an_optimum_stays_and_its_rival_is_what_costs_least_nearby() -> None:

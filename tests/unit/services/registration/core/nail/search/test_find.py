@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.nail.search.band import Band
-from services.registration.core.nail.search.find import NailStart, camera_from_nail_facing, find_nail
-from services.registration.core.nail.search.holes import Strip, find_pattern, hole_midpoints_mm
+from services.registration.core.nail.search.find import NailDetection, camera_from_nail_facing, find_nail
+from services.registration.core.nail.search.holes import StraightenedBand, find_pattern, hole_midpoints_mm
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
@@ -39,18 +39,18 @@ def across_ray_mm(
     return np.array(distances)
 
 
-def found(result: Accepted[NailStart] | Rejected) -> NailStart:
+def found(result: Accepted[NailDetection] | Rejected) -> NailDetection:
     assert isinstance(result, Accepted), result
     return result.value
 
 
-def refused(result: Accepted[NailStart] | Rejected) -> tuple[ReasonCode, str]:
+def refused(result: Accepted[NailDetection] | Rejected) -> tuple[ReasonCode, str]:
     assert isinstance(result, Rejected), result
     return result.reasons[0].code, result.reasons[0].message
 
 
 def assert_found(
-    nail: NailPart, start: NailStart, true: Transform[Camera, Nail], tilt_deg: float, depth_mm: float = 14.0
+    nail: NailPart, start: NailDetection, true: Transform[Camera, Nail], tilt_deg: float, depth_mm: float = 14.0
 ) -> None:
     estimated = start.camera_from_nail
     assert across_ray_mm(nail, estimated, true).max() < 0.5
@@ -188,7 +188,7 @@ def test_openings_brighter_than_what_lies_beside_the_nail_leave_no_tie_among_pla
         grey = np.where(np.hypot(along, rows) < 3.0 * px_per_mm, 0.9, grey)
     band = Band(np.array([150.0, 0.0]), np.array([1.0, 0.0]), 12.5 * px_per_mm, 250.0)
     level = np.ones(300)
-    strip = Strip(band, grey.astype(np.float32), np.ones(300, dtype=bool), -150.0, 0.3 * level, 0.5 * level)
+    strip = StraightenedBand(band, grey.astype(np.float32), np.ones(300, dtype=bool), -150.0, 0.3 * level, 0.5 * level)
     forwards, backwards = find_pattern(strip, nail)
     for pattern in (forwards, backwards):
         middles = np.sort(pattern.centre_search_px[:, 0])
