@@ -10,14 +10,14 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from distalock.arguments import EXIT_BAD_INPUT
+from distalock.guide_calibration.acceptance import GuideRefusal, check_calibration, head_setting
+from distalock.guide_calibration.hand_eye import GuideCalibration, GuideView, calibrate_guide, view_residual
+from distalock.guide_calibration.observations import GuideObservation, views_of_one_c_arm
+from distalock.guide_calibration.poses import suggested_poses
 from distalock.image_files import ImageFile, read_image_file, require_different
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions
 from distalock.outputs import require_apart, write_whole
-from distalock.robot_guide_images import guide_sighting
-from services.robot.core.guide_calibration import GuideCalibration, GuideView, calibrate_guide, view_residual
-from services.robot.core.guide_judgement import GuideRefusal, head_finding, judge_calibration
-from services.robot.core.guide_poses import suggested_poses
-from services.robot.core.guide_sightings import GuideSighting, views_of_one_c_arm
+from distalock.robot_guide_images import observe_guide
 from shared.errors import ImageUnreadable, InputError
 from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose
@@ -63,7 +63,7 @@ def run(given: argparse.Namespace) -> int:
         taken = _read(given)
         views, check = taken.views[:-1], taken.views[-1]
         calibration = calibrate_guide(taken.hexapod, views, _nominal_head(taken.hexapod, taken.head_extension_mm))
-        reasons = judge_calibration(taken.hexapod, taken.head_extension_mm, calibration, views, check)
+        reasons = check_calibration(taken.hexapod, taken.head_extension_mm, calibration, views, check)
         if given.out is not None and not reasons:
             write_hexapod(given.out, taken.hexapod_json, calibration, taken.head_extension_mm)
     except InputError as error:
@@ -94,11 +94,11 @@ def _read(given: argparse.Namespace) -> _Set:
     options = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
     images = tuple(read_image_file(given.poses.parent / seen.image) for seen in file.images)
     require_different(images)
-    sightings = [
+    observations = [
         _sighting(image, seen.pose.pose(), ring, guide, options)
         for image, seen in zip(images, file.images, strict=True)
     ]
-    return _Set(hexapod_json, hexapod, guide, given.head_extension_mm, views_of_one_c_arm(sightings))
+    return _Set(hexapod_json, hexapod, guide, given.head_extension_mm, views_of_one_c_arm(observations))
 
 
 def _require_within_reach(hexapod: HexapodPart, file: GuidePosesFile, source: str) -> None:
@@ -114,16 +114,16 @@ def _require_within_reach(hexapod: HexapodPart, file: GuidePosesFile, source: st
 
 def _sighting(
     image: ImageFile, pose: PlatformPose, ring: RingPart, guide: GuidePart, options: NominalOptions
-) -> GuideSighting:
+) -> GuideObservation:
     geometry = options.geometry(image.received.acquisition)
-    seen = guide_sighting(image.received.pixels, ring, guide, geometry, pose)
-    if seen.sighting is None:
+    seen = observe_guide(image.received.pixels, ring, guide, geometry, pose)
+    if seen.observation is None:
         raise ImageUnreadable(f"{image.path}: {seen.why_not}")
-    return seen.sighting
+    return seen.observation
 
 
 def _printed(taken: _Set, calibration: GuideCalibration, reasons: tuple[GuideRefusal, ...]) -> GuideCalibrationFile:
-    head = head_finding(taken.hexapod, calibration.top_from_guide)
+    head = head_setting(taken.hexapod, calibration.top_from_guide)
     check_mm, check_deg = view_residual(taken.hexapod, calibration, taken.views[-1])
     return GuideCalibrationFile.model_validate(
         {

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from distalock.guide_calibration.observations import GuideObservation
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import unmirrored
-from services.robot.core.guide_sightings import GuideSighting
 from shared.errors import Rejected
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.parts import GuidePart, RingPart
@@ -21,11 +21,11 @@ LARGEST_GUIDE_RESIDUAL_PX = 0.3
 class Seen:
     """An image that can be used, or a sentence that says why not."""
 
-    sighting: GuideSighting | None
+    observation: GuideObservation | None
     why_not: str = ""
 
 
-def guide_sighting(
+def observe_guide(
     pixels: NDArray[np.float32], ring: RingPart, guide: GuidePart, nominal: NominalGeometry, pose: PlatformPose
 ) -> Seen:
     """The guide in the ring's frame, from one image.
@@ -53,7 +53,7 @@ def guide_sighting(
         )
     ring_from_camera = calibration.camera_from_ring.inverse()
     return Seen(
-        GuideSighting(
+        GuideObservation(
             pose,
             ring_from_camera @ fit.camera_from_guide,
             fit.covariance,

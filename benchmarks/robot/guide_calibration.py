@@ -25,18 +25,18 @@ from benchmarks.robot.guide_rooms import (
     room_with_head,
     seen_in,
 )
-from services.robot.core.guide_calibration import GuideView, calibrate_guide
-from services.robot.core.guide_judgement import (
+from distalock.guide_calibration.acceptance import (
     LARGEST_BEND_DEG,
     LARGEST_BEND_MM,
     LARGEST_EXTENSION_ERROR_MM,
-    GuideTrouble,
-    head_finding,
-    judge_calibration,
+    GuideRefusalCode,
+    check_calibration,
+    head_setting,
 )
-from services.robot.core.guide_noise import IMAGE_SD
-from services.robot.core.guide_poses import suggested_poses
-from services.robot.core.guide_sightings import views_of_one_c_arm
+from distalock.guide_calibration.hand_eye import GuideView, calibrate_guide
+from distalock.guide_calibration.noise import IMAGE_SD
+from distalock.guide_calibration.observations import views_of_one_c_arm
+from distalock.guide_calibration.poses import suggested_poses
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import HexapodPart, PlatformPose
 from shared.geometry.transform import Transform
@@ -68,7 +68,7 @@ class GuideResult:
     error_deg: float
     normalised: float
     to_refuse: bool
-    reasons: tuple[GuideTrouble, ...]
+    reasons: tuple[GuideRefusalCode, ...]
     image_errors: NDArray[np.float64]
 
 
@@ -77,8 +77,8 @@ def result_of(hexapod: HexapodPart, head: Head, views: Sequence[GuideView], seed
     found = calibrate_guide(hexapod, views[:-1], hexapod.top_from_guide(EXTENSION_MM))
     off = found.top_from_guide.inverse() @ head
     error = np.concatenate([off.rotation_vector_rad, off.translation_mm])
-    reasons = judge_calibration(hexapod, EXTENSION_MM, found, views[:-1], views[-1])
-    made = head_finding(hexapod, head)
+    reasons = check_calibration(hexapod, EXTENSION_MM, found, views[:-1], views[-1])
+    made = head_setting(hexapod, head)
     off_scale_mm = abs(made.extension_mm - EXTENSION_MM)
     beyond = off_scale_mm > LARGEST_EXTENSION_ERROR_MM or made.beside_mm > LARGEST_BEND_MM
     return GuideResult(
@@ -110,15 +110,15 @@ def rendered_result(seed: int) -> GuideResult:
     hexapod, poses = default_hexapod(), calibration_poses()
     head = made_head(hexapod, seed)
     scenario = room_with_head(hexapod, head, seed)
-    sightings, true = [], []
+    observations, true = [], []
     for number, image in enumerate(rendered_images(hexapod, head, poses, seed)):
         seen = seen_in(image, scenario)
-        if seen.sighting is None:
+        if seen.observation is None:
             print(f"seed {seed}, image {number}: {seen.why_not}", flush=True)
         else:
-            sightings.append(seen.sighting)
+            observations.append(seen.observation)
             true.append(image.ring_from_guide)
-    views = views_of_one_c_arm(sightings)
+    views = views_of_one_c_arm(observations)
     errors = np.array([_image_error(v, t.matrix) for v, t in zip(views, true, strict=True)])
     result = result_of(hexapod, head, views, seed)
     return replace(result, image_errors=errors)

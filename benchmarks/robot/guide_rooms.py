@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmarks.scenes.random_scenes import nominal_of
-from distalock.robot_guide_images import Seen, guide_sighting
-from services.robot.core.guide_calibration import GuideView, moved
-from services.robot.core.guide_noise import image_covariance
+from distalock.guide_calibration.hand_eye import GuideView, moved
+from distalock.guide_calibration.noise import image_covariance
+from distalock.robot_guide_images import Seen, observe_guide
 from shared.geometry.frames import Guide, Ring, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
 from shared.geometry.transform import Transform
@@ -94,4 +94,4 @@ def room_with_head(hexapod: HexapodPart, head: Head, seed: int) -> Scenario:
 def seen_in(image: RoomImage, scenario: Scenario) -> Seen:
     """What the product says of the guide in an image."""
     known = scenario.parts
-    return guide_sighting(image.pixels, known.ring, known.guide, nominal_of(scenario), image.pose)
+    return observe_guide(image.pixels, known.ring, known.guide, nominal_of(scenario), image.pose)

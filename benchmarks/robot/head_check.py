@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common.places import PAGES
+from distalock.guide_calibration.noise import image_covariance
 from services.registration.core.head.motion import MotionView, check_motion
-from services.robot.core.guide_noise import image_covariance
 from shared.geometry.frames import Frame, Guide, Nail, Ring, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, platform_pose
 from shared.geometry.transform import Transform

@@ -16,9 +16,9 @@ import numpy as np
 from benchmarks.common.places import PAGES
 from benchmarks.robot.memory_port import MemoryPort
 from benchmarks.robot.plans import HEXAPOD, random_target
-from services.robot.core.readings import READ_BACK_TOLERANCE, deviation
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, deviation
 from services.robot.devices.controller import ControllerSilent
-from services.robot.devices.gcs_controller import GcsController
+from services.robot.devices.gcs.controller import GcsController
 from shared.errors import DeviceError
 from simulation.controller.virtual_controller import VirtualController
 
@@ -110,7 +110,7 @@ def run_block(seed: int, wrong_share: float) -> NoiseResult:
         try:
             said = line.driver.read().pose
         except DeviceError:
-            said = arrived  # a reading that was refused says nothing wrong
+            said = arrived  # a feedback that was refused says nothing wrong
         off = deviation(said, arrived)
         worst = np.maximum(worst, [off.distance_mm, off.angle_deg])
         if off.exceeds(READ_BACK_TOLERANCE):

@@ -12,10 +12,10 @@ from typing import Literal, TypeAlias
 from benchmarks.robot.memory_port import MemoryPort
 from benchmarks.robot.plans import HEXAPOD, plan_between, pose_value
 from benchmarks.robot.still_bus import StillBus
-from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
-from services.robot.core.situation import GuardLimits
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.guard_context import GuardLimits
 from services.robot.core.status import DriveStatus
-from services.robot.devices.gcs_controller import GcsController
+from services.robot.devices.gcs.controller import GcsController
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from shared.bus.keys import Keys

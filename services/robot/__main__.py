@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from services.robot.core.motion import MotionState
 from services.robot.core.status import DriveStatus
 from services.robot.devices.controller import HexapodController
-from services.robot.devices.gcs_controller import GcsController
-from services.robot.devices.gcs_line import open_port
+from services.robot.devices.gcs.controller import GcsController
+from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from services.robot.settings import RobotSettings

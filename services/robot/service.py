@@ -5,15 +5,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
-from services.robot import translate
+from services.robot import message_mapping
 from services.robot.core.envelope import CommandLedger, Envelope, Repeat
 from services.robot.core.guard import PermittedMove, check_move, check_supervision
+from services.robot.core.guard_context import GuardContext, GuardLimits
 from services.robot.core.plans import PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.situation import GuardLimits, Situation
 from services.robot.core.status import UNDER_WAY, DriveStatus
 from services.robot.drive.drive import Drive
-from services.robot.gateway_watch import GatewayWatch
+from services.robot.gateway_monitor import GatewayMonitor
 from shared.bus.keys import Keys
 from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import InputError
@@ -58,7 +58,7 @@ class RobotService:
         self._keys = keys
         self._parts = parts
         self._drive = parts.drive
-        self.watch = GatewayWatch(bus, keys, parts.drive, parts.limits.heartbeat_deadline_s, parts.clock_s)
+        self.watch = GatewayMonitor(bus, keys, parts.drive, parts.limits.heartbeat_deadline_s, parts.clock_s)
         self._lock = threading.Lock()
         self._ledger = CommandLedger(parts.boot_epoch)
         self._registration = RegistrationView()
@@ -103,12 +103,12 @@ class RobotService:
     def _on_epoch(self, sample: Sample) -> None:
         heard_s = self._parts.clock_s()
         try:
-            word = translate.epoch_word(decode(RegistrationEpoch, sample.payload), heard_s)
+            word = message_mapping.epoch_report(decode(RegistrationEpoch, sample.payload), heard_s)
         except InputError:
             self._forget_epoch()
             raise
         with self._lock:
-            self._registration = self._registration.with_word(word)
+            self._registration = self._registration.with_epoch_report(word)
 
     def _on_registration_alive(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the signature is the bus's
         del key
@@ -117,10 +117,10 @@ class RobotService:
 
     def _forget_epoch(self) -> None:
         with self._lock:
-            self._registration = self._registration.unvouched()
+            self._registration = self._registration.without_epoch()
 
     def _on_plan(self, sample: Sample) -> None:
-        plan = translate.planned_move(sample.payload)
+        plan = message_mapping.planned_move(sample.payload)
         with self._lock:
             self._registration = self._registration.with_plan(plan.sha256, self._parts.clock_s())
 
@@ -138,15 +138,15 @@ class RobotService:
             stop = StopCommand(client="unknown")
         reason = f": {stop.reason}" if stop.reason else ""
         self._drive.stop(f"'{stop.client}' asked for a stop{reason}")
-        return Answer(encode(translate.accepted(None, self._drive.status.state)))
+        return Answer(encode(message_mapping.accepted(None, self._drive.status.state)))
 
     def _on_move(self, query: Query) -> Answer:
         try:
             move = decode(MoveCommand, query.payload)
-            plan = translate.planned_move(move.plan_json.encode())
+            plan = message_mapping.planned_move(move.plan_json.encode())
         except InputError as error:
             return self._not_understood(error)
-        envelope = translate.envelope(move.envelope, f"move {plan.sha256} {move.approval.plan_sha256}")
+        envelope = message_mapping.envelope(move.envelope, f"move {plan.sha256} {move.approval.plan_sha256}")
         return self._once(envelope, lambda: self._begin_move(move.envelope.command_id, plan, move.approval.plan_sha256))
 
     def _on_reference(self, query: Query) -> Answer:
@@ -165,7 +165,7 @@ class RobotService:
             return self._not_understood(error)
         if command.verb != verb:
             return self._not_understood(InputError(f"a command '{command.verb}' was sent to the key of '{verb}'"))
-        envelope = translate.envelope(command.envelope, verb)
+        envelope = message_mapping.envelope(command.envelope, verb)
         return self._once(envelope, lambda: carry_out(envelope.command_id))
 
     def _once(self, envelope: Envelope, carry_out: Callable[[], Refusal | None]) -> Answer:
@@ -178,7 +178,7 @@ class RobotService:
                 return Answer(encode(self._refused(envelope.command_id, admission)))
             refusal = carry_out()
             reply = (
-                translate.accepted(envelope.command_id, self._drive.status.state)
+                message_mapping.accepted(envelope.command_id, self._drive.status.state)
                 if refusal is None
                 else self._refused(envelope.command_id, refusal)
             )
@@ -187,7 +187,7 @@ class RobotService:
 
     def _begin_move(self, command_id: str, plan: PlannedMove, approved_sha256: str) -> Refusal | None:
         def guard(status: DriveStatus) -> PermittedMove | Refusal:
-            permitted = check_move(plan, approved_sha256, self._situation(status))
+            permitted = check_move(plan, approved_sha256, self._guard_context(status))
             if isinstance(permitted, PermittedMove):
                 # On record before anything moves.
                 self._executed |= {plan.sha256}
@@ -196,18 +196,18 @@ class RobotService:
         return self._drive.begin_move(command_id, guard)
 
     def _begin_reference(self, command_id: str) -> Refusal | None:
-        unwatched = check_supervision(self._situation(self._drive.status))
+        unwatched = check_supervision(self._guard_context(self._drive.status))
         return unwatched or self._drive.begin_reference(command_id)
 
-    def _situation(self, status: DriveStatus) -> Situation:
+    def _guard_context(self, status: DriveStatus) -> GuardContext:
         now_s = self._parts.clock_s()
-        return Situation(
+        return GuardContext(
             boot_epoch=self._parts.boot_epoch,
             now_s=now_s,
             hexapod=self._parts.hexapod,
             limits=self._parts.limits,
             registration=self._registration,
-            reading=status.fresh_reading(now_s),
+            feedback=status.fresh_feedback(now_s),
             connected_s=status.connected_s,
             heartbeat_s=self.watch.heartbeat_s(),
             link_up=self.watch.link_up(),
@@ -220,7 +220,7 @@ class RobotService:
         return Answer(encode(self._refused(None, refusal)))
 
     def _refused(self, command_id: str | None, refusal: Refusal) -> CommandReply:
-        return translate.refused(command_id, refusal, self._drive.status.state)
+        return message_mapping.refused(command_id, refusal, self._drive.status.state)
 
     def _publish_forever(self) -> None:
         noted: DriveStatus | None = None
@@ -239,5 +239,5 @@ class RobotService:
             self._sequence += 1
             sequence, epoch = self._sequence, self._registration.epoch
             self._ledger.note_published(sequence, self._parts.clock_s())
-        state = translate.robot_state(status, self._parts.hexapod, self._parts.boot_epoch, sequence, epoch)
+        state = message_mapping.robot_state(status, self._parts.hexapod, self._parts.boot_epoch, sequence, epoch)
         self._publisher.put(encode(state))

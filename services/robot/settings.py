@@ -5,10 +5,10 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
-from services.robot.core.situation import GuardLimits
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.guard_context import GuardLimits
 from services.robot.core.stop_button import StopButton
-from services.robot.devices.gcs_controller import Encoders
+from services.robot.devices.gcs.controller import Encoders
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
 from shared.runtime.settings import ServiceSettings
 

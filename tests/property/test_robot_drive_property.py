@@ -6,9 +6,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import MotionState, stop_is_latched
-from services.robot.core.readings import READ_BACK_TOLERANCE
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
@@ -42,7 +42,7 @@ class DriveUnderAnything(RuleBasedStateMachine):
 
     @rule()
     def permitted_move(self) -> None:
-        start = self.controller.reading.pose
+        start = self.controller.feedback.pose
         target = PlatformPose(1.0 - start.x_mm, 0.0, 0.0, 0.0, 0.0, 0.0)
         stopped_before = stop_is_latched(self.drive.status.state)
         refusal = self.drive.begin_move("m", lambda _: PermittedMove("a" * 64, start, target, 2.0, 0.5))
@@ -57,7 +57,7 @@ class DriveUnderAnything(RuleBasedStateMachine):
     @rule()
     def stop(self) -> None:
         self.drive.stop("somebody")
-        assert not self.controller.reading.moving
+        assert not self.controller.feedback.moving
         assert self.drive.status.state not in (MotionState.MOVING, MotionState.REFERENCING, MotionState.LOCKED)
 
     @rule()
@@ -81,7 +81,7 @@ class DriveUnderAnything(RuleBasedStateMachine):
     def acknowledge(self) -> None:
         if self.drive.acknowledge_stop() is None:
             self.drive.step()
-            assert self.controller.reading.locked or self.drive.status.state is MotionState.FAULT
+            assert self.controller.feedback.locked or self.drive.status.state is MotionState.FAULT
 
     @rule()
     def reset(self) -> None:
@@ -93,7 +93,7 @@ class DriveUnderAnything(RuleBasedStateMachine):
 
     @rule(code=st.sampled_from([1, 5, 7, 10]))
     def controller_reports_error(self, code: int) -> None:
-        self.controller.reading = replace(self.controller.reading, error_code=code)
+        self.controller.feedback = replace(self.controller.feedback, error_code=code)
 
     @rule()
     def controller_button(self) -> None:
@@ -102,7 +102,7 @@ class DriveUnderAnything(RuleBasedStateMachine):
 
     @rule()
     def power_cycle(self) -> None:
-        self.controller.reading = replace(AT_REST, pose=self.controller.reading.pose)
+        self.controller.feedback = replace(AT_REST, pose=self.controller.feedback.pose)
 
     @rule()
     def brakes_jam(self) -> None:
@@ -114,7 +114,7 @@ class DriveUnderAnything(RuleBasedStateMachine):
 
     @rule()
     def a_brake_lets_go(self) -> None:
-        self.controller.reading = replace(self.controller.reading, locked=False)
+        self.controller.feedback = replace(self.controller.feedback, locked=False)
 
     @invariant()
     def nothing_moved_that_was_not_permitted(self) -> None:
@@ -125,7 +125,7 @@ class DriveUnderAnything(RuleBasedStateMachine):
 
     @invariant()
     def motion_only_in_the_states_that_move(self) -> None:
-        if self.controller.reading.moving:
+        if self.controller.feedback.moving:
             assert self.drive.status.state is MotionState.MOVING
 
     @invariant()
@@ -148,8 +148,8 @@ class DriveUnderAnything(RuleBasedStateMachine):
         self.drive.leave()
         while self.drive.step():
             pass
-        assert self.controller.reading.locked
-        assert not self.controller.reading.moving
+        assert self.controller.feedback.locked
+        assert not self.controller.feedback.moving
         assert self.drive.status.state is MotionState.DISCONNECTED
 
 
@@ -169,7 +169,7 @@ class DriveThatIsNotLeft(DriveUnderAnything):
         for _ in range(4):
             self.now_s += 0.1
             self.drive.step()
-        assert self.controller.reading.locked
+        assert self.controller.feedback.locked
         assert stop_is_latched(self.drive.status.state)
 
 
@@ -178,4 +178,4 @@ TestDriveThatIsNotLeft.settings = settings(max_examples=150, stateful_step_count
 
 
 def test_the_zero_pose_is_where_the_fake_starts() -> None:
-    assert FakeController().reading.pose == ZERO_POSE
+    assert FakeController().feedback.pose == ZERO_POSE

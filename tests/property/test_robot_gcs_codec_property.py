@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.robot.devices import gcs_codec as codec
-from services.robot.devices.gcs_codec import ReplyGarbled
+from services.robot.devices.gcs import codec
+from services.robot.devices.gcs.codec import ReplyGarbled
 from shared.errors import DeviceError
 from shared.geometry.hexapod import AXES, PlatformPose
 

@@ -10,10 +10,10 @@ from typing import assert_never
 
 import numpy as np
 
+from services.robot.core.guard_context import GuardContext
 from services.robot.core.plan_checks import hardware_refusals, reach_refusals, start_refusals, target_refusals
 from services.robot.core.plans import PlannedMove
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.situation import Situation
 from services.robot.core.stop_button import StopButton
 from shared.geometry.hexapod import HexapodPart, PlatformPose
 
@@ -31,19 +31,19 @@ class PermittedMove:
     duration_s: float
 
 
-def check_move(plan: PlannedMove, approved_sha256: str, situation: Situation) -> PermittedMove | Refusal:
+def check_move(plan: PlannedMove, approved_sha256: str, context: GuardContext) -> PermittedMove | Refusal:
     """Let a move pass, or refuse it with the first reason found."""
-    for refusal in _refusals(plan, approved_sha256, situation):
+    for refusal in _refusals(plan, approved_sha256, context):
         return refusal
-    return _permitted(plan, situation.hexapod)
+    return _permitted(plan, context.hexapod)
 
 
-def check_supervision(situation: Situation) -> Refusal | None:
+def check_supervision(context: GuardContext) -> Refusal | None:
     """Whether somebody watches over what is about to begin (a move, or reference); None when so."""
-    return next(_supervision(situation), None)
+    return next(_supervision(context), None)
 
 
-def _refusals(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterator[Refusal]:
+def _refusals(plan: PlannedMove, approved_sha256: str, now: GuardContext) -> Iterator[Refusal]:
     yield from _supervision(now)
     yield from _stop_button(now)
     yield from _approval(plan, approved_sha256, now)
@@ -54,7 +54,7 @@ def _refusals(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterat
     yield from reach_refusals(plan, now)
 
 
-def _supervision(now: Situation) -> Iterator[Refusal]:
+def _supervision(now: GuardContext) -> Iterator[Refusal]:
     if not now.link_up:
         yield Refusal(RefusalCode.LINK_LOST, "the link to the router is lost; nothing moves until it is back")
     silent_s = float("inf") if now.heartbeat_s is None else now.now_s - now.heartbeat_s
@@ -66,7 +66,7 @@ def _supervision(now: Situation) -> Iterator[Refusal]:
         )
 
 
-def _stop_button(now: Situation) -> Iterator[Refusal]:
+def _stop_button(now: GuardContext) -> Iterator[Refusal]:
     match now.stop_button:
         case StopButton.PRESSED:
             yield Refusal(
@@ -84,7 +84,7 @@ def _stop_button(now: Situation) -> Iterator[Refusal]:
             assert_never(now.stop_button)
 
 
-def _approval(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterator[Refusal]:
+def _approval(plan: PlannedMove, approved_sha256: str, now: GuardContext) -> Iterator[Refusal]:
     if plan.sha256 != approved_sha256:
         yield Refusal(
             RefusalCode.APPROVAL_MISMATCH,
@@ -103,7 +103,7 @@ def _approval(plan: PlannedMove, approved_sha256: str, now: Situation) -> Iterat
         )
 
 
-def _freshness(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
+def _freshness(plan: PlannedMove, now: GuardContext) -> Iterator[Refusal]:
     yield from _vouched(now)
     if plan.registration_epoch != now.registration.epoch:
         newest = now.registration.epoch or "not known"
@@ -133,7 +133,7 @@ def _freshness(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
         )
 
 
-def _vouched(now: Situation) -> Iterator[Refusal]:
+def _vouched(now: GuardContext) -> Iterator[Refusal]:
     silent_s = now.registration.silent_for_s(now.now_s)
     if silent_s > now.limits.registration_deadline_s:
         heard = "has gone" if silent_s == float("inf") else f"was last heard {silent_s:.2f} s ago"

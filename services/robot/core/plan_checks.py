@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation, deviation
+from services.robot.core.guard_context import GuardContext
 from services.robot.core.plans import PlannedMove
-from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation, deviation
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.situation import Situation
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_limits import path_violations
 from shared.geometry.hexapod_screw import screw_violations
@@ -17,7 +17,7 @@ TARGET_TOLERANCE = Deviation(0.01, 0.01)
 PIVOT_TOLERANCE_MM = 1e-6
 
 
-def hardware_refusals(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
+def hardware_refusals(plan: PlannedMove, now: GuardContext) -> Iterator[Refusal]:
     """Whether the plan is for this robot and this run of its service."""
     if plan.robot_boot_epoch != now.boot_epoch:
         yield Refusal(
@@ -46,18 +46,18 @@ def hardware_refusals(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
         )
 
 
-def start_refusals(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
+def start_refusals(plan: PlannedMove, now: GuardContext) -> Iterator[Refusal]:
     """Whether the robot is ready, and stands where the plan starts."""
-    if now.reading is None:
+    if now.feedback is None:
         yield Refusal(RefusalCode.POSE_UNKNOWN, "the controller has not said where the robot stands; check its cable")
         return
-    if not now.reading.referenced:
+    if not now.feedback.referenced:
         yield Refusal(RefusalCode.NOT_REFERENCED, "the axes are not referenced; ask for reference first")
-    if now.reading.moving or not now.reading.locked:
+    if now.feedback.moving or not now.feedback.locked:
         yield Refusal(
             RefusalCode.NOT_LOCKED, "the robot is not locked at rest, as it must be before a move; stop it and look"
         )
-    off = deviation(plan.start_pose, now.reading.pose)
+    off = deviation(plan.start_pose, now.feedback.pose)
     if off.exceeds(READ_BACK_TOLERANCE):
         yield Refusal(
             RefusalCode.START_POSE_DIFFERS,
@@ -95,7 +95,7 @@ def _target_by_own_reckoning(plan: PlannedMove, hexapod: HexapodPart) -> Platfor
     return platform_pose(hexapod, base_from_target_top, plan.pivot_mm)
 
 
-def reach_refusals(plan: PlannedMove, now: Situation) -> Iterator[Refusal]:
+def reach_refusals(plan: PlannedMove, now: GuardContext) -> Iterator[Refusal]:
     """Whether the move is short enough, and possible all the way."""
     step = deviation(plan.start_pose, plan.target_pose)
     if step.exceeds(now.limits.step):

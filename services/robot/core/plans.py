@@ -43,7 +43,7 @@ class PlannedMove:
 
 
 @dataclass(frozen=True, slots=True)
-class EpochWord:
+class EpochReport:
     """Registration's word for which epoch is the newest.
 
     Attributes
@@ -76,7 +76,7 @@ class RegistrationView:
         Hash and time of arrival of the newest plans, oldest first.
     """
 
-    word: EpochWord | None = None
+    word: EpochReport | None = None
     past_boots: frozenset[str] = frozenset()
     case: tuple[str | None, int] | None = None
     plans: tuple[tuple[str, float], ...] = ()
@@ -90,7 +90,7 @@ class RegistrationView:
         """How long nobody has vouched for the epoch; infinite before the first word."""
         return float("inf") if self.word is None else now_s - self.word.heard_s
 
-    def with_word(self, word: EpochWord) -> "RegistrationView":
+    def with_epoch_report(self, word: EpochReport) -> "RegistrationView":
         """Registration spoke: plans of other epochs are stale from now on. A repeat says nothing about now."""
         known = self.word
         if word.boot_epoch in self.past_boots:
@@ -101,7 +101,7 @@ class RegistrationView:
             return replace(self, word=word, past_boots=self.past_boots | {known.boot_epoch})
         return replace(self, word=word) if word.sequence > known.sequence else self
 
-    def unvouched(self) -> "RegistrationView":
+    def without_epoch(self) -> "RegistrationView":
         """Registration has gone, or cannot be understood: its last word does not count until it speaks again."""
         return self if self.word is None else replace(self, word=replace(self.word, heard_s=float("-inf")))
 

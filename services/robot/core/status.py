@@ -1,25 +1,25 @@
-"""What is known of the robot at one moment, and what a new reading makes of it. Pure."""
+"""What is known of the robot at one moment, and what a new feedback makes of it. Pure."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, Deviation, deviation
 from services.robot.core.motion import Event, MotionState, next_motion
-from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.stop_button import StopButton, after_acknowledgement, after_reading
+from services.robot.core.stop_button import StopButton, after_acknowledgement, after_feedback
 from services.robot.core.supervision import (
-    Finding,
+    ExplainedEvent,
     MoveUnderWay,
-    judge_at_rest,
-    judge_held,
-    judge_moving,
-    judge_referencing,
+    check_at_rest,
+    check_held,
+    check_moving,
+    check_referencing,
 )
 from shared.geometry.hexapod import PlatformPose
 
 Outcome = Literal["none", "moving", "reached", "stopped", "failed"]
 
-OLDEST_READING_S = 0.5
+OLDEST_FEEDBACK_S = 0.5
 UNDER_WAY = (MotionState.MOVING, MotionState.REFERENCING)
 ACKNOWLEDGEMENTS = (Event.ACKNOWLEDGE_REFERENCED, Event.ACKNOWLEDGE_UNREFERENCED)
 
@@ -40,11 +40,11 @@ class DriveStatus:
     Attributes
     ----------
     generation
-        Counts transitions: a reading or a finding of an older generation says nothing about the present state.
-    reading
+        Counts transitions: a feedback or a finding of an older generation says nothing about the present state.
+    feedback
         What the controller last said; None when it is not known.
-    reading_generation, reading_s
-        Under which generation, and when, that reading was begun.
+    feedback_generation, feedback_s
+        Under which generation, and when, that feedback was begun.
     connected_s
         When the controller was last connected.
     task
@@ -60,9 +60,9 @@ class DriveStatus:
     state: MotionState = MotionState.DISCONNECTED
     detail: str = "the service has just started"
     generation: int = 0
-    reading: ControllerReading | None = None
-    reading_generation: int = -1
-    reading_s: float = 0.0
+    feedback: ControllerFeedback | None = None
+    feedback_generation: int = -1
+    feedback_s: float = 0.0
     identity: str = ""
     connected_s: float = 0.0
     task: MoveUnderWay | ReferenceUnderWay | None = None
@@ -72,10 +72,10 @@ class DriveStatus:
     held: PlatformPose | None = None
     stop_button: StopButton = StopButton.RELEASED
 
-    def fresh_reading(self, now_s: float) -> ControllerReading | None:
-        """The reading, unless it is older than half a second or than the present state."""
-        is_fresh = self.reading_generation == self.generation and now_s - self.reading_s <= OLDEST_READING_S
-        return self.reading if is_fresh else None
+    def fresh_feedback(self, now_s: float) -> ControllerFeedback | None:
+        """The feedback, unless it is older than half a second or than the present state."""
+        is_fresh = self.feedback_generation == self.generation and now_s - self.feedback_s <= OLDEST_FEEDBACK_S
+        return self.feedback if is_fresh else None
 
     def after_transition(self, event: Event, state: MotionState, detail: str) -> "DriveStatus":
         """The status right after an event of the motion table."""
@@ -90,8 +90,8 @@ class DriveStatus:
         )
 
 
-def locked_reading(status: DriveStatus, event: Event, now_s: float) -> ControllerReading | Refusal:
-    """A fresh reading of a robot that is locked at rest, for an `event` that the motion table allows."""
+def locked_feedback(status: DriveStatus, event: Event, now_s: float) -> ControllerFeedback | Refusal:
+    """A fresh feedback of a robot that is locked at rest, for an `event` that the motion table allows."""
     planned = next_motion(status.state, event)
     if isinstance(planned, Refusal):
         return planned
@@ -100,69 +100,73 @@ def locked_reading(status: DriveStatus, event: Event, now_s: float) -> Controlle
             RefusalCode.STOP_BUTTON_PRESSED,
             "the controller's stop button is pressed; find out why, release it, then acknowledge the stop",
         )
-    reading = status.fresh_reading(now_s)
-    if reading is None:
+    feedback = status.fresh_feedback(now_s)
+    if feedback is None:
         return Refusal(RefusalCode.POSE_UNKNOWN, "the controller has not answered just now; ask again in a second")
-    if not reading.locked or reading.moving:
+    if not feedback.locked or feedback.moving:
         return Refusal(RefusalCode.NOT_LOCKED, "the robot is not locked at rest yet; ask again in a second")
-    return reading
+    return feedback
 
 
-def with_reading(
-    status: DriveStatus, reading: ControllerReading, began_s: float, now_s: float
-) -> tuple[DriveStatus, Finding | None]:
-    """Take in a reading that was begun under the present generation; the event it means, if any, is still to happen."""
-    button = after_reading(status.stop_button, reading.error_code)
+def with_feedback(
+    status: DriveStatus, feedback: ControllerFeedback, began_s: float, now_s: float
+) -> tuple[DriveStatus, ExplainedEvent | None]:
+    """Take in feedback that was asked for under the present generation; the event it means is still to happen."""
+    button = after_feedback(status.stop_button, feedback.error_code)
     status = replace(
-        status, reading=reading, reading_generation=status.generation, reading_s=began_s, stop_button=button
+        status, feedback=feedback, feedback_generation=status.generation, feedback_s=began_s, stop_button=button
     )
     match status.state:
         case MotionState.MOVING:
-            return _while_moving(status, reading, now_s)
+            return _while_moving(status, feedback, now_s)
         case MotionState.REFERENCING:
-            return status, _while_referencing(status, reading, now_s)
+            return status, _while_referencing(status, feedback, now_s)
         case MotionState.LOCKED | MotionState.UNREFERENCED | MotionState.STOPPED:
-            finding = judge_at_rest(status.state, reading)
-            return (status, finding) if finding else _while_held(status, reading)
+            finding = check_at_rest(status.state, feedback)
+            return (status, finding) if finding else _while_held(status, feedback)
         case MotionState.FAULT | MotionState.DISCONNECTED:
             return status, None
         case _:
             assert_never(status.state)
 
 
-def _while_moving(status: DriveStatus, reading: ControllerReading, now_s: float) -> tuple[DriveStatus, Finding | None]:
+def _while_moving(
+    status: DriveStatus, feedback: ControllerFeedback, now_s: float
+) -> tuple[DriveStatus, ExplainedEvent | None]:
     if not isinstance(status.task, MoveUnderWay):
-        return status, Finding(Event.FAULT_SEEN, "the robot is moving without a permitted move; keep clear of it")
-    at_rest_s = None if reading.moving else (status.task.at_rest_s or now_s)
+        return status, ExplainedEvent(
+            Event.FAULT_SEEN, "the robot is moving without a permitted move; keep clear of it"
+        )
+    at_rest_s = None if feedback.moving else (status.task.at_rest_s or now_s)
     move = replace(status.task, at_rest_s=at_rest_s)
-    return replace(status, task=move), judge_moving(move, reading, now_s)
+    return replace(status, task=move), check_moving(move, feedback, now_s)
 
 
-def _while_referencing(status: DriveStatus, reading: ControllerReading, now_s: float) -> Finding | None:
+def _while_referencing(status: DriveStatus, feedback: ControllerFeedback, now_s: float) -> ExplainedEvent | None:
     if not isinstance(status.task, ReferenceUnderWay):
-        return Finding(Event.FAULT_SEEN, "the robot is being referenced without a request; keep clear of it")
-    return judge_referencing(status.task.before, reading, now_s - status.task.began_s, status.task.allowed)
+        return ExplainedEvent(Event.FAULT_SEEN, "the robot is being referenced without a request; keep clear of it")
+    return check_referencing(status.task.before, feedback, now_s - status.task.began_s, status.task.allowed)
 
 
-def _while_held(status: DriveStatus, reading: ControllerReading) -> tuple[DriveStatus, Finding | None]:
+def _while_held(status: DriveStatus, feedback: ControllerFeedback) -> tuple[DriveStatus, ExplainedEvent | None]:
     """Where it was locked the robot must stay: that is what makes it a guide."""
     if status.state is not MotionState.LOCKED:
         return status, None
     if status.held is not None:
-        return status, judge_held(status.held, reading)
-    return _read_back(replace(status, held=reading.pose), reading)
+        return status, check_held(status.held, feedback)
+    return _read_back(replace(status, held=feedback.pose), feedback)
 
 
-def _read_back(status: DriveStatus, reading: ControllerReading) -> tuple[DriveStatus, Finding | None]:
+def _read_back(status: DriveStatus, feedback: ControllerFeedback) -> tuple[DriveStatus, ExplainedEvent | None]:
     """Compare once more after locking: that is where the guide is held."""
     if status.outcome != "moving":
         return status, None
     if not isinstance(status.task, MoveUnderWay):
         return replace(status, outcome="reached"), None
-    off = deviation(status.task.permitted.target, reading.pose)
+    off = deviation(status.task.permitted.target, feedback.pose)
     status = replace(status, deviation=off)
     if off.exceeds(READ_BACK_TOLERANCE):
-        return status, Finding(
+        return status, ExplainedEvent(
             Event.FAULT_SEEN,
             f"locking moved the robot {off} from its target (limits {READ_BACK_TOLERANCE}); check the brakes",
         )

@@ -25,7 +25,7 @@ class StopButton(StrEnum):
     CLEAR = "clear"
 
 
-def after_reading(button: StopButton, error_code: int) -> StopButton:
+def after_feedback(button: StopButton, error_code: int) -> StopButton:
     """What an answer to `ERR?` says of the button. One that should not be there and is pressed is pressed."""
     if error_code == STOP_BUTTON:
         return StopButton.PRESSED

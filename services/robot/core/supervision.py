@@ -1,12 +1,12 @@
-"""What a reading of the controller means: which event of the motion table it is, if any."""
+"""What a feedback of the controller means: which event of the motion table it is, if any."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, Deviation, deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event, MotionState
-from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
 from services.robot.core.stop_button import STOP_BUTTON, STOP_BUTTON_RELEASED
 from shared.geometry.hexapod import PlatformPose
 
@@ -33,7 +33,7 @@ ERROR_SENTENCES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class ExplainedEvent:
     """An event and the sentence that explains it."""
 
     event: Event
@@ -65,95 +65,101 @@ def error_sentence(code: int) -> str:
     return ERROR_SENTENCES.get(code, f"the controller reports error {code}; see its manual, then reset")
 
 
-def judge_at_rest(state: MotionState, reading: ControllerReading) -> Finding | None:
+def check_at_rest(state: MotionState, feedback: ControllerFeedback) -> ExplainedEvent | None:
     """Check a robot that is to stand still and locked (`locked`, `unreferenced`, `stopped`)."""
-    if reading.moving:
-        return Finding(Event.FAULT_SEEN, f"the robot moves in the state '{state.value}'; keep clear of it")
-    if reading.error_code in STOP_CODES and state is not MotionState.STOPPED:
-        return Finding(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(reading.error_code)}")
-    if reading.error_code not in (0, *STOP_CODES):
-        return Finding(Event.FAULT_SEEN, error_sentence(reading.error_code))
-    if not reading.locked:
-        return Finding(
+    if feedback.moving:
+        return ExplainedEvent(Event.FAULT_SEEN, f"the robot moves in the state '{state.value}'; keep clear of it")
+    if feedback.error_code in STOP_CODES and state is not MotionState.STOPPED:
+        return ExplainedEvent(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(feedback.error_code)}")
+    if feedback.error_code not in (0, *STOP_CODES):
+        return ExplainedEvent(Event.FAULT_SEEN, error_sentence(feedback.error_code))
+    if not feedback.locked:
+        return ExplainedEvent(
             Event.FAULT_SEEN,
             f"a brake is off or a servo is on in the state '{state.value}': the guide is not held; "
             "do not drill, check the brakes",
         )
-    if state is MotionState.LOCKED and not reading.referenced:
-        return Finding(Event.FAULT_SEEN, "the axes have lost their reference; reset, reference, take an image again")
+    if state is MotionState.LOCKED and not feedback.referenced:
+        return ExplainedEvent(
+            Event.FAULT_SEEN, "the axes have lost their reference; reset, reference, take an image again"
+        )
     return None
 
 
-def judge_held(held: PlatformPose, reading: ControllerReading) -> Finding | None:
+def check_held(held: PlatformPose, feedback: ControllerFeedback) -> ExplainedEvent | None:
     """Check that a locked robot is still where it was when it was locked."""
-    off = deviation(held, reading.pose)
+    off = deviation(held, feedback.pose)
     if not off.exceeds(READ_BACK_TOLERANCE):
         return None
-    return Finding(
+    return ExplainedEvent(
         Event.FAULT_SEEN,
         f"the locked robot has moved by {off} (limits {READ_BACK_TOLERANCE}): a brake slips or an encoder is wrong; "
         "do not drill, check the brakes, then reset and take an image again",
     )
 
 
-def judge_moving(move: MoveUnderWay, reading: ControllerReading, now_s: float) -> Finding | None:
+def check_moving(move: MoveUnderWay, feedback: ControllerFeedback, now_s: float) -> ExplainedEvent | None:
     """Check a robot that is carrying out a move; None means go on."""
-    if reading.error_code in STOP_CODES:
-        return Finding(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(reading.error_code)}")
-    if reading.error_code:
-        return Finding(Event.FAULT_SEEN, error_sentence(reading.error_code))
-    if not (reading.unlocked and reading.referenced):
-        return Finding(Event.FAULT_SEEN, "a servo, a brake or the reference was lost during the move; reset the robot")
-    aside = distance_from_path(move.permitted.start, move.permitted.target, reading.pose)
+    if feedback.error_code in STOP_CODES:
+        return ExplainedEvent(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(feedback.error_code)}")
+    if feedback.error_code:
+        return ExplainedEvent(Event.FAULT_SEEN, error_sentence(feedback.error_code))
+    if not (feedback.unlocked and feedback.referenced):
+        return ExplainedEvent(
+            Event.FAULT_SEEN, "a servo, a brake or the reference was lost during the move; reset the robot"
+        )
+    aside = distance_from_path(move.permitted.start, move.permitted.target, feedback.pose)
     if aside.exceeds(PATH_TOLERANCE):
-        return Finding(
+        return ExplainedEvent(
             Event.FAULT_SEEN, f"the robot was {aside} beside its path (limits {PATH_TOLERANCE}); check its legs"
         )
-    if reading.moving or not reading.on_target:
-        return _overdue(move, reading, now_s)
-    off = deviation(move.permitted.target, reading.pose)
+    if feedback.moving or not feedback.on_target:
+        return _overdue(move, feedback, now_s)
+    off = deviation(move.permitted.target, feedback.pose)
     if off.exceeds(READ_BACK_TOLERANCE):
-        return Finding(
+        return ExplainedEvent(
             Event.FAULT_SEEN, f"the move ended {off} from its target (limits {READ_BACK_TOLERANCE}); check the legs"
         )
-    return Finding(Event.ARRIVED, f"on the target within {off}")
+    return ExplainedEvent(Event.ARRIVED, f"on the target within {off}")
 
 
-def _overdue(move: MoveUnderWay, reading: ControllerReading, now_s: float) -> Finding | None:
+def _overdue(move: MoveUnderWay, feedback: ControllerFeedback, now_s: float) -> ExplainedEvent | None:
     lasted_s = now_s - move.began_s
     if lasted_s > move.longest_s:
-        return Finding(
+        return ExplainedEvent(
             Event.FAULT_SEEN,
             f"the move has taken {lasted_s:.1f} s (limit {move.longest_s:.1f} s); something holds the robot",
         )
     if move.at_rest_s is not None and now_s - move.at_rest_s > SETTLE_S:
-        off = deviation(move.permitted.target, reading.pose)
-        return Finding(
+        off = deviation(move.permitted.target, feedback.pose)
+        return ExplainedEvent(
             Event.FAULT_SEEN,
             f"the robot came to rest {off} from its target and does not call it reached; something holds it",
         )
     return None
 
 
-def judge_referencing(
-    before: PlatformPose, reading: ControllerReading, lasted_s: float, allowed: Deviation
-) -> Finding | None:
+def check_referencing(
+    before: PlatformPose, feedback: ControllerFeedback, lasted_s: float, allowed: Deviation
+) -> ExplainedEvent | None:
     """Check a robot that is being referenced; it may move by `allowed` (nothing, with absolute encoders)."""
-    if reading.error_code in STOP_CODES:
-        return Finding(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(reading.error_code)}")
-    if reading.error_code:
-        return Finding(Event.FAULT_SEEN, error_sentence(reading.error_code))
-    moved = deviation(before, reading.pose)
+    if feedback.error_code in STOP_CODES:
+        return ExplainedEvent(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(feedback.error_code)}")
+    if feedback.error_code:
+        return ExplainedEvent(Event.FAULT_SEEN, error_sentence(feedback.error_code))
+    moved = deviation(before, feedback.pose)
     if moved.exceeds(allowed):
-        return Finding(
+        return ExplainedEvent(
             Event.FAULT_SEEN,
             f"reference moved the robot by {moved} (limits {allowed}); take the guide off the bone and set "
             "`encoders` to 'incremental' if this controller must move for reference",
         )
     if lasted_s > REFERENCE_TIMEOUT_S:
-        return Finding(Event.FAULT_SEEN, f"reference has not ended in {REFERENCE_TIMEOUT_S:g} s; check the controller")
-    if reading.referenced and not reading.moving:
-        return Finding(Event.REFERENCE_DONE, "all axes are referenced")
+        return ExplainedEvent(
+            Event.FAULT_SEEN, f"reference has not ended in {REFERENCE_TIMEOUT_S:g} s; check the controller"
+        )
+    if feedback.referenced and not feedback.moving:
+        return ExplainedEvent(Event.REFERENCE_DONE, "all axes are referenced")
     return None
 
 

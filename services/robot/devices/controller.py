@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from services.robot.core.readings import ControllerReading
+from services.robot.core.controller_feedback import ControllerFeedback
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 
@@ -29,7 +29,7 @@ class HexapodController(Protocol):
     def identity(self) -> str:
         """What the controller says it is."""
 
-    def read(self) -> ControllerReading:
+    def read(self) -> ControllerFeedback:
         """Ask for pose, motion, servo, brake, reference and error; raises `DeviceError` on silence or garbage."""
 
     def reference(self) -> None:

@@ -9,15 +9,15 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 
+from services.robot.core.controller_feedback import Deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event, next_motion
-from services.robot.core.readings import Deviation
 from services.robot.core.refusals import Refusal
-from services.robot.core.status import DriveStatus, ReferenceUnderWay, locked_reading
+from services.robot.core.status import DriveStatus, ReferenceUnderWay, locked_feedback
 from services.robot.core.stop_button import StopButton
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.devices.controller import HexapodController
-from services.robot.drive.motion_desk import MotionDesk
+from services.robot.drive.motion_controller import MotionController
 from services.robot.drive.worker import Worker
 
 Guard = Callable[[DriveStatus], PermittedMove | Refusal]
@@ -53,8 +53,8 @@ class Drive:
     ) -> None:
         self._reference_travel = reference_travel
         self._clock_s = clock_s
-        self._desk = MotionDesk(stop_button)
-        self._worker = Worker(self._desk, connect, clock_s, retry_s, on_crash)
+        self._motion = MotionController(stop_button)
+        self._worker = Worker(self._motion, connect, clock_s, retry_s, on_crash)
         self._thread = threading.Thread(target=self.work, name="drive", daemon=True)
 
     def start(self) -> None:
@@ -69,72 +69,72 @@ class Drive:
     def leave(self) -> None:
         """Stop; the worker then locks, leaves the controller and ends."""
         self.halt()
-        self._desk.leave("the robot service is leaving")
+        self._motion.leave("the robot service is leaving")
 
     @property
     def status(self) -> DriveStatus:
         """What is known now."""
-        return self._desk.status
+        return self._motion.status
 
     def wait_for_change(self, seen: DriveStatus, timeout_s: float) -> DriveStatus:
         """Wait until the status is another than `seen`, at most `timeout_s`."""
-        return self._desk.wait_for_change(seen, timeout_s)
+        return self._motion.wait_for_change(seen, timeout_s)
 
     def stop(self, why: str) -> None:
         """Stop and lock. Waits for nothing; possible in every state."""
         self.halt()
-        self._desk.apply(Event.STOP, why)
+        self._motion.apply(Event.STOP, why)
 
     def supervision_lost(self, why: str) -> None:
         """Stop and lock if anything is under way."""
-        self._desk.apply(Event.SUPERVISION_LOST, why)
+        self._motion.apply(Event.SUPERVISION_LOST, why)
 
     def begin_move(self, command_id: str, guard: Guard) -> Refusal | None:
         """Begin a move that the motion table allows and the guard permits; None when begun."""
-        with self._desk.deciding() as status:
+        with self._motion.deciding() as status:
             planned = next_motion(status.state, Event.MOVE)
             permitted = planned if isinstance(planned, Refusal) else guard(status)
             if isinstance(permitted, Refusal):
                 return permitted
             self._begin(status, command_id, MoveUnderWay(permitted, self._clock_s()))
-            self._desk.apply(Event.MOVE, "the move is under way")
+            self._motion.apply(Event.MOVE, "the move is under way")
         return None
 
     def begin_reference(self, command_id: str) -> Refusal | None:
         """Begin reference; None when begun."""
-        with self._desk.deciding() as status:
-            reading = locked_reading(status, Event.REFERENCE, self._clock_s())
-            if isinstance(reading, Refusal):
-                return reading
-            self._begin(status, command_id, ReferenceUnderWay(reading.pose, self._reference_travel, self._clock_s()))
-            self._desk.apply(Event.REFERENCE, "reference is under way")
+        with self._motion.deciding() as status:
+            feedback = locked_feedback(status, Event.REFERENCE, self._clock_s())
+            if isinstance(feedback, Refusal):
+                return feedback
+            self._begin(status, command_id, ReferenceUnderWay(feedback.pose, self._reference_travel, self._clock_s()))
+            self._motion.apply(Event.REFERENCE, "reference is under way")
         return None
 
     def _begin(self, status: DriveStatus, command_id: str, task: MoveUnderWay | ReferenceUnderWay) -> None:
-        self._desk.note(replace(status, command_id=command_id, outcome="moving", deviation=None, task=task))
+        self._motion.note(replace(status, command_id=command_id, outcome="moving", deviation=None, task=task))
 
     def acknowledge_stop(self) -> Refusal | None:
         """Release the stop, on a person's word; None when released."""
-        with self._desk.deciding() as status:
-            reading = locked_reading(status, Event.ACKNOWLEDGE_REFERENCED, self._clock_s())
-            if isinstance(reading, Refusal):
-                return reading
-            event = Event.ACKNOWLEDGE_REFERENCED if reading.referenced else Event.ACKNOWLEDGE_UNREFERENCED
-            self._desk.apply(event, "the stop was acknowledged")
+        with self._motion.deciding() as status:
+            feedback = locked_feedback(status, Event.ACKNOWLEDGE_REFERENCED, self._clock_s())
+            if isinstance(feedback, Refusal):
+                return feedback
+            event = Event.ACKNOWLEDGE_REFERENCED if feedback.referenced else Event.ACKNOWLEDGE_UNREFERENCED
+            self._motion.apply(event, "the stop was acknowledged")
         return None
 
     def reset(self) -> Refusal | None:
         """Leave a fault by connecting anew; None when begun."""
-        with self._desk.deciding() as status:
+        with self._motion.deciding() as status:
             planned = next_motion(status.state, Event.RESET)
             if isinstance(planned, Refusal):
                 return planned
-            self._desk.apply(Event.RESET, "connecting anew after a fault")
+            self._motion.apply(Event.RESET, "connecting anew after a fault")
         return None
 
     def halt(self) -> None:
         """Send the stop to the controller and nothing else: for who has yet to find out why."""
-        self._desk.halt()
+        self._motion.halt()
 
     def step(self) -> bool:
         """One round of the worker's work; False at the end. For the worker thread, or a test in its place."""

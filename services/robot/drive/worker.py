@@ -1,14 +1,14 @@
-"""The one who talks with the controller: connects, carries effects out, reads, and tells the desk what that means."""
+"""The one who talks with the controller: connects, carries effects out, reads, and tells the motion what that means."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from typing import assert_never
 
 from services.robot.core.motion import Effect, Event, MotionState
-from services.robot.core.status import UNDER_WAY, with_reading
+from services.robot.core.status import UNDER_WAY, with_feedback
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.devices.controller import ControllerSilent, HexapodController, StopInForce
-from services.robot.drive.motion_desk import MotionDesk
+from services.robot.drive.motion_controller import MotionController
 from shared.errors import DeviceError
 
 POLL_MOVING_S = 0.02
@@ -18,11 +18,11 @@ SILENCE_AT_REST_S = 1.0
 
 
 class Worker:
-    """Works at a desk, on one thread.
+    """Works at a motion, on one thread.
 
     Parameters
     ----------
-    desk
+    motion
         What is known, and what is to be done.
     connect
         Connects to the controller; raises `DeviceError` when it cannot.
@@ -36,13 +36,13 @@ class Worker:
 
     def __init__(
         self,
-        desk: MotionDesk,
+        motion: MotionController,
         connect: Callable[[], HexapodController],
         clock_s: Callable[[], float],
         retry_s: float,
         on_crash: Callable[[str], None],
     ) -> None:
-        self._desk = desk
+        self._motion = motion
         self._connect = connect
         self._clock_s = clock_s
         self._retry_s = retry_s
@@ -51,22 +51,22 @@ class Worker:
 
     def work(self) -> None:
         """What the worker thread does until the end; a fault of this program stops the robot and is raised."""
-        desk = self._desk
+        motion = self._motion
         try:
             while self.step():
-                desk.wait_for_work(self._pause_s())
+                motion.wait_for_work(self._pause_s())
         except Exception as error:
-            desk.halt()
-            desk.apply(Event.FAULT_SEEN, f"the robot service failed: {error!r}; it was stopped, restart the service")
+            motion.halt()
+            motion.apply(Event.FAULT_SEEN, f"the robot service failed: {error!r}; it was stopped, restart the service")
             self._on_crash(f"{type(error).__name__}: {error}")
             raise
 
     def step(self) -> bool:
         """One round of the work; False at the end."""
         self._do_pending()
-        if self._desk.finished:
+        if self._motion.finished:
             return False
-        controller = self._desk.controller
+        controller = self._motion.controller
         if controller is None:
             self._try_to_connect()
         else:
@@ -74,22 +74,22 @@ class Worker:
         return True
 
     def _pause_s(self) -> float:
-        if self._desk.controller is None:
+        if self._motion.controller is None:
             return self._retry_s
-        return POLL_MOVING_S if self._desk.status.state in UNDER_WAY else POLL_AT_REST_S
+        return POLL_MOVING_S if self._motion.status.state in UNDER_WAY else POLL_AT_REST_S
 
     def _try_to_connect(self) -> None:
         try:
             controller = self._connect()
         except DeviceError as error:
-            with self._desk.deciding() as status:
-                self._desk.note(replace(status, detail=str(error)))
+            with self._motion.deciding() as status:
+                self._motion.note(replace(status, detail=str(error)))
             return
-        if not self._desk.connected(controller, self._clock_s()):
+        if not self._motion.connected(controller, self._clock_s()):
             controller.close()
 
     def _do_pending(self) -> None:
-        job = self._desk.take_job()
+        job = self._motion.take_job()
         if job is None:
             return
         for effect in job.effects:
@@ -103,13 +103,13 @@ class Worker:
             case Effect.LOCK:
                 controller.lock()
             case Effect.START_MOVE:
-                task = self._desk.status.task
+                task = self._motion.status.task
                 if isinstance(task, MoveUnderWay):
                     controller.move(task.permitted.target, task.permitted.speed_mm_per_s)
             case Effect.START_REFERENCE:
                 controller.reference()
             case Effect.DISCONNECT:
-                self._desk.disconnected()
+                self._motion.disconnected()
                 controller.close()
             case Effect.STOP_NOW | Effect.RELEASE_STOP:
                 raise AssertionError(f"'{effect}' is performed at once, never by the worker")
@@ -117,43 +117,43 @@ class Worker:
                 assert_never(effect)
 
     def _observe(self, controller: HexapodController) -> None:
-        generation, began_s = self._desk.status.generation, self._clock_s()
+        generation, began_s = self._motion.status.generation, self._clock_s()
         try:
-            reading = controller.read()
+            feedback = controller.read()
         except DeviceError as error:
             if not (isinstance(error, ControllerSilent) and self._silence_is_tolerable(began_s)):
                 self._device_failed(error, generation)
             return
         self._answered_s = began_s
-        with self._desk.deciding() as known:
+        with self._motion.deciding() as known:
             if generation != known.generation:
                 return
-            status, finding = with_reading(known, reading, began_s, self._clock_s())
-            self._desk.note(status)
+            status, finding = with_feedback(known, feedback, began_s, self._clock_s())
+            self._motion.note(status)
             if finding is not None:
-                self._desk.apply(finding.event, finding.message)
-            elif status.state is MotionState.FAULT and not reading.locked:
+                self._motion.apply(finding.event, finding.message)
+            elif status.state is MotionState.FAULT and not feedback.locked:
                 # Whatever the fault was, the guide must be held: try until it is.
-                self._desk.hold()
+                self._motion.hold()
 
     def _silence_is_tolerable(self, began_s: float) -> bool:
         """Whether a controller that did not answer may be asked again; until it answers, nothing is known of it."""
-        with self._desk.deciding() as status:
+        with self._motion.deciding() as status:
             tolerable = (
                 status.state not in UNDER_WAY
                 and status.outcome != "moving"
                 and began_s - max(self._answered_s, status.connected_s) <= SILENCE_AT_REST_S
             )
             if tolerable:
-                self._desk.note(replace(status, reading=None))
+                self._motion.note(replace(status, feedback=None))
             return tolerable
 
     def _device_failed(self, error: DeviceError, generation: int) -> None:
-        with self._desk.deciding() as status:
+        with self._motion.deciding() as status:
             if generation != status.generation:
                 return
-            self._desk.note(replace(status, reading=None))
+            self._motion.note(replace(status, feedback=None))
             if isinstance(error, StopInForce):
-                self._desk.apply(Event.CONTROLLER_STOPPED, str(error))
+                self._motion.apply(Event.CONTROLLER_STOPPED, str(error))
             elif status.state is not MotionState.FAULT:
-                self._desk.apply(Event.FAULT_SEEN, str(error))
+                self._motion.apply(Event.FAULT_SEEN, str(error))

@@ -5,14 +5,14 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import MotionState
-from services.robot.core.readings import READ_BACK_TOLERANCE, deviation
 from services.robot.core.refusals import RefusalCode
 from services.robot.core.status import DriveStatus
 from services.robot.core.stop_button import StopButton
-from services.robot.devices.gcs_controller import GcsController
-from services.robot.devices.gcs_line import open_port
+from services.robot.devices.gcs.controller import GcsController
+from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 from simulation.controller.faults import Fault
@@ -47,9 +47,9 @@ def reach(drive: Drive, condition: Callable[[DriveStatus], bool]) -> DriveStatus
 
 
 def make_ready(drive: Drive) -> None:
-    reach(drive, lambda s: s.state is MotionState.STOPPED and s.fresh_reading(time.monotonic()) is not None)
+    reach(drive, lambda s: s.state is MotionState.STOPPED and s.fresh_feedback(time.monotonic()) is not None)
     assert drive.acknowledge_stop() is None
-    reach(drive, lambda s: s.state is MotionState.UNREFERENCED and s.fresh_reading(time.monotonic()) is not None)
+    reach(drive, lambda s: s.state is MotionState.UNREFERENCED and s.fresh_feedback(time.monotonic()) is not None)
     assert drive.begin_reference("r1") is None
     reach(drive, lambda s: s.state is MotionState.LOCKED and s.outcome == "reached")
 
@@ -62,8 +62,8 @@ def begin(drive: Drive, target: PlatformPose, seconds: float) -> None:
 
 
 def is_locked(status: DriveStatus) -> bool:
-    reading = status.fresh_reading(time.monotonic())
-    return reading is not None and reading.locked
+    feedback = status.fresh_feedback(time.monotonic())
+    return feedback is not None and feedback.locked
 
 
 def test_the_drive_moves_to_a_target_and_locks(drive: Drive, virtual: VirtualController) -> None:

@@ -4,10 +4,10 @@ import time
 
 import pytest
 
-from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation, deviation
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation, deviation
 from services.robot.devices.controller import ControllerSilent
-from services.robot.devices.gcs_controller import Encoders, GcsController
-from services.robot.devices.gcs_line import open_port
+from services.robot.devices.gcs.controller import Encoders, GcsController
+from services.robot.devices.serial_line import open_port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from simulation.controller import hexapod_model
@@ -24,8 +24,8 @@ def test_connecting_finds_a_locked_controller_that_says_what_it_is(
     controller: GcsController, virtual: VirtualController
 ) -> None:
     assert "simulated" in controller.identity
-    reading = controller.read()
-    assert (reading.locked, reading.moving, reading.referenced, reading.error_code) == (True, False, False, 0)
+    feedback = controller.read()
+    assert (feedback.locked, feedback.moving, feedback.referenced, feedback.error_code) == (True, False, False, 0)
     assert virtual.snapshot().brake_on
 
 
@@ -50,9 +50,9 @@ def test_a_move_arrives_and_locks(referenced: GcsController, virtual: VirtualCon
     referenced.move(NEAR, 2.0)
     wait_until(lambda: referenced.read().on_target)
     referenced.lock()
-    reading = referenced.read()
-    assert not deviation(NEAR, reading.pose).exceeds(READ_BACK_TOLERANCE)
-    assert reading.locked
+    feedback = referenced.read()
+    assert not deviation(NEAR, feedback.pose).exceeds(READ_BACK_TOLERANCE)
+    assert feedback.locked
     assert not virtual.snapshot().was_unheld
 
 
@@ -65,10 +65,10 @@ def test_a_stop_in_a_move_is_at_once_and_the_position_is_known(
     referenced.stop_now()
     wait_until(lambda: virtual.snapshot().brake_on and not virtual.snapshot().servo_on)
     assert time.monotonic() - asked_s < 0.2
-    reading = referenced.read()
-    assert reading.locked
-    assert not deviation(virtual.snapshot().measured_pose, reading.pose).exceeds(Deviation(0.001, 0.001))
-    assert reading.pose.x_mm < FAR.x_mm - 1.0
+    feedback = referenced.read()
+    assert feedback.locked
+    assert not deviation(virtual.snapshot().measured_pose, feedback.pose).exceeds(Deviation(0.001, 0.001))
+    assert feedback.pose.x_mm < FAR.x_mm - 1.0
 
 
 def test_after_a_stop_the_next_move_begins_where_it_stands(
@@ -112,7 +112,7 @@ def test_connecting_to_a_moving_robot_stops_and_locks_it(referenced: GcsControll
     referenced.close()
     with tcp_server(virtual) as port:
         again = GcsController(open_port(f"socket://127.0.0.1:{port}", 115200), HEXAPOD)
-        reading = again.read()
+        feedback = again.read()
         again.close()
-    assert (reading.locked, reading.moving) == (True, False)
+    assert (feedback.locked, feedback.moving) == (True, False)
     assert not virtual.snapshot().moving

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from services.robot.devices.gcs_controller import GcsController
+from services.robot.devices.gcs.controller import GcsController
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod

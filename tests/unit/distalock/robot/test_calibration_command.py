@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from distalock.__main__ import main
+from distalock.guide_calibration.hand_eye import GuideCalibration
 from distalock.robot_calibration import write_hexapod
-from services.robot.core.guide_calibration import GuideCalibration
 from shared.geometry.frames import Guide
 from shared.geometry.transform import Transform
 from shared.parts.files import read_part_file

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.robot.devices.gcs_controller import GcsController
+from services.robot.devices.gcs.controller import GcsController
 from tests.unit.services.robot.drive_bench import Bench
 from tests.unit.services.robot.fake_gcs import FakeGcs
 from tests.unit.services.robot.room import HEXAPOD, Room

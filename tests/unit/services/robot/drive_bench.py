@@ -1,8 +1,8 @@
 """The drive on a controller without a line, one round of work at a time."""
 
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import MotionState
-from services.robot.core.readings import READ_BACK_TOLERANCE
 from services.robot.core.refusals import Refusal
 from services.robot.drive.drive import Drive
 from shared.errors import DeviceError
@@ -54,4 +54,4 @@ class Bench:
         self.make_ready()
         assert self.begin_move() is None
         self.work(1)
-        assert self.controller.reading.unlocked
+        assert self.controller.feedback.unlocked

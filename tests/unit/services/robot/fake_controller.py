@@ -3,21 +3,21 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from services.robot.core.readings import ControllerReading
+from services.robot.core.controller_feedback import ControllerFeedback
 from services.robot.devices.controller import ControllerSilent, StopInForce
 from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 
-AT_REST = ControllerReading(
+AT_REST = ControllerFeedback(
     pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=False, error_code=0
 )
 
 
 class FakeController:
-    """Keeps one `ControllerReading` up to date; `failures` are raised by the next calls, in order."""
+    """Keeps one `ControllerFeedback` up to date; `failures` are raised by the next calls, in order."""
 
     def __init__(self) -> None:
-        self.reading = AT_REST
+        self.feedback = AT_REST
         self.target = ZERO_POSE
         self.stopped = True
         self.closed = False
@@ -35,22 +35,22 @@ class FakeController:
         """A name."""
         return "fake controller"
 
-    def read(self) -> ControllerReading:
+    def read(self) -> ControllerFeedback:
         """The present state; asking clears the error."""
         self._fail_if_told()
         if self.silent:
             raise ControllerSilent("no answer within 0.25 s")
-        reading, self.reading = self.reading, replace(self.reading, error_code=0)
-        reading = replace(reading, error_code=self.button_code or reading.error_code)
+        feedback, self.feedback = self.feedback, replace(self.feedback, error_code=0)
+        feedback = replace(feedback, error_code=self.button_code or feedback.error_code)
         self.after_read()
-        return reading
+        return feedback
 
     def reference(self) -> None:
         """Absolute encoders: at once, without motion."""
         self._fail_if_told()
         if self.stopped:
             raise StopInForce("a stop is in force")
-        self.reading = replace(self.reading, referenced=True)
+        self.feedback = replace(self.feedback, referenced=True)
 
     def move(self, target: PlatformPose, speed_mm_per_s: float) -> None:
         """Unlock and begin."""
@@ -62,20 +62,20 @@ class FakeController:
         assert speed_mm_per_s > 0.0
         self.target = target
         self.motions.append(target)
-        self.reading = replace(self.reading, locked=False, unlocked=True, moving=True, on_target=False)
+        self.feedback = replace(self.feedback, locked=False, unlocked=True, moving=True, on_target=False)
 
     def lock(self) -> None:
         """Brakes on, servos off, if they do."""
         self._fail_if_told()
         if not self.brakes_hold:
             raise DeviceError("the robot does not lock")
-        self.reading = replace(self.reading, locked=True, unlocked=False, moving=False)
+        self.feedback = replace(self.feedback, locked=True, unlocked=False, moving=False)
 
     def stop_now(self) -> None:
         """Stop and lock, as the driver's blind message does."""
         self.stopped = True
-        locked = self.brakes_hold or self.reading.locked
-        self.reading = replace(self.reading, moving=False, locked=locked, unlocked=not locked, error_code=10)
+        locked = self.brakes_hold or self.feedback.locked
+        self.feedback = replace(self.feedback, moving=False, locked=locked, unlocked=not locked, error_code=10)
 
     def release_stop(self) -> None:
         """Let motions through."""
@@ -87,8 +87,8 @@ class FakeController:
 
     def arrive(self, where: PlatformPose | None = None) -> None:
         """A move that is under way ends."""
-        if self.reading.moving:
-            self.reading = replace(self.reading, pose=where or self.target, moving=False, on_target=True)
+        if self.feedback.moving:
+            self.feedback = replace(self.feedback, pose=where or self.target, moving=False, on_target=True)
 
     def _fail_if_told(self) -> None:
         if self.failures:

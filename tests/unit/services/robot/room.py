@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from services.robot.core.readings import READ_BACK_TOLERANCE, Deviation
-from services.robot.core.situation import GuardLimits
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.guard_context import GuardLimits
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from shared.bus.keys import Keys

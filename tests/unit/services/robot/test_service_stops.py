@@ -22,7 +22,7 @@ def test_a_stop_during_a_move_locks_within_a_fifth_of_a_second(room: Room) -> No
     asked_s = time.monotonic()
     reply = room.ask("stop", encode(StopCommand(client="console", reason="pressed")))
     locked_s = time.monotonic() - asked_s
-    assert room.controller.reading.locked
+    assert room.controller.feedback.locked
     assert locked_s < 0.2
     assert (reply.verdict, reply.state) == ("accepted", MotionState.STOPPED)
     state = room.wait(lambda s: s.state is MotionState.STOPPED and s.locked and s.pose is not None)
@@ -33,7 +33,7 @@ def test_a_stop_during_a_move_locks_within_a_fifth_of_a_second(room: Room) -> No
 def test_a_stop_that_cannot_be_read_stops_all_the_same(room: Room) -> None:
     room.begin_move()
     assert room.ask("stop", b"\xff\x00").verdict == "accepted"
-    assert room.controller.reading.locked
+    assert room.controller.feedback.locked
 
 
 def test_a_stop_waits_for_no_other_command(room: Room) -> None:
@@ -42,7 +42,7 @@ def test_a_stop_waits_for_no_other_command(room: Room) -> None:
     with room.service._lock:
         reply = room.ask("stop", encode(StopCommand(client="console")))
     assert reply.verdict == "accepted"
-    assert room.controller.reading.locked
+    assert room.controller.feedback.locked
 
 
 def test_a_gateway_that_falls_silent_stops_the_move(room: Room) -> None:
@@ -50,7 +50,7 @@ def test_a_gateway_that_falls_silent_stops_the_move(room: Room) -> None:
     room.clock_offset_s += 1.1
     state = room.wait(lambda s: s.state is MotionState.STOPPED)
     assert "the gateway was silent for" in state.detail
-    assert room.controller.reading.locked
+    assert room.controller.feedback.locked
 
 
 def test_a_gateway_that_restarts_stops_the_move(room: Room) -> None:
@@ -84,7 +84,7 @@ def test_a_lost_router_stops_the_move(room: Room) -> None:
     room.begin_move()
     room.router.cut()
     wait_for(lambda: room.controller.stopped)
-    assert room.controller.reading.locked
+    assert room.controller.feedback.locked
     room.router.restore()
     state = room.wait(lambda s: s.state is MotionState.STOPPED)
     assert "link to the router was lost" in state.detail or "token vanished" in state.detail
@@ -119,7 +119,7 @@ def test_leaving_during_a_move_locks() -> None:
     room = Room()
     with room.service:
         room.begin_move()
-    assert room.controller.reading.locked
+    assert room.controller.feedback.locked
     assert room.controller.closed
     assert room.wait(lambda s: s.state is MotionState.DISCONNECTED).stop is StopLatch.LATCHED
 
@@ -129,7 +129,7 @@ def test_it_does_not_move_what_it_found_elsewhere(room: Room) -> None:
     room.ask("stop", encode(StopCommand(client="gateway")))
     room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
     elsewhere = PlatformPose(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
-    room.controller.reading = replace(room.controller.reading, pose=elsewhere)
+    room.controller.feedback = replace(room.controller.feedback, pose=elsewhere)
     room.wait(lambda s: s.pose is not None and s.pose.x_mm == 0.1)
     assert room.acknowledge().verdict == "accepted"
     room.wait(lambda s: s.state is MotionState.LOCKED and s.locked)
@@ -138,7 +138,7 @@ def test_it_does_not_move_what_it_found_elsewhere(room: Room) -> None:
 
 def test_a_locked_robot_that_shifts_is_a_fault(room: Room) -> None:
     room.ready_with_plan()
-    room.controller.reading = replace(room.controller.reading, pose=PlatformPose(0.0, 0.0, -0.3, 0.0, 0.0, 0.0))
+    room.controller.feedback = replace(room.controller.feedback, pose=PlatformPose(0.0, 0.0, -0.3, 0.0, 0.0, 0.0))
     state = room.wait(lambda s: s.state is MotionState.FAULT)
     assert "the locked robot has moved by 0.300 mm" in state.detail
 

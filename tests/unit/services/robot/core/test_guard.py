@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from services.robot.core import guard
+from services.robot.core.controller_feedback import ControllerFeedback, Deviation
 from services.robot.core.guard import PermittedMove, check_move
-from services.robot.core.plans import EpochWord, PlannedMove, RegistrationView
-from services.robot.core.readings import ControllerReading, Deviation
+from services.robot.core.guard_context import GuardContext, GuardLimits
+from services.robot.core.plans import EpochReport, PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.situation import GuardLimits, Situation
 from services.robot.core.stop_button import StopButton
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import (
@@ -60,18 +60,18 @@ def planned(
     )
 
 
-READING = ControllerReading(
+READING = ControllerFeedback(
     pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=True, error_code=0
 )
-SITUATION = Situation(
+SITUATION = GuardContext(
     boot_epoch="boot",
     now_s=NOW_S,
     hexapod=HEXAPOD,
     limits=GuardLimits(Deviation(20.0, 12.0), 600.0, 0.2, 1.0),
     registration=RegistrationView(
-        EpochWord("reg", 7, "reg.5", NOW_S - 0.2), case=("case1", 2), plans=((SHA, NOW_S - 60.0),)
+        EpochReport("reg", 7, "reg.5", NOW_S - 0.2), case=("case1", 2), plans=((SHA, NOW_S - 60.0),)
     ),
-    reading=READING,
+    feedback=READING,
     connected_s=NOW_S - 3600.0,
     heartbeat_s=NOW_S - 0.05,
     link_up=True,
@@ -79,12 +79,14 @@ SITUATION = Situation(
 )
 
 
-def with_word(epoch: str, heard_s: float) -> Situation:
-    return replace(SITUATION, registration=SITUATION.registration.with_word(EpochWord("reg", 8, epoch, heard_s)))
+def with_epoch_report(epoch: str, heard_s: float) -> GuardContext:
+    return replace(
+        SITUATION, registration=SITUATION.registration.with_epoch_report(EpochReport("reg", 8, epoch, heard_s))
+    )
 
 
-def with_reading(**changes: object) -> Situation:
-    return replace(SITUATION, reading=replace(READING, **changes))  # type: ignore[arg-type]
+def with_feedback(**changes: object) -> GuardContext:
+    return replace(SITUATION, feedback=replace(READING, **changes))  # type: ignore[arg-type]
 
 
 def test_a_move_that_is_right_in_every_way_passes() -> None:
@@ -122,7 +124,7 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("situation", "code", "words"),
+    ("context", "code", "words"),
     [
         (replace(SITUATION, link_up=False), RefusalCode.LINK_LOST, "link to the router is lost"),
         (replace(SITUATION, heartbeat_s=None), RefusalCode.HEARTBEAT_MISSING, "last heard inf s ago"),
@@ -137,14 +139,14 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
             "has not published plan aaaaaaaaaaaa",
         ),
         (replace(SITUATION, executed=frozenset({SHA})), RefusalCode.PLAN_ALREADY_EXECUTED, "at most once"),
-        (with_word("reg.6", NOW_S - 0.1), RefusalCode.PLAN_STALE, "epoch 'reg.5', the newest is 'reg.6'"),
+        (with_epoch_report("reg.6", NOW_S - 0.1), RefusalCode.PLAN_STALE, "epoch 'reg.5', the newest is 'reg.6'"),
         (
-            with_word("reg.5", NOW_S - 1.1),
+            with_epoch_report("reg.5", NOW_S - 1.1),
             RefusalCode.REGISTRATION_SILENT,
             "last heard 1.10 s ago (limit 1 s)",
         ),
         (
-            replace(SITUATION, registration=SITUATION.registration.unvouched()),
+            replace(SITUATION, registration=SITUATION.registration.without_epoch()),
             RefusalCode.REGISTRATION_SILENT,
             "has gone",
         ),
@@ -159,7 +161,7 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
             "not the open one",
         ),
         (
-            replace(with_word("reg.5", NOW_S + 600.0), now_s=NOW_S + 600.0, heartbeat_s=NOW_S + 600.0),
+            replace(with_epoch_report("reg.5", NOW_S + 600.0), now_s=NOW_S + 600.0, heartbeat_s=NOW_S + 600.0),
             RefusalCode.PLAN_EXPIRED,
             "660 s old",
         ),
@@ -185,29 +187,29 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
             RefusalCode.STOP_IN_FORCE,
             "nobody has acknowledged it",
         ),
-        (replace(SITUATION, reading=None), RefusalCode.POSE_UNKNOWN, "has not said where"),
-        (with_reading(referenced=False), RefusalCode.NOT_REFERENCED, "not referenced"),
-        (with_reading(locked=False), RefusalCode.NOT_LOCKED, "not locked at rest"),
-        (with_reading(moving=True), RefusalCode.NOT_LOCKED, "not locked at rest"),
+        (replace(SITUATION, feedback=None), RefusalCode.POSE_UNKNOWN, "has not said where"),
+        (with_feedback(referenced=False), RefusalCode.NOT_REFERENCED, "not referenced"),
+        (with_feedback(locked=False), RefusalCode.NOT_LOCKED, "not locked at rest"),
+        (with_feedback(moving=True), RefusalCode.NOT_LOCKED, "not locked at rest"),
         (
-            with_reading(pose=PlatformPose(0.06, 0.0, 0.0, 0.0, 0.0, 0.0)),
+            with_feedback(pose=PlatformPose(0.06, 0.0, 0.0, 0.0, 0.0, 0.0)),
             RefusalCode.START_POSE_DIFFERS,
             "stands 0.060 mm and 0.000° from where the plan starts",
         ),
         (
-            with_reading(pose=PlatformPose(0.0, 0.0, 0.0, 0.0, 0.06, 0.0)),
+            with_feedback(pose=PlatformPose(0.0, 0.0, 0.0, 0.0, 0.06, 0.0)),
             RefusalCode.START_POSE_DIFFERS,
             "0.060° from where the plan starts",
         ),
         (
-            with_reading(pose=PlatformPose(float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)),
+            with_feedback(pose=PlatformPose(float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)),
             RefusalCode.START_POSE_DIFFERS,
             "take an image and plan again",
         ),
     ],
 )
-def test_situations_that_refuse_a_good_plan(situation: Situation, code: RefusalCode, words: str) -> None:
-    outcome = check_move(planned(), SHA, situation)
+def test_situations_that_refuse_a_good_plan(context: GuardContext, code: RefusalCode, words: str) -> None:
+    outcome = check_move(planned(), SHA, context)
     assert isinstance(outcome, Refusal)
     assert outcome.code is code
     assert words in outcome.message
@@ -276,7 +278,7 @@ def test_limits_hold_along_the_way_and_not_only_at_its_end(seed: int) -> None:
         guide_from_target_guide=correction,
         target_leg_lengths_mm=leg_lengths_mm(narrow, end.as_array(), narrow.pivot_mm),
     )
-    outcome = check_move(plan, SHA, replace(with_reading(pose=start), hexapod=narrow))
+    outcome = check_move(plan, SHA, replace(with_feedback(pose=start), hexapod=narrow))
     assert isinstance(outcome, Refusal)
     assert outcome.code is RefusalCode.OUT_OF_REACH
     assert outcome.message.startswith("after ")

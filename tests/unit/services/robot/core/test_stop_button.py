@@ -2,7 +2,7 @@
 
 import pytest
 
-from services.robot.core.stop_button import StopButton, after_acknowledgement, after_connection, after_reading
+from services.robot.core.stop_button import StopButton, after_acknowledgement, after_connection, after_feedback
 from shared.messages.robot import StopButton as WireButton
 
 ABSENT, PRESSED, RELEASED, CLEAR = StopButton
@@ -26,7 +26,7 @@ ABSENT, PRESSED, RELEASED, CLEAR = StopButton
     ],
 )
 def test_what_an_answer_says(button: StopButton, code: int, expected: StopButton) -> None:
-    assert after_reading(button, code) is expected
+    assert after_feedback(button, code) is expected
 
 
 def test_only_an_acknowledgement_clears_it_and_not_while_it_is_pressed() -> None:

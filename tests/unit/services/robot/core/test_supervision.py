@@ -4,40 +4,40 @@ from dataclasses import replace
 
 import pytest
 
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, Deviation, deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event, MotionState
-from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, Deviation, deviation
-from services.robot.core.status import DriveStatus, with_reading
+from services.robot.core.status import DriveStatus, with_feedback
 from services.robot.core.supervision import (
     MoveUnderWay,
+    check_at_rest,
+    check_moving,
+    check_referencing,
     distance_from_path,
     error_sentence,
-    judge_at_rest,
-    judge_moving,
-    judge_referencing,
 )
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 
 TARGET = PlatformPose(4.0, 0.0, 0.0, 0.0, 0.0, 2.0)
 HALF_WAY = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 MOVE = MoveUnderWay(PermittedMove("a" * 64, ZERO_POSE, TARGET, 2.0, 2.0), began_s=10.0)
-AT_REST = ControllerReading(ZERO_POSE, False, False, True, False, True, 0)
-MOVING = ControllerReading(HALF_WAY, True, False, False, True, True, 0)
+AT_REST = ControllerFeedback(ZERO_POSE, False, False, True, False, True, 0)
+MOVING = ControllerFeedback(HALF_WAY, True, False, False, True, True, 0)
 ARRIVED = replace(MOVING, pose=TARGET, moving=False, on_target=True)
 
 
 def test_a_move_on_its_way_is_left_alone() -> None:
-    assert judge_moving(MOVE, MOVING, 11.0) is None
+    assert check_moving(MOVE, MOVING, 11.0) is None
 
 
 def test_a_move_on_its_target_has_arrived() -> None:
-    finding = judge_moving(MOVE, ARRIVED, 12.0)
+    finding = check_moving(MOVE, ARRIVED, 12.0)
     assert finding is not None
     assert finding.event is Event.ARRIVED
 
 
 @pytest.mark.parametrize(
-    ("reading", "now_s", "event", "words"),
+    ("feedback", "now_s", "event", "words"),
     [
         (replace(MOVING, error_code=10), 11.0, Event.CONTROLLER_STOPPED, "stopped by a command"),
         (replace(MOVING, error_code=500), 11.0, Event.CONTROLLER_STOPPED, "stop button is pressed"),
@@ -53,8 +53,8 @@ def test_a_move_on_its_target_has_arrived() -> None:
         (replace(ARRIVED, pose=replace(TARGET, u_deg=0.06)), 12.0, Event.FAULT_SEEN, "ended 0.000 mm and 0.060°"),
     ],
 )
-def test_every_trouble_in_a_move_is_found(reading: ControllerReading, now_s: float, event: Event, words: str) -> None:
-    finding = judge_moving(MOVE, reading, now_s)
+def test_every_trouble_in_a_move_is_found(feedback: ControllerFeedback, now_s: float, event: Event, words: str) -> None:
+    finding = check_moving(MOVE, feedback, now_s)
     assert finding is not None
     assert finding.event is event
     assert words in finding.message
@@ -63,19 +63,19 @@ def test_every_trouble_in_a_move_is_found(reading: ControllerReading, now_s: flo
 def test_a_robot_that_rests_short_of_its_target_gets_a_second() -> None:
     resting = replace(MOVING, moving=False)
     move = replace(MOVE, at_rest_s=11.0)
-    assert judge_moving(move, resting, 11.9) is None
-    finding = judge_moving(move, resting, 12.1)
+    assert check_moving(move, resting, 11.9) is None
+    finding = check_moving(move, resting, 12.1)
     assert finding is not None
     assert "came to rest 2.000 mm and 1.000° from its target" in finding.message
 
 
 @pytest.mark.parametrize("state", [MotionState.LOCKED, MotionState.UNREFERENCED, MotionState.STOPPED])
 def test_at_rest_and_locked_is_right(state: MotionState) -> None:
-    assert judge_at_rest(state, AT_REST) is None
+    assert check_at_rest(state, AT_REST) is None
 
 
 @pytest.mark.parametrize(
-    ("state", "reading", "event"),
+    ("state", "feedback", "event"),
     [
         (MotionState.LOCKED, replace(AT_REST, moving=True), Event.FAULT_SEEN),
         (MotionState.STOPPED, replace(AT_REST, moving=True), Event.FAULT_SEEN),
@@ -88,19 +88,19 @@ def test_at_rest_and_locked_is_right(state: MotionState) -> None:
         (MotionState.UNREFERENCED, replace(AT_REST, error_code=500), Event.CONTROLLER_STOPPED),
     ],
 )
-def test_every_trouble_at_rest_is_found(state: MotionState, reading: ControllerReading, event: Event) -> None:
-    finding = judge_at_rest(state, reading)
+def test_every_trouble_at_rest_is_found(state: MotionState, feedback: ControllerFeedback, event: Event) -> None:
+    finding = check_at_rest(state, feedback)
     assert finding is not None
     assert finding.event is event
 
 
 @pytest.mark.parametrize("code", [10, 500])
 def test_a_stopped_robot_may_report_its_stop(code: int) -> None:
-    assert judge_at_rest(MotionState.STOPPED, replace(AT_REST, error_code=code)) is None
+    assert check_at_rest(MotionState.STOPPED, replace(AT_REST, error_code=code)) is None
 
 
 @pytest.mark.parametrize(
-    ("reading", "lasted_s", "event"),
+    ("feedback", "lasted_s", "event"),
     [
         (AT_REST, 0.1, Event.REFERENCE_DONE),
         (replace(AT_REST, referenced=False), 0.1, None),
@@ -111,8 +111,8 @@ def test_a_stopped_robot_may_report_its_stop(code: int) -> None:
         (replace(AT_REST, error_code=10), 0.1, Event.CONTROLLER_STOPPED),
     ],
 )
-def test_reference(reading: ControllerReading, lasted_s: float, event: Event | None) -> None:
-    finding = judge_referencing(ZERO_POSE, reading, lasted_s, READ_BACK_TOLERANCE)
+def test_reference(feedback: ControllerFeedback, lasted_s: float, event: Event | None) -> None:
+    finding = check_referencing(ZERO_POSE, feedback, lasted_s, READ_BACK_TOLERANCE)
     assert (finding.event if finding else None) is event
 
 
@@ -136,16 +136,16 @@ def test_error_codes_have_sentences() -> None:
 
 
 def test_a_reading_while_moving_without_a_move_is_a_fault() -> None:
-    _, finding = with_reading(DriveStatus(state=MotionState.MOVING), MOVING, 0.0, 0.0)
+    _, finding = with_feedback(DriveStatus(state=MotionState.MOVING), MOVING, 0.0, 0.0)
     assert finding is not None
     assert finding.event is Event.FAULT_SEEN
-    _, finding = with_reading(DriveStatus(state=MotionState.REFERENCING), MOVING, 0.0, 0.0)
+    _, finding = with_feedback(DriveStatus(state=MotionState.REFERENCING), MOVING, 0.0, 0.0)
     assert finding is not None
     assert finding.event is Event.FAULT_SEEN
 
 
 def test_a_robot_that_shifts_when_locked_is_a_fault() -> None:
     status = DriveStatus(state=MotionState.LOCKED, outcome="moving", task=MOVE)
-    _, finding = with_reading(status, replace(AT_REST, pose=replace(TARGET, x_mm=4.1)), 0.0, 0.0)
+    _, finding = with_feedback(status, replace(AT_REST, pose=replace(TARGET, x_mm=4.1)), 0.0, 0.0)
     assert finding is not None
     assert "locking moved the robot 0.100 mm" in finding.message

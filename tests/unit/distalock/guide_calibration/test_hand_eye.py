@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from benchmarks.robot.guide_calibration import result_of
 from benchmarks.robot.guide_rooms import EXTENSION_MM, Head, made_head, numerical_views
-from services.robot.core.guide_calibration import GuideView, calibrate_guide, view_residual
-from services.robot.core.guide_judgement import GuideTrouble, head_finding, judge_calibration
-from services.robot.core.guide_poses import suggested_poses
+from distalock.guide_calibration.acceptance import GuideRefusalCode, check_calibration, head_setting
+from distalock.guide_calibration.hand_eye import GuideView, calibrate_guide, view_residual
+from distalock.guide_calibration.poses import suggested_poses
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import PlatformPose, base_from_top
 from shared.geometry.hexapod_limits import limit_violations
@@ -50,10 +50,10 @@ def turned(rotation_deg: tuple[float, float, float], shift_mm: tuple[float, floa
     return NOMINAL @ off
 
 
-def troubles(head: Head, views: list[GuideView] | None = None) -> set[GuideTrouble]:
+def troubles(head: Head, views: list[GuideView] | None = None) -> set[GuideRefusalCode]:
     views = views or exact_views(head, POSES)
     found = calibrate_guide(HEXAPOD, views[:-1], NOMINAL)
-    return {r.code for r in judge_calibration(HEXAPOD, EXTENSION_MM, found, views[:-1], views[-1])}
+    return {r.code for r in check_calibration(HEXAPOD, EXTENSION_MM, found, views[:-1], views[-1])}
 
 
 def test_without_noise_the_head_is_found_exactly() -> None:
@@ -80,39 +80,39 @@ def test_with_noise_the_covariance_is_honest() -> None:
 @pytest.mark.parametrize(
     ("head", "trouble"),
     [
-        (HEXAPOD.top_from_guide(70.0), GuideTrouble.HEAD_EXTENSION),
-        (HEXAPOD.top_from_guide(50.0), GuideTrouble.HEAD_EXTENSION),
-        (turned((0.0, 0.0, 180.0)), GuideTrouble.GUIDE_TURNED),
-        (turned((180.0, 0.0, 0.0)), GuideTrouble.GUIDE_TURNED),
-        (turned((0.0, 0.0, 90.0)), GuideTrouble.GUIDE_TURNED),
-        (turned((3.0, 0.0, 0.0)), GuideTrouble.GUIDE_BENT),
-        (turned((0.0, 0.0, 0.0), (0.0, 2.0, 2.0)), GuideTrouble.GUIDE_BENT),
+        (HEXAPOD.top_from_guide(70.0), GuideRefusalCode.HEAD_EXTENSION),
+        (HEXAPOD.top_from_guide(50.0), GuideRefusalCode.HEAD_EXTENSION),
+        (turned((0.0, 0.0, 180.0)), GuideRefusalCode.GUIDE_TURNED),
+        (turned((180.0, 0.0, 0.0)), GuideRefusalCode.GUIDE_TURNED),
+        (turned((0.0, 0.0, 90.0)), GuideRefusalCode.GUIDE_TURNED),
+        (turned((3.0, 0.0, 0.0)), GuideRefusalCode.GUIDE_BENT),
+        (turned((0.0, 0.0, 0.0), (0.0, 2.0, 2.0)), GuideRefusalCode.GUIDE_BENT),
     ],
 )
-def test_a_wrong_extension_a_turned_and_a_bent_guide_are_told_apart(head: Head, trouble: GuideTrouble) -> None:
+def test_a_wrong_extension_a_turned_and_a_bent_guide_are_told_apart(head: Head, trouble: GuideRefusalCode) -> None:
     assert troubles(head) == {trouble}
 
 
 def test_a_guide_that_slipped_between_the_images_is_noticed() -> None:
     views = exact_views(NOMINAL, POSES)
     slipped = exact_views(turned((0.0, 1.5, 0.0), (0.0, 1.0, 0.0)), POSES)
-    assert GuideTrouble.VIEWS_DISAGREE in troubles(NOMINAL, [*views[:4], *slipped[4:]])
+    assert GuideRefusalCode.VIEWS_DISAGREE in troubles(NOMINAL, [*views[:4], *slipped[4:]])
 
 
 def test_a_check_that_differs_is_told() -> None:
     views = exact_views(NOMINAL, POSES)
     other = exact_views(turned((1.0, 0.0, 0.0)), POSES)[-1]
-    assert troubles(NOMINAL, [*views[:-1], other]) == {GuideTrouble.CHECK_POSE_DIFFERS}
+    assert troubles(NOMINAL, [*views[:-1], other]) == {GuideRefusalCode.CHECK_POSE_DIFFERS}
 
 
 def test_poses_that_turn_about_one_axis_alone_are_not_enough() -> None:
     poses = [PlatformPose(0.0, 0.0, 0.0, 0.0, 0.0, w) for w in (-12.0, -6.0, 0.0, 6.0, 12.0)]
-    assert GuideTrouble.TOO_LITTLE_ROTATION in troubles(NOMINAL, exact_views(NOMINAL, [*poses, poses[2]]))
+    assert GuideRefusalCode.TOO_LITTLE_ROTATION in troubles(NOMINAL, exact_views(NOMINAL, [*poses, poses[2]]))
 
 
 def test_poor_images_are_refused_by_their_uncertainty() -> None:
     views = [replace(v, covariance=400.0 * v.covariance) for v in exact_views(NOMINAL, POSES)]
-    assert troubles(NOMINAL, views) == {GuideTrouble.UNCERTAIN}
+    assert troubles(NOMINAL, views) == {GuideRefusalCode.UNCERTAIN}
 
 
 def test_three_views_are_refused() -> None:
@@ -121,7 +121,7 @@ def test_three_views_are_refused() -> None:
 
 
 def test_the_heads_setting_is_read_from_where_the_guide_is() -> None:
-    head = head_finding(HEXAPOD, HEXAPOD.top_from_guide(72.5))
+    head = head_setting(HEXAPOD, HEXAPOD.top_from_guide(72.5))
     assert (head.extension_mm, head.turned_deg, head.beside_mm) == pytest.approx((72.5, 0.0, 0.0), abs=1e-9)
 
 
@@ -132,4 +132,4 @@ def test_suggested_poses_can_be_reached_turn_enough_and_differ() -> None:
     apart = np.linalg.norm(values[:, None] - values[None], axis=-1)
     assert apart[np.triu_indices(6, 1)].min() > 9.9
     assert all(limit_violations(HEXAPOD, pose, HEXAPOD.pivot_mm) == () for pose in poses)
-    assert GuideTrouble.TOO_LITTLE_ROTATION not in troubles(NOMINAL, exact_views(NOMINAL, poses))
+    assert GuideRefusalCode.TOO_LITTLE_ROTATION not in troubles(NOMINAL, exact_views(NOMINAL, poses))

@@ -9,7 +9,7 @@ from shared.geometry.hexapod import PlatformPose, rotation_of
 
 
 @dataclass(frozen=True, slots=True)
-class ControllerReading:
+class ControllerFeedback:
     """One round of questions to the controller.
 
     Attributes

@@ -15,7 +15,7 @@ from shared.runtime.watchdog import Watchdog
 TICK_S = 0.02
 
 
-class GatewayWatch:
+class GatewayMonitor:
     """Listens to the gateway from construction on, and stops the robot, when anything is lost, from `start` on.
 
     Parameters

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.robot.core.guide_calibration import GuideView
-from services.robot.core.guide_noise import tilt_beyond_the_fit
+from distalock.guide_calibration.hand_eye import GuideView
+from distalock.guide_calibration.noise import tilt_beyond_the_fit
 from shared.geometry.frames import Guide, Ring
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.lines import read_only
@@ -20,7 +20,7 @@ from shared.geometry.transform import Transform
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GuideSighting:
+class GuideObservation:
     """One image of the guide and the ring.
 
     Attributes
@@ -45,25 +45,25 @@ class GuideSighting:
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
-def views_of_one_c_arm(sightings: Sequence[GuideSighting]) -> tuple[GuideView, ...]:
+def views_of_one_c_arm(observations: Sequence[GuideObservation]) -> tuple[GuideView, ...]:
     """What the images say when their focal spot is one; empty for none."""
-    if not sightings:
+    if not observations:
         return ()
-    information = np.linalg.inv([s.source_covariance_mm2 for s in sightings])
+    information = np.linalg.inv([s.source_covariance_mm2 for s in observations])
     covariance_mm2 = np.linalg.inv(information.sum(axis=0))
-    sources_mm = np.array([s.source_ring_mm for s in sightings])
+    sources_mm = np.array([s.source_ring_mm for s in observations])
     source_mm = covariance_mm2 @ np.einsum("nij,nj->i", information, sources_mm)
-    return tuple(_view(sighting, source_mm, covariance_mm2) for sighting in sightings)
+    return tuple(_view(observation, source_mm, covariance_mm2) for observation in observations)
 
 
 def _view(
-    sighting: GuideSighting, source_mm: NDArray[np.float64], source_covariance_mm2: NDArray[np.float64]
+    observation: GuideObservation, source_mm: NDArray[np.float64], source_covariance_mm2: NDArray[np.float64]
 ) -> GuideView:
     """A shadow on the ring stays when the focal spot moves: what threw it moves by its share of the way to there."""
-    seen = sighting.ring_from_guide
-    share = float(seen.translation_mm[2] / sighting.source_ring_mm[2])
-    shift_mm = share * (source_mm - sighting.source_ring_mm)
+    seen = observation.ring_from_guide
+    share = float(seen.translation_mm[2] / observation.source_ring_mm[2])
+    shift_mm = share * (source_mm - observation.source_ring_mm)
     moved: Transform[Ring, Guide] = Transform.from_rotation_translation(seen.rotation, seen.translation_mm + shift_mm)
-    covariance = sighting.covariance + tilt_beyond_the_fit(seen.rotation)
+    covariance = observation.covariance + tilt_beyond_the_fit(seen.rotation)
     covariance[3:, 3:] += share**2 * seen.rotation.T @ source_covariance_mm2 @ seen.rotation
-    return GuideView(sighting.pose, moved.matrix, covariance)
+    return GuideView(observation.pose, moved.matrix, covariance)

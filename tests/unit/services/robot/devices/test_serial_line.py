@@ -3,9 +3,9 @@
 import pytest
 
 from services.robot.devices.controller import ControllerSilent
-from services.robot.devices.gcs_codec import ReplyGarbled
-from services.robot.devices.gcs_controller import GcsController
-from services.robot.devices.gcs_line import open_port
+from services.robot.devices.gcs.codec import ReplyGarbled
+from services.robot.devices.gcs.controller import GcsController
+from services.robot.devices.serial_line import open_port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod

@@ -41,7 +41,7 @@ def test_a_move_ends_locked_on_its_target(bench: Bench) -> None:
     bench.work(1)
     bench.work(1)
     assert bench.has(MotionState.LOCKED)
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
     assert bench.outcome == "reached"
     assert bench.drive.status.deviation is not None
     assert bench.drive.status.deviation.distance_mm == 0.0
@@ -61,17 +61,17 @@ def test_a_move_that_ends_beside_its_target_is_a_fault(bench: Bench) -> None:
     assert bench.has(MotionState.FAULT)
     assert "0.060 mm and 0.000° from its target" in bench.drive.status.detail
     assert bench.outcome == "failed"
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
 
 
 def test_a_stop_during_a_move_locks_at_once_and_the_position_is_known(bench: Bench) -> None:
     bench.start_move()
     bench.drive.stop("test")
     assert bench.has(MotionState.STOPPED)
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
     bench.work(1)
     assert bench.outcome == "stopped"
-    assert bench.drive.status.fresh_reading(bench.now_s) is not None
+    assert bench.drive.status.fresh_feedback(bench.now_s) is not None
     assert len(bench.controller.motions) == 1
 
 
@@ -118,7 +118,7 @@ def test_a_reading_from_before_a_stop_says_nothing_about_the_time_after(bench: B
     bench.controller.after_read = lambda: None
     assert bench.has(MotionState.STOPPED)
     assert bench.drive.status.detail == "test"
-    assert bench.drive.status.fresh_reading(bench.now_s) is None
+    assert bench.drive.status.fresh_feedback(bench.now_s) is None
     bench.work(1)
     assert bench.has(MotionState.STOPPED)
 
@@ -128,4 +128,4 @@ def test_what_is_not_locked_yet_cannot_be_acknowledged(bench: Bench) -> None:
     bench.drive.stop("once more")
     refusal = bench.drive.acknowledge_stop()
     assert refusal is not None
-    assert refusal.code is RefusalCode.POSE_UNKNOWN, "no reading since the last stop"
+    assert refusal.code is RefusalCode.POSE_UNKNOWN, "no feedback since the last stop"

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.robot.core.guide_noise import image_covariance, robot_covariance
+from distalock.guide_calibration.noise import image_covariance, robot_covariance
 from shared.geometry.hexapod import HexapodPart, PlatformPose, rotation_translation
 from shared.geometry.hexapod_limits import limit_margins, within_limits
 

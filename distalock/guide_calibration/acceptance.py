@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from services.robot.core.guide_calibration import GuideCalibration, GuideView, view_residual
+from distalock.guide_calibration.hand_eye import GuideCalibration, GuideView, view_residual
 from shared.figures import figure
 from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.hexapod import HexapodPart
@@ -25,7 +25,7 @@ LARGEST_SD_MM, LARGEST_SD_DEG = 0.2, 0.15
 TURNED_FROM_DEG = 45.0
 
 
-class GuideTrouble(StrEnum):
+class GuideRefusalCode(StrEnum):
     """Why a calibration is refused; stable names."""
 
     TOO_LITTLE_ROTATION = "too_little_rotation"
@@ -41,12 +41,12 @@ class GuideTrouble(StrEnum):
 class GuideRefusal:
     """One reason: stable code, and a sentence with what was measured, the limit and the remedy."""
 
-    code: GuideTrouble
+    code: GuideRefusalCode
     message: str
 
 
 @dataclass(frozen=True, slots=True)
-class HeadFinding:
+class HeadSetting:
     """How the head is set, as measured.
 
     Attributes
@@ -64,15 +64,15 @@ class HeadFinding:
     beside_mm: float
 
 
-def head_finding(hexapod: HexapodPart, top_from_guide: Transform[RobotTop, Guide]) -> HeadFinding:
+def head_setting(hexapod: HexapodPart, top_from_guide: Transform[RobotTop, Guide]) -> HeadSetting:
     """Read the head's setting from where the guide is."""
     retracted = hexapod.top_from_guide_retracted
     off_mm = top_from_guide.translation_mm - retracted.translation_mm
     between = Rotation.from_matrix(retracted.rotation.T @ top_from_guide.rotation)
-    return HeadFinding(float(off_mm[0]), float(np.degrees(between.magnitude())), float(np.linalg.norm(off_mm[1:])))
+    return HeadSetting(float(off_mm[0]), float(np.degrees(between.magnitude())), float(np.linalg.norm(off_mm[1:])))
 
 
-def judge_calibration(
+def check_calibration(
     hexapod: HexapodPart,
     head_extension_mm: float,
     calibration: GuideCalibration,
@@ -90,7 +90,7 @@ def judge_calibration(
     return (
         _spread(views)
         or _agreement(hexapod, calibration, check)
-        or _head(head_finding(hexapod, calibration.top_from_guide), head_extension_mm)
+        or _head(head_setting(hexapod, calibration.top_from_guide), head_extension_mm)
     )
 
 
@@ -103,7 +103,7 @@ def _spread(views: Sequence[GuideView]) -> tuple[GuideRefusal, ...]:
         return ()
     return (
         GuideRefusal(
-            GuideTrouble.TOO_LITTLE_ROTATION,
+            GuideRefusalCode.TOO_LITTLE_ROTATION,
             f"the poses turn the guide by {figure(spread_deg, LEAST_SPREAD_DEG, 1)}° about a second axis (limit "
             f"{LEAST_SPREAD_DEG:g}°); take images with larger turns about at least two axes",
         ),
@@ -114,7 +114,7 @@ def _agreement(hexapod: HexapodPart, calibration: GuideCalibration, check: Guide
     if calibration.normalised_rms > LARGEST_NORMALISED_RMS:
         return (
             GuideRefusal(
-                GuideTrouble.VIEWS_DISAGREE,
+                GuideRefusalCode.VIEWS_DISAGREE,
                 f"the images disagree {figure(calibration.normalised_rms, LARGEST_NORMALISED_RMS, 1)} times more than "
                 f"their errors explain (limit {LARGEST_NORMALISED_RMS:g}); see that each image has its own pose, fix "
                 "C-arm, mount and guide, and begin again",
@@ -125,7 +125,7 @@ def _agreement(hexapod: HexapodPart, calibration: GuideCalibration, check: Guide
     if off_mm > LARGEST_CHECK_MM or off_deg > LARGEST_CHECK_DEG:
         found.append(
             GuideRefusal(
-                GuideTrouble.CHECK_POSE_DIFFERS,
+                GuideRefusalCode.CHECK_POSE_DIFFERS,
                 f"in the check pose the guide is {figure(off_mm, LARGEST_CHECK_MM, 2)} mm and "
                 f"{figure(off_deg, LARGEST_CHECK_DEG, 2)}° from where the calibration puts it (limits "
                 f"{LARGEST_CHECK_MM:g} mm, {LARGEST_CHECK_DEG:g}°); take the images again",
@@ -134,7 +134,7 @@ def _agreement(hexapod: HexapodPart, calibration: GuideCalibration, check: Guide
     if calibration.translation_sd_mm > LARGEST_SD_MM or calibration.rotation_sd_deg > LARGEST_SD_DEG:
         found.append(
             GuideRefusal(
-                GuideTrouble.UNCERTAIN,
+                GuideRefusalCode.UNCERTAIN,
                 f"the calibration is good to {figure(calibration.translation_sd_mm, LARGEST_SD_MM, 2)} mm and "
                 f"{figure(calibration.rotation_sd_deg, LARGEST_SD_DEG, 2)}° (limits {LARGEST_SD_MM:g} mm, "
                 f"{LARGEST_SD_DEG:g}°); take more images with larger turns",
@@ -143,11 +143,11 @@ def _agreement(hexapod: HexapodPart, calibration: GuideCalibration, check: Guide
     return tuple(found)
 
 
-def _head(head: HeadFinding, head_extension_mm: float) -> tuple[GuideRefusal, ...]:
+def _head(head: HeadSetting, head_extension_mm: float) -> tuple[GuideRefusal, ...]:
     if head.turned_deg > TURNED_FROM_DEG:
         return (
             GuideRefusal(
-                GuideTrouble.GUIDE_TURNED,
+                GuideRefusalCode.GUIDE_TURNED,
                 f"the guide is on the head turned by {head.turned_deg:.0f}°; take it off and put it on with its distal "
                 "mark to the distal end",
             ),
@@ -156,7 +156,7 @@ def _head(head: HeadFinding, head_extension_mm: float) -> tuple[GuideRefusal, ..
     if apart_mm > LARGEST_EXTENSION_ERROR_MM:
         return (
             GuideRefusal(
-                GuideTrouble.HEAD_EXTENSION,
+                GuideRefusalCode.HEAD_EXTENSION,
                 f"the head's extension was entered as {head_extension_mm:g} mm, the images say {head.extension_mm:.1f} "
                 f"mm, {figure(apart_mm, LARGEST_EXTENSION_ERROR_MM, 1)} mm apart (limit "
                 f"{LARGEST_EXTENSION_ERROR_MM:g} mm); read its scale again",
@@ -165,7 +165,7 @@ def _head(head: HeadFinding, head_extension_mm: float) -> tuple[GuideRefusal, ..
     if head.beside_mm > LARGEST_BEND_MM or head.turned_deg > LARGEST_BEND_DEG:
         return (
             GuideRefusal(
-                GuideTrouble.GUIDE_BENT,
+                GuideRefusalCode.GUIDE_BENT,
                 f"the guide is {figure(head.beside_mm, LARGEST_BEND_MM, 1)} mm and "
                 f"{figure(head.turned_deg, LARGEST_BEND_DEG, 1)}° from where its head should hold it (limits "
                 f"{LARGEST_BEND_MM:g} mm, {LARGEST_BEND_DEG:g}°): head or guide is bent; replace it",

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from services.robot.core.guide_noise import robot_covariance
+from distalock.guide_calibration.noise import robot_covariance
 from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
 from shared.geometry.lines import read_only

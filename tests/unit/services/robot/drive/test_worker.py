@@ -20,7 +20,7 @@ def test_lost_supervision_stops_a_move_and_nothing_else(bench: Bench) -> None:
     bench.work(1)
     bench.drive.supervision_lost("the gateway was silent")
     assert bench.has(MotionState.STOPPED)
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
     assert bench.drive.status.detail == "the gateway was silent"
 
 
@@ -30,7 +30,7 @@ def test_silence_during_a_move_stops_and_is_a_fault(bench: Bench) -> None:
     bench.work(1)
     assert bench.has(MotionState.FAULT)
     assert bench.controller.stopped
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
 
 
 def test_in_fault_the_robot_is_locked_again_until_it_is(bench: Bench) -> None:
@@ -41,7 +41,7 @@ def test_in_fault_the_robot_is_locked_again_until_it_is(bench: Bench) -> None:
     assert bench.has(MotionState.FAULT)
     bench.controller.brakes_hold = True
     bench.work(2)
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
 
 
 def test_a_fault_is_left_by_connecting_anew_and_acknowledging(bench: Bench) -> None:
@@ -62,12 +62,12 @@ def test_a_fault_is_left_by_connecting_anew_and_acknowledging(bench: Bench) -> N
 
 def test_a_brake_that_lets_go_at_rest_is_a_fault_and_is_locked_again(bench: Bench) -> None:
     bench.make_ready()
-    bench.controller.reading = replace(bench.controller.reading, locked=False)
+    bench.controller.feedback = replace(bench.controller.feedback, locked=False)
     bench.work(1)
     assert bench.has(MotionState.FAULT)
     assert "the guide is not held" in bench.drive.status.detail
     bench.work(1)
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
 
 
 def test_a_robot_that_cannot_be_locked_is_a_fault(bench: Bench) -> None:
@@ -92,7 +92,7 @@ def test_reference_that_moves_an_absolute_robot_is_a_fault(bench: Bench) -> None
     bench.drive.acknowledge_stop()
     bench.work()
     assert bench.drive.begin_reference("r1") is None
-    bench.controller.reading = replace(bench.controller.reading, pose=PlatformPose(1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    bench.controller.feedback = replace(bench.controller.feedback, pose=PlatformPose(1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     bench.work(1)
     assert bench.has(MotionState.FAULT)
     assert "reference moved the robot by 1.000 mm" in bench.drive.status.detail
@@ -117,7 +117,7 @@ def test_the_guard_sees_the_present_and_may_refuse(bench: Bench) -> None:
     outcome = bench.drive.begin_move("m1", guard)
     assert outcome is not None
     assert outcome.code is RefusalCode.PLAN_STALE
-    assert seen[0].fresh_reading(bench.now_s) is not None
+    assert seen[0].fresh_feedback(bench.now_s) is not None
     bench.work()
     assert bench.controller.motions == []
 
@@ -133,7 +133,7 @@ def test_a_reading_older_than_half_a_second_does_not_count(bench: Bench) -> None
 def test_leaving_stops_locks_and_disconnects(bench: Bench) -> None:
     bench.start_move()
     bench.drive.leave()
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
     while bench.drive.step():
         pass
     assert bench.controller.closed
@@ -158,7 +158,7 @@ def test_a_fault_of_the_program_stops_the_robot_and_is_told() -> None:
     with pytest.raises(ZeroDivisionError):
         bench.drive.work()
     assert bench.has(MotionState.FAULT)
-    assert bench.controller.reading.locked
+    assert bench.controller.feedback.locked
     assert bench.crashes == ["ZeroDivisionError: a bug"]
 
 
@@ -168,10 +168,10 @@ def test_a_controller_that_is_slow_at_rest_is_asked_again(bench: Bench) -> None:
     bench.now_s += 0.9
     bench.work(1)
     assert bench.has(MotionState.LOCKED)
-    assert bench.drive.status.reading is None, "what is not known must not be told"
+    assert bench.drive.status.feedback is None, "what is not known must not be told"
     bench.controller.silent = False
     bench.work(1)
-    assert bench.drive.status.reading is not None
+    assert bench.drive.status.feedback is not None
 
 
 def test_a_controller_that_stays_silent_at_rest_is_a_fault(bench: Bench) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from services.robot.core.envelope import Envelope
 from services.robot.core.motion import MotionState, stop_is_latched
-from services.robot.core.plans import EpochWord, PlannedMove
+from services.robot.core.plans import EpochReport, PlannedMove
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
 from shared.errors import InputError
@@ -32,9 +32,9 @@ def envelope(message: wire.CommandEnvelope, effect: str) -> Envelope:
     )
 
 
-def epoch_word(message: RegistrationEpoch, heard_s: float) -> EpochWord:
+def epoch_report(message: RegistrationEpoch, heard_s: float) -> EpochReport:
     """Registration's word for the newest epoch, with the time of its arrival."""
-    return EpochWord(message.boot_epoch, message.sequence, message.registration_epoch, heard_s)
+    return EpochReport(message.boot_epoch, message.sequence, message.registration_epoch, heard_s)
 
 
 def plan_sha256(plan_json: bytes) -> str:
@@ -89,7 +89,7 @@ def robot_state(
     status: DriveStatus, hexapod: HexapodPart, boot_epoch: str, sequence: int, registration_epoch: str | None
 ) -> wire.RobotState:
     """What is published of a status."""
-    reading = status.reading
+    feedback = status.feedback
     return wire.RobotState(
         boot_epoch=boot_epoch,
         sequence=sequence,
@@ -97,10 +97,10 @@ def robot_state(
         state=motion_state(status.state),
         stop=wire.StopLatch.LATCHED if stop_is_latched(status.state) else wire.StopLatch.CLEAR,
         stop_button=wire.StopButton(status.stop_button.value),
-        locked=reading is not None and reading.locked and status.reading_generation == status.generation,
-        referenced=reading is not None and reading.referenced,
-        pose=None if reading is None else platform_pose_message(reading.pose),
-        leg_lengths_mm=None if reading is None else _leg_lengths(hexapod, reading.pose),
+        locked=feedback is not None and feedback.locked and status.feedback_generation == status.generation,
+        referenced=feedback is not None and feedback.referenced,
+        pose=None if feedback is None else platform_pose_message(feedback.pose),
+        leg_lengths_mm=None if feedback is None else _leg_lengths(hexapod, feedback.pose),
         pivot_mm=vector3(hexapod.pivot_mm),
         hexapod_sha256=hexapod.sha256,
         controller_identity=status.identity,

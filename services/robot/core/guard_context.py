@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from services.robot.core.controller_feedback import ControllerFeedback, Deviation
 from services.robot.core.plans import RegistrationView
-from services.robot.core.readings import ControllerReading, Deviation
 from services.robot.core.stop_button import StopButton
 from shared.geometry.hexapod import HexapodPart
 
@@ -31,7 +31,7 @@ class GuardLimits:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Situation:
+class GuardContext:
     """All that the robot service knows at the moment of decision.
 
     Attributes
@@ -47,7 +47,7 @@ class Situation:
     hexapod: HexapodPart
     limits: GuardLimits
     registration: RegistrationView
-    reading: ControllerReading | None
+    feedback: ControllerFeedback | None
     connected_s: float
     heartbeat_s: float | None
     link_up: bool

@@ -5,12 +5,12 @@ from functools import partial
 
 import numpy as np
 
-from services.robot.core.readings import READ_BACK_TOLERANCE, ControllerReading, deviation
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, deviation
 from services.robot.core.stop_button import STOP_BUTTON, STOP_BUTTON_RELEASED
 from services.robot.core.supervision import STOP_CODES, error_sentence
-from services.robot.devices import gcs_codec as codec
 from services.robot.devices.controller import StopInForce
-from services.robot.devices.gcs_line import GcsLine, Port
+from services.robot.devices.gcs import codec
+from services.robot.devices.serial_line import GcsLine, Port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import AXES, HexapodPart, PlatformPose
 
@@ -73,7 +73,7 @@ class GcsController:
         """What the controller answered to `*IDN?`."""
         return self._identity
 
-    def read(self) -> ControllerReading:
+    def read(self) -> ControllerFeedback:
         """Ask for everything; about 8 questions. See `HexapodController`."""
         brakes = self._switches("BRA")
         servos = self._switches("SVO")
@@ -83,7 +83,7 @@ class GcsController:
         referenced = self._switches("FRF")
         if not moving:
             self._confirm_at_rest(pose)
-        return ControllerReading(
+        return ControllerFeedback(
             pose=pose,
             moving=moving,
             on_target=all(on_target),

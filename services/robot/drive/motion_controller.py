@@ -27,7 +27,7 @@ class Job:
     controller: HexapodController
 
 
-class MotionDesk:
+class MotionController:
     """What is known of the robot, and what is still to be done.
 
     Parameters
@@ -109,7 +109,7 @@ class MotionDesk:
             if self._closing:
                 return False
             self._controller = controller
-            known = replace(self._status, identity=controller.identity, connected_s=now_s, reading=None)
+            known = replace(self._status, identity=controller.identity, connected_s=now_s, feedback=None)
             self.note(replace(known, stop_button=after_connection(known.stop_button)))
             self.apply(Event.CONNECTED, "connected; the stop is in force until a person acknowledges it")
             return True
@@ -118,7 +118,7 @@ class MotionDesk:
         """Forget the controller and what it said."""
         with self._lock:
             self._controller = None
-            self.note(replace(self._status, reading=None))
+            self.note(replace(self._status, feedback=None))
 
     def leave(self, why: str) -> None:
         """Stop, lock, disconnect, and connect no more."""

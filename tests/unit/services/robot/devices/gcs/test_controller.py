@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from services.robot.devices.controller import ControllerSilent, StopInForce
-from services.robot.devices.gcs_controller import STOP_AND_LOCK, Encoders, GcsController
+from services.robot.devices.gcs.controller import STOP_AND_LOCK, Encoders, GcsController
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod
@@ -36,10 +36,10 @@ def test_connecting_sets_the_pivot_of_the_hexapod_file_and_tells_who_is_there(
 
 def test_a_reading_has_everything(gcs: FakeGcs, controller: GcsController) -> None:
     gcs.position = dict(zip("XYZUVW", (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), strict=True))
-    reading = controller.read()
-    assert reading.pose == PlatformPose(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    assert (reading.locked, reading.unlocked, reading.moving, reading.referenced) == (True, False, False, True)
-    assert not reading.on_target
+    feedback = controller.read()
+    assert feedback.pose == PlatformPose(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert (feedback.locked, feedback.unlocked, feedback.moving, feedback.referenced) == (True, False, False, True)
+    assert not feedback.on_target
 
 
 def test_a_move_unlocks_servo_first_and_reads_its_target_back(gcs: FakeGcs, released: GcsController) -> None:

@@ -23,7 +23,7 @@ from typing import Protocol, TypeVar
 import serial
 
 from services.robot.devices.controller import ControllerSilent, StopInForce
-from services.robot.devices.gcs_codec import ReplyGarbled, garbled
+from services.robot.devices.gcs.codec import ReplyGarbled, garbled
 from shared.errors import DeviceError
 
 READ_POLL_S = 0.05
