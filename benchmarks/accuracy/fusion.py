@@ -28,7 +28,8 @@ from services.registration.core.fusion.joint_errors import (
     SHARED_FROM_ONE_DIRECTION,
     SHARED_WITHIN_DEG,
 )
-from services.registration.core.hole_axes import HoleEstimate, evidence_of, holes_at
+from services.registration.core.hole_axes import HoleEstimate, holes_at
+from services.registration.core.localise import evidence_of
 from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
 from shared.geometry.frames import Camera, Guide, Nail
@@ -115,7 +116,7 @@ def seen_set_up(seed: int) -> SeenSetUp | None:
         evidence.append(None)
         if image.reasons or calibration is None or result is None or result.guide is None or result.nail is None:
             continue
-        evidence[-1] = evidence_of(calibration, set_up.parts.guide, set_up.parts.nail, result.guide, result.nail)
+        evidence[-1] = evidence_of(calibration, set_up.parts, result.guide, result.nail)
         poses.append(result.nail.camera_from_nail)
         truth = image.shot.world.guide_from_nail
     print(f"{seed}: {sum(one is not None for one in evidence)} of 4 images accepted", flush=True)

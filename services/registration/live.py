@@ -11,6 +11,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from services.registration.core.acceptance.frame import NO_KEY_IMAGE
 from services.registration.core.guidance.c_arm_angles import CArmAngles
 from services.registration.core.guidance.run import Arrival, Run
 from services.registration.core.guidance.tracking import (
@@ -28,7 +29,7 @@ from services.registration.knowledge import Knowledge
 from services.registration.robot_pose import pose_at_rest, same_place
 from services.registration.settings import RegistrationSettings
 from shared.bus.port import Bus
-from shared.errors import Reason, ReasonCode
+from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
 from shared.messages.imaging import CalibrationMessage, ImageReference
@@ -227,7 +228,7 @@ def _sight(
         reasons = tuple(Reason(reason.code, reason.message) for reason in message.reasons)
         return Sight(Origin.FOLLOWED, None, None, reasons, None), track
     if track is None:
-        return Sight(Origin.FOLLOWED, None, None, (_NOT_YET,), None), None
+        return Sight(Origin.FOLLOWED, None, None, (NO_KEY_IMAGE.reason(),), None), None
     return follow_frame(frame.pixels, calibration, parts, track)
 
 
@@ -237,9 +238,3 @@ def _stands_still(key: PlatformPoseMessage | None, robot: RobotState | None) -> 
         return key is None
     now = pose_at_rest(robot)
     return key is not None and now is not None and same_place(key, now)
-
-
-_NOT_YET = Reason(
-    ReasonCode.NAIL_NOT_FOUND,
-    "the nail is still being searched for in an earlier frame (0 found, 1 needed); hold the C-arm still for a moment",
-)

@@ -1,1 +1,1 @@
-"""Pure estimation and judgement: arrays and values in, frozen results out."""
+"""Pure estimation and acceptance: arrays and values in, frozen results out."""

@@ -6,14 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.alignment import hole_tilts
-from services.registration.core.guide.locate import GuideFit
-from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.passing import AxisOffset, across_basis
-from services.registration.core.pose_evidence import PoseEvidence, cross_matrix, pose_evidence
-from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
-from shared.geometry.parts import GuidePart, NailPart, hole_surface_points
+from shared.geometry.parts import NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
 
@@ -47,28 +43,6 @@ class HoleEstimate:
     def chance_to_pass(self) -> float | None:
         """Probability that a 4.0 mm drill along the estimated axis passes the true hole."""
         return None if self.offset is None else self.offset.chance_to_pass(self.diameter_mm)
-
-
-def hole_estimates(
-    calibration: CArmCalibration, guide: GuidePart, nail: NailPart, guide_fit: GuideFit, estimate: NailEstimate
-) -> tuple[HoleEstimate, ...]:
-    """All holes of the nail in the guide's frame, in the order of the nail's file."""
-    evidence = evidence_of(calibration, guide, nail, guide_fit, estimate)
-    return holes_at(
-        nail,
-        guide_fit.camera_from_guide.inverse() @ estimate.camera_from_nail,
-        None if evidence is None else evidence.covariance,
-        estimate.camera_from_nail,
-    )
-
-
-def evidence_of(
-    calibration: CArmCalibration, guide: GuidePart, nail: NailPart, guide_fit: GuideFit, estimate: NailEstimate
-) -> PoseEvidence | None:
-    """What one image says of `guide_from_nail`; None from a method that does not know its errors."""
-    if estimate.errors is None:
-        return None
-    return pose_evidence(calibration, guide, nail, guide_fit, estimate.camera_from_nail, estimate.errors)
 
 
 def holes_at(
@@ -109,4 +83,4 @@ def offsets_by_motion(nail: NailPart, hole_id: str, guide_from_nail: Transform[G
     hole = next(hole for hole in nail.holes if hole.id == hole_id)
     across = across_basis(guide_from_nail.directions(hole.axis.direction)) @ guide_from_nail.rotation
     ends = hole_surface_points(nail, hole)
-    return np.vstack([across @ np.hstack([-cross_matrix(end), np.eye(3)]) for end in ends])
+    return np.vstack([across @ np.hstack([np.cross(end, np.eye(3)), np.eye(3)]) for end in ends])

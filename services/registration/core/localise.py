@@ -8,10 +8,10 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.image import LocalisationEvidence, localisation_reasons
 from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
-from services.registration.core.hole_axes import HoleEstimate, hole_estimates
-from services.registration.core.judge import judge
+from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
 from services.registration.core.nail.search.find import NailDetection, find_nail
@@ -19,6 +19,7 @@ from services.registration.core.nail.search.outline import covered_pixels
 from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from services.registration.core.paper.guide import locate_guide_by_axes
 from services.registration.core.paper.nail import locate_nail_by_band
+from services.registration.core.pose_evidence import PoseEvidence, pose_evidence
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
@@ -123,10 +124,32 @@ def conclude(
     if found_guide is None or found_nail is None or correction is None:
         reasons = tuple(r for part in (guide, nail) if isinstance(part, Rejected) for r in part.reasons)
         return LocalisationResult(method, reasons, found_guide, found_nail, None, None, correction)
-    holes = hole_estimates(calibration, parts.guide, parts.nail, found_guide, found_nail)
-    guide_from_nail = found_guide.camera_from_guide.inverse() @ found_nail.camera_from_nail
-    reasons = judge(calibration, parts.guide, parts.nail, guide_from_nail, found_nail, holes, correction)
+    camera_from_nail = found_nail.camera_from_nail
+    guide_from_nail = found_guide.camera_from_guide.inverse() @ camera_from_nail
+    holes = hole_estimates(calibration, parts, found_guide, found_nail)
+    reasons = localisation_reasons(
+        LocalisationEvidence(calibration, parts.guide, parts.nail, camera_from_nail, guide_from_nail, holes, correction)
+    )
     return LocalisationResult(method, reasons, found_guide, found_nail, guide_from_nail, holes, correction)
+
+
+def hole_estimates(
+    calibration: CArmCalibration, parts: Parts, guide_fit: GuideFit, estimate: NailEstimate
+) -> tuple[HoleEstimate, ...]:
+    """All holes of the nail in the guide's frame, in the order of the nail's file."""
+    evidence = evidence_of(calibration, parts, guide_fit, estimate)
+    guide_from_nail = guide_fit.camera_from_guide.inverse() @ estimate.camera_from_nail
+    covariance = None if evidence is None else evidence.covariance
+    return holes_at(parts.nail, guide_from_nail, covariance, estimate.camera_from_nail)
+
+
+def evidence_of(
+    calibration: CArmCalibration, parts: Parts, guide_fit: GuideFit, estimate: NailEstimate
+) -> PoseEvidence | None:
+    """Estimate of `guide_from_nail` from one image; None from a method that does not estimate its errors."""
+    if estimate.errors is None:
+        return None
+    return pose_evidence(calibration, parts.guide, parts.nail, guide_fit, estimate.camera_from_nail, estimate.errors)
 
 
 def _locate_guide(

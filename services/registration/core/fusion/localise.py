@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from services.registration.core.acceptance.image import uncertainty_reasons
 from services.registration.core.fusion.agreement import chi_square_limit, disagreement, leave_one_out
 from services.registration.core.fusion.fuse import fuse
-from services.registration.core.hole_axes import evidence_of, holes_at
-from services.registration.core.judge import uncertain_holes
-from services.registration.core.localise import LocalisationResult, Parts
+from services.registration.core.hole_axes import holes_at
+from services.registration.core.localise import LocalisationResult, Parts, evidence_of
 from services.registration.core.pose_evidence import PoseEvidence
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
@@ -109,7 +109,7 @@ def usable_evidence(image: LocalisedImage, parts: Parts) -> PoseEvidence | None:
         return None
     if any(reason.code not in _USABLE_THOUGH for reason in image.reasons):
         return None
-    return evidence_of(calibration, parts.guide, parts.nail, result.guide, result.nail)
+    return evidence_of(calibration, parts, result.guide, result.nail)
 
 
 def _share(chi_square: np.float64 | None) -> float | None:
@@ -131,4 +131,4 @@ def _joint_result(
         return replace(newest, reasons=(against,))
     joint = fuse(evidence)
     holes = holes_at(parts.nail, joint.guide_from_nail, joint.covariance, camera_from_nail)
-    return replace(newest, reasons=uncertain_holes(holes), guide_from_nail=joint.guide_from_nail, holes=holes)
+    return replace(newest, reasons=uncertainty_reasons(holes), guide_from_nail=joint.guide_from_nail, holes=holes)

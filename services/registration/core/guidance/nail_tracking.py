@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.acceptance.image import NAIL_OUTSIDE, HoleView
+from services.registration.core.nail.evidence import hole_views, residual_statistics
 from services.registration.core.nail.fit import pose_covariance
 from services.registration.core.nail.forward_model import Detail, FitInput, ForwardModel, model_at
 from services.registration.core.nail.imaging_chain import Scale
-from services.registration.core.nail.judgement import HoleView, hole_views, nail_outside, residual_statistics
 from services.registration.core.nail.least_squares import (
     ALL_PARAMETERS,
     NoiseModel,
@@ -130,7 +131,7 @@ def follow_nail(given: FitInput, look: Look, predicted: Transform[Camera, Nail])
     detail = _detail(given, predicted)
     scene = model_at(given, predicted, detail)
     if scene is None:
-        return nail_outside(given.nail)
+        return Rejected((NAIL_OUTSIDE.reason(),))
     start = _with_pose(look.parameters, scene, predicted)
     problem = problem_for(scene, detail, _FOLLOWED)
     problem = replace(problem, weight=np.full(len(problem.grey), look.weight))

@@ -12,13 +12,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.frame import FrameEvidence, frame_reasons, margin_reasons
 from services.registration.core.alignment import Advice, advice
 from services.registration.core.guidance.guide_tracking import FollowedGuide, follow_guide
-from services.registration.core.guidance.judgement import (
-    Surprise,
-    reasons_against_frame,
-    reasons_against_margin,
-)
 from services.registration.core.guidance.nail_tracking import (
     FollowedNail,
     Look,
@@ -175,7 +171,7 @@ def follow_frame(
     key = track.key
     by_guide = motion_of_nail(key.guide_from_nail)
     expected = _HELD_TO**2 * key.covariance + by_guide @ guide.value.covariance @ by_guide.T
-    reasons = reasons_against_frame(nail.value, key.look, _surprise(nail.value, predicted, expected))
+    reasons = frame_reasons(_evidence(nail.value, key.look, predicted, expected))
     if reasons:
         return _refused(reasons, at), _missed(track)
     pose, covariance = weighed(predicted, expected, nail.value.camera_from_nail, nail.value.covariance)
@@ -211,7 +207,7 @@ def _answered(nail: FollowedNail, told: Advice, track: Track) -> tuple[Sight, Tr
     margin = replace(track.margin, frames_ago=track.margin.frames_ago + 1)
     if margin.frames_ago >= CHECK_EVERY or track.missed:
         margin = Margin(mirror_margin(nail), 0)
-        reasons = reasons_against_margin(margin.log_likelihood_ratio)
+        reasons = margin_reasons(margin.log_likelihood_ratio)
         if reasons:
             return _refused(reasons, track.camera_from_guide), None
     sight = Sight(Origin.FOLLOWED, told, margin, (), track.camera_from_guide)
@@ -234,12 +230,20 @@ def _given(
     return FitInput(unmirrored(pixels, calibration), calibration, parts.nail, occluders)
 
 
-def _surprise(nail: FollowedNail, predicted: Transform[Camera, Nail], expected: NDArray[np.float64]) -> Surprise:
-    """How far the nail lies from where guide and key put it, and how far it may."""
+def _evidence(
+    nail: FollowedNail, look: Look, predicted: Transform[Camera, Nail], expected: NDArray[np.float64]
+) -> FrameEvidence:
+    """The observed nail, and how far it lies from where guide and key predict it."""
     apart = predicted.inverse() @ nail.camera_from_nail
     rotation = nail.covariance[:2, :2] + expected[:2, :2]
-    return Surprise(
-        tuple(np.degrees(apart.rotation_vector_rad[:2]).tolist()),
-        tuple(np.degrees(np.sqrt(np.diag(rotation))).tolist()),
-        float(np.linalg.norm(apart.translation_mm[:2])),
+    return FrameEvidence(
+        holes=nail.holes,
+        structure=nail.structure,
+        unexplained=nail.unexplained,
+        turned_deg=tuple(np.degrees(apart.rotation_vector_rad[:2]).tolist()),
+        turn_sd_deg=tuple(np.degrees(np.sqrt(np.diag(rotation))).tolist()),
+        across_mm=float(np.linalg.norm(apart.translation_mm[:2])),
+        blur_px=nail.blur_px,
+        key_blur_px=look.blur_px,
+        tilt_sd_deg=float(np.degrees(np.sqrt(np.diag(nail.covariance)[:2].max()))),
     )

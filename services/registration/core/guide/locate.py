@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.search import GUIDE_BALLS, GUIDE_IDENTITY, GUIDE_MARGIN
 from services.registration.core.correlated_pose import fit_with_shared_errors
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.measurement import Look, measured_and_fitted, ring_shadows, shrinkage
 from services.registration.core.guide.search import search_guide
 from services.registration.core.pose import Correspondences, RigidPose, residuals_px
-from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only
@@ -19,10 +20,7 @@ from shared.geometry.transform import Transform
 from shared.xray.aperture import usable_pixels
 from shared.xray.noise_filter import noise_whitened
 
-LEAST_BALLS = 12
 LEAST_SHARE = 0.4
-LEAST_IDENTIFIED = 7
-LEAST_MARGIN = 3
 DISTORTION_CORRELATION_PX = 80.0
 _MOST_DISCS = 70
 _RADIUS_RANGE = (0.55, 1.5)
@@ -100,7 +98,7 @@ def locate_guide(
     """
     candidates = candidate_discs(calibration, guide)
     identities = guide_identities(calibration, guide)
-    refusal = _judge_identity(identities, len(candidates), len(guide.balls))
+    refusal = _identity_reason(identities, len(candidates), len(guide.balls))
     if refusal is not None:
         return Rejected((refusal,))
     needed = needed_balls(len(guide.balls))
@@ -127,13 +125,14 @@ def measured_guide(
     pose, seen, used = measured_and_fitted(look, best)
     found = int(np.count_nonzero(used))
     if found < named.needed:
-        return Rejected((_too_few(found, named.needed, len(guide.balls)),))
+        quoted = GUIDE_BALLS.quoted(found, named.needed)
+        return Rejected((GUIDE_BALLS.reason(f"of the guide's {len(guide.balls)} balls {quoted} could be measured"),))
     return Accepted(_guide_fit(calibration, guide, pose, seen, used, named.margin))
 
 
 def needed_balls(count: int) -> int:
     """How many of a guide's balls must be found: twelve, and two in five; guides with few balls need all but two."""
-    return min(max(LEAST_BALLS, int(np.ceil(LEAST_SHARE * count))), max(count - 2, 4))
+    return min(max(int(GUIDE_BALLS.limit.value), int(np.ceil(LEAST_SHARE * count))), max(count - 2, 4))
 
 
 def candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.int64]:
@@ -154,33 +153,21 @@ def _margin(identities: list[GuideIdentity]) -> int:
     return len(identities[0]) - (len(identities[1]) if len(identities) > 1 else 0)
 
 
-def _judge_identity(identities: list[GuideIdentity], discs: int, balls: int) -> Reason | None:
+def _identity_reason(identities: list[GuideIdentity], discs: int, balls: int) -> Reason | None:
     """Refuse an identity with too few balls, or with no more than chance explains; a wrong file explains a few."""
-    best, needed = len(identities[0]) if identities else 0, needed_balls(balls)
-    by_chance = best < needed and _margin(identities) < LEAST_MARGIN
-    if best < min(LEAST_IDENTIFIED, needed) or by_chance:
-        return Reason(
-            ReasonCode.GUIDE_NOT_FOUND,
-            f"of {discs} discs that are not the ring's at most {best} fit the guide's pattern of {balls} balls "
-            f"(limit {LEAST_IDENTIFIED}, or {needed} while other positions explain nearly as many); check that the "
-            "drill guide is in the image and that the guide file is that of this guide, then take one more image",
+    best, needed, margin = len(identities[0]) if identities else 0, needed_balls(balls), _margin(identities)
+    by_chance = best < needed and not GUIDE_MARGIN.is_met(margin)
+    if by_chance or not GUIDE_IDENTITY.is_met(best, min(GUIDE_IDENTITY.limit.value, needed)):
+        quoted = GUIDE_IDENTITY.quoted(best, needed if by_chance else min(GUIDE_IDENTITY.limit.value, needed))
+        return GUIDE_IDENTITY.reason(
+            f"the guide's pattern of {balls} balls explains {quoted} of {discs} discs that are not the ring's"
         )
-    if _margin(identities) < LEAST_MARGIN:
-        return Reason(
-            ReasonCode.GUIDE_AMBIGUOUS,
-            f"two different positions of the guide explain {best} and {len(identities[1])} discs (limit of the "
-            f"difference {LEAST_MARGIN}); turn the C-arm a few degrees so that fewer balls are covered and take one "
-            "more image",
+    if not GUIDE_MARGIN.is_met(margin):
+        return GUIDE_MARGIN.reason(
+            f"two different positions of the guide explain {best} and {best - margin} discs, a difference of "
+            f"{GUIDE_MARGIN.quoted(margin)}"
         )
     return None
-
-
-def _too_few(found: int, needed: int, expected: int) -> Reason:
-    return Reason(
-        ReasonCode.GUIDE_TOO_FEW_BALLS,
-        f"{found} of the guide's {expected} balls could be measured (limit {needed}); check that the guide file is "
-        "that of this guide, uncover the balls by turning the C-arm a few degrees and take one more image",
-    )
 
 
 def _guide_fit(

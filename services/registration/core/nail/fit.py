@@ -9,17 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.nail.forward_model import Detail, FitInput, model_at
-from services.registration.core.nail.imaging_chain import Scale
-from services.registration.core.nail.judgement import (
-    Evidence,
+from services.registration.core.acceptance.image import (
+    NAIL_OUTSIDE,
+    FitEvidence,
     HoleView,
     ResidualStatistics,
-    hole_views,
-    nail_outside,
-    reasons_against,
-    residual_statistics,
+    fit_reasons,
 )
+from services.registration.core.nail.evidence import hole_views, residual_statistics
+from services.registration.core.nail.forward_model import Detail, FitInput, model_at
+from services.registration.core.nail.imaging_chain import Scale
 from services.registration.core.nail.least_squares import (
     ALL_PARAMETERS,
     NoiseModel,
@@ -93,10 +92,10 @@ class NailFit:
     residual: ResidualStatistics
     holes: tuple[HoleView, ...]
 
-    def evidence(self, nail: NailPart) -> Evidence:
-        """What a verdict rests on."""
-        return Evidence(
-            nail,
+    @property
+    def evidence(self) -> FitEvidence:
+        """What its acceptance depends on."""
+        return FitEvidence(
             self.holes,
             self.residual,
             self.hole_radius_excess_mm,
@@ -129,7 +128,7 @@ def fit_nail(
     measured = measure_nail(pixels, calibration, nail, start, occluders)
     if isinstance(measured, Rejected):
         return measured
-    reasons = reasons_against(measured.value.evidence(nail))
+    reasons = fit_reasons(measured.value.evidence)
     return Rejected(reasons) if reasons else measured
 
 
@@ -144,10 +143,10 @@ def measure_nail(
     given = FitInput(pixels, calibration, nail, occluders)
     winner = find_global_optimum(given, start)
     if winner is None:
-        return nail_outside(nail)
+        return Rejected((NAIL_OUTSIDE.reason(),))
     model = model_at(given, winner.camera_from_nail, _FINE)
     if model is None:
-        return nail_outside(nail)
+        return Rejected((NAIL_OUTSIDE.reason(),))
     problem, solution, noise = _refined(problem_for(model, _FINE, ALL_PARAMETERS), winner)
     return Accepted(
         NailFit(

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.image import MIRROR_MARGIN_OF_ONE_HOLE
 from services.registration.core.nail.forward_model import Detail, FitInput, ForwardModel, model_at
 from services.registration.core.nail.imaging_chain import Scale
-from services.registration.core.nail.judgement import LEAST_MARGIN_OF_ONE_HOLE
 from services.registration.core.nail.least_squares import (
     ALL_PARAMETERS,
     Problem,
@@ -47,7 +47,7 @@ _HOLE_PX_TO_CENTRE, _HOLE_PX_TO_CAPTURE = 6.0, 9.0
 _CENTRING_STEPS, _WEIGHING_STEPS, _MIDDLE_STEPS, _NEARBY_STEPS = 8, 3, 8, 3
 _LOOSE, _TIGHT = 2.0, 0.2
 # A rival that costs so much more, half as much again as any limit asks for, need not be followed to its end.
-_CLEARLY_WORSE = 2.0 * 1.5 * LEAST_MARGIN_OF_ONE_HOLE
+_CLEARLY_WORSE = 2.0 * 1.5 * MIRROR_MARGIN_OF_ONE_HOLE.limit.value
 _TILTS = [Parameter.PITCH_RAD, Parameter.ROLL_RAD]
 _NEARBY_RAD = np.radians([(3.0, 0.0), (-3.0, 0.0), (0.0, 3.0), (0.0, -3.0)])
 

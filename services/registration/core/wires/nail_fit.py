@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from services.registration.core.acceptance.image import fit_reasons
+from services.registration.core.acceptance.wires import BESIDE_WIRES
 from services.registration.core.fusion.localise import LocalisedImage, usable_evidence
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Method, Parts, conclude, unmirrored
 from services.registration.core.nail.fit import NailFit, measure_nail
-from services.registration.core.nail.judgement import LeastOpenings, reasons_against
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, SteelRod
 from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from services.registration.core.wires.fit import WIRE_DIAMETER_MM, WireFit, find_wire
@@ -33,8 +34,6 @@ from shared.geometry.transform import Transform
 _ROUGHLY_PLACED_PX, _FITTED_PX = (5.0, MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX)
 _EDGE_MM = 0.35
 _END_SIGMAS = 2.0
-# What a wire leaves of a hole tells the pose as well as its covariance says: only hardly anything is too little.
-_BESIDE_WIRES = LeastOpenings(0.15, 0.1)
 _SAME_DEG, _SAME_MM = 0.3, 0.1
 _RESTLESS_DEG, _RESTLESS_MM = 1.0, 0.3
 
@@ -81,7 +80,7 @@ def _fitted(
             break
     if not _within(moved, _RESTLESS_DEG, _RESTLESS_MM):
         return Rejected((_restless(moved),))
-    reasons = reasons_against(replace(found.evidence(parts.nail), least_openings=_BESIDE_WIRES))
+    reasons = fit_reasons(replace(found.evidence, openings=BESIDE_WIRES))
     return Rejected(reasons) if reasons else Accepted(fitted_estimate(found))
 
 

@@ -8,8 +8,7 @@ from services.registration.core.alignment import c_arm_correction_deg
 from services.registration.core.fusion.agreement import leave_one_out
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
-from services.registration.core.hole_axes import hole_estimates
-from services.registration.core.localise import LocalisationResult, Method, Parts
+from services.registration.core.localise import LocalisationResult, Method, Parts, hole_estimates
 from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.pose_errors import model_loadings
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, motion_of_nail, moved_by
@@ -132,7 +131,7 @@ def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: R
     guide = guide_fit(GUIDE_POSE, np.eye(6) * 1e-8)
     errors = errors_without_shape(fit_covariance, model_loadings(PARTS.nail, pose))
     nail = NailEstimate(pose, errors, 100.0, None)
-    holes = hole_estimates(KNOWN_SOURCE, PARTS.guide, PARTS.nail, guide, nail)
+    holes = hole_estimates(KNOWN_SOURCE, PARTS, guide, nail)
     correction = c_arm_correction_deg(pose, PARTS.nail)
     guide_from_nail = GUIDE_POSE.inverse() @ pose
     result = LocalisationResult(Method.MODEL, reasons, guide, nail, guide_from_nail, holes, correction)

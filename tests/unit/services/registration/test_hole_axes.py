@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.guide.locate import GuideFit
-from services.registration.core.hole_axes import hole_estimates
+from services.registration.core.localise import Parts, hole_estimates
 from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
@@ -17,11 +17,13 @@ from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import hole_surface_points
 from shared.geometry.transform import Transform
+from tests.unit.services.registration.rendered_case import rendered_parts
 from tests.unit.services.registration.stated_errors import errors_without_shape
 from tests.unit.services.registration.xray_scene import calibration, guide_part, nail_part, posed_guide, posed_nail
 
 VIEW = calibration(1024)
 KNOWN_SOURCE = replace(VIEW, source_covariance_mm2=np.zeros((3, 3)))
+PARTS = Parts(rendered_parts().ring, guide_part(), nail_part())
 GUIDE_POSE = posed_guide(20.0, (4.0, -3.0, 630.0))
 NAIL_POSE = posed_nail(25.0, (2.0, -3.0), (1.0, 2.0, 740.0))
 
@@ -39,9 +41,7 @@ def fit_errors(covariance: NDArray[np.float64]) -> PoseErrors:
 
 
 def test_entry_and_axis_are_those_of_the_composed_poses() -> None:
-    holes = hole_estimates(
-        VIEW, guide_part(), nail_part(), guide_fit(GUIDE_POSE, np.eye(6)), NailEstimate(NAIL_POSE, None, None, None)
-    )
+    holes = hole_estimates(VIEW, PARTS, guide_fit(GUIDE_POSE, np.eye(6)), NailEstimate(NAIL_POSE, None, None, None))
     assert [hole.id for hole in holes] == ["distal", "proximal"]
     for hole, x_mm in zip(holes, (15.0, -15.0), strict=True):
         entry_camera = NAIL_POSE @ np.array([x_mm, 0.0, -6.0])
@@ -71,8 +71,7 @@ def test_covariance_is_that_of_random_pose_errors() -> None:
     part = nail_part()
     holes = hole_estimates(
         KNOWN_SOURCE,
-        guide_part(),
-        part,
+        PARTS,
         guide_fit(GUIDE_POSE, guide_cov),
         NailEstimate(NAIL_POSE, fit_errors(nail_cov), 10.0, None),
     )
@@ -99,7 +98,7 @@ def test_a_source_a_few_millimetres_off_costs_little_and_is_counted() -> None:
     for axis in range(3):
         uncertain = np.zeros((3, 3))
         uncertain[axis, axis] = 1.0
-        holes = hole_estimates(replace(VIEW, source_covariance_mm2=uncertain), guide_part(), nail_part(), fit, nail)
+        holes = hole_estimates(replace(VIEW, source_covariance_mm2=uncertain), PARTS, fit, nail)
         assert holes[0].offset is not None
         print(f"axis {axis}: {holes[0].offset.axis_sd_deg:.4f} deg, {holes[0].offset.entry_sd_mm:.4f} mm")
         assert 0.0 < holes[0].offset.axis_sd_deg < 0.02
@@ -135,7 +134,7 @@ def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
     for tilt_deg in (0.0, 10.0):
         pose = posed_nail(0.0, (tilt_deg, 0.0), (0.0, 0.0, 740.0))
         estimate = NailEstimate(pose, fit_errors(model_covariance(nail, pose)), 50.0, None)
-        offset = hole_estimates(KNOWN_SOURCE, guide_part(), nail, fit, estimate)[0].offset
+        offset = hole_estimates(KNOWN_SOURCE, PARTS, fit, estimate)[0].offset
         assert offset is not None
         entry_sd_mm.append(offset.entry_sd_mm)
     depth_sd_mm = MODEL_SD_MM * 740.0 / 30.0

@@ -1,0 +1,346 @@
+"""Acceptance of one image: the limits of the nail's fit and of the localisation, and the rules that combine them.
+
+An image is refused at three places, each with all reasons that apply there: where guide or nail is not found (limits in
+`search`), after the fit of the nail (`fit_reasons`), and when guide and nail are put together (`localisation_reasons`).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+from services.registration.core.alignment import CArmTurn
+from services.registration.core.hole_axes import HoleEstimate
+from shared.acceptance import Criterion, Finding, at_least, at_most
+from shared.errors import Reason, ReasonCode
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.parts import GuidePart, NailPart
+from shared.geometry.transform import Transform
+
+_INSPECTION: Final = "fitted by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
+_REQUIREMENT: Final = "required: errors beyond it count as wrong in `distalock bench accuracy`"
+_RECORD: Final = "docs/decisions/0009-nail-likelihood.md"
+
+# The fit of the nail
+
+NAIL_OUTSIDE: Final = Finding(
+    code=ReasonCode.HOLE_NOT_VISIBLE,
+    observed="the nail's holes lie outside the image, or fewer than 200 pixels around them do inside",
+    remedy="centre the holes and take one more image",
+)
+BEST_OPENING: Final = Criterion(
+    code=ReasonCode.HOLE_NOT_VISIBLE,
+    measured="visible share of the disc of the hole that shows most",
+    limit=at_least(0.35, "%", decimals=0),
+    remedy="turn the C-arm towards the hole's axis, or move what covers it, and take one more image",
+    origin=f"fitted by inspection on 279 random scenes ({_RECORD}): one hole determines the tilt",
+)
+OTHER_OPENING: Final = Criterion(
+    code=ReasonCode.HOLE_NOT_VISIBLE,
+    measured="visible share of the disc of every other hole",
+    limit=at_least(0.12, "%", decimals=0),
+    remedy=BEST_OPENING.remedy,
+    origin=f"fitted by inspection on 279 random scenes ({_RECORD}): with 35 % for every hole seven were refused, "
+    "six of which are localised right",
+)
+CONTRAST_TO_NOISE: Final = Criterion(
+    code=ReasonCode.HOLE_NOT_VISIBLE,
+    measured="brightness of a hole's opening over the metal around it, in standard deviations of a pixel's noise",
+    limit=at_least(3.0, "", decimals=1),
+    remedy="raise the dose and take one more image",
+    origin=_INSPECTION,
+)
+DIAMETER_EXCESS: Final = Criterion(
+    code=ReasonCode.NAIL_MODEL_MISMATCH,
+    measured="fitted diameter of the holes, and of the nail, against the nail file",
+    limit=at_most(0.24, "mm", decimals=2),
+    remedy="check that the file is that of the implanted nail",
+    origin=f"fitted by inspection ({_RECORD}): refuses a nail 1 mm wider or 0.5 mm narrower, holes 0.3 mm larger "
+    "or 0.5 mm smaller, and spacings off by 1 mm",
+)
+STRUCTURE: Final = Criterion(
+    code=ReasonCode.NAIL_MODEL_MISMATCH,
+    measured="rms of the smoothed residual at the edges of nail and holes, over that elsewhere",
+    limit=at_most(2.0, "times", decimals=1),
+    remedy="check the nail file, remove wires and instruments from in front of the holes, and take one more image",
+    origin=_INSPECTION,
+)
+SPOT: Final = Criterion(
+    code=ReasonCode.NAIL_MODEL_MISMATCH,
+    measured="largest certain residual at a hole, as a share of the step from metal to background",
+    limit=at_most(0.3, "%", decimals=0),
+    remedy="remove what lies there, or turn the C-arm by 5°, and take one more image",
+    origin=f"fitted by inspection ({_RECORD}): at most 9 % at right poses, 56 and 93 % at wrong ones",
+)
+NOISE_INFLATION: Final = Criterion(
+    code=ReasonCode.NAIL_MODEL_MISMATCH,
+    measured="correlation that is left in the residual around the nail after the noise's own is removed",
+    limit=at_most(10.0, "pixels", decimals=1),
+    remedy="check the nail file, or take one more image without what lies there",
+    origin=_INSPECTION,
+)
+MIRROR_MARGIN: Final = Criterion(
+    code=ReasonCode.MIRROR_AMBIGUOUS,
+    measured="logarithm of the likelihood ratio between the pose and its reflected tilt",
+    limit=at_least(8.0, "", decimals=1),
+    remedy="turn the C-arm by 5° and take one more image",
+    origin=f"fitted by inspection ({_RECORD}): the smallest margin of the 28 independent images is 23",
+)
+MIRROR_MARGIN_OF_ONE_HOLE: Final = Criterion(
+    code=ReasonCode.MIRROR_AMBIGUOUS,
+    measured="the same of a nail with one hole: no spacing determines its depth, one opening its tilt",
+    limit=at_least(40.0, "", decimals=1),
+    remedy=MIRROR_MARGIN.remedy,
+    origin="fitted by inspection on seeded scenes: one opening alone is explained by a pose 9° or 2 mm off with "
+    "margins up to 13",
+)
+
+# The localisation: guide and nail together
+
+DISTORTION_DEVIATION: Final = Criterion(
+    code=ReasonCode.CALIBRATION_EXTRAPOLATED,
+    measured="standard deviation of the image's distortion at a hole",
+    limit=at_most(0.5, "px", decimals=2),
+    remedy="move the C-arm until the holes are nearer to the image's centre and take one more image",
+    origin=_INSPECTION,
+)
+HOLE_ORDER: Final = Finding(
+    code=ReasonCode.NAIL_MODEL_MISMATCH,
+    observed="holes of the same ids follow one another in opposite directions in nail and guide",
+    remedy="check the holes' ids in both files and that the guide's +x points to the nail's tip",
+)
+TILT: Final = Criterion(
+    code=ReasonCode.TILT_TOO_LARGE,
+    measured="tilt of a hole's axis against the ray through the hole",
+    limit=at_most(14.0, "°", decimals=1),
+    remedy="turn the C-arm as the sentence states and take one more image",
+    origin=_INSPECTION,
+)
+ENTRY_BOUND: Final = Criterion(
+    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
+    measured="95 % bound of an axis's offset at the hole's entry",
+    limit=at_most(1.0, "mm", decimals=2),
+    remedy="take one more image with more dose, the hole in the middle of the image and no balls over it",
+    origin=_REQUIREMENT,
+)
+AXIS_BOUND: Final = Criterion(
+    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
+    measured="95 % bound of an axis's angle",
+    limit=at_most(1.5, "°", decimals=2),
+    remedy=ENTRY_BOUND.remedy,
+    origin=_REQUIREMENT,
+)
+CHANCE_TO_PASS: Final = Criterion(
+    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
+    measured="probability that a drill along the estimated axis passes the true hole",
+    limit=at_least(0.99, "", decimals=3),
+    remedy=ENTRY_BOUND.remedy,
+    origin="required: one drill in a hundred may touch the hole's wall",
+)
+NO_UNCERTAINTY: Final = Finding(
+    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
+    observed="the fronto-parallel method does not estimate its own errors, and errors above the limits are usual",
+    remedy="localise with the model method before anything is moved",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Openings:
+    """How much of a hole's disc must be visible: of the hole that shows most, and of each other one.
+
+    One hole determines the tilt; of the others so much must show that their spacing is measured and not only assumed.
+    """
+
+    of_best: Criterion[ReasonCode]
+    of_others: Criterion[ReasonCode]
+
+
+CLEAR_VIEW: Final = Openings(BEST_OPENING, OTHER_OPENING)
+
+
+@dataclass(frozen=True, slots=True)
+class HoleView:
+    """How a hole was seen.
+
+    Attributes
+    ----------
+    opening
+        Area through which background is seen, clear of balls and inside the image, as a share of the bore's disc.
+    contrast_to_noise
+        Brightness of the opening over the metal around it, in standard deviations of a pixel.
+    """
+
+    id: str
+    opening: float
+    contrast_to_noise: float
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualStatistics:
+    """What the model does not explain.
+
+    Attributes
+    ----------
+    rms_grey
+        Root mean square of the residual in the image's grey values.
+    structure
+        Rms of the smoothed residual around rims and edges, over that elsewhere: one when only noise is left.
+    noise_inflation
+        Variance of a mean over many pixels, over that of independent pixels.
+    spot
+        Largest smoothed residual in and about a hole, as a share of the step from metal to background, if it is far
+        beyond noise: a wrong pose may explain all but a small piece of a hole that shows between two balls.
+    """
+
+    rms_grey: float
+    structure: float
+    noise_inflation: float
+    spot: float
+
+
+@dataclass(frozen=True, slots=True)
+class FitEvidence:
+    """What the acceptance of a fitted nail depends on."""
+
+    holes: tuple[HoleView, ...]
+    residual: ResidualStatistics
+    hole_radius_excess_mm: float
+    nail_radius_excess_mm: float
+    mirror_margin: float
+    openings: Openings = CLEAR_VIEW
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalisationEvidence:
+    """What the acceptance of a localisation depends on in which ring, guide and nail were all found."""
+
+    calibration: CArmCalibration
+    guide: GuidePart
+    nail: NailPart
+    camera_from_nail: Transform[Camera, Nail]
+    guide_from_nail: Transform[Guide, Nail]
+    holes: tuple[HoleEstimate, ...]
+    correction: CArmTurn
+
+
+def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
+    """Reasons against a fitted nail; none when it is accepted."""
+    return (*opening_reasons(evidence.holes, evidence.openings), *_mismatch(evidence), *_ambiguity(evidence))
+
+
+def localisation_reasons(evidence: LocalisationEvidence) -> tuple[Reason, ...]:
+    """Reasons against a localisation; none when it is accepted."""
+    return (
+        *_extrapolated(evidence),
+        *_exchanged(evidence),
+        *(reason for hole in evidence.holes for reason in _tilted(hole, evidence.correction)),
+        *uncertainty_reasons(evidence.holes),
+    )
+
+
+def uncertainty_reasons(holes: tuple[HoleEstimate, ...]) -> tuple[Reason, ...]:
+    """Reasons against holes whose axes are too uncertain, whether from one image or from several."""
+    return tuple(reason for hole in holes for reason in _uncertain(hole))
+
+
+def opening_reasons(
+    holes: tuple[HoleView, ...], openings: Openings, contrast: Criterion[ReasonCode] = CONTRAST_TO_NOISE
+) -> Iterator[Reason]:
+    """Reasons against holes that show too little."""
+    best = max(holes, key=lambda view: view.opening)
+    for view in holes:
+        least = openings.of_best if view is best else openings.of_others
+        if not least.is_met(view.opening):
+            yield least.reason(f"hole '{view.id}' shows {least.quoted(view.opening)} of its disc")
+        elif not contrast.is_met(view.contrast_to_noise):
+            yield contrast.reason(
+                f"hole '{view.id}' is brighter than the metal around it by {contrast.quoted(view.contrast_to_noise)} "
+                "standard deviations of the noise"
+            )
+
+
+def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:
+    diameters = (("holes measure", evidence.hole_radius_excess_mm), ("nail measures", evidence.nail_radius_excess_mm))
+    for what, excess_mm in diameters:
+        if not DIAMETER_EXCESS.is_met(abs(2.0 * excess_mm)):
+            quoted = DIAMETER_EXCESS.quoted(2.0 * excess_mm, sign="+")
+            yield DIAMETER_EXCESS.reason(f"against the nail file the {what} {quoted} in diameter")
+    residual = evidence.residual
+    if not STRUCTURE.is_met(residual.structure):
+        yield STRUCTURE.reason(
+            f"the residual at the edges of nail and holes is {STRUCTURE.quoted(residual.structure)} that elsewhere"
+        )
+    if not SPOT.is_met(residual.spot):
+        yield SPOT.reason(
+            f"a spot at a hole differs from the best fit by {SPOT.quoted(residual.spot)} of the step from metal to "
+            "background: something lies over it, or balls hide so much of its rim that the pose is wrong"
+        )
+    if not NOISE_INFLATION.is_met(residual.noise_inflation):
+        yield NOISE_INFLATION.reason(
+            "after the noise's own correlation is removed, the residual around the nail is still correlated over "
+            f"{NOISE_INFLATION.quoted(residual.noise_inflation)}: something that the nail file does not describe lies "
+            "there"
+        )
+
+
+def _ambiguity(evidence: FitEvidence) -> Iterator[Reason]:
+    one_hole = len(evidence.holes) == 1
+    least = MIRROR_MARGIN_OF_ONE_HOLE if one_hole else MIRROR_MARGIN
+    if not least.is_met(evidence.mirror_margin):
+        other = "the nail has one hole, and another tilt" if one_hole else "the reflected tilt"
+        yield least.reason(
+            f"{other} explains the image nearly as well: logarithm of the likelihood ratio "
+            f"{least.quoted(evidence.mirror_margin)}"
+        )
+
+
+def _extrapolated(evidence: LocalisationEvidence) -> Iterator[Reason]:
+    calibration = evidence.calibration
+    for hole in evidence.nail.holes:
+        place_px = calibration.image_from_camera(evidence.camera_from_nail @ hole.axis.point_mm)
+        deviation_px = float(calibration.distortion.standard_deviation_at(place_px))
+        if not DISTORTION_DEVIATION.is_met(deviation_px):
+            yield DISTORTION_DEVIATION.reason(
+                f"nail hole '{hole.id}' lies at ({place_px[0]:.0f}, {place_px[1]:.0f}) px, where the ring leaves the "
+                f"image's distortion uncertain by {DISTORTION_DEVIATION.quoted(deviation_px)}"
+            )
+
+
+def _exchanged(evidence: LocalisationEvidence) -> Iterator[Reason]:
+    """Holes of the same id belong together: those of the nail must follow one another as those of the guide do."""
+    in_guide = {hole.id: hole.axis.point_mm for hole in evidence.guide.holes}
+    in_nail = {
+        hole.id: evidence.guide_from_nail @ hole.axis.point_mm for hole in evidence.nail.holes if hole.id in in_guide
+    }
+    for first, second in pairwise(in_nail):
+        by_guide, by_nail = in_guide[second] - in_guide[first], in_nail[second] - in_nail[first]
+        if float(by_guide @ by_nail) < 0.0:
+            yield HOLE_ORDER.reason(
+                f"from hole '{first}' to hole '{second}' the nail's file goes {by_nail[0]:+.1f} mm along the guide's x "
+                f"axis and the guide's file {by_guide[0]:+.1f} mm (limit: the same direction)"
+            )
+
+
+def _tilted(hole: HoleEstimate, correction: CArmTurn) -> Iterator[Reason]:
+    if not TILT.is_met(hole.tilt_to_ray_deg):
+        yield TILT.reason(
+            f"the axis of nail hole '{hole.id}' is tilted by {TILT.quoted(hole.tilt_to_ray_deg)} against the beam",
+            f"turn the C-arm by {correction.about_x_deg:+.1f}° about the image's x axis and "
+            f"{correction.about_y_deg:+.1f}° about its y axis and take one more image",
+        )
+
+
+def _uncertain(hole: HoleEstimate) -> Iterator[Reason]:
+    if hole.offset is None:
+        yield NO_UNCERTAINTY.reason(f"the axis of hole '{hole.id}' has no uncertainty: {NO_UNCERTAINTY.observed}")
+        return
+    entry_mm, axis_deg = hole.offset.entry_bound_mm, hole.offset.axis_bound_deg
+    chance = hole.offset.chance_to_pass(hole.diameter_mm)
+    if ENTRY_BOUND.is_met(entry_mm) and AXIS_BOUND.is_met(axis_deg) and CHANCE_TO_PASS.is_met(chance):
+        return
+    yield ENTRY_BOUND.reason(
+        f"the axis of nail hole '{hole.id}' is known to {ENTRY_BOUND.quoted(entry_mm)} and "
+        f"{AXIS_BOUND.quoted(axis_deg)} with 95 % confidence, and a 4 mm drill would pass it with a chance of "
+        f"{CHANCE_TO_PASS.quoted(chance)}"
+    )

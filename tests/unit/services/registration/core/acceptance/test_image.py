@@ -1,0 +1,180 @@
+"""Acceptance of an image: each limit refuses with its own reason, and what is within all limits is accepted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.registration.core.acceptance.image import (
+    NAIL_OUTSIDE,
+    FitEvidence,
+    HoleView,
+    LocalisationEvidence,
+    ResidualStatistics,
+    fit_reasons,
+    localisation_reasons,
+)
+from services.registration.core.alignment import CArmTurn
+from services.registration.core.hole_axes import HoleEstimate
+from services.registration.core.passing import AxisOffset
+from shared.errors import ReasonCode
+from shared.geometry.camera import DisplacementField
+from shared.geometry.lines import Line
+from shared.geometry.transform import Transform
+from tests.unit.services.registration.xray_scene import calibration, guide_part, nail_part, posed_nail
+
+NAIL_MM = 12.0
+RESIDUAL = ResidualStatistics(800.0, 1.1, 5.0, 0.1)
+FIT = FitEvidence((HoleView("distal", 0.9, 12.0), HoleView("proximal", 0.8, 9.0)), RESIDUAL, 0.01, -0.02, 120.0)
+NAN = float("nan")
+
+
+def hole(entry_sd_mm: float = 0.05, tilt_deg: float = 3.0, diameter_mm: float = 6.0) -> HoleEstimate:
+    entry = np.array([15.0, 0.0, 100.0])
+    axis = Line(entry, np.array([0.0, 0.0, 1.0]))
+    covariance: NDArray[np.float64] = 0.5 * entry_sd_mm**2 * np.kron(np.array([[1.0, 0.9], [0.9, 1.0]]), np.eye(2))
+    offset = AxisOffset(np.zeros(4), covariance, NAIL_MM)
+    return HoleEstimate("distal", axis, entry, entry + np.array([0.0, 0.0, NAIL_MM]), diameter_mm, tilt_deg, offset)
+
+
+LOCALISED = LocalisationEvidence(
+    calibration=calibration(1024),
+    guide=guide_part(),
+    nail=nail_part(),
+    camera_from_nail=posed_nail(10.0),
+    guide_from_nail=Transform.from_rotvec(np.zeros(3), [4.0, -3.0, 107.0]),
+    holes=(hole(),),
+    correction=CArmTurn(3.0, -2.0),
+)
+
+
+def test_within_all_limits_is_accepted() -> None:
+    assert fit_reasons(FIT) == ()
+    assert localisation_reasons(LOCALISED) == ()
+
+
+@pytest.mark.parametrize(
+    ("evidence", "code", "words"),
+    [
+        (
+            replace(FIT, holes=(HoleView("distal", 0.1, 12.0), FIT.holes[1])),
+            ReasonCode.HOLE_NOT_VISIBLE,
+            "hole 'distal' shows 10 % (at least 12 %) of its disc",
+        ),
+        (
+            replace(FIT, holes=(HoleView("distal", 0.3, 12.0), HoleView("proximal", 0.2, 9.0))),
+            ReasonCode.HOLE_NOT_VISIBLE,
+            "hole 'distal' shows 30 % (at least 35 %) of its disc",
+        ),
+        (
+            replace(FIT, holes=(HoleView("distal", 0.9, 1.2), FIT.holes[1])),
+            ReasonCode.HOLE_NOT_VISIBLE,
+            "brighter than the metal around it by 1.2 (at least 3) standard deviations",
+        ),
+        (
+            replace(FIT, hole_radius_excess_mm=0.2),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "the holes measure +0.40 mm (limit 0.24 mm) in diameter",
+        ),
+        (
+            replace(FIT, nail_radius_excess_mm=-0.15),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "the nail measures -0.30 mm (limit 0.24 mm) in diameter",
+        ),
+        (
+            replace(FIT, residual=replace(RESIDUAL, structure=2.1)),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "edges of nail and holes is 2.1 times (limit 2 times) that elsewhere",
+        ),
+        (
+            replace(FIT, residual=replace(RESIDUAL, noise_inflation=14.0)),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "over 14.0 pixels (limit 10 pixels)",
+        ),
+        (
+            replace(FIT, residual=replace(RESIDUAL, spot=0.7)),
+            ReasonCode.NAIL_MODEL_MISMATCH,
+            "by 70 % (limit 30 %) of the step from metal to background",
+        ),
+        (replace(FIT, mirror_margin=3.0), ReasonCode.MIRROR_AMBIGUOUS, "likelihood ratio 3.0 (at least 8)"),
+    ],
+)
+def test_each_limit_of_the_fit_has_its_reason(evidence: FitEvidence, code: ReasonCode, words: str) -> None:
+    reasons = fit_reasons(evidence)
+    assert [reason.code for reason in reasons] == [code]
+    assert words in reasons[0].message
+
+
+def test_one_hole_in_full_and_a_part_of_the_other_are_enough() -> None:
+    assert fit_reasons(replace(FIT, holes=(HoleView("distal", 0.15, 12.0), FIT.holes[1]))) == ()
+
+
+@pytest.mark.parametrize(("margin", "codes"), [(39.0, [ReasonCode.MIRROR_AMBIGUOUS]), (41.0, [])])
+def test_one_hole_alone_must_be_clearer_than_two(margin: float, codes: list[ReasonCode]) -> None:
+    found = fit_reasons(replace(FIT, holes=FIT.holes[:1], mirror_margin=margin))
+    assert [reason.code for reason in found] == codes
+    assert fit_reasons(replace(FIT, mirror_margin=margin)) == ()
+
+
+@pytest.mark.parametrize(
+    "evidence",
+    [
+        replace(FIT, holes=(HoleView("distal", NAN, 12.0), FIT.holes[1])),
+        replace(FIT, holes=(HoleView("distal", 0.9, NAN), FIT.holes[1])),
+        replace(FIT, hole_radius_excess_mm=NAN),
+        replace(FIT, nail_radius_excess_mm=NAN),
+        replace(FIT, residual=replace(RESIDUAL, structure=NAN)),
+        replace(FIT, residual=replace(RESIDUAL, noise_inflation=NAN)),
+        replace(FIT, residual=replace(RESIDUAL, spot=NAN)),
+        replace(FIT, mirror_margin=NAN),
+    ],
+)
+def test_what_is_no_number_is_refused(evidence: FitEvidence) -> None:
+    assert len(fit_reasons(evidence)) >= 1
+
+
+def test_a_nail_outside_the_image_says_what_to_do() -> None:
+    assert NAIL_OUTSIDE.reason().code is ReasonCode.HOLE_NOT_VISIBLE
+    assert "lie outside the image" in NAIL_OUTSIDE.reason().message
+
+
+def test_a_tilt_is_refused_with_the_turn_that_removes_it() -> None:
+    (reason,) = localisation_reasons(replace(LOCALISED, holes=(hole(tilt_deg=14.1),)))
+    assert reason.code is ReasonCode.TILT_TOO_LARGE
+    assert "is tilted by 14.1° (limit 14°)" in reason.message
+    assert "turn the C-arm by +3.0° about the image's x axis and -2.0° about its y axis" in reason.message
+
+
+@pytest.mark.parametrize(
+    "one",
+    [
+        hole(entry_sd_mm=0.6),  # the bound of 1 mm
+        hole(entry_sd_mm=0.3, diameter_mm=5.0),  # the chance to pass a narrow hole
+        replace(hole(), offset=AxisOffset(np.zeros(4), np.diag([0.0, 0.0, 0.04, 0.04]), NAIL_MM)),  # the angle
+    ],
+)
+def test_too_uncertain_is_refused(one: HoleEstimate) -> None:
+    (reason,) = localisation_reasons(replace(LOCALISED, holes=(one,)))
+    assert reason.code is ReasonCode.UNCERTAINTY_TOO_LARGE
+    for limit in ("(limit 1 mm)", "(limit 1.5°)", "(at least 0.99)"):
+        assert limit in reason.message
+
+
+def test_a_method_without_an_estimate_of_its_errors_is_refused() -> None:
+    (reason,) = localisation_reasons(replace(LOCALISED, holes=(replace(hole(), offset=None),)))
+    assert reason.code is ReasonCode.UNCERTAINTY_TOO_LARGE
+    assert "fronto-parallel" in reason.message
+
+
+def test_holes_beyond_the_rings_balls_are_refused() -> None:
+    uncertain = DisplacementField(np.zeros(2), 256.0, np.zeros((5, 5, 2)), np.full((5, 5), 0.8))
+    found = localisation_reasons(replace(LOCALISED, calibration=calibration(1024, uncertain)))
+    assert {reason.code for reason in found} == {ReasonCode.CALIBRATION_EXTRAPOLATED}
+    assert "uncertain by 0.80 px (limit 0.5 px)" in found[0].message
+
+
+def test_ids_that_guide_and_nail_give_to_opposite_holes_are_refused() -> None:
+    (reason,) = localisation_reasons(replace(LOCALISED, nail=nail_part(hole_x_mm=(-12.0, 12.0))))
+    assert reason.code is ReasonCode.NAIL_MODEL_MISMATCH
+    assert "the nail's file goes +24.0 mm along the guide's x axis and the guide's file -30.0 mm" in reason.message
