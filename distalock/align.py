@@ -99,7 +99,7 @@ def _folder_frames(folder: Path) -> Iterator[Frame]:
 
 def _image_frame(file: Path) -> Frame:
     image = read_image_file(file)
-    return Frame(image.received.pixels, image.sha256, image.received.acquisition)
+    return Frame(image.content.pixels, image.sha256, image.content.acquisition)
 
 
 def _video_frames(file: Path) -> Iterator[Frame]:

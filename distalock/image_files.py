@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from services.imaging.devices.dicom_file import is_dicom
-from services.imaging.devices.image_file import read_image
-from services.imaging.devices.received_image import ReceivedImage
+from services.imaging.devices.image_file import is_dicom, read_content
+from services.imaging.devices.received_image import ImageContent
 from shared.errors import ImageUnreadable, InputError
 from shared.parts.files import sha256_of
 
@@ -24,13 +23,13 @@ class ImageFile:
         As it was named.
     sha256
         Of the file's content.
-    received
+    content
         Pixels, and what the file says of them.
     """
 
     path: Path
     sha256: str
-    received: ReceivedImage
+    content: ImageContent
 
 
 def images_in(folder: Path) -> list[Path]:
@@ -80,7 +79,7 @@ def read_image_file(file: Path, source: str | None = None) -> ImageFile:
         raise ImageUnreadable(
             f"{name}: cannot be read: {error.strerror or error}; check the name, needed is {_KINDS}"
         ) from None
-    return ImageFile(file, sha256_of(content), read_image(content, name))
+    return ImageFile(file, sha256_of(content), read_content(content, name))
 
 
 def require_different(images: tuple[ImageFile, ...]) -> None:

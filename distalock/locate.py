@@ -93,8 +93,8 @@ def locate_image(
 def located(image: ImageFile, parts: Parts, nominal: NominalOptions, method: Method = Method.MODEL) -> LocatedImage:
     """Localise the nail's hole axes in one image that has been read."""
     started = time.perf_counter()
-    pixels = image.received.pixels
-    outcome = _calibrated(pixels, parts, nominal.geometry(image.received.acquisition), method)
+    pixels = image.content.pixels
+    outcome = _calibrated(pixels, parts, nominal.geometry(image.content.acquisition), method)
     ring_ms = 1e3 * (time.perf_counter() - started)
     if isinstance(outcome, Rejected):
         times = MeasuredTimes(ring_ms, ring_ms, None, None)

@@ -48,7 +48,7 @@ def shots_of(files: list[Path], nominal: NominalOptions) -> Iterator[Shot | QaIm
             message = f"the file is the same as {same}, and the same image says nothing twice; take it away"
             yield rejected_image(file.name, (Reason(ReasonCode.IMAGE_UNUSABLE, message),))
             continue
-        yield Shot(file.name, image.received.pixels, nominal.geometry(image.received.acquisition))
+        yield Shot(file.name, image.content.pixels, nominal.geometry(image.content.acquisition))
 
 
 def earlier_report(file: Path, ring: RingPart) -> QaReport | None:

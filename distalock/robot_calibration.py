@@ -115,8 +115,8 @@ def _require_within_reach(hexapod: HexapodPart, file: GuidePosesFile, source: st
 def _sighting(
     image: ImageFile, pose: PlatformPose, ring: RingPart, guide: GuidePart, options: NominalOptions
 ) -> GuideObservation:
-    geometry = options.geometry(image.received.acquisition)
-    seen = observe_guide(image.received.pixels, ring, guide, geometry, pose)
+    geometry = options.geometry(image.content.acquisition)
+    seen = observe_guide(image.content.pixels, ring, guide, geometry, pose)
     if seen.observation is None:
         raise ImageUnreadable(f"{image.path}: {seen.why_not}")
     return seen.observation

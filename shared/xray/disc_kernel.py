@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from shared.compiled import compiled, compiled_fast
 from shared.xray.disc_model import BACKGROUND_TERMS, model_rows
 from shared.xray.disc_residuals import neighbours
 
@@ -15,7 +15,7 @@ _MAX_DAMPING = 1e3
 _LEAST_GAIN = 1e-4
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def normal_equations(rows: Array, residual: Array, weight: Array, normal: Array, gradient: Array) -> float:
     """Weighted normal matrix (lower triangle) and gradient of one group; returns the weighted sum of squares."""
     size, count = rows.shape
@@ -37,7 +37,7 @@ def normal_equations(rows: Array, residual: Array, weight: Array, normal: Array,
     return cost
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def factorise(matrix: Array) -> bool:
     """Cholesky factor in the lower triangle, in place; False when the matrix is not positive."""
     for i in range(len(matrix)):
@@ -54,7 +54,7 @@ def factorise(matrix: Array) -> bool:
     return True
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def solve_cholesky(normal: Array, gradient: Array, damping: float, step: Array) -> bool:
     """Solve (normal + damping * its diagonal) step = gradient; False when the matrix is not positive."""
     size = len(gradient)
@@ -76,7 +76,7 @@ def solve_cholesky(normal: Array, gradient: Array, damping: float, step: Array) 
     return True
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def clip_parameters(p: Array, mean: Array, discs: int) -> None:
     """Keep radii and blur positive, and overlaps between sum and union of shadows."""
     first = BACKGROUND_TERMS + 3 * discs
@@ -86,7 +86,7 @@ def clip_parameters(p: Array, mean: Array, discs: int) -> None:
     p[-1] = min(max(p[-1], 0.4), 4.0)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def _evaluate(
     samples: Array,
     weight: Array,
@@ -113,7 +113,7 @@ def _evaluate(
     return cost
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def levenberg(
     samples: Array,
     weight: Array,
@@ -156,7 +156,7 @@ def levenberg(
     return normal
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def fit_group(
     samples: Array, frame: Array, mean: Array, precision: Array, discs: int, passes: int, huber: float
 ) -> tuple[Array, Array, Array, float, tuple[float, float]]:
@@ -199,7 +199,7 @@ def fit_group(
     return p, normal, residual, noise, neighbours(samples, residual, 3.0 * noise)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def uncertainties(normal: Array, discs: int) -> tuple[Array, Array]:
     """Of a fit's normal matrix (lower triangle): covariance of each centre, shape (K, 2, 2), and variance of each
     contrast when place, size and blur are given, shape (K,).

@@ -10,8 +10,9 @@ slope is seen. A model that subtracts the same depth everywhere draws a ball bes
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from shared.compiled import compiled_fast
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ _A1, _A2, _A3, _A4, _A5 = 0.254829592, -0.284496736, 1.421413741, -1.453152027, 
 _FLAT = 40.0
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def bell_of(z: float) -> float:
     """exp(-z^2/2) to 1e-12: the exponential of a 256th of it, eight times squared, which needs no library call."""
     x = min(0.5 * z * z, _FLAT) / -256.0
@@ -39,7 +40,7 @@ def bell_of(z: float) -> float:
     return bell
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def edge(z: float, bell: float) -> float:
     """Part of the light that a blurred edge takes, `z` blurs outside it; `bell` is exp(-z^2/2)."""
     t = 1.0 / (1.0 + _P * abs(z) / _ROOT_2)
@@ -47,7 +48,7 @@ def edge(z: float, bell: float) -> float:
     return tail if z > 0.0 else 1.0 - tail
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def model_rows(samples: Array, frame: Array, p: Array, discs: int, rows: Array, grey: Array) -> None:
     """Grey value of the model at each pixel, shape (N,), and its derivatives by the parameters, shape (parameters, N).
 
@@ -67,7 +68,7 @@ def model_rows(samples: Array, frame: Array, p: Array, discs: int, rows: Array, 
     _overlaps(p, discs, rows, grey)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def _background(samples: Array, frame: Array, p: Array, discs: int, rows: Array, grey: Array, slope: Array) -> None:
     """Background as it is seen past the discs, its derivatives, and how it varies (`slope`); shades are in `rows`."""
     for n in range(len(samples)):
@@ -82,7 +83,7 @@ def _background(samples: Array, frame: Array, p: Array, discs: int, rows: Array,
         grey[n] = p[0] + slope[n] * seen
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def _shades(samples: Array, p: Array, discs: int, k: int, rows: Array) -> None:
     """How much of each pixel disc `k` covers, in its row.
 
@@ -101,7 +102,7 @@ def _shades(samples: Array, p: Array, discs: int, k: int, rows: Array) -> None:
         shade[n] = edge((distance[n] - radius) / blur, bell[n])
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def _slopes(samples: Array, p: Array, discs: int, k: int, slope: Array, rows: Array) -> None:
     """Derivatives by place and radius of disc `k`, and its share of that by the blur.
 
@@ -125,7 +126,7 @@ def _slopes(samples: Array, p: Array, discs: int, k: int, slope: Array, rows: Ar
         rows[-1, n] += along * (distance - radius) / blur
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def _overlaps(p: Array, discs: int, rows: Array, grey: Array) -> None:
     """What overlaps take back of the summed shadows; turns the shades in `rows` into derivatives by contrast."""
     b = BACKGROUND_TERMS

@@ -3,13 +3,14 @@
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from shared.compiled import compiled, compiled_fast
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def neighbours(samples: Array, residual: Array, limit: float) -> tuple[float, float]:
     """Correlation of residuals of pixels next to each other in a row, and their mean squared difference.
 
@@ -28,7 +29,7 @@ def neighbours(samples: Array, residual: Array, limit: float) -> tuple[float, fl
     return common / square, 2.0 * (square - common) / pairs
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@compiled_fast
 def darkest_spot(residual: Array, radius: float) -> tuple[int, float]:
     """Where a disc is darker than the model says, by most.
 

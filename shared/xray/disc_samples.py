@@ -3,15 +3,16 @@
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from shared.compiled import compiled
 
 Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def gather(pixels: FloatImage, usable: Mask, centre_px: Array, reach_px: Array, avoid: Array) -> Array:
     """Usable pixels within reach of any disc and outside circles to avoid: columns x, y, grey, shape (P, 3)."""
     rows, columns = pixels.shape
@@ -36,7 +37,7 @@ def gather(pixels: FloatImage, usable: Mask, centre_px: Array, reach_px: Array, 
     return samples[:count]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def _in_any(x: float, y: float, centre_x: Array, centre_y: Array, radius: Array) -> bool:
     for k in range(len(radius)):
         dx, dy = x - centre_x[k], y - centre_y[k]
@@ -45,7 +46,7 @@ def _in_any(x: float, y: float, centre_x: Array, centre_y: Array, radius: Array)
     return False
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def normalise(samples: Array) -> tuple[Array, float, float]:
     """Bring grey values to mean 0 and deviation 1, in place.
 

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from shared.compiled import compiled
 from shared.xray.disc_kernel import fit_group, uncertainties
 from shared.xray.disc_model import BACKGROUND_TERMS
 from shared.xray.disc_samples import gather, normalise
@@ -26,7 +26,7 @@ LEAST_PIXELS = 30
 X, Y, CENTRE_SD, RADIUS, RADIUS_SD = 0, 1, 2, 3, 4
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def priors_vector(known: Array, blur: tuple[float, float], bright: float) -> tuple[Array, Array]:
     """Means and inverse variances in the kernel's order of parameters.
 
@@ -56,7 +56,7 @@ def priors_vector(known: Array, blur: tuple[float, float], bright: float) -> tup
     return mean, precision
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def fit_patch(
     pixels: FloatImage,
     usable: Mask,
@@ -109,7 +109,7 @@ FIT_X, FIT_Y, FIT_SD, FIT_RADIUS, FIT_CONTRAST, FIT_CONTRAST_SD, FIT_NOISE = ran
 FIT_COLUMNS = 7
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def fit_each(
     pixels: FloatImage, usable: Mask, known: Array, blur: tuple[float, float], margin_px: float, passes: int
 ) -> Array:

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from shared.compiled import compiled
 from shared.xray.discs import Array, FloatImage
 
 # The background is taken from a ring around each ball, this far from its edge.
@@ -38,7 +38,7 @@ def motion_blur_px(pixels: FloatImage, centre_px: Array, radius_px: Array) -> fl
     return float(np.sqrt(12.0 * np.hypot(stretch, 2.0 * shear)))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def _moments(pixels: FloatImage, balls: Array) -> Array:
     """Of each ball (x, y, radius) the difference of the second moments along x and y, and the mixed moment.
 
@@ -59,7 +59,7 @@ def _moments(pixels: FloatImage, balls: Array) -> Array:
     return moments
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def _plane_around(patch: FloatImage, x: float, y: float, radius: float) -> Array:
     """Background around a ball: grey value at its centre, slopes along x and y, by least squares over the rim."""
     normal, right, term = np.zeros((3, 3)), np.zeros(3), np.ones(3)
@@ -75,7 +75,7 @@ def _plane_around(patch: FloatImage, x: float, y: float, radius: float) -> Array
     return np.linalg.solve(normal, right).astype(np.float64)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def _shade_moments(patch: FloatImage, x: float, y: float, reach: float, plane: Array) -> tuple[float, float, float]:
     """Sum of the shade within reach, and its sums times x^2 - y^2 and times x y."""
     total, stretch, shear = 0.0, 0.0, 0.0

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from shared.compiled import compiled
 from shared.geometry.calibration import BallCandidates
 from shared.two_cores import on_both_halves
 
@@ -157,7 +157,7 @@ def _scored(seeds: Seeds, candidates: BallCandidates, flat_mm: Array) -> Seeds:
     return seeds.select(np.argsort(-score, kind="stable")[:_KEPT])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def _counted(
     factor: Complexes,
     offset: Complexes,

@@ -18,13 +18,9 @@ from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, ge
 
 from services.imaging.core.still_frames import MotionLimits, longest_still_run
 from services.imaging.devices.dicom_pixels import grey_frames
-from services.imaging.devices.received_image import LONGEST_SIDE, Acquisition, ReceivedImage
+from services.imaging.devices.received_image import LONGEST_SIDE, Acquisition, GreyPixels, ReceivedImage
 from shared.errors import ImageUnreadable
 
-GreyPixels = NDArray[np.uint8] | NDArray[np.uint16]
-
-_MAGIC_AT = 128
-_MAGIC = b"DICM"
 _MOST_VALUES = 256 * 2**20
 # What pydicom and its decoders raise on damaged files; the list is what fuzzing found.
 _REPORTED = (
@@ -44,11 +40,6 @@ _REPORTED = (
     zlib.error,
 )
 _MOST_BITS = 16
-
-
-def is_dicom(content: bytes) -> bool:
-    """Whether a file carries DICOM's mark."""
-    return content[_MAGIC_AT : _MAGIC_AT + len(_MAGIC)] == _MAGIC
 
 
 def read_dicom(content: bytes, source: str) -> ReceivedImage:

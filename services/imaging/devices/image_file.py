@@ -1,16 +1,24 @@
-"""Read an image file: PNG or TIFF of 8 or 16 bits, or DICOM."""
+"""Read an image file: PNG or TIFF of 8 or 16 bits, or DICOM.
+
+The DICOM library is imported when a DICOM file is read or made: it takes as long as calibrating an image.
+"""
 
 import cv2
 import numpy as np
 
-from services.imaging.devices.dicom_file import GreyPixels, dicom_of_pixels, is_dicom, read_dicom
-from services.imaging.devices.received_image import LONGEST_SIDE, Acquisition, ReceivedImage
+from services.imaging.devices.received_image import LONGEST_SIDE, Acquisition, GreyPixels, ImageContent, ReceivedImage
 from shared.errors import ImageUnreadable
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_OVERHEAD = 12
 _TIFF = (b"II*\x00", b"MM\x00*")
+_DICOM_AT, _DICOM = 128, b"DICM"
 _KINDS = "a PNG or TIFF of 8 or 16 bits, or a DICOM file"
+
+
+def is_dicom(content: bytes) -> bool:
+    """Whether a file carries DICOM's mark."""
+    return content[_DICOM_AT : _DICOM_AT + len(_DICOM)] == _DICOM
 
 
 def read_image(content: bytes, source: str) -> ReceivedImage:
@@ -34,16 +42,30 @@ def read_image(content: bytes, source: str) -> ReceivedImage:
     ImageUnreadable
         With one sentence: what was found, what is needed.
     """
+    from services.imaging.devices.dicom_file import dicom_of_pixels, read_dicom
+
     if is_dicom(content):
         return read_dicom(content, source)
+    pixels = _read_plain(content, source)
+    dicom, uid = dicom_of_pixels(pixels)
+    return ReceivedImage(pixels.astype(np.float32), 8 * pixels.dtype.itemsize, dicom, uid, Acquisition())
+
+
+def read_content(content: bytes, source: str) -> ImageContent:
+    """Read what can be measured of an image; the same without making a DICOM file of it."""
+    if not is_dicom(content):
+        return ImageContent(_read_plain(content, source).astype(np.float32), Acquisition())
+    received = read_image(content, source)
+    return ImageContent(received.pixels, received.acquisition)
+
+
+def _read_plain(content: bytes, source: str) -> GreyPixels:
+    """Grey values of a PNG or TIFF, shape (rows, columns)."""
     if content.startswith(_PNG):
         _require_whole_png(content, source)
     elif not content.startswith(_TIFF):
         raise ImageUnreadable(f"{source}: {len(content)} bytes that are not an image; needed is {_KINDS}")
-    pixels = _decoded(content, source)
-    bits = 8 * pixels.dtype.itemsize
-    dicom, uid = dicom_of_pixels(pixels)
-    return ReceivedImage(pixels.astype(np.float32), bits, dicom, uid, Acquisition())
+    return _decoded(content, source)
 
 
 def _require_whole_png(content: bytes, source: str) -> None:
@@ -65,7 +87,6 @@ def _require_whole_png(content: bytes, source: str) -> None:
 
 
 def _decoded(content: bytes, source: str) -> GreyPixels:
-    """Grey values of a PNG or TIFF, shape (rows, columns)."""
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:

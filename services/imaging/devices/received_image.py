@@ -6,6 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+GreyPixels = NDArray[np.uint8] | NDArray[np.uint16]
+
 LONGEST_SIDE: Final = 8192
 """Of an image, in pixels: more is no X-ray image, but would keep a decoder busy for long."""
 
@@ -28,6 +30,20 @@ class Acquisition:
     pixel_mm: float | None = None
     positioner_primary_angle_deg: float | None = None
     positioner_secondary_angle_deg: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageContent:
+    """Pixels of an image file, and what the file says of them.
+
+    Attributes
+    ----------
+    pixels
+        Grey values, darker is denser, shape (rows, columns).
+    """
+
+    pixels: NDArray[np.float32]
+    acquisition: Acquisition
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,19 +1,11 @@
-"""Numba's compiler with a type that survives mypy: inner loops over pixels are compiled, everything else is numpy."""
+"""How registration's inner loops are compiled.
 
-from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+The loops over rays call dozens of small functions with many arguments: calls and counted references to arrays took
+more than half of their time, so each function becomes part of whatever calls it.
+"""
 
-import numba
+from typing import Final
 
-P = ParamSpec("P")
-R = TypeVar("R")
+from shared.compiled import compiled_inline
 
-
-def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function to machine code on first use and keep the result on disk.
-
-    It becomes part of whatever compiled function calls it. The loops over rays call dozens of small ones with many
-    arguments: calls and counted references to arrays took more than half of their time.
-    """
-    machine_code: Callable[P, R] = numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)(function)
-    return machine_code
+compiled: Final = compiled_inline

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.imaging.devices.dicom_file import dicom_of_pixels, is_dicom, read_dicom
+from services.imaging.devices.dicom_file import dicom_of_pixels, read_dicom
+from services.imaging.devices.image_file import is_dicom
 from shared.errors import ImageUnreadable
 from tests.unit.services.imaging.devices.dicom_samples import dataset_of, file_of, grey_ramp
 
