@@ -1,0 +1,503 @@
+"""Every tuned value of registration's core, with its unit, its effect and where it comes from.
+
+One frozen dataclass per stage with one instance in capitals, read where it is used. `docs/tuning.md` is printed from
+`SETTINGS`, and `distalock bench sensitivity` varies each value.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from shared.tuning import derived, fitted, physical, standard, tuned
+
+_BY_INSPECTION: Final = fitted("by inspection on seeded scenes of `benchmarks.scenes.random_scenes`")
+_ON_INDEPENDENT: Final = fitted(
+    "28 independent images, `python -m benchmarks.accuracy.nail_fit`; alternatives in docs/nail-likelihood.md"
+)
+_SMOOTHED_SEARCH: Final = fitted(
+    "16 starts an image, `python -m benchmarks.accuracy.capture`: one or two end points, without smoothing up to 9"
+)
+_REACH_OF_NOISE: Final = fitted(
+    "7 seeded scenes, 8 draws of noise each, `python -m benchmarks.accuracy.noise_draws`: 7 px leave a variance factor "
+    "of 2.9 instead of 2.1"
+)
+
+
+# The nail's global search
+
+
+@dataclass(frozen=True, slots=True)
+class NailBandSearch:
+    """The nail as a dark band, on a reduced image (`core/nail/search/band.py`); lengths there in search pixels."""
+
+    band_width_px: float = tuned(30.0, "search px", "width to which the image reduces a nail", _BY_INSPECTION)
+    nearest_to_detector_mm: float = tuned(
+        80.0,
+        "mm",
+        "least distance of a nail from the ring's near plate",
+        _BY_INSPECTION,
+    )
+    farthest_from_detector_mm: float = tuned(
+        350.0, "mm", "largest distance of a nail from the ring's near plate", _BY_INSPECTION
+    )
+    lowest_grey_percentile: float = tuned(0.5, "%", "grey value scaled to 0", _BY_INSPECTION)
+    highest_grey_percentile: float = tuned(99.0, "%", "grey value scaled to 1", _BY_INSPECTION)
+    gradient_smoothing_px: float = tuned(1.2, "search px", "Gaussian before the gradient", _BY_INSPECTION)
+    edge_share: float = tuned(0.12, "1", "share of the pixels above the upper edge threshold", _BY_INSPECTION)
+    full_weight_quantile: float = tuned(0.985, "1", "gradient from which an edge pixel has full weight", _BY_INSPECTION)
+    direction_spread_deg: int = tuned(4, "°", "spread of an edge pixel's vote over directions", _BY_INSPECTION)
+    shortest_edge_in_widths: float = tuned(1.2, "band widths", "shortest edge of a band", _BY_INSPECTION)
+    suppressed_deg: int = tuned(8, "°", "directions about a band that propose no other", _BY_INSPECTION)
+    suppressed_in_widths: float = tuned(
+        0.35, "band widths", "distance about a band that proposes no other", _BY_INSPECTION
+    )
+    most_bands: int = tuned(6, "1", "bands in which holes are searched", _BY_INSPECTION)
+
+
+NAIL_BAND_SEARCH: Final = NailBandSearch()
+
+
+@dataclass(frozen=True, slots=True)
+class NailHoleSearch:
+    """Holes along a band (`core/nail/search/holes.py`)."""
+
+    least_scale: float = tuned(
+        0.86,
+        "1",
+        "least scale along the band over that of its width",
+        _BY_INSPECTION,
+    )
+    largest_scale: float = tuned(1.12, "1", "largest scale along the band over that of its width", _BY_INSPECTION)
+    scales: int = tuned(27, "1", "scales tried", derived("steps of 1 %"))
+    band_half_height: float = tuned(1.1, "band widths", "half height of the straightened image", _BY_INSPECTION)
+    metal_from: float = tuned(
+        0.27, "band widths", "from the middle line: where metal is sampled, begin", _BY_INSPECTION
+    )
+    metal_to: float = tuned(0.4, "band widths", "where metal is sampled, end", derived("inside the edge at 0.5"))
+    beside_from: float = tuned(
+        0.62, "band widths", "where the surroundings are sampled, begin", derived("beyond the edge at 0.5")
+    )
+    beside_to: float = tuned(0.9, "band widths", "where the surroundings are sampled, end", _BY_INSPECTION)
+    lateral_reach: float = tuned(0.1, "band widths", "how far from the middle line a hole may lie", _BY_INSPECTION)
+    disc_in_radii: float = tuned(0.75, "hole radii", "disc whose mean is an opening's brightness", _BY_INSPECTION)
+    side_disc_in_radii: float = tuned(
+        0.35, "hole radii", "disc whose mean is the metal beside an opening", _BY_INSPECTION
+    )
+    side_distance_in_radii: float = tuned(
+        1.45, "hole radii", "distance of that metal from the hole's centre", _BY_INSPECTION
+    )
+    least_darkness: float = tuned(0.02, "1", "floor of the darkness by which contrasts are divided", _BY_INSPECTION)
+    beyond_open: float = tuned(
+        0.1,
+        "1",
+        "share that counts of brightness beyond the surroundings'",
+        derived("breaks ties without hiding a dim hole"),
+    )
+    tip_before_from_mm: float = tuned(8.0, "mm", "metal before the tip, begin", _BY_INSPECTION)
+    tip_before_to_mm: float = tuned(4.0, "mm", "metal before the tip, end", _BY_INSPECTION)
+    tip_after_from_mm: float = tuned(3.0, "mm", "no metal after the tip, begin", _BY_INSPECTION)
+    tip_after_to_mm: float = tuned(9.0, "mm", "no metal after the tip, end", _BY_INSPECTION)
+    reference_reach_px: int = tuned(
+        12, "search px", "about the nail's origin: where darkness is compared with", _BY_INSPECTION
+    )
+
+
+NAIL_HOLE_SEARCH: Final = NailHoleSearch()
+
+
+@dataclass(frozen=True, slots=True)
+class OpeningOutline:
+    """Outline of a hole's opening in the image as received (`core/nail/search/outline.py`)."""
+
+    directions: int = tuned(96, "1", "rays from the centre", _BY_INSPECTION)
+    step_detector_mm: float = tuned(0.1175, "mm", "spacing of samples along a ray", derived("half a usual pixel"))
+    smoothing_detector_mm: float = tuned(0.235, "mm", "Gaussian before sampling", _BY_INSPECTION)
+    smoothing_reach_detector_mm: float = tuned(
+        1.41, "mm", "margin of the smoothed block", derived("six standard deviations of the smoothing")
+    )
+    reach_in_radii: float = tuned(1.45, "hole radii", "how far from the centre the outline is searched", _BY_INSPECTION)
+    inner_in_radii: float = tuned(1.3, "hole radii", "largest distance of a crossing", _BY_INSPECTION)
+    bright_within_radii: float = tuned(0.55, "hole radii", "disc that shows the opening's grey value", _BY_INSPECTION)
+    bright_percentile: float = tuned(70.0, "%", "of that disc: the opening's grey value", _BY_INSPECTION)
+    dark_beyond_radii: float = tuned(1.15, "hole radii", "from where metal shows its grey value", _BY_INSPECTION)
+    dark_percentile: float = tuned(
+        25.0, "%", "of what lies beyond: the metal's grey value", derived("across the band the edge is near")
+    )
+    least_points: int = tuned(16, "1", "fewest points of an outline", _BY_INSPECTION)
+    rounds: int = tuned(6, "1", "ellipse fits with outliers left out", _BY_INSPECTION)
+    least_tolerance_detector_mm: float = tuned(0.235, "mm", "residual always tolerated", derived("a usual pixel"))
+    least_semi_axis_in_radii: float = tuned(0.35, "hole radii", "smallest major semi-axis", _BY_INSPECTION)
+    largest_semi_axis_in_radii: float = tuned(1.5, "hole radii", "largest major semi-axis", _BY_INSPECTION)
+
+
+OPENING_OUTLINE: Final = OpeningOutline()
+
+
+@dataclass(frozen=True, slots=True)
+class NailContour:
+    """The nail's two edges beside its holes."""
+
+    beyond_holes_mm: float = tuned(
+        10.0, "mm", "length beyond the outer holes over which edges are fitted", _BY_INSPECTION
+    )
+    reach_in_widths: float = tuned(
+        0.16, "band widths", "how far from the proposed edge the steepest place is sought", _BY_INSPECTION
+    )
+    smoothing_px: float = tuned(1.0, "search px", "Gaussian before the slope", _BY_INSPECTION)
+    outlier_deviations: float = tuned(
+        2.5, "standard deviations", "beyond it a point is left out", standard("robust line fit")
+    )
+    least_deviation_px: float = tuned(0.3, "search px", "floor of that standard deviation", _BY_INSPECTION)
+    rounds: int = tuned(6, "1", "line fits with outliers left out", _BY_INSPECTION)
+
+
+NAIL_CONTOUR: Final = NailContour()
+
+
+@dataclass(frozen=True, slots=True)
+class OpeningCover:
+    """What covers an opening and is neither guide nor ball: a wire, a drill, an instrument."""
+
+    inside_rim_detector_mm: float = tuned(0.47, "mm", "distance from the rim at which cover counts", _BY_INSPECTION)
+    open_detector_mm: float = tuned(
+        0.705, "mm", "distance from the rim beyond which the opening is sampled", _BY_INSPECTION
+    )
+    metal_from_detector_mm: float = tuned(0.94, "mm", "metal around the rim, begin", _BY_INSPECTION)
+    metal_to_detector_mm: float = tuned(2.35, "mm", "metal around the rim, end", _BY_INSPECTION)
+    bright_percentile: float = tuned(70.0, "%", "of the opening: its grey value", _BY_INSPECTION)
+    dark_percentile: float = tuned(20.0, "%", "of the metal: its grey value", _BY_INSPECTION)
+    dark_share: float = tuned(
+        0.55, "1", "level between metal (0) and opening (1) below which a pixel is covered", _BY_INSPECTION
+    )
+    least_pixels: int = tuned(6, "1", "fewest covered pixels that count", _BY_INSPECTION)
+    reach_mm: float = tuned(1.45, "mm", "margin around the cover that is left out of the fit", _BY_INSPECTION)
+    ball_margin_detector_mm: float = tuned(0.47, "mm", "margin around known balls", _BY_INSPECTION)
+
+
+OPENING_COVER: Final = OpeningCover()
+
+
+# The nail's fit: what is compared
+
+
+@dataclass(frozen=True, slots=True)
+class FitRegionSettings:
+    """Which pixels take part in the fit (`core/nail/region.py`)."""
+
+    blur_reach_px: int = tuned(
+        8,
+        "px of the stage",
+        "margin in which the model is rendered for the blur",
+        derived("three standard deviations of the usual tail, 2.6 px"),
+    )
+    aperture_margin_detector_mm: float = tuned(2.115, "mm", "margin inside the aperture", _BY_INSPECTION)
+    least_pixels: int = tuned(200, "image px", "fewest pixels of a fit", derived("ten times the fitted parameters"))
+    shadow_stretch: float = tuned(
+        0.3,
+        "1",
+        "by how much a ball's shadow may exceed its radius",
+        derived("distortion and obliquity; a unit test holds it"),
+    )
+    wire_reach_mm: float = tuned(0.5, "mm", "margin around wires in which their paths are traced", _BY_INSPECTION)
+
+
+FIT_REGION: Final = FitRegionSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class RaySampling:
+    """How finely rays are traced (`core/nail/attenuation.py`)."""
+
+    edge_reach_px: float = tuned(
+        1.5,
+        "px of the stage",
+        "distance from an edge within which a pixel has several rays",
+        derived(
+            "half a pixel's diagonal 0.7, softening 0.15, curvature: single pixels change by 0.003 (1.0: by 0.009)"
+        ),
+    )
+    uniform_difference: float = tuned(
+        0.02, "1", "spread of the first four rays below which they suffice", _BY_INSPECTION
+    )
+    softening_px: float = tuned(
+        0.15, "px of the stage", "half width over which a grazed surface is averaged", _BY_INSPECTION
+    )
+    near_edge_in_steps: float = tuned(
+        5.0,
+        "softening steps",
+        "distance from an edge beyond which derivatives are analytic",
+        derived("difference over a step equals the derivative"),
+    )
+
+
+RAY_SAMPLING: Final = RaySampling()
+
+
+@dataclass(frozen=True, slots=True)
+class BeamPhysics:
+    """Beam, materials and focal spot."""
+
+    steel_attenuation_per_mm: float = tuned(
+        1.6, "1/mm", "mean attenuation of steel", physical("60-80 kV behind 100-200 mm of muscle")
+    )
+    titanium_attenuation_per_mm: float = tuned(
+        0.5, "1/mm", "mean attenuation of Ti6Al4V", physical("60-80 kV behind 100-200 mm of muscle")
+    )
+    steel_in_titanium: float = tuned(
+        3.2, "mm/mm", "mm of Ti6Al4V that attenuate as 1 mm of steel", derived("1.6 / 0.5")
+    )
+    hardest_share: float = tuned(
+        0.4,
+        "1",
+        "attenuation of the hardest X-rays over the mean",
+        physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most"),
+    )
+    focal_spot_mm: float = tuned(
+        0.5, "mm", "edge of the focal spot", physical("fluoroscopy: 0.3 to 0.6 mm; docs/nail-likelihood.md")
+    )
+    least_spread: float = tuned(
+        0.2,
+        "px of the stage",
+        "least spread of a pixel's rays for sharp edges",
+        derived("rays all alike would jump from pixel to pixel"),
+    )
+
+
+BEAM: Final = BeamPhysics()
+
+
+# The nail's fit: priors
+
+
+@dataclass(frozen=True, slots=True)
+class NailPriors:
+    """Means and standard deviations before an image is seen (`core/nail/parameters.py`)."""
+
+    radius_sd_mm: float = tuned(
+        0.03, "mm", "of hole and nail radius about the part file's", physical("manufacturing tolerance, assumed")
+    )
+    largest_radius_excess_mm: float = tuned(
+        0.6, "mm", "bound of both", derived("enough to expose a nail of another size")
+    )
+    usual_chamfer_mm: float = tuned(
+        0.15, "mm", "chamfer depth where the part file states none", physical("rims are at least deburred")
+    )
+    usual_chamfer_sd_mm: float = tuned(0.15, "mm", "of that depth", physical("deburred to countersunk"))
+    stated_chamfer_sd_mm: float = tuned(0.05, "mm", "of a stated depth", physical("manufacturing tolerance, assumed"))
+    log_attenuation_sd: float = tuned(0.5, "1", "of the logarithm of the attenuation", _BY_INSPECTION)
+    hardening: float = tuned(
+        0.65, "1", "relative variance of the attenuations", physical("tube spectra at 64-76 kV (unit test)")
+    )
+    hardening_sd: float = tuned(0.3, "1", "of that", physical("tube voltage and thickness of the leg"))
+    blur_detector_mm: float = tuned(0.282, "mm", "standard deviation of the detector's blur", _BY_INSPECTION)
+    log_blur_sd: float = tuned(0.35, "1", "of its logarithm", _BY_INSPECTION)
+    tail_share: float = tuned(0.2, "1", "share of the blur's tail", _BY_INSPECTION)
+    tail_share_sd: float = tuned(0.15, "1", "of that", _BY_INSPECTION)
+    largest_tail_share: float = tuned(0.8, "1", "bound of it", _BY_INSPECTION)
+    tail_width: float = tuned(2.2, "blur widths", "width of the tail", _BY_INSPECTION)
+    log_tail_width_sd: float = tuned(0.2, "1", "of its logarithm", _BY_INSPECTION)
+    sharpening: float = tuned(0.2, "1", "strength of the edge enhancement", _BY_INSPECTION)
+    sharpening_sd: float = tuned(0.4, "1", "of that", _BY_INSPECTION)
+    sharpening_detector_mm: float = tuned(0.5875, "mm", "width of the edge enhancement", _BY_INSPECTION)
+    log_sharpening_width_sd: float = tuned(0.4, "1", "of its logarithm", _BY_INSPECTION)
+    curve: float = tuned(0.3, "1", "bend of the display's curve", _BY_INSPECTION)
+    curve_sd: float = tuned(0.3, "1", "of that", _BY_INSPECTION)
+    curve_exponent: float = tuned(
+        0.4, "1", "exponent of the display's curve", derived("between logarithm 0 and linear 1")
+    )
+    curve_exponent_sd: float = tuned(0.25, "1", "of that", _BY_INSPECTION)
+    least_exponent: float = tuned(
+        -0.4, "1", "bound of the exponent", derived("displays lie between logarithmic, 0, and linear, 1")
+    )
+    largest_exponent: float = tuned(0.9, "1", "bound of the exponent", derived("at 1 the curve has no bend"))
+    delrin_per_mm: float = tuned(0.02, "1/mm", "attenuation of the guide's body", physical("POM at 60-80 kV"))
+    delrin_per_mm_sd: float = tuned(0.02, "1/mm", "of that", physical("from none to twice that of POM: guides differ"))
+    largest_deviations: float = tuned(
+        6.0, "standard deviations", "bound of all other parameters", standard("six sigma")
+    )
+
+
+NAIL_PRIORS: Final = NailPriors()
+
+
+# The nail's fit: noise
+
+
+@dataclass(frozen=True, slots=True)
+class NailNoise:
+    """Noise estimated from residuals (`core/nail/noise.py`); lengths in pixels of the stage."""
+
+    assumed_sd: float = tuned(0.025, "1", "noise over brightness before residuals are known", _BY_INSPECTION)
+    clipped_deviations: float = tuned(
+        4.0, "standard deviations", "residuals beyond it count as so much", _BY_INSPECTION
+    )
+    brightness_blur_px: float = tuned(
+        1.5, "px of the stage", "blur of the map from metal to background", _BY_INSPECTION
+    )
+    least_of_a_kind: int = tuned(
+        400, "px of the stage", "fewest dark or bright pixels with a correlation of their own", _BY_INSPECTION
+    )
+    largest_lag_px: int = tuned(9, "px of the stage", "largest lag of the correlation", _REACH_OF_NOISE)
+    taper_px: float = tuned(
+        8.0, "px of the stage", "lag at which the correlation is tapered to zero", derived("within the largest lag")
+    )
+    filter_reach_px: float = tuned(9.0, "px of the stage", "reach of the whitening filter", _REACH_OF_NOISE)
+    lowest_frequency: float = tuned(
+        0.06, "1/px", "below it the filter has gain one", derived("slow residuals are texture as much as noise")
+    )
+    power_floor: float = tuned(0.002, "1", "power added before inversion", derived("limits the filter's gain to 22"))
+    brightness_classes: int = tuned(12, "1", "classes of the variance by brightness", _BY_INSPECTION)
+    outlier_deviations: float = tuned(
+        3.0, "standard deviations", "residuals beyond it weigh less", standard("Huber's estimator")
+    )
+
+
+NAIL_NOISE: Final = NailNoise()
+
+
+# The nail's fit: stages, coarse to fine
+
+
+@dataclass(frozen=True, slots=True)
+class NailSolver:
+    """Levenberg-Marquardt (`core/nail/least_squares.py`)."""
+
+    least_damping: float = tuned(1e-3, "1", "first and least damping", derived("below, a step hardly depends on it"))
+    damping_after_failure: float = tuned(
+        0.1, "1", "damping after a step that failed", derived("with less it fails once more")
+    )
+    largest_damping: float = tuned(
+        1e6, "1", "damping at which a fit ends", derived("the step is a millionth of a parameter's scale")
+    )
+    damping_factor: float = tuned(10.0, "1", "change of the damping", standard("Marquardt 1963"))
+    useless_share: float = tuned(0.3, "tolerance", "predicted decrease below which no rays are traced", _BY_INSPECTION)
+    trusted_decreases: float = tuned(
+        5.0,
+        "predicted decreases",
+        "overestimate of what a fit may still gain before it is abandoned",
+        fitted("65 abandoned fits of 30 random scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred"),
+    )
+    close_deviations: float = tuned(
+        3.0,
+        "standard deviations",
+        "distance within which derivatives are kept",
+        fitted("7 seeded scenes: the fit ends 0.03 standard deviations away at most (docs/nail-likelihood.md)"),
+    )
+
+
+NAIL_SOLVER: Final = NailSolver()
+
+
+@dataclass(frozen=True, slots=True)
+class CentringStage:
+    """First stage: the nail moves over its image, its tilt held, on an image so smooth that 3 mm are a small step."""
+
+    hole_width_px: float = tuned(6.0, "px of the stage", "width of the smallest hole after reduction", _BY_INSPECTION)
+    smoothing_px: float = tuned(1.5, "px of the stage", "Gaussian after reduction", _BY_INSPECTION)
+    surroundings_mm: float = tuned(
+        6.0, "mm", "surroundings of the holes that are compared", derived("twice the start's error")
+    )
+    knot_spacing_mm: float = tuned(8.0, "mm", "spacing of the background's knots", _BY_INSPECTION)
+    texture_sd: float = tuned(0.005, "1", "prior of second differences of the background", _BY_INSPECTION)
+    most_steps: int = tuned(8, "1", "steps of the fit", _BY_INSPECTION)
+    tolerance: float = tuned(2.0, "1", "decrease of the cost that ends the fit", derived("a log likelihood of 1"))
+
+
+CENTRING_STAGE: Final = CentringStage()
+
+
+@dataclass(frozen=True, slots=True)
+class TiltSearchStage:
+    """Second stage: distinct local optima of the pose on a reduced, smoothed image."""
+
+    hole_width_px: float = tuned(
+        9.0,
+        "px of the stage",
+        "width of the smallest hole after reduction",
+        fitted("seeds 30000-30239, `distalock bench accuracy`: 11 px accept the same 235 scenes in a third more time"),
+    )
+    smoothing_px: float = tuned(0.8, "px of the stage", "Gaussian after reduction", _SMOOTHED_SEARCH)
+    surroundings_mm: float = tuned(3.5, "mm", "surroundings of the holes that are compared", _ON_INDEPENDENT)
+    knot_spacing_mm: float = tuned(4.0, "mm", "spacing of the background's knots", _BY_INSPECTION)
+    texture_sd: float = tuned(0.02, "1", "prior of second differences of the background", _BY_INSPECTION)
+    further_tilt_deg: float = tuned(6.0, "°", "pitch and roll of the four further starts", _SMOOTHED_SEARCH)
+    distinct_deg: float = tuned(1.5, "°", "angle from which two optima differ", _BY_INSPECTION)
+    screening_steps: int = tuned(
+        4, "1", "steps before searches that converged to the same pose are merged", _BY_INSPECTION
+    )
+    most_steps: int = tuned(10, "1", "steps of a search", _BY_INSPECTION)
+    tolerance: float = tuned(2.0, "1", "decrease of the cost that ends a search", derived("a log likelihood of 1"))
+
+
+TILT_SEARCH_STAGE: Final = TiltSearchStage()
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonStage:
+    """Third stage: the two best optima with all parameters free, at half resolution."""
+
+    reduction: int = tuned(2, "image px", "side of a pixel of the stage", _BY_INSPECTION)
+    smoothing_px: float = tuned(0.8, "px of the stage", "Gaussian after reduction", _SMOOTHED_SEARCH)
+    surroundings_mm: float = tuned(3.5, "mm", "surroundings of the holes that are compared", _ON_INDEPENDENT)
+    knot_spacing_mm: float = tuned(2.0, "mm", "spacing of the background's knots", _BY_INSPECTION)
+    texture_sd: float = tuned(0.01, "1", "prior of second differences of the background", _BY_INSPECTION)
+    noise_steps: int = tuned(3, "1", "steps before the noise is estimated", _BY_INSPECTION)
+    noise_tolerance: float = tuned(2.0, "1", "decrease of the cost that ends these", derived("a log likelihood of 1"))
+    most_steps: int = tuned(8, "1", "steps of a fit", _BY_INSPECTION)
+    tolerance: float = tuned(0.2, "1", "decrease of the cost that ends a fit", derived("a log likelihood of 0.1"))
+    abandoned_margin: float = tuned(
+        60.0,
+        "1",
+        "margin beyond which a competing pose is not followed to its end",
+        derived("1.5 times the largest limit, 40"),
+    )
+    nearby_tilt_deg: float = tuned(
+        3.0, "°", "tilts at which the best optimum is tested", derived("twice the angle from which optima differ")
+    )
+    nearby_steps: int = tuned(3, "1", "steps of these tests", _BY_INSPECTION)
+    nearby_tolerance: float = tuned(2.0, "1", "decrease of the cost that ends these", derived("a log likelihood of 1"))
+    most_restarts: int = tuned(3, "1", "searches resumed from a better tilt nearby", _BY_INSPECTION)
+
+
+COMPARISON_STAGE: Final = ComparisonStage()
+
+
+@dataclass(frozen=True, slots=True)
+class FinalStage:
+    """Last stage: full resolution, whitened noise."""
+
+    smoothing_px: float = tuned(
+        0.0, "px of the stage", "Gaussian after reduction", derived("none: all of the image counts")
+    )
+    surroundings_mm: float = tuned(3.5, "mm", "surroundings of the holes that are compared", _ON_INDEPENDENT)
+    knot_spacing_mm: float = tuned(1.5, "mm", "spacing of the background's knots", _ON_INDEPENDENT)
+    texture_sd: float = tuned(0.015, "1", "prior of second differences of the background", _ON_INDEPENDENT)
+    first_steps: int = tuned(5, "1", "steps before pixels are weighted anew", _BY_INSPECTION)
+    last_steps: int = tuned(4, "1", "steps after", _BY_INSPECTION)
+    tolerance: float = tuned(
+        0.1,
+        "1",
+        "decrease of the cost that ends the fit",
+        derived("a log likelihood of 0.05"),
+    )
+
+
+FINAL_STAGE: Final = FinalStage()
+
+
+SETTINGS: Final = (
+    NAIL_BAND_SEARCH,
+    NAIL_HOLE_SEARCH,
+    OPENING_OUTLINE,
+    NAIL_CONTOUR,
+    OPENING_COVER,
+    FIT_REGION,
+    RAY_SAMPLING,
+    BEAM,
+    NAIL_PRIORS,
+    NAIL_NOISE,
+    NAIL_SOLVER,
+    CENTRING_STAGE,
+    TILT_SEARCH_STAGE,
+    COMPARISON_STAGE,
+    FINAL_STAGE,
+)
