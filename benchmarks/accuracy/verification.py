@@ -19,13 +19,12 @@ from benchmarks.common.places import PAGES
 from benchmarks.common.statistics import root_mean_square
 from benchmarks.scenes.random_scenes import catalogue_scene_of_seed, shipped_parts_of
 from benchmarks.scenes.set_ups import SeenImage, SetUp
+from services.registration.core.acceptance.image import AXIS_BOUND, ENTRY_BOUND
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.passing import across_basis
 from services.registration.core.wires.nail_fit import WiredImage, beside_wires
 from services.registration.core.wires.verify import (
-    LARGEST_ANGLE_DEG,
-    LARGEST_OFFSET_MM,
     AxisComparison,
     WireVerification,
     verify_seen,
@@ -64,7 +63,7 @@ class WireErrors:
     @property
     def too_large(self) -> bool:
         """Larger than an accepted verification may be off."""
-        return not (self.entry_mm <= LARGEST_OFFSET_MM and self.angle_deg <= LARGEST_ANGLE_DEG)
+        return not (self.entry_mm <= ENTRY_BOUND.limit.value and self.angle_deg <= AXIS_BOUND.limit.value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +198,7 @@ def report(outcomes: Sequence[tuple[Outcome, ...]]) -> str:
         f"last row the guide was moved by {_SLIP_MM:g} mm across the drilling, or turned by {_SLIP_DEG:g}°, before the "
         "wires went in: all must be refused. Errors of accepted verifications, as vectors: offset at the hole's entry "
         "and angle, median / 95 % / worst; normalised by what was predicted: rms, and the largest. Wrong: "
-        f"accepted, off by more than {LARGEST_OFFSET_MM:g} mm or {LARGEST_ANGLE_DEG:g}°. Target for a pair: "
+        f"accepted, off by more than {ENTRY_BOUND.limit} or {AXIS_BOUND.limit}. Target for a pair: "
         f"{TARGET_MM} mm and {TARGET_DEG}° at "
         "95 %. The images come from this project's own renderer.\n\n"
         "| images | accepted | wires | entry mm | angle ° | normalised entry, angle | wrong | refused because |\n"

@@ -5,23 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
+from services.registration.core.acceptance.images import IMAGES_CHI_SQUARE, chi_square_limit
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.nail.parameters import PRIOR, SHAPE_PARAMETERS, Parameter
 from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence
-from shared.errors import Reason, ReasonCode
-from shared.figures import figures
+from shared.errors import Reason
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
-# One good set in ten thousand would be refused if predicted uncertainties were true to the letter; they may be too
-# small by a quarter, which is what single images are held to.
-_SURVIVAL = 1e-4
-_EXCESS = 1.25**2
 # Radii that tell one nail from another, by the names that people give them.
 _RADII = {
     Parameter.HOLE_RADIUS_EXCESS_MM: "the holes' radius",
@@ -55,11 +50,6 @@ class Grouping:
         return self.second if self.larger is self.first else self.first
 
 
-def chi_square_limit(degrees_of_freedom: int) -> float:
-    """Largest chi-square with which images agree."""
-    return _EXCESS * float(chdtri(degrees_of_freedom, _SURVIVAL))
-
-
 def leave_one_out(evidence: tuple[PoseEvidence, ...]) -> NDArray[np.float64]:
     """By how much chi-square falls when one image is left out, for each image, shape (K,): 9 on average."""
     whole = fuse(evidence).chi_square
@@ -84,14 +74,14 @@ def disagreement(
     if len(evidence) < 2 or _agree(evidence, tuple(range(len(evidence)))):
         return None
     found = fuse(evidence)
-    squares, most = figures(found.chi_square, chi_square_limit(found.degrees_of_freedom), 0)
+    quoted = IMAGES_CHI_SQUARE.quoted(found.chi_square, chi_square_limit(found.degrees_of_freedom))
     grouping = min(_groupings(evidence), key=lambda g: g.chi_square, default=None)
     parted = grouping or Grouping((0,), tuple(range(1, len(evidence))), np.inf)
     measured = (
-        f"{_difference(evidence, parted, nail, camera_from_nail)} (chi-square {squares} for "
-        f"{found.degrees_of_freedom} degrees of freedom, limit {most})"
+        f"{_difference(evidence, parted, nail, camera_from_nail)} (chi-square of "
+        f"{found.degrees_of_freedom} degrees of freedom: {quoted})"
     )
-    return Reason(ReasonCode.IMAGES_DISAGREE, _explained(grouping, names, measured))
+    return Reason(IMAGES_CHI_SQUARE.code, _explained(grouping, names, measured))
 
 
 def _explained(grouping: Grouping | None, names: tuple[str, ...], measured: str) -> str:

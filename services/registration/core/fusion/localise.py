@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.registration.core.acceptance.image import uncertainty_reasons
-from services.registration.core.fusion.agreement import chi_square_limit, disagreement, leave_one_out
+from services.registration.core.acceptance.images import chi_square_limit
+from services.registration.core.fusion.agreement import disagreement, leave_one_out
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.hole_axes import holes_at
 from services.registration.core.localise import LocalisationResult, Parts, evidence_of

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from services.registration.core.acceptance.frame import FRAME_GUIDE_BALLS, FRAME_GUIDE_RMS
 from services.registration.core.guide.identity import Discs, settled
 from services.registration.core.guide.locate import needed_balls
 from services.registration.core.pose import Correspondences, RigidPose, down_weighted, pose_covariance, refine_pose
-from shared.errors import Accepted, Reason, ReasonCode, Rejected
-from shared.figures import figure
+from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import GuidePart
@@ -24,7 +24,6 @@ _LARGEST_SHIFT_PX = 150.0
 _SAME_SHIFT_PX = 8.0
 _POSSIBLE_RADIUS = (0.6, 1.5)
 _SYSTEMATIC_PX = 0.06
-_LARGEST_RMS_PX = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,13 +80,12 @@ def _judged(
 ) -> Accepted[FollowedGuide] | Rejected:
     apart = seen.ideal_px - calibration.camera.project(pose.points(seen.body_mm))
     rms_px = float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
-    if rms_px > _LARGEST_RMS_PX:
-        message = (
-            f"{len(seen)} of the guide's {len(guide.balls)} balls lie {figure(rms_px, _LARGEST_RMS_PX, 2)} px from "
-            f"where the guide as a whole puts them (limit {_LARGEST_RMS_PX} px): it or the patient moves; hold still "
-            "for a moment"
+    if not FRAME_GUIDE_RMS.is_met(rms_px):
+        observation = (
+            f"{len(seen)} of the guide's {len(guide.balls)} balls lie {FRAME_GUIDE_RMS.quoted(rms_px)} from where the "
+            "guide as a whole puts them: it or the patient moves"
         )
-        return Rejected((Reason(ReasonCode.MOTION_BLUR, message),))
+        return Rejected((FRAME_GUIDE_RMS.reason(observation),))
     weighed = down_weighted(calibration.camera, pose, seen)
     covariance = pose_covariance(calibration.camera, pose, weighed)
     found: Transform[Camera, Guide] = Transform.from_rotation_translation(pose.rotation, pose.translation_mm)
@@ -121,8 +119,8 @@ def _shifted(pose: RigidPose, calibration: CArmCalibration, shift_px: NDArray[np
 
 
 def _lost(found: int, needed: int, expected: int) -> Rejected:
-    message = (
-        f"{found} of the guide's {expected} balls were found near where the last frame showed them (limit {needed}): "
-        "the view has jumped, or the guide is covered; hold the C-arm still and keep the guide in the image"
+    observation = (
+        f"of the guide's {expected} balls {FRAME_GUIDE_BALLS.quoted(found, needed)} were found near where the last "
+        "frame showed them: the view has jumped, or the guide is covered"
     )
-    return Rejected((Reason(ReasonCode.GUIDE_NOT_FOUND, message),))
+    return Rejected((FRAME_GUIDE_BALLS.reason(observation),))

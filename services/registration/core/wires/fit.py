@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.wires import WIRE_DARKNESS, WIRE_SEEN, WIRE_SHARE
 from services.registration.core.passing import across_basis
 from services.registration.core.wires.image import PreparedView
 from services.registration.core.wires.model import SHARED, START, TIP, Passage, WireModel, endings, wire_model
@@ -24,8 +25,7 @@ from services.registration.core.wires.outline import (
     shape_of,
     stacks_of,
 )
-from shared.errors import Reason, ReasonCode
-from shared.figures import figure
+from shared.errors import Reason
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, read_only, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
@@ -133,7 +133,6 @@ def _rows(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], r
     return Rows(shape, matches, derivative, weight, float(effective.sum()))
 
 
-LEAST_SEEN_PX, LEAST_SEEN_SHARE = 7.0, 0.6
 # The outline is read at neighbouring points, whose errors go together: likelihoods of rivals count with this share.
 _SAME_MM, _TEMPER = 0.15, 0.7
 # A wire yields by so much to pass a hole that it would not quite meet.
@@ -256,12 +255,12 @@ def _darkness(views: tuple[Rows, ...]) -> float:
 
 def seen_share(seen_px: Sequence[float], free_px: Sequence[float]) -> float:
     """Least share of the outline that was found in any image in which enough of it could be seen; 0 when in none."""
-    shares = [seen / free for seen, free in zip(seen_px, free_px, strict=True) if free >= LEAST_SEEN_PX]
+    shares = [seen / free for seen, free in zip(seen_px, free_px, strict=True) if WIRE_SEEN.is_met(free)]
     return min(shares, default=0.0)
 
 
 def _uncontradicted(solutions: list[_Solution]) -> list[_Solution]:
-    return [solution for solution in solutions if solution.seen_share >= LEAST_SEEN_SHARE]
+    return [solution for solution in solutions if WIRE_SHARE.is_met(solution.seen_share)]
 
 
 def _along_the_weak(
@@ -316,7 +315,6 @@ def _impossibility(solution: _Solution) -> float:
 
 
 WIRE_DIAMETER_MM = 2.0
-_LEAST_DARKNESS = 0.5
 
 
 def find_wire(
@@ -344,16 +342,12 @@ def find_wire(
     fit = fit_wire(views, models, known)
     seen = sum(fit.seen_px)
     fraction = seen_share(fit.seen_px, fit.free_px)
-    if seen >= LEAST_SEEN_PX and fraction >= LEAST_SEEN_SHARE and fit.darkness >= _LEAST_DARKNESS:
+    if WIRE_SEEN.is_met(seen) and WIRE_SHARE.is_met(fraction) and WIRE_DARKNESS.is_met(fit.darkness):
         return fit
-    darkness = 100.0 * max(fit.darkness, 0.0)
-    return Reason(
-        ReasonCode.WIRE_NOT_FOUND,
-        f"no wire was found through guide hole '{guide_hole.id}': {figure(seen, LEAST_SEEN_PX, 0)} px of its outline "
-        f"were seen (limit {LEAST_SEEN_PX:.0f}), {figure(100.0 * fraction, 100.0 * LEAST_SEEN_SHARE, 0)} % of what is "
-        f"not hidden (limit {100.0 * LEAST_SEEN_SHARE:.0f} %), {figure(darkness, 100.0 * _LEAST_DARKNESS, 0)} % as "
-        f"dark as the nail (limit {100.0 * _LEAST_DARKNESS:.0f} %); insert the wire up to the nail, or take an "
-        "oblique image",
+    return WIRE_SEEN.reason(
+        f"no wire was found through guide hole '{guide_hole.id}': {WIRE_SEEN.quoted(seen)} of its outline are visible, "
+        f"{WIRE_SHARE.quoted(fraction)} of what is not hidden, and it is "
+        f"{WIRE_DARKNESS.quoted(max(fit.darkness, 0.0))} as dark as the nail"
     )
 
 

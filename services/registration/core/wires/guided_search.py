@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.search import SEARCHED_OUTLINE
+from services.registration.core.acceptance.wires import GUIDE_ON_NAIL, GUIDE_ON_NAIL_MARGIN, OPENNESS_BESIDE_WIRES
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.locate import GuideFit, Named, guide_identities, measured_guide
 from services.registration.core.localise import Parts
@@ -18,8 +20,7 @@ from services.registration.core.nail.search.find import camera_from_nail_facing
 from services.registration.core.nail.search.holes import HolePattern, StraightenedBand, find_pattern, straighten_band
 from services.registration.core.nail.search.outline import measure_opening
 from services.registration.core.wires.image import in_border
-from shared.errors import Accepted, Reason, ReasonCode, Rejected
-from shared.figures import figure
+from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import unit
@@ -30,8 +31,6 @@ from shared.geometry.transform import Transform
 LARGEST_MISALIGNMENT_MM = 18.0
 _BANDS_TRIED = 6
 _LOWEST_DARKNESS = 0.06
-_LOWEST_OPENNESS = 0.1
-_LOWEST_SEEN_FRACTION = 0.35
 
 
 def nail_beside_guide(
@@ -54,8 +53,12 @@ def nail_beside_guide(
     patterns = list(_patterns(image, calibration, guide, nail, camera_from_guide))
     best = max(patterns, key=_quality, default=None)
     openness = 0.0 if best is None else float(best.openness.min())
-    if best is None or openness < _LOWEST_OPENNESS:
-        return Rejected((_not_visible(openness),))
+    if best is None or not OPENNESS_BESIDE_WIRES.is_met(openness):
+        observation = (
+            f"within {LARGEST_MISALIGNMENT_MM:.0f} mm of where the guide's holes point, the contrast of the nail's "
+            f"least visible hole is {OPENNESS_BESIDE_WIRES.quoted(max(openness, 0.0))} of the nail's own"
+        )
+        return Rejected((OPENNESS_BESIDE_WIRES.reason(observation),))
     centres_px = [
         _centre_ideal_px(upright, image, calibration, best, place, 0.5 * hole.diameter_mm)
         for place, hole in zip(best.centre_search_px, nail.holes, strict=True)
@@ -131,22 +134,12 @@ def _centre_ideal_px(
     ideal = image.ideal_px(place_search_px)
     radius_px = radius_mm * pattern.px_per_mm * image.step_px
     opening = measure_opening(upright, calibration, "", calibration.distortion.distort(ideal), radius_px)
-    if opening is None or opening.seen_fraction < _LOWEST_SEEN_FRACTION:
+    if opening is None or not SEARCHED_OUTLINE.is_met(opening.seen_fraction):
         return ideal
     return opening.ellipse.centre_px
 
 
-def _not_visible(openness: float) -> Reason:
-    return Reason(
-        ReasonCode.HOLE_NOT_VISIBLE,
-        f"within {LARGEST_MISALIGNMENT_MM:.0f} mm of where the guide's holes point, the nail's least visible hole has "
-        f"a contrast of {figure(max(openness, 0.0), _LOWEST_OPENNESS, 2)} of the nail's (limit {_LOWEST_OPENNESS}); "
-        "turn the C-arm until the holes are open beside the wires",
-    )
-
-
 LEAST_BALLS = 7
-LEAST_BAND, LEAST_BAND_MARGIN = 0.55, 0.2
 _PROXIMAL_OF_HOLES_MM, _STEP_MM = 30.0, 1.0
 _INSIDE, _OUTSIDE = 0.6, 1.6
 _LEAST_CONTRAST = 0.25
@@ -162,8 +155,13 @@ def locate_guide_beside(
     order = np.argsort(-bands, kind="stable")
     best = float(bands[order[0]]) if len(order) else 0.0
     second = float(bands[order[1]]) if len(order) > 1 else 0.0
-    if best < LEAST_BAND or best - second < LEAST_BAND_MARGIN:
-        return Rejected((_not_found(len(named), best, second),))
+    if not (GUIDE_ON_NAIL.is_met(best) and GUIDE_ON_NAIL_MARGIN.is_met(best - second)):
+        observation = (
+            f"of {len(named)} ways to name {LEAST_BALLS} balls of the guide or more, with the nail's place known from "
+            f"the other image, the best puts {GUIDE_ON_NAIL.quoted(best)} of the nail on metal and the next less of it "
+            f"by {GUIDE_ON_NAIL_MARGIN.quoted(best - second)}"
+        )
+        return Rejected((GUIDE_ON_NAIL.reason(observation),))
     chosen = named[order[0]]
     others = [len(one) for one in named if one is not chosen]
     margin = len(chosen) - max(others, default=0)
@@ -204,13 +202,3 @@ def _band(
         hits += int(np.count_nonzero(visible & (greys[1] - greys[0] > _LEAST_CONTRAST * (light - dark))))
         seen += int(np.count_nonzero(visible))
     return hits / seen if seen >= _LEAST_POINTS else 0.0
-
-
-def _not_found(ways: int, best: float, second: float) -> Reason:
-    return Reason(
-        ReasonCode.GUIDE_NOT_FOUND,
-        f"{ways} ways to name {LEAST_BALLS} balls of the guide or more were tried with the nail's place known from the "
-        f"other image: the best puts {figure(100.0 * best, 100.0 * LEAST_BAND, 0)} % of the nail on metal (limit "
-        f"{100.0 * LEAST_BAND:.0f} %), the next {100.0 * second:.0f} % (limit {100.0 * LEAST_BAND_MARGIN:.0f} % less); "
-        "move the C-arm until more of the guide is in the image, with the nail, and take the image again",
-    )

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.fusion.agreement import chi_square_limit
+from services.registration.core.acceptance.images import OUTLINE_CHI_SQUARE, chi_square_limit
+from services.registration.core.acceptance.wires import OUTLINE_SHARE
 from services.registration.core.fusion.fuse import FusedPose
 from services.registration.core.pose_evidence import cross_matrix, motion_of_nail, moved_by
 from services.registration.core.wires.image import WireView
@@ -22,8 +23,7 @@ from services.registration.core.wires.nail_outline import (
     nail_outline,
     towards_axis,
 )
-from shared.errors import Reason, ReasonCode
-from shared.figures import figure, figures
+from shared.errors import Reason
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, NailPart
@@ -99,7 +99,6 @@ def set_up_of(views: tuple[WireView, ...], joint: FusedPose, source: tuple[int |
     return SetUp(views, joint.guide_from_nail, covariance)
 
 
-LEAST_SHARE = 0.6
 _REACHES_PX = (14.0, 8.0, 5.0, 4.0, 3.0)
 _EDGE_SD_PX, _EDGE_CORRELATION_PX, _ROBUST_PX = 0.3, 6.0, 1.0
 # The display's curve moves both edges outwards or inwards alike; what lies beside them moves each for itself.
@@ -139,23 +138,20 @@ class BandDeparture:
         """Why the guide is not where it was when the nail was seen from it; None when it may be."""
         limit = chi_square_limit(len(self.motion))
         (shift_mm, turn_rad), (shift_sd_mm, turn_sd_rad) = np.abs(self.motion), np.sqrt(np.diag(self.covariance))
-        squares, most = figures(self.chi_square, limit, 0)
         measured = (
             f"in image {image} the nail lies {shift_mm:.2f} mm and {np.degrees(turn_rad):.2f}° from where the guide in "
             f"it and the holes in other images put it (standard deviations {shift_sd_mm:.2f} mm and "
-            f"{np.degrees(turn_sd_rad):.2f}°, chi-square {squares}, limit {most})"
+            f"{np.degrees(turn_sd_rad):.2f}°, chi-square {OUTLINE_CHI_SQUARE.quoted(self.chi_square, limit)})"
         )
-        if self.share < LEAST_SHARE:
+        if not OUTLINE_SHARE.is_met(self.share):
             measured = (
-                f"in image {image} {figure(100.0 * self.share, 100.0 * LEAST_SHARE, 0)} % of the nail's outline is "
-                f"where the guide in it and the holes in other images put it (limit {100.0 * LEAST_SHARE:.0f} %)"
+                f"in image {image} {OUTLINE_SHARE.quoted(self.share)} of the nail's outline is where the guide in it "
+                "and the holes in other images put it"
             )
-        elif self.chi_square <= limit:
+        elif OUTLINE_CHI_SQUARE.is_met(self.chi_square, limit):
             return None
-        return Reason(
-            ReasonCode.IMAGES_DISAGREE,
-            f"{measured}; the guide moved on the bone between the images or one of them is wrong: check that mount and "
-            "guide are tight, and take all images again",
+        return OUTLINE_SHARE.reason(
+            f"{measured}; the guide moved on the bone between the images or one of them is wrong"
         )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from services.registration.core.acceptance.image import fit_reasons
-from services.registration.core.acceptance.wires import BESIDE_WIRES
+from services.registration.core.acceptance.wires import BESIDE_WIRES, GUIDE_TILT, LAST_SHIFT, LAST_TURN, WIRES_LOST
 from services.registration.core.fusion.localise import LocalisedImage, usable_evidence
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Method, Parts, conclude, unmirrored
@@ -23,8 +23,7 @@ from services.registration.core.nail_estimate import NailEstimate, fitted_estima
 from services.registration.core.wires.fit import WIRE_DIAMETER_MM, WireFit, find_wire
 from services.registration.core.wires.guided_search import nail_beside_guide
 from services.registration.core.wires.image import MARGIN_PX, WireView, prepare_view
-from shared.errors import Accepted, Reason, ReasonCode, Rejected
-from shared.figures import figure
+from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, unit
@@ -35,7 +34,6 @@ _ROUGHLY_PLACED_PX, _FITTED_PX = (5.0, MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN
 _EDGE_MM = 0.35
 _END_SIGMAS = 2.0
 _SAME_DEG, _SAME_MM = 0.3, 0.1
-_RESTLESS_DEG, _RESTLESS_MM = 1.0, 0.3
 
 
 def localise_behind_wires(
@@ -69,7 +67,7 @@ def _fitted(
     for margin_px in margins_px:
         wires = _wires(view, parts, view.camera_from_guide.inverse() @ pose, margin_px)
         if not wires and margin_px == MARGIN_PX:
-            return Rejected((_lost_again(),)) if seen else None
+            return Rejected((WIRES_LOST.reason(),)) if seen else None
         seen = bool(wires)
         measured = _measured_beside(view, parts, pose, wires)
         if isinstance(measured, Rejected):
@@ -78,8 +76,12 @@ def _fitted(
         moved, pose = pose.inverse() @ found.camera_from_nail, found.camera_from_nail
         if wires and _within(moved, _SAME_DEG, _SAME_MM):
             break
-    if not _within(moved, _RESTLESS_DEG, _RESTLESS_MM):
-        return Rejected((_restless(moved),))
+    shift_mm, turn_deg = _shift_mm(moved), _turn_deg(moved)
+    if not (LAST_SHIFT.is_met(shift_mm) and LAST_TURN.is_met(turn_deg)):
+        quoted = f"{LAST_SHIFT.quoted(shift_mm)} and {LAST_TURN.quoted(turn_deg)}"
+        return Rejected(
+            (LAST_SHIFT.reason(f"nail and wires do not converge: the last fit moved the nail by {quoted}"),)
+        )
     reasons = fit_reasons(replace(found.evidence, openings=BESIDE_WIRES))
     return Rejected(reasons) if reasons else Accepted(fitted_estimate(found))
 
@@ -95,24 +97,6 @@ def _turn_deg(motion: Transform[Nail, Nail]) -> float:
 def _shift_mm(motion: Transform[Nail, Nail]) -> float:
     """Across the holes: depth is neither well known nor of consequence here."""
     return float(np.linalg.norm(motion.translation_mm[:2]))
-
-
-def _restless(moved: Transform[Nail, Nail]) -> Reason:
-    shift, turn = figure(_shift_mm(moved), _RESTLESS_MM, 1), figure(_turn_deg(moved), _RESTLESS_DEG, 1)
-    return Reason(
-        ReasonCode.NAIL_MODEL_MISMATCH,
-        f"nail and wires do not come to rest together: the nail's last fit moved it by {shift} mm and {turn}° "
-        f"(limits {_RESTLESS_MM:g} mm and {_RESTLESS_DEG:g}°); add an image from before the wires, or turn "
-        "the C-arm by 5° and take one more image",
-    )
-
-
-def _lost_again() -> Reason:
-    return Reason(
-        ReasonCode.WIRE_NOT_FOUND,
-        "wires were found in front of the nail, and after the nail was fitted beside them 0 of them (limit: as many as "
-        "before); add an image from before the wires, or turn the C-arm by 5° and take one more image",
-    )
 
 
 def _measured_beside(
@@ -156,8 +140,6 @@ def _hidden(view: WireView, rods: tuple[SteelRod, ...]) -> NDArray[np.bool_]:
     return np.asarray(mask > 0)
 
 
-# Of the guide's axes against the ray: holes are found up to 14 degrees, and the guide may stand several off.
-LARGEST_TILT_DEG = 25.0
 _TO_NAIL_MM = 100.0
 
 
@@ -186,7 +168,7 @@ def beside_wires(image: WiredImage, parts: Parts) -> WiredImage:
     found, calibration = image.found, image.found.calibration
     if calibration is None or found.result is None or found.result.guide is None:
         return image
-    if tilt_of_guide_deg(found.result.guide, parts) > LARGEST_TILT_DEG:
+    if not GUIDE_TILT.is_met(tilt_of_guide_deg(found.result.guide, parts)):
         return image
     known = found.result.nail if usable_evidence(found, parts) is not None else None
     upright = unmirrored(image.pixels, calibration)
@@ -209,11 +191,9 @@ def why_no_holes(images: tuple[WiredImage, ...], parts: Parts) -> tuple[Reason, 
     if not tilts:
         return tuple(reason for image in images for reason in image.found.reasons)
     return (
-        Reason(
-            ReasonCode.HOLE_NOT_VISIBLE,
-            "no image looks along the nail's holes: the guide's are tilted by "
-            f"{figure(min(tilts), LARGEST_TILT_DEG, 0)}° or more against the beam (limit {LARGEST_TILT_DEG:.0f}°); add "
-            "an image along the wires, or one from before the wires",
+        GUIDE_TILT.reason(
+            "no image looks along the nail's holes: the guide's are tilted against the beam by "
+            f"{GUIDE_TILT.quoted(min(tilts))} or more"
         ),
     )
 
@@ -232,4 +212,4 @@ def _tilt_deg(image: WiredImage, parts: Parts) -> float | None:
 
 def _looks_along(image: WiredImage, parts: Parts) -> bool:
     tilt_deg = _tilt_deg(image, parts)
-    return tilt_deg is not None and tilt_deg <= LARGEST_TILT_DEG
+    return tilt_deg is not None and GUIDE_TILT.is_met(tilt_deg)

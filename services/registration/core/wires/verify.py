@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.wires import NO_SHARED_HOLE, WIRE_AXIS_BOUND, WIRE_ENTRY_BOUND
 from services.registration.core.fusion.agreement import disagreement
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.fusion.localise import LocalisedImage, usable_evidence
@@ -24,15 +25,13 @@ from services.registration.core.wires.guided_search import locate_guide_beside
 from services.registration.core.wires.image import WireView, prepare_view
 from services.registration.core.wires.joint_estimate import SetUp, set_up_of, with_outline
 from services.registration.core.wires.nail_fit import WiredImage, beside_wires, why_no_holes
-from shared.errors import Accepted, Reason, ReasonCode, Rejected
-from shared.figures import figure
+from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, unit
 from shared.geometry.parts import GuidePart, Hole, NailPart
 from shared.geometry.transform import Transform
 
-LARGEST_OFFSET_MM, LARGEST_ANGLE_DEG = 1.0, 1.5
 _DIFFERENCE_MM = 1e-4
 
 
@@ -94,8 +93,7 @@ def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerific
     holes = holes_at(nail, set_up.guide_from_nail, set_up.nail_covariance, set_up.camera_from_nail(0))
     pairs = _paired(guide, holes)
     if not pairs:
-        message = "no hole of the guide has the id of a hole of the nail; check the guide and nail files"
-        return WireVerification((Reason(ReasonCode.NAIL_MODEL_MISMATCH, message),), (), ())
+        return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
     prepared = tuple(prepare_view(view, guide, nail, set_up.guide_from_nail) for view in set_up.views)
     reasons: list[Reason] = []
     wires: list[AxisComparison] = []
@@ -162,19 +160,15 @@ def _paired(guide: GuidePart, holes: tuple[HoleEstimate, ...]) -> list[tuple[Hol
 
 def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]:
     bound_mm, bound_deg = comparison.offset.entry_bound_mm, comparison.offset.axis_bound_deg
-    if bound_mm <= LARGEST_OFFSET_MM and bound_deg <= LARGEST_ANGLE_DEG:
+    if WIRE_ENTRY_BOUND.is_met(bound_mm) and WIRE_AXIS_BOUND.is_met(bound_deg):
         return []
     remedy = (
         "add an image from another direction"
         if image_count == 1
         else "take both again with more dose, and the lateral one so that the wire shows in the nail's hole"
     )
-    message = (
-        f"wire '{comparison.hole_id}' is known to {figure(bound_mm, LARGEST_OFFSET_MM, 2)} mm and "
-        f"{figure(bound_deg, LARGEST_ANGLE_DEG, 2)} degrees at 95 % (limits {LARGEST_OFFSET_MM} mm and "
-        f"{LARGEST_ANGLE_DEG} degrees); {remedy}"
-    )
-    return [Reason(ReasonCode.UNCERTAINTY_TOO_LARGE, message)]
+    known = f"{WIRE_ENTRY_BOUND.quoted(bound_mm)} and {WIRE_AXIS_BOUND.quoted(bound_deg)} with 95 % confidence"
+    return [WIRE_ENTRY_BOUND.reason(f"wire '{comparison.hole_id}' is known to {known}", remedy)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.search import (
+    BAND_WIDTH,
+    DIRECTION_CONTRADICTION,
+    DIRECTION_MARGIN,
+    NAIL_BAND,
+    SEARCHED_OPENNESS,
+    SEARCHED_OUTLINE,
+)
 from services.registration.core.nail.search.band import SearchImage, depth_range_mm, find_bands, prepare_search
 from services.registration.core.nail.search.holes import (
     HolePattern,
@@ -17,8 +25,7 @@ from services.registration.core.nail.search.holes import (
     straighten_band,
 )
 from services.registration.core.nail.search.outline import Contour, Opening, measure_contour, measure_opening
-from shared.errors import Accepted, Reason, ReasonCode, Rejected
-from shared.figures import figure
+from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
@@ -28,11 +35,6 @@ from shared.two_cores import mapped
 
 _BANDS_TRIED = 6
 _LOWEST_DARKNESS = 0.06
-_LOWEST_OPENNESS = 0.3
-_CLEAR_MARGIN = 0.3
-_CONTRADICTING_MARGIN = 0.5
-_LOWEST_SEEN_FRACTION = 0.35
-_LARGEST_WIDTH_DEVIATION = 0.07
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,19 +95,15 @@ def find_nail(
     image = prepare_search(pixels, calibration, nail)
     candidates = _dark_candidates(image, calibration, nail)
     if not candidates:
-        return _rejected(
-            ReasonCode.NAIL_NOT_FOUND,
-            f"no dark band of a {nail.diameter_mm:g} mm nail's width was found in the image; "
-            "bring the nail's distal end into view, or check the nail file",
-        )
+        return _rejected(NAIL_BAND.reason(f"no dark band of a {nail.diameter_mm:g} mm nail's width is in the image"))
     forwards, backwards = max(candidates, key=lambda pair: _quality(pair[0]))
     openness = float(max(forwards.openness.min(), backwards.openness.min()))
-    if openness < _LOWEST_OPENNESS:
+    if not SEARCHED_OPENNESS.is_met(openness):
+        quoted = SEARCHED_OPENNESS.quoted(max(openness, 0.0))
         return _rejected(
-            ReasonCode.HOLE_NOT_VISIBLE,
-            "the nail's band was found, but its least visible hole has a contrast of "
-            f"{figure(max(openness, 0.0), _LOWEST_OPENNESS, 2)} of the band's (limit {_LOWEST_OPENNESS}); turn the "
-            f"C-arm until all {len(nail.holes)} holes look open",
+            SEARCHED_OPENNESS.reason(
+                f"the nail's band was found, but the contrast of its least visible hole is {quoted} of the band's own"
+            )
         )
     directed = _directed(forwards, backwards, distal_hint_camera)
     if isinstance(directed, Rejected):
@@ -140,22 +138,18 @@ def _directed(
     if margin < 0.0:
         seen, margin = backwards, -margin
     if hint_camera is None:
-        if margin < _CLEAR_MARGIN:
-            return _rejected(
-                ReasonCode.NAIL_NOT_FOUND,
-                f"the nail was found, but not which end is distal (margin {figure(margin, _CLEAR_MARGIN, 2)}, limit "
-                f"{_CLEAR_MARGIN}); bring the nail's tip or the drill guide into view",
-            )
+        if not DIRECTION_MARGIN.is_met(margin):
+            quoted = DIRECTION_MARGIN.quoted(margin)
+            return _rejected(DIRECTION_MARGIN.reason(f"the nail was found, but not its distal end: margin {quoted}"))
         return seen, margin
     along = forwards.strip.band.along
     hinted = forwards if float(along @ hint_camera[:2]) >= 0.0 else backwards
     if hinted is seen:
         return seen, margin
-    if margin >= _CONTRADICTING_MARGIN:
+    if not DIRECTION_CONTRADICTION.is_met(margin):
+        quoted = DIRECTION_CONTRADICTION.quoted(margin)
         return _rejected(
-            ReasonCode.NAIL_MODEL_MISMATCH,
-            f"the nail's tip lies at its other end than the drill guide says (margin {margin:.2f}, limit "
-            f"{_CONTRADICTING_MARGIN}); check the nail file's tip_x_mm and how the guide is mounted",
+            DIRECTION_CONTRADICTION.reason(f"the nail's tip lies opposite to the guide's distal end: margin {quoted}")
         )
     return hinted, -margin
 
@@ -181,12 +175,12 @@ def _measured(
     )
     expected_px = nail.diameter_mm * focal_px / float(pose.translation_mm[2])
     ratio = contour.width_ideal_px / expected_px
-    if abs(ratio - 1.0) > _LARGEST_WIDTH_DEVIATION:
-        most = 100.0 * _LARGEST_WIDTH_DEVIATION
+    if not BAND_WIDTH.is_met(abs(ratio - 1.0)):
+        quoted = BAND_WIDTH.quoted(ratio - 1.0, sign="+")
         return _rejected(
-            ReasonCode.NAIL_MODEL_MISMATCH,
-            f"the band's width differs by {figure(100.0 * (ratio - 1.0), most, 0, '+')} % from that of a "
-            f"{nail.diameter_mm:g} mm nail with these holes (limit {most:.0f} %); check the nail file",
+            BAND_WIDTH.reason(
+                f"the band's width differs by {quoted} from that of a {nail.diameter_mm:g} mm nail with these holes"
+            )
         )
     length_px = pattern.strip.band.edge_length_px * image.step_px
     darkness, openness = pattern.strip.typical_darkness, float(pattern.openness.min())
@@ -205,19 +199,18 @@ def _openings(
     for hole, centre_px in zip(nail.holes, proposed_px, strict=True):
         radius_px = 0.5 * hole.diameter_mm * pattern.px_per_mm * image.step_px
         opening = measure_opening(pixels, calibration, hole.id, centre_px, radius_px)
-        if opening is None or opening.seen_fraction < _LOWEST_SEEN_FRACTION:
-            seen, least = 100.0 * (0.0 if opening is None else opening.seen_fraction), 100.0 * _LOWEST_SEEN_FRACTION
+        seen = 0.0 if opening is None else opening.seen_fraction
+        if opening is None or not SEARCHED_OUTLINE.is_met(seen):
+            quoted = SEARCHED_OUTLINE.quoted(seen)
             return _rejected(
-                ReasonCode.HOLE_NOT_VISIBLE,
-                f"the outline of nail hole '{hole.id}' can be seen over {figure(seen, least, 0)} % of its length "
-                f"(limit {least:.0f} %); turn the C-arm, or move the guide's balls off the hole",
+                SEARCHED_OUTLINE.reason(f"the outline of nail hole '{hole.id}' is visible over {quoted} of its length")
             )
         found.append(opening)
     return tuple(found)
 
 
-def _rejected(code: ReasonCode, message: str) -> Rejected:
-    return Rejected((Reason(code, message),))
+def _rejected(reason: Reason) -> Rejected:
+    return Rejected((reason,))
 
 
 def camera_from_nail_facing(

@@ -173,7 +173,7 @@ def test_a_guide_that_left_is_not_found_where_it_was() -> None:
     found = follow_guide(away.calibration, PARTS.guide, CAMERA_FROM_GUIDE)
     assert isinstance(found, Rejected)
     assert found.reasons[0].code is ReasonCode.GUIDE_NOT_FOUND
-    assert "limit 12" in found.reasons[0].message
+    assert "at least 12" in found.reasons[0].message
 
 
 def test_the_guide_is_found_where_it_is_now() -> None:

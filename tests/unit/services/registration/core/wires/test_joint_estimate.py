@@ -143,7 +143,7 @@ def test_a_nail_that_is_nowhere_near_shows_no_outline() -> None:
     away = slip_of((0.0, 0.0, 0.0), (0.0, 25.0, 0.0))
     reason = with_outline(believed_after(away, lateral_view()), 0, guide_part(), nail_part()).departure.reason("3")
     assert reason is not None
-    assert "% of the nail's outline is where the guide in it" in reason.message
+    assert "% (at least 60 %) of the nail's outline is where the guide in it" in reason.message
 
 
 def test_what_an_image_said_of_the_nail_has_its_guides_error_in_it() -> None:
@@ -198,7 +198,7 @@ def test_a_nail_said_to_be_elsewhere_names_no_guide() -> None:
     found = locate_guide_beside(pixels, view, parts_of_the_case(), away @ TRUE_GUIDE_FROM_NAIL)
     assert isinstance(found, Rejected)
     assert [reason.code for reason in found.reasons] == [ReasonCode.GUIDE_NOT_FOUND]
-    assert "% of the nail on metal (limit 55 %)" in found.reasons[0].message
+    assert "% (at least 55 %) of the nail on metal" in found.reasons[0].message
 
 
 def test_images_that_show_no_axes_make_no_set_up() -> None:

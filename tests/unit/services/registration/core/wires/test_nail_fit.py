@@ -114,7 +114,7 @@ def test_only_images_along_the_holes_tell_why_those_are_not_seen() -> None:
     ]
     alone = why_no_holes((from_aside,), PARTS)
     assert [reason.code for reason in alone] == [ReasonCode.HOLE_NOT_VISIBLE]
-    assert "tilted by 38° or more against the beam (limit 25°); add an image along the wires" in alone[0].message
+    assert "tilted against the beam by 38° (limit 25°) or more; add an image along the wires" in alone[0].message
     assert why_no_holes((WiredImage(blank, found((other,), None)),), PARTS) == (other,)
 
 
