@@ -6,13 +6,14 @@ INSTALLED := .venv/.installed
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test check bench lock schemas clean
+.PHONY: help setup demo test check bench lock generated clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
 	@echo "make test    everything CI runs"
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make bench   the full statistics; results go to docs/"
+	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
 	@echo "make setup   only the environment in .venv, with the command at .venv/bin/distalock"
 
 setup: $(INSTALLED)
@@ -33,7 +34,7 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m shared.messages.schema_files --check
+	$(BIN)/python -m tools.generate --check
 	$(BIN)/python -m pytest -q tests/unit tests/property tests/contract
 
 test: check
@@ -48,8 +49,8 @@ lock: setup
 	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-emit-find-links --no-header --upgrade --output-file requirements.lock --quiet
 
-schemas: setup
-	$(BIN)/python -m shared.messages.schema_files
+generated: setup
+	$(BIN)/python -m tools.generate
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info

@@ -39,7 +39,12 @@ class Limit:
 
     def __str__(self) -> str:
         """The value with its unit: "14°", "35 %"."""
-        return self.with_unit(f"{round(self.scale * self.value, 9):g}")
+        return self.with_unit(self.number)
+
+    @property
+    def number(self) -> str:
+        """The value without its unit, as it is printed."""
+        return f"{round(self.scale * self.value, 9):g}"
 
     @property
     def scale(self) -> float:

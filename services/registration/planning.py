@@ -6,7 +6,8 @@ verification. The newest image is always among them.
 
 import numpy as np
 
-from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
+from services.registration.core.acceptance.plan import PlanRefused
+from services.registration.core.plan import PlannedMove, PredictedHole, RobotNow, plan_move
 from services.registration.frames import LocalisedFrame, OpenCase
 from services.registration.head_check import head_trouble
 from services.registration.knowledge import Knowledge

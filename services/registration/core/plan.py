@@ -7,16 +7,22 @@ the hexapod cannot make the shortest move.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.plan import (
+    OUT_OF_REACH,
+    RESIDUAL,
+    UNKNOWN_HOLE,
+    UNKNOWN_UNCERTAINTY,
+    PlanRefused,
+    refused,
+)
 from services.registration.core.axis_match import AxisPair, match_axes
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset, angle_deg, axis_offset_mm
 from shared.errors import Accepted
-from shared.figures import figure
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
@@ -25,7 +31,6 @@ from shared.geometry.lines import Line
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
 
-LARGEST_RESIDUAL_MM = 0.25
 LONGEST_AXIAL_SHIFT_MM = 8.0
 LARGEST_AXIAL_TURN_DEG = 20.0
 # The lever from the guide to the nail is long, and a mount that gives way is in no prediction: half as much tilt again.
@@ -33,23 +38,6 @@ _TILT_SD_DEG = 1.5 * MOVE_SD_DEG
 _SHIFTS_MM = np.linspace(-LONGEST_AXIAL_SHIFT_MM, LONGEST_AXIAL_SHIFT_MM, 33)
 _TURNS_DEG = np.linspace(-LARGEST_AXIAL_TURN_DEG, LARGEST_AXIAL_TURN_DEG, 11)
 _MM_PER_DEG = 0.5
-
-
-class PlanRefusal(StrEnum):
-    """Why there is no plan."""
-
-    UNKNOWN_HOLE = "unknown_hole"
-    UNKNOWN_UNCERTAINTY = "unknown_uncertainty"
-    UNEQUAL_SPACING = "unequal_spacing"
-    OUT_OF_REACH = "out_of_reach"
-
-
-@dataclass(frozen=True, slots=True)
-class PlanRefused:
-    """No plan, and why: code and one sentence with figures and the remedy."""
-
-    code: PlanRefusal
-    message: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,12 +120,11 @@ def plan_move(
     residual_mm = max(
         float(np.abs(axis_offset_mm(p.target, p.moved(shortest), p.entry_mm, p.exit_mm)).max()) for p in pairs
     )
-    if residual_mm > LARGEST_RESIDUAL_MM:
-        return PlanRefused(
-            PlanRefusal.UNEQUAL_SPACING,
-            f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: "
-            f"{figure(residual_mm, LARGEST_RESIDUAL_MM, 2)} mm would remain (limit {LARGEST_RESIDUAL_MM:g} mm); plan "
-            "one hole per move",
+    if not RESIDUAL.is_met(residual_mm):
+        return refused(
+            RESIDUAL,
+            f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {RESIDUAL.quoted(residual_mm)} "
+            "would remain",
         )
     turns_deg = _TURNS_DEG if len(pairs) == 1 else np.zeros(1)
     chosen = _within_reach(shortest, pairs[0].target, turns_deg, robot)
@@ -155,14 +142,9 @@ def _wanted(
     unknown = [i for i in hole_ids if i not in known]
     if unknown or not hole_ids or len(set(hole_ids)) < len(hole_ids):
         what = f"hole '{unknown[0]}' is not" if unknown else "the list of holes is empty or names one twice; no hole is"
-        return PlanRefused(
-            PlanRefusal.UNKNOWN_HOLE, f"{what} one of the holes that guide and nail share: {', '.join(known)}"
-        )
+        return refused(UNKNOWN_HOLE, f"{what} one of the holes that guide and nail share: {', '.join(known)}")
     if any(nail_holes[i].offset is None for i in hole_ids):
-        return PlanRefused(
-            PlanRefusal.UNKNOWN_UNCERTAINTY,
-            "the localisation does not know its own errors (method fronto-parallel); localise with the model method",
-        )
+        return refused(UNKNOWN_UNCERTAINTY, UNKNOWN_UNCERTAINTY.observed)
     return tuple((nail_holes[i], guide_holes[i]) for i in hole_ids)
 
 
@@ -179,7 +161,7 @@ def _within_reach(
             return freedom
         tried.append((margin, freedom))
     nearest = max(tried, key=lambda one: one[0])[1]
-    return PlanRefused(PlanRefusal.OUT_OF_REACH, _out_of_reach(tried[0][1], nearest, robot))
+    return PlanRefused(OUT_OF_REACH.code, _out_of_reach(tried[0][1], nearest, robot))
 
 
 def _margin(pose: PlatformPose, robot: RobotNow) -> float:

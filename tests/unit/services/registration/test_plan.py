@@ -9,13 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.acceptance.plan import PlanRefusal, PlanRefused
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.passing import AxisOffset
 from services.registration.core.plan import (
     LONGEST_AXIAL_SHIFT_MM,
     PlannedMove,
-    PlanRefusal,
-    PlanRefused,
     RobotNow,
     plan_move,
 )
@@ -119,7 +118,7 @@ def test_unequal_spacings_are_planned_one_by_one() -> None:
     holes = holes_at(nail_at((1.0, 1.0, 0.0), (1.0, 1.0)), (12.5, -12.5))
     refusal = refused(holes, BOTH)
     assert refusal.code is PlanRefusal.UNEQUAL_SPACING
-    assert "2.50 mm would remain" in refusal.message
+    assert "2.50 mm (limit 0.25 mm) would remain" in refusal.message
     assert "one hole per move" in refusal.message
     for hole in holes:
         assert planned(holes, (hole.id,)).predicted[0].offset.entry_mm < 1e-5

@@ -1,0 +1,56 @@
+"""Write every generated file, or check that all are up to date: message schemas, `openapi.json`, tables of the docs.
+
+usage: python -m tools.generate [--check]
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from services.ui_api.app import openapi_document, routed_app
+from shared.messages.schema_files import SCHEMAS, schema_texts
+from tools.refusals_page import refusals_page
+
+_DOCS = Path(__file__).parents[1] / "docs"
+_PAGES: dict[str, Callable[[], str]] = {
+    "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
+    "refusals.md": refusals_page,
+}
+
+
+def generated_files() -> dict[Path, str]:
+    """Path and content of every generated file."""
+    schemas = {SCHEMAS / name: text for name, text in schema_texts().items()}
+    return schemas | {_DOCS / name: text() for name, text in _PAGES.items()}
+
+
+def differences() -> list[str]:
+    """What is wrong with the committed files, one sentence each; empty when nothing is."""
+    wanted = generated_files()
+    unknown = sorted(file for file in SCHEMAS.glob("*.json") if file not in wanted)
+    outdated = [file for file, text in wanted.items() if not file.exists() or file.read_text(encoding="utf-8") != text]
+    return [
+        *(f"{file.name} is missing or out of date" for file in sorted(outdated)),
+        *(f"{file.name} belongs to no message; delete it" for file in unknown),
+    ]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write or check; 1 when a check fails."""
+    parser = argparse.ArgumentParser(prog="python -m tools.generate", description="write all generated files")
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    if not parser.parse_args(arguments).check:
+        SCHEMAS.mkdir(exist_ok=True)
+        for file, text in generated_files().items():
+            file.write_text(text, encoding="utf-8")
+        return 0
+    found = differences()
+    for sentence in found:
+        print(f"{sentence}; run make generated and commit", file=sys.stderr)  # noqa: T201 - a command's output
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

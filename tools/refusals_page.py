@@ -1,0 +1,65 @@
+"""`docs/refusals.md`: every acceptance criterion of the services in one table."""
+
+import importlib
+import importlib.util
+import pkgutil
+from collections.abc import Iterator
+from enum import StrEnum
+from types import ModuleType
+from typing import Any
+
+import services
+from shared.acceptance import Criterion, Finding, Sense
+
+_SENSES = {Sense.AT_MOST: "at most", Sense.AT_LEAST: "at least"}
+_HEAD = """# Why an image, a frame or a plan is refused
+
+Look up the `code` of a refusal: what was measured, the limit, and what to do. A refusal's sentence quotes the measured
+value with its limit: "limit" is the largest acceptable value, "at least" the smallest; a value that is no number is
+never acceptable. One code may have several rows, and one image several reasons. "where" is the module that declares the
+criterion, beside the rules that apply it: each limit stands there and nowhere else, with its origin. This page is
+printed from those declarations by `make generated`.
+
+| code | measured | limit | unit | remedy | where |
+|---|---|---|---|---|---|
+"""
+
+
+def refusals_page() -> str:
+    """The page, sorted by code."""
+    rows = sorted(_row(criterion, where) for where, criterion in declared_criteria())
+    return _HEAD + "".join(f"{row}\n" for row in rows)
+
+
+def declared_criteria() -> Iterator[tuple[str, Criterion[Any] | Finding[Any]]]:
+    """Every criterion of every service, with the module that declares it."""
+    for module in _acceptance_modules():
+        where = module.__name__.removeprefix("services.").replace(".", "/") + ".py"
+        for name in module.__annotations__:
+            value = getattr(module, name)
+            if isinstance(value, Criterion | Finding):
+                yield where, value
+
+
+def _acceptance_modules() -> Iterator[ModuleType]:
+    for service in pkgutil.iter_modules(services.__path__, "services."):
+        name = f"{service.name}.core.acceptance"
+        if importlib.util.find_spec(f"{service.name}.core") is None or importlib.util.find_spec(name) is None:
+            continue
+        package = importlib.import_module(name)
+        yield package
+        for module in pkgutil.iter_modules(getattr(package, "__path__", ()), f"{name}."):
+            yield importlib.import_module(module.name)
+
+
+def _row(criterion: Criterion[StrEnum] | Finding[StrEnum], where: str) -> str:
+    if isinstance(criterion, Finding):
+        cells = [criterion.observed, "", ""]
+    else:
+        number = f"{_SENSES[criterion.limit.sense]} {round(criterion.limit.scale * criterion.limit.value, 9):g}"
+        cells = [
+            criterion.measured,
+            f"{number}; {criterion.depends}" if criterion.depends else number,
+            criterion.limit.unit,
+        ]
+    return "| " + " | ".join([f"`{criterion.code}`", *cells, criterion.remedy, f"`{where}`"]) + " |"
