@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from benchmarks.common.places import PAGES
 from benchmarks.robot.plans import random_target
 from benchmarks.robot.rig import Rig, SentCommand
-from services.robot.core.motion import MotionState
 from shared.messages.robot import CommandReply
+from shared.robot_states import MotionState
 
 COMMANDS = 10_000
 COMMANDS_PER_RIG = 100

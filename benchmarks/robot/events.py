@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 from benchmarks.robot.plans import random_target
 from benchmarks.robot.watched import UNHEARD, Watched
-from services.robot.core.motion import MotionState
 from shared.errors import NoReply
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.base import encode
+from shared.robot_states import MotionState
 from simulation.controller.faults import Fault
 
 TARGET_SIZE = 0.3

@@ -14,7 +14,7 @@ from benchmarks.common.places import PAGES
 from benchmarks.robot.events import EVENTS_BY_WEIGHT
 from benchmarks.robot.rig import Rig
 from benchmarks.robot.watched import Watched
-from services.robot.core.motion import MotionState
+from shared.robot_states import MotionState
 
 SEQUENCES = 10_000
 FIRST_SEED = 1

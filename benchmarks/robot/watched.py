@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.robot.rig import Rig, SentCommand
-from services.robot.core.motion import MotionState
 from services.robot.core.supervision import PATH_TOLERANCE, distance_from_path
 from shared.errors import NoReply
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.robot import CommandReply
+from shared.robot_states import MotionState
 from simulation.controller.faults import LINE_FAULTS, Fault
 from simulation.controller.hexapod_model import SLIP_MM
 

@@ -5,10 +5,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from services.robot.core.motion import MotionState
 from services.robot.core.status import DriveStatus
 from services.robot.devices.controller import HexapodController
-from services.robot.devices.gcs.controller import GcsController
+from services.robot.devices.dialects import DRIVERS
 from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
@@ -18,6 +17,7 @@ from shared.errors import ConfigurationError, PartFileInvalid
 from shared.geometry.hexapod import HexapodPart
 from shared.parts.files import read_part_file
 from shared.parts.hexapod_file import hexapod_from_json
+from shared.robot_states import MotionState
 from shared.runtime.lifecycle import Runtime, service_main
 
 
@@ -28,7 +28,7 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
 
     def connect() -> HexapodController:
         port = open_port(settings.controller_url, settings.controller_baud)
-        return GcsController(port, hexapod, settings.encoders, settings.reply_timeout_s)
+        return DRIVERS[settings.dialect](port, hexapod, settings.encoders, settings.reply_timeout_s)
 
     drive = Drive(
         connect,

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from services.robot.core.envelope import Envelope
-from services.robot.core.motion import MotionState, stop_is_latched
+from services.robot.core.motion import stop_is_latched
 from services.robot.core.plans import EpochReport, PlannedMove
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
@@ -17,6 +17,7 @@ from shared.geometry.transform import Transform
 from shared.messages import robot as wire
 from shared.messages.base import MessageInvalid, decode, encode, vector3
 from shared.messages.registration import Plan, RegistrationEpoch
+from shared.robot_states import MotionState
 
 
 def envelope(message: wire.CommandEnvelope, effect: str) -> Envelope:
@@ -94,9 +95,9 @@ def robot_state(
         boot_epoch=boot_epoch,
         sequence=sequence,
         sent_at_ns=time.time_ns(),
-        state=motion_state(status.state),
+        state=status.state,
         stop=wire.StopLatch.LATCHED if stop_is_latched(status.state) else wire.StopLatch.CLEAR,
-        stop_button=wire.StopButton(status.stop_button.value),
+        stop_button=status.stop_button,
         locked=feedback is not None and feedback.locked and status.feedback_generation == status.generation,
         referenced=feedback is not None and feedback.referenced,
         pose=None if feedback is None else platform_pose_message(feedback.pose),
@@ -115,7 +116,7 @@ def robot_state(
 
 def accepted(command_id: str | None, state: MotionState) -> wire.CommandReply:
     """The answer to a command that has begun."""
-    return wire.CommandReply(command_id=command_id, verdict="accepted", state=motion_state(state))
+    return wire.CommandReply(command_id=command_id, verdict="accepted", state=state)
 
 
 def refused(command_id: str | None, refusal: Refusal, state: MotionState) -> wire.CommandReply:
@@ -125,13 +126,8 @@ def refused(command_id: str | None, refusal: Refusal, state: MotionState) -> wir
         verdict="refused",
         code=refusal.code.value,
         message=refusal.message,
-        state=motion_state(state),
+        state=state,
     )
-
-
-def motion_state(state: MotionState) -> wire.MotionState:
-    """A state for the wire: the names are the same, and a test holds them so."""
-    return wire.MotionState(state.value)
 
 
 def _leg_lengths(hexapod: HexapodPart, pose: PlatformPose) -> tuple[float, float, float, float, float, float]:

@@ -7,9 +7,10 @@ from pydantic import Field
 
 from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
 from services.robot.core.guard_context import GuardLimits
-from services.robot.core.stop_button import StopButton
-from services.robot.devices.gcs.controller import Encoders
+from services.robot.devices.controller import Encoders
+from services.robot.devices.dialects import Dialect
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
+from shared.robot_states import StopButton
 from shared.runtime.settings import ServiceSettings
 
 PositiveSeconds = Annotated[float, Field(gt=0.0, le=3600.0)]
@@ -23,6 +24,7 @@ class RobotSettings(ServiceSettings):
     controller_url: str = Field(
         "socket://127.0.0.1:50000", description="Device name or pyserial URL of the hexapod's controller."
     )
+    dialect: Dialect = Field(Dialect.GCS, description="Protocol of the controller.")
     controller_baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
     reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = 0.25
     retry_s: PositiveSeconds = Field(1.0, description="Time between attempts to reach the controller.")

@@ -6,40 +6,14 @@ its client has seen (`after_state_sequence`), and the robot refuses a command wh
 ago than the command's time to live.
 """
 
-from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from shared.messages.base import Finite, Identifier, Message, Sha256, UnixNanoseconds, Vector3, WireModel
-
-
-class MotionState(StrEnum):
-    """States of the hexapod, as in the motion table."""
-
-    DISCONNECTED = "disconnected"
-    UNREFERENCED = "unreferenced"
-    REFERENCING = "referencing"
-    LOCKED = "locked"
-    MOVING = "moving"
-    STOPPED = "stopped"
-    FAULT = "fault"
-
-
-class StopLatch(StrEnum):
-    """The stop button: it latches until a person acknowledges it, and services start with it pressed."""
-
-    CLEAR = "clear"
-    LATCHED = "latched"
-
-
-class StopButton(StrEnum):
-    """The button on the hexapod's controller itself; `released` means that nobody has acknowledged it yet."""
-
-    ABSENT = "absent"
-    PRESSED = "pressed"
-    RELEASED = "released"
-    CLEAR = "clear"
+from shared.robot_states import MotionState as MotionState
+from shared.robot_states import StopButton as StopButton
+from shared.robot_states import StopLatch as StopLatch
 
 
 class PlatformPoseMessage(WireModel):

@@ -6,13 +6,14 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE
+from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerError
 from services.robot.core.guard import PermittedMove
-from services.robot.core.motion import MotionState, stop_is_latched
+from services.robot.core.motion import stop_is_latched
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
-from tests.unit.services.robot.fake_controller import AT_REST, FakeController
+from shared.robot_states import MotionState
+from tests.unit.services.robot.fake_controller import AT_REST, FAULT, STOPPED, FakeController
 
 TARGET = PlatformPose(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 REFUSED = Refusal(RefusalCode.PLAN_STALE, "stale")
@@ -91,9 +92,9 @@ class DriveUnderAnything(RuleBasedStateMachine):
     def controller_fails(self, count: int) -> None:
         self.controller.failures += ["the controller is silent"] * count
 
-    @rule(code=st.sampled_from([1, 5, 7, 10]))
-    def controller_reports_error(self, code: int) -> None:
-        self.controller.feedback = replace(self.controller.feedback, error_code=code)
+    @rule(error=st.sampled_from([FAULT, STOPPED]))
+    def controller_reports_error(self, error: ControllerError) -> None:
+        self.controller.feedback = replace(self.controller.feedback, error=error)
 
     @rule()
     def controller_button(self) -> None:

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.robot.devices.controller import ReplyGarbled
 from services.robot.devices.gcs import codec
-from services.robot.devices.gcs.codec import ReplyGarbled
 from shared.errors import DeviceError
 from shared.geometry.hexapod import AXES, PlatformPose
 

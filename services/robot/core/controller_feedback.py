@@ -1,11 +1,40 @@
-"""What the controller says of itself, as one value."""
+"""What the controller reports of itself, as one value in no controller's dialect. Pure."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from shared.geometry.hexapod import PlatformPose, rotation_of
+
+
+class ErrorKind(StrEnum):
+    """What an error of the controller means for the motion table, whatever its dialect calls it."""
+
+    STOPPED_BY_COMMAND = "stopped_by_command"
+    STOP_BUTTON_PRESSED = "stop_button_pressed"
+    STOP_BUTTON_RELEASED = "stop_button_released"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerError:
+    """An error that the controller reported.
+
+    Attributes
+    ----------
+    message
+        One sentence: what happened, and what to do.
+    """
+
+    kind: ErrorKind
+    message: str
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it means that the controller was stopped, and not that something is wrong."""
+        return self.kind is not ErrorKind.FAULT
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,15 +48,15 @@ class ControllerFeedback:
     moving
         Whether any axis moves.
     on_target
-        Whether all axes say that they stand on their target.
+        Whether all axes report that they stand on their target.
     locked
         Every brake on and every servo off.
     unlocked
         Every brake off and every servo on; neither `locked` nor `unlocked` is a mixture, which is never right.
     referenced
         Every axis.
-    error_code
-        What `ERR?` answered; asking has cleared it.
+    error
+        The newest error since the last round; None for none.
     """
 
     pose: PlatformPose
@@ -36,7 +65,7 @@ class ControllerFeedback:
     locked: bool
     unlocked: bool
     referenced: bool
-    error_code: int
+    error: ControllerError | None
 
 
 @dataclass(frozen=True, slots=True)

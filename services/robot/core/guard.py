@@ -14,8 +14,8 @@ from services.robot.core.guard_context import GuardContext
 from services.robot.core.plan_checks import hardware_refusals, reach_refusals, start_refusals, target_refusals
 from services.robot.core.plans import PlannedMove
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.stop_button import StopButton
 from shared.geometry.hexapod import HexapodPart, PlatformPose
+from shared.robot_states import StopButton
 
 SLOWEST_MM_PER_S = 0.01
 

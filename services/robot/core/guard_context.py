@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from services.robot.core.controller_feedback import ControllerFeedback, Deviation
 from services.robot.core.plans import RegistrationView
-from services.robot.core.stop_button import StopButton
 from shared.geometry.hexapod import HexapodPart
+from shared.robot_states import StopButton
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,18 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from services.robot.core.refusals import Refusal, RefusalCode
-
-
-class MotionState(StrEnum):
-    """Where the robot is in its life; the same names as on the bus."""
-
-    DISCONNECTED = "disconnected"
-    UNREFERENCED = "unreferenced"
-    REFERENCING = "referencing"
-    LOCKED = "locked"
-    MOVING = "moving"
-    STOPPED = "stopped"
-    FAULT = "fault"
+from shared.robot_states import MotionState
 
 
 class Event(StrEnum):

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
 from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, Deviation, deviation
-from services.robot.core.motion import Event, MotionState, next_motion
+from services.robot.core.motion import Event, next_motion
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.stop_button import StopButton, after_acknowledgement, after_feedback
+from services.robot.core.stop_button import after_acknowledgement, after_feedback
 from services.robot.core.supervision import (
     ExplainedEvent,
     MoveUnderWay,
@@ -16,6 +16,7 @@ from services.robot.core.supervision import (
     check_referencing,
 )
 from shared.geometry.hexapod import PlatformPose
+from shared.robot_states import MotionState, StopButton
 
 Outcome = Literal["none", "moving", "reached", "stopped", "failed"]
 
@@ -112,7 +113,7 @@ def with_feedback(
     status: DriveStatus, feedback: ControllerFeedback, began_s: float, now_s: float
 ) -> tuple[DriveStatus, ExplainedEvent | None]:
     """Take in feedback that was asked for under the present generation; the event it means is still to happen."""
-    button = after_feedback(status.stop_button, feedback.error_code)
+    button = after_feedback(status.stop_button, feedback.error)
     status = replace(
         status, feedback=feedback, feedback_generation=status.generation, feedback_s=began_s, stop_button=button
     )

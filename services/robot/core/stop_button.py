@@ -1,35 +1,26 @@
-"""The stop button on the controller itself, in four states. Pure.
+"""The stop button on the controller itself, in four states (`StopButton`). Pure.
 
-It is the hardware's, and stops without this service. What is known of it comes from the controller's error codes: 500
-as long as it is pressed, 501 once it has been released. The latch of the motion table (`motion.stop_is_latched`) is
-another matter: it holds for every stop, whoever asked.
+It is the hardware's, and stops without this service. What is known of it comes from the errors that the controller
+reports. The latch of the motion table (`motion.stop_is_latched`) is another matter: it holds for every stop, whoever
+asked.
+
+`ABSENT`: the installation has none, by its settings. `RELEASED`: not pressed any more, but nobody has acknowledged the
+stop; a service starts like that, because nobody knows what was before.
 """
 
-from enum import StrEnum
-from typing import Final
-
-STOP_BUTTON: Final = 500
-STOP_BUTTON_RELEASED: Final = 501
+from services.robot.core.controller_feedback import ControllerError, ErrorKind
+from shared.robot_states import StopButton
 
 
-class StopButton(StrEnum):
-    """States of the button; the same names as on the bus.
+def after_feedback(button: StopButton, error: ControllerError | None) -> StopButton:
+    """The button after the controller has reported an error, or none.
 
-    `ABSENT`: the installation has none, by its settings. `RELEASED`: not pressed any more, but nobody has acknowledged
-    the stop; a service starts like that, because nobody knows what was before.
+    A button that the settings call absent and that the controller reports as pressed is pressed.
     """
-
-    ABSENT = "absent"
-    PRESSED = "pressed"
-    RELEASED = "released"
-    CLEAR = "clear"
-
-
-def after_feedback(button: StopButton, error_code: int) -> StopButton:
-    """What an answer to `ERR?` says of the button. One that should not be there and is pressed is pressed."""
-    if error_code == STOP_BUTTON:
+    kind = None if error is None else error.kind
+    if kind is ErrorKind.STOP_BUTTON_PRESSED:
         return StopButton.PRESSED
-    if error_code == STOP_BUTTON_RELEASED or button is StopButton.PRESSED:
+    if kind is ErrorKind.STOP_BUTTON_RELEASED or button is StopButton.PRESSED:
         return StopButton.RELEASED
     return button
 

@@ -1,35 +1,24 @@
-"""What a feedback of the controller means: which event of the motion table it is, if any."""
+"""Supervise the robot: which event of the motion table the controller's feedback means, if any. Pure."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, Deviation, deviation
+from services.robot.core.controller_feedback import (
+    READ_BACK_TOLERANCE,
+    ControllerError,
+    ControllerFeedback,
+    Deviation,
+    deviation,
+)
 from services.robot.core.guard import PermittedMove
-from services.robot.core.motion import Event, MotionState
-from services.robot.core.stop_button import STOP_BUTTON, STOP_BUTTON_RELEASED
+from services.robot.core.motion import Event
 from shared.geometry.hexapod import PlatformPose
+from shared.robot_states import MotionState
 
-STOPPED_BY_COMMAND = 10
-STOP_CODES = (STOPPED_BY_COMMAND, STOP_BUTTON, STOP_BUTTON_RELEASED)
 PATH_TOLERANCE = Deviation(0.5, 0.5)
 SETTLE_S = 1.0
 REFERENCE_TIMEOUT_S = 60.0
-
-ERROR_SENTENCES = {
-    1: "the controller did not understand a command (syntax); the line may be disturbed, check cable and shielding",
-    2: "the controller does not know a command; check that it is a GCS 2.0 hexapod controller",
-    5: "an axis is not referenced or its servo is off; reset and reference again",
-    7: "a target is outside the controller's limits; compare its limits with the hexapod file",
-    8: "a velocity is outside the controller's limits; compare its limits with the hexapod file",
-    9: "the pivot cannot be changed while the platform is turned; drive it to U V W = 0 with the maker's program",
-    STOPPED_BY_COMMAND: "the controller was stopped by a command",
-    STOP_BUTTON: "the controller's stop button is pressed; find out why, release it, then acknowledge the stop",
-    STOP_BUTTON_RELEASED: "the controller's stop button was pressed and is released; find out why, then acknowledge "
-    "the stop",
-    216: "a leg has met its limit switch; drive it free with the maker's program, reset and reference again",
-    -1024: "a leg does not follow (motion error): something holds the robot; free it, reset and reference again",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,19 +49,22 @@ class MoveUnderWay:
         return 1.5 * self.permitted.duration_s + 3.0
 
 
-def error_sentence(code: int) -> str:
-    """An error code of the controller as a sentence."""
-    return ERROR_SENTENCES.get(code, f"the controller reports error {code}; see its manual, then reset")
+def reported_error(error: ControllerError | None) -> ExplainedEvent | None:
+    """What an error of the controller means while something is under way; None for no error."""
+    if error is None:
+        return None
+    if error.is_stop:
+        return ExplainedEvent(Event.CONTROLLER_STOPPED, f"not by this service: {error.message}")
+    return ExplainedEvent(Event.FAULT_SEEN, error.message)
 
 
 def check_at_rest(state: MotionState, feedback: ControllerFeedback) -> ExplainedEvent | None:
     """Check a robot that is to stand still and locked (`locked`, `unreferenced`, `stopped`)."""
     if feedback.moving:
         return ExplainedEvent(Event.FAULT_SEEN, f"the robot moves in the state '{state.value}'; keep clear of it")
-    if feedback.error_code in STOP_CODES and state is not MotionState.STOPPED:
-        return ExplainedEvent(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(feedback.error_code)}")
-    if feedback.error_code not in (0, *STOP_CODES):
-        return ExplainedEvent(Event.FAULT_SEEN, error_sentence(feedback.error_code))
+    was_stopped = state is MotionState.STOPPED and feedback.error is not None and feedback.error.is_stop
+    if not was_stopped and (error := reported_error(feedback.error)):
+        return error
     if not feedback.locked:
         return ExplainedEvent(
             Event.FAULT_SEEN,
@@ -100,10 +92,8 @@ def check_held(held: PlatformPose, feedback: ControllerFeedback) -> ExplainedEve
 
 def check_moving(move: MoveUnderWay, feedback: ControllerFeedback, now_s: float) -> ExplainedEvent | None:
     """Check a robot that is carrying out a move; None means go on."""
-    if feedback.error_code in STOP_CODES:
-        return ExplainedEvent(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(feedback.error_code)}")
-    if feedback.error_code:
-        return ExplainedEvent(Event.FAULT_SEEN, error_sentence(feedback.error_code))
+    if error := reported_error(feedback.error):
+        return error
     if not (feedback.unlocked and feedback.referenced):
         return ExplainedEvent(
             Event.FAULT_SEEN, "a servo, a brake or the reference was lost during the move; reset the robot"
@@ -143,10 +133,8 @@ def check_referencing(
     before: PlatformPose, feedback: ControllerFeedback, lasted_s: float, allowed: Deviation
 ) -> ExplainedEvent | None:
     """Check a robot that is being referenced; it may move by `allowed` (nothing, with absolute encoders)."""
-    if feedback.error_code in STOP_CODES:
-        return ExplainedEvent(Event.CONTROLLER_STOPPED, f"not by this service: {error_sentence(feedback.error_code)}")
-    if feedback.error_code:
-        return ExplainedEvent(Event.FAULT_SEEN, error_sentence(feedback.error_code))
+    if error := reported_error(feedback.error):
+        return error
     moved = deviation(before, feedback.pose)
     if moved.exceeds(allowed):
         return ExplainedEvent(

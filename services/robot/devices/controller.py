@@ -1,5 +1,11 @@
-"""The port to a hexapod controller: seven methods, whatever stands behind them."""
+"""The port to a hexapod controller: what every dialect (`devices/gcs`, ...) implements, and its neutral errors.
 
+A dialect takes a port (`serial_line.Port`), speaks its protocol on it, and reports errors of the controller as
+`ControllerError`. It is registered in `dialects.py`; nothing else knows it.
+"""
+
+from collections.abc import Sequence
+from enum import StrEnum
 from typing import Protocol
 
 from services.robot.core.controller_feedback import ControllerFeedback
@@ -19,6 +25,31 @@ class ControllerSilent(DeviceError):
     code = "controller_silent"
 
 
+class ReplyGarbled(DeviceError):
+    """The controller answered something that is not an answer to the question."""
+
+    code = "reply_garbled"
+
+
+_SHOWN = 80
+
+
+def garbled(question: str, lines: Sequence[str]) -> ReplyGarbled:
+    """The error for an answer that is none."""
+    shown = " | ".join(lines)
+    shown = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "..."
+    return ReplyGarbled(
+        f"the controller answered {shown!r} to '{question}', which is not an answer to it; check the cable"
+    )
+
+
+class Encoders(StrEnum):
+    """Absolute encoders know where they are: reference moves nothing. Incremental ones must move for reference."""
+
+    ABSOLUTE = "absolute"
+    INCREMENTAL = "incremental"
+
+
 class HexapodController(Protocol):
     """A connected controller. All but `stop_now` may be called from one thread at a time only.
 
@@ -27,7 +58,7 @@ class HexapodController(Protocol):
 
     @property
     def identity(self) -> str:
-        """What the controller says it is."""
+        """Maker, model and version, as the controller reports them."""
 
     def read(self) -> ControllerFeedback:
         """Ask for pose, motion, servo, brake, reference and error; raises `DeviceError` on silence or garbage."""

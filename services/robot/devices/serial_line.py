@@ -1,14 +1,14 @@
-"""The line to a GCS controller: one background reader, one question at a time, and a stop that waits for neither.
+"""A serial line to a controller: one background reader, one question at a time, and a stop that waits for neither.
 
 Three locks keep apart what must not wait for another:
 
 - the question lock is held from a question to its answer (by one thread at a time);
 - the write lock is held only while bytes are handed to the operating system;
-- the stop takes the write lock if it can have it at once, and writes regardless if it cannot: the controller
-  recognises the stop byte anywhere in the stream.
+- the stop takes the write lock if it can have it at once, and writes regardless if it cannot: the controller must
+  recognise the stop message anywhere in the stream.
 
-Every command that could set the robot in motion is written under the write lock after a look at the stop flag, and the
-flag is looked at once more afterwards. So either the stop's bytes follow the command's, or the command never goes out.
+Every command that could set the robot in motion is written under the write lock after a check of the stop flag, and the
+flag is checked once more afterwards. So either the stop's bytes follow the command's, or the command never goes out.
 """
 
 import contextlib
@@ -17,13 +17,13 @@ import queue
 import socket
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import serial
 
-from services.robot.devices.controller import ControllerSilent, StopInForce
-from services.robot.devices.gcs.codec import ReplyGarbled, garbled
+from services.robot.devices.controller import ControllerSilent, ReplyGarbled, StopInForce, garbled
 from shared.errors import DeviceError
 
 READ_POLL_S = 0.05
@@ -77,25 +77,33 @@ def _send_at_once(file_number: int) -> None:
         same_connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
-class GcsLine:
+@dataclass(frozen=True, slots=True)
+class LineProtocol:
+    """What a line must know of a controller's dialect. Answers are lines of text that end in LF.
+
+    Attributes
+    ----------
+    stop_message
+        What is sent to stop, as one write, at any place in the stream.
+    marker_question, marker_answer
+        A question and its only possible answer (its lines), which resembles no other answer: used to find the place in
+        the stream again after silence or garbage.
+    another_line_follows
+        Whether a received line, without its LF, is followed by another one of the same answer.
+    """
+
+    stop_message: bytes
+    marker_question: bytes
+    marker_answer: tuple[str, ...]
+    another_line_follows: Callable[[str], bool]
+
+
+class SerialLine:
     """Questions and commands over a port. Starts with the stop in force."""
 
-    def __init__(
-        self, port: Port, stop_message: bytes, marker: tuple[bytes, Sequence[str]], reply_timeout_s: float
-    ) -> None:
-        """Take over a port.
-
-        Parameters
-        ----------
-        stop_message
-            What is sent to stop, as one write.
-        marker
-            A question and its only possible answer, which looks like no other answer: used to find the place in the
-            stream again.
-        """
+    def __init__(self, port: Port, protocol: LineProtocol, reply_timeout_s: float) -> None:
         self._port = port
-        self._stop_message = stop_message
-        self._marker_question, self._marker_answer = marker[0], list(marker[1])
+        self._protocol = protocol
         self._reply_timeout_s = reply_timeout_s
         self._question_lock = threading.Lock()
         self._write_lock = threading.Lock()
@@ -106,7 +114,7 @@ class GcsLine:
         self._in_step = True
         self._forget_partial = threading.Event()
         self._replies: queue.Queue[list[str]] = queue.Queue(maxsize=MOST_STALE_REPLIES)
-        self._reader = threading.Thread(target=self._read_forever, name="gcs-reader", daemon=True)
+        self._reader = threading.Thread(target=self._read_forever, name="controller-reader", daemon=True)
         self._reader.start()
 
     def ask(self, question: bytes, parse: Callable[[list[str]], T]) -> T:
@@ -161,7 +169,7 @@ class GcsLine:
         got_lock = self._write_lock.acquire(timeout=STOP_WAITS_FOR_WRITER_S)
         try:
             with contextlib.suppress(DeviceError):
-                self._hand_over(self._stop_message)
+                self._hand_over(self._protocol.stop_message)
         finally:
             if got_lock:
                 self._write_lock.release()
@@ -179,27 +187,27 @@ class GcsLine:
     def _find_step(self) -> None:
         """Discard answers that come late until the marker's has come: answers keep their order."""
         self._forget_partial.set()
-        self.write(self._marker_question)
+        question = self._protocol.marker_question
+        self.write(question)
         last: list[str] = []
         for _ in range(MOST_STALE_REPLIES):
             try:
-                reply = self._next_reply(self._marker_question)
+                reply = self._next_reply(question)
             except ControllerSilent:
                 if last:
-                    raise garbled("SAI?", last) from None
+                    raise garbled(_shown(question), last) from None
                 raise
-            if reply == self._marker_answer:
+            if reply == list(self._protocol.marker_answer):
                 self._in_step = True
                 return
             last = reply
-        raise garbled("SAI?", last)
+        raise garbled(_shown(question), last)
 
     def _next_reply(self, question: bytes) -> list[str]:
         try:
             reply = self._replies.get(timeout=self._reply_timeout_s)
         except queue.Empty:
-            shown = "#5" if len(question) == 1 else question.decode("ascii").strip()
-            cause = self._lost or f"no answer to '{shown}' within {self._reply_timeout_s:g} s"
+            cause = self._lost or f"no answer to '{_shown(question)}' within {self._reply_timeout_s:g} s"
             raise ControllerSilent(f"the hexapod controller is silent: {cause}; check its power and cable") from None
         return reply
 
@@ -231,7 +239,7 @@ class GcsLine:
             if line.endswith(b"\n"):
                 reply.append(line.decode("ascii", errors="replace")[:-1].rstrip("\r"))
                 line.clear()
-                if not reply[-1].endswith(" ") or len(reply) >= MOST_LINES:
+                if not self._protocol.another_line_follows(reply[-1]) or len(reply) >= MOST_LINES:
                     self._keep([text.strip(" ") for text in reply])
                     reply = []
             del line[:-LONGEST_LINE]
@@ -240,3 +248,9 @@ class GcsLine:
         # A full queue means that nobody waits for these answers: the newest are as worthless as the oldest.
         with contextlib.suppress(queue.Full):
             self._replies.put_nowait(reply)
+
+
+def _shown(question: bytes) -> str:
+    """A question as messages quote it; a control character by its number."""
+    text = question.decode("ascii", errors="replace").strip()
+    return text if text.isprintable() and text else f"#{question[0]}"

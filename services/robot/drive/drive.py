@@ -14,11 +14,11 @@ from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event, next_motion
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus, ReferenceUnderWay, locked_feedback
-from services.robot.core.stop_button import StopButton
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.devices.controller import HexapodController
 from services.robot.drive.motion_controller import MotionController
 from services.robot.drive.worker import Worker
+from shared.robot_states import StopButton
 
 Guard = Callable[[DriveStatus], PermittedMove | Refusal]
 

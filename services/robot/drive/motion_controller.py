@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 from services.robot.core.motion import Effect, Event, Transition, next_motion
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
-from services.robot.core.stop_button import StopButton, after_connection
+from services.robot.core.stop_button import after_connection
 from services.robot.devices.controller import HexapodController
+from shared.robot_states import StopButton
 
 _AT_ONCE = (Effect.STOP_NOW, Effect.RELEASE_STOP)
 

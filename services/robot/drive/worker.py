@@ -4,12 +4,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import assert_never
 
-from services.robot.core.motion import Effect, Event, MotionState
+from services.robot.core.motion import Effect, Event
 from services.robot.core.status import UNDER_WAY, with_feedback
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.devices.controller import ControllerSilent, HexapodController, StopInForce
 from services.robot.drive.motion_controller import MotionController
 from shared.errors import DeviceError
+from shared.robot_states import MotionState
 
 POLL_MOVING_S = 0.02
 POLL_AT_REST_S = 0.1

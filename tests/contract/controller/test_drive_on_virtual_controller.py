@@ -7,14 +7,13 @@ import pytest
 
 from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, deviation
 from services.robot.core.guard import PermittedMove
-from services.robot.core.motion import MotionState
 from services.robot.core.refusals import RefusalCode
 from services.robot.core.status import DriveStatus
-from services.robot.core.stop_button import StopButton
 from services.robot.devices.gcs.controller import GcsController
 from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
+from shared.robot_states import MotionState, StopButton
 from simulation.controller.faults import Fault
 from simulation.controller.servers import tcp_server
 from simulation.controller.virtual_controller import VirtualController

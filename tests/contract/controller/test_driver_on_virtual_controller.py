@@ -5,8 +5,8 @@ import time
 import pytest
 
 from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation, deviation
-from services.robot.devices.controller import ControllerSilent
-from services.robot.devices.gcs.controller import Encoders, GcsController
+from services.robot.devices.controller import ControllerSilent, Encoders
+from services.robot.devices.gcs.controller import GcsController
 from services.robot.devices.serial_line import open_port
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
@@ -25,7 +25,7 @@ def test_connecting_finds_a_locked_controller_that_says_what_it_is(
 ) -> None:
     assert "simulated" in controller.identity
     feedback = controller.read()
-    assert (feedback.locked, feedback.moving, feedback.referenced, feedback.error_code) == (True, False, False, 0)
+    assert (feedback.locked, feedback.moving, feedback.referenced, feedback.error) == (True, False, False, None)
     assert virtual.snapshot().brake_on
 
 

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
+from services.robot.devices.controller import garbled
 from shared.errors import DeviceError
 from shared.geometry.hexapod import AXES, PlatformPose
 
@@ -13,13 +14,6 @@ STOP_ALL = b"\x18"
 # float() would also take 'nan', 'inf', '1_0' and digits of other scripts.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 _HEXADECIMAL = re.compile(r"(0[xX])?[0-9a-fA-F]{1,8}", re.ASCII)
-_SHOWN = 80
-
-
-class ReplyGarbled(DeviceError):
-    """The controller answered something that is not an answer to the question."""
-
-    code = "reply_garbled"
 
 
 def command(name: str, values: Mapping[str, float | int]) -> bytes:
@@ -128,12 +122,3 @@ def _parse_float(text: str, question: str, lines: Sequence[str]) -> float:
     if not math.isfinite(value):
         raise garbled(question, lines)
     return value
-
-
-def garbled(question: str, lines: Sequence[str]) -> ReplyGarbled:
-    """The error for an answer that is none."""
-    shown = " | ".join(lines)
-    shown = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "..."
-    return ReplyGarbled(
-        f"the controller answered {shown!r} to '{question}', which is not an answer to it; check the cable"
-    )

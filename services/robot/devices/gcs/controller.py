@@ -1,16 +1,20 @@
 """A hexapod controller that speaks PI GCS 2.0."""
 
-from enum import StrEnum
 from functools import partial
 
 import numpy as np
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, deviation
-from services.robot.core.stop_button import STOP_BUTTON, STOP_BUTTON_RELEASED
-from services.robot.core.supervision import STOP_CODES, error_sentence
-from services.robot.devices.controller import StopInForce
+from services.robot.core.controller_feedback import (
+    READ_BACK_TOLERANCE,
+    ControllerError,
+    ControllerFeedback,
+    ErrorKind,
+    deviation,
+)
+from services.robot.devices.controller import Encoders, ReplyGarbled, StopInForce
 from services.robot.devices.gcs import codec
-from services.robot.devices.serial_line import GcsLine, Port
+from services.robot.devices.gcs.errors import controller_error
+from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
 from shared.errors import DeviceError
 from shared.geometry.hexapod import AXES, HexapodPart, PlatformPose
 
@@ -23,19 +27,19 @@ SERVOS_OFF = codec.command("SVO", codec.on_all_axes(0))
 LOCK_UNCONFIRMED = 6 * BRAKES_ON + SERVOS_OFF
 # The stop byte, then the lock, in one write: locking must not wait for anybody's question either.
 STOP_AND_LOCK = codec.STOP_ALL + LOCK_UNCONFIRMED
-MARKER = (codec.query("SAI"), AXES)
+LINE = LineProtocol(
+    stop_message=STOP_AND_LOCK,
+    marker_question=codec.query("SAI"),
+    marker_answer=AXES,
+    # "AXIS=VALUE" lines of one answer: each but the last ends in a space.
+    another_line_follows=lambda line: line.endswith(" "),
+)
 PIVOT_AXES = ("R", "S", "T")
+_BUTTON_ERRORS = (ErrorKind.STOP_BUTTON_PRESSED, ErrorKind.STOP_BUTTON_RELEASED)
 
 REPLY_TIMEOUT_S = 0.25
 WRITTEN_TOLERANCE = 1e-4
 SPEED_TOLERANCE_MM_PER_S = 1e-3
-
-
-class Encoders(StrEnum):
-    """Absolute encoders know where they are: `FRF` moves nothing. Incremental ones must move for reference."""
-
-    ABSOLUTE = "absolute"
-    INCREMENTAL = "incremental"
 
 
 class GcsController:
@@ -55,8 +59,8 @@ class GcsController:
         reply_timeout_s: float = REPLY_TIMEOUT_S,
     ) -> None:
         self._encoders = encoders
-        self._button_code = 0
-        self._line = GcsLine(port, STOP_AND_LOCK, MARKER, reply_timeout_s)
+        self._button_error: ControllerError | None = None
+        self._line = SerialLine(port, LINE, reply_timeout_s)
         try:
             self._line.stop_now()
             self._check_axes()
@@ -90,7 +94,7 @@ class GcsController:
             locked=all(brakes) and not any(servos),
             unlocked=not any(brakes) and all(servos),
             referenced=all(referenced),
-            error_code=self._pending_code(),
+            error=self._pending_error(),
         )
 
     def reference(self) -> None:
@@ -118,9 +122,9 @@ class GcsController:
         if any(servos):
             on = [a for a, on in zip(AXES, servos, strict=True) if on]
             raise DeviceError(f"the robot does not lock: servos are still on on {on}; do not drill, switch it off")
-        code = self._error_code()
-        if code not in (0, *STOP_CODES):
-            raise DeviceError(f"locking the robot failed: {error_sentence(code)}")
+        error = self._error()
+        if error is not None and not error.is_stop:
+            raise DeviceError(f"locking the robot failed: {error.message}")
 
     def stop_now(self) -> None:
         """Stop and lock at once; see `HexapodController`."""
@@ -217,25 +221,27 @@ class GcsController:
         )
 
     def _refuse_errors(self, doing: str) -> None:
-        code = self._error_code()
-        if code in STOP_CODES:
-            raise StopInForce(f"could not {doing}: {error_sentence(code)}")
-        if code:
-            self.stop_now()
-            raise DeviceError(f"could not {doing}: {error_sentence(code)}")
+        error = self._error()
+        if error is None:
+            return
+        if error.is_stop:
+            raise StopInForce(f"could not {doing}: {error.message}")
+        self.stop_now()
+        raise DeviceError(f"could not {doing}: {error.message}")
 
-    def _error_code(self) -> int:
+    def _error(self) -> ControllerError | None:
         # Never asked again when garbled: asking has cleared the error, and a lost error must not pass for none.
         code = self._line.ask_once(codec.query("ERR"), partial(codec.parse_integer, question="ERR?"))
-        if code in (STOP_BUTTON, STOP_BUTTON_RELEASED):
-            self._button_code = code
-        return code
+        error = controller_error(code)
+        if error is not None and error.kind in _BUTTON_ERRORS:
+            self._button_error = error
+        return error
 
-    def _pending_code(self) -> int:
-        # What a controller said of its button between two readings must not be lost: some say it only once.
-        code = self._error_code() or self._button_code
-        self._button_code = 0
-        return code
+    def _pending_error(self) -> ControllerError | None:
+        # A report of the button between two rounds of feedback must not be lost: some controllers give it only once.
+        error = self._error() or self._button_error
+        self._button_error = None
+        return error
 
     def _switches(self, name: str) -> tuple[bool, ...]:
         parse = partial(codec.parse_switches, axes=AXES, question=f"{name}?")
@@ -246,7 +252,7 @@ class GcsController:
         again = self._pose("POS")
         off = deviation(pose, again)
         if off.exceeds(READ_BACK_TOLERANCE):
-            raise codec.ReplyGarbled(
+            raise ReplyGarbled(
                 f"the controller said twice where the robot rests, {off} apart (limits {READ_BACK_TOLERANCE}); "
                 "check the cable"
             )

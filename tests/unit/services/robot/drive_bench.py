@@ -2,11 +2,11 @@
 
 from services.robot.core.controller_feedback import READ_BACK_TOLERANCE
 from services.robot.core.guard import PermittedMove
-from services.robot.core.motion import MotionState
 from services.robot.core.refusals import Refusal
 from services.robot.drive.drive import Drive
 from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
+from shared.robot_states import MotionState
 from tests.unit.services.robot.fake_controller import FakeController
 
 TARGET = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 0.0)

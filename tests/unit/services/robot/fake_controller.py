@@ -3,13 +3,17 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from services.robot.core.controller_feedback import ControllerFeedback
+from services.robot.core.controller_feedback import ControllerError, ControllerFeedback, ErrorKind
 from services.robot.devices.controller import ControllerSilent, StopInForce
 from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 
+STOPPED = ControllerError(ErrorKind.STOPPED_BY_COMMAND, "the controller was stopped by a command")
+BUTTON_PRESSED = ControllerError(ErrorKind.STOP_BUTTON_PRESSED, "the controller's stop button is pressed")
+BUTTON_RELEASED = ControllerError(ErrorKind.STOP_BUTTON_RELEASED, "the controller's stop button was pressed")
+FAULT = ControllerError(ErrorKind.FAULT, "a leg does not follow; free it")
 AT_REST = ControllerFeedback(
-    pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=False, error_code=0
+    pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=False, error=None
 )
 
 
@@ -25,7 +29,7 @@ class FakeController:
         self.motions: list[PlatformPose] = []
         self.failures: list[str] = []
         self.silent = False
-        self.button_code = 0
+        self.button_error: ControllerError | None = None
         self.brakes_hold = True
         self.before_move: Callable[[], None] = lambda: None
         self.after_read: Callable[[], None] = lambda: None
@@ -40,8 +44,8 @@ class FakeController:
         self._fail_if_told()
         if self.silent:
             raise ControllerSilent("no answer within 0.25 s")
-        feedback, self.feedback = self.feedback, replace(self.feedback, error_code=0)
-        feedback = replace(feedback, error_code=self.button_code or feedback.error_code)
+        feedback, self.feedback = self.feedback, replace(self.feedback, error=None)
+        feedback = replace(feedback, error=self.button_error or feedback.error)
         self.after_read()
         return feedback
 
@@ -75,7 +79,7 @@ class FakeController:
         """Stop and lock, as the driver's blind message does."""
         self.stopped = True
         locked = self.brakes_hold or self.feedback.locked
-        self.feedback = replace(self.feedback, moving=False, locked=locked, unlocked=not locked, error_code=10)
+        self.feedback = replace(self.feedback, moving=False, locked=locked, unlocked=not locked, error=STOPPED)
 
     def release_stop(self) -> None:
         """Let motions through."""

@@ -14,6 +14,7 @@ from shared.messages.robot import (
     StopCommand,
     StopLatch,
 )
+from tests.unit.services.robot.fake_controller import BUTTON_PRESSED
 from tests.unit.services.robot.room import KEYS, Room, wait_for
 
 
@@ -146,11 +147,11 @@ def test_a_locked_robot_that_shifts_is_a_fault(room: Room) -> None:
 def test_a_stop_button_goes_through_its_states(room: Room) -> None:
     room.make_ready()
     room.wait(lambda s: s.stop_button is StopButton.CLEAR)
-    room.controller.button_code = 500
+    room.controller.button_error = BUTTON_PRESSED
     state = room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
     assert (state.stop_button, state.stop) == (StopButton.PRESSED, StopLatch.LATCHED)
     assert room.acknowledge().code == "stop_button_pressed"
-    room.controller.button_code = 0
+    room.controller.button_error = None
     room.wait(lambda s: s.stop_button is StopButton.RELEASED and s.locked)
     assert room.acknowledge().verdict == "accepted"
     room.wait(lambda s: s.stop_button is StopButton.CLEAR and s.state is MotionState.LOCKED)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
-from services.robot.devices.gcs.controller import Encoders
+from services.robot.devices.controller import Encoders
 from services.robot.settings import RobotSettings
 from shared.errors import ConfigurationError
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD

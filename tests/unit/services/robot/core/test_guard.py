@@ -15,7 +15,6 @@ from services.robot.core.guard import PermittedMove, check_move
 from services.robot.core.guard_context import GuardContext, GuardLimits
 from services.robot.core.plans import EpochReport, PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
-from services.robot.core.stop_button import StopButton
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import (
     ZERO_POSE,
@@ -28,6 +27,7 @@ from shared.geometry.hexapod import (
 from shared.geometry.hexapod_limits import within_limits
 from shared.geometry.transform import Transform
 from shared.parts.hexapod_file import default_hexapod
+from shared.robot_states import StopButton
 
 HEXAPOD = default_hexapod()
 NOW_S = 1000.0
@@ -61,7 +61,7 @@ def planned(
 
 
 READING = ControllerFeedback(
-    pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=True, error_code=0
+    pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=True, error=None
 )
 SITUATION = GuardContext(
     boot_epoch="boot",

@@ -11,14 +11,13 @@ from services.robot.core.motion import (
     TABLE,
     Effect,
     Event,
-    MotionState,
     Transition,
     motion_table_markdown,
     next_motion,
     stop_is_latched,
 )
 from services.robot.core.refusals import Refusal, RefusalCode
-from shared.messages.robot import MotionState as WireState
+from shared.robot_states import MotionState
 
 ALL_PAIRS = list(product(MotionState, Event))
 AT_REST = (MotionState.UNREFERENCED, MotionState.LOCKED, MotionState.STOPPED, MotionState.FAULT)
@@ -103,10 +102,6 @@ def test_requests_are_refused_with_their_code(state: MotionState, event: Event, 
 def test_every_event_is_explained_and_every_request_possible_somewhere() -> None:
     assert set(MEANINGS) == set(Event)
     assert all(any(event is possible for _, possible in TABLE) for event in REQUESTS)
-
-
-def test_states_have_the_names_of_the_wire() -> None:
-    assert [s.value for s in MotionState] == [s.value for s in WireState]
 
 
 def test_the_safety_page_shows_the_table_as_it_is() -> None:

@@ -2,31 +2,34 @@
 
 import pytest
 
-from services.robot.core.stop_button import StopButton, after_acknowledgement, after_connection, after_feedback
-from shared.messages.robot import StopButton as WireButton
+from services.robot.core.controller_feedback import ControllerError
+from services.robot.core.stop_button import after_acknowledgement, after_connection, after_feedback
+from shared.robot_states import StopButton
+from tests.unit.services.robot.fake_controller import BUTTON_PRESSED, BUTTON_RELEASED, FAULT, STOPPED
 
 ABSENT, PRESSED, RELEASED, CLEAR = StopButton
 
 
 @pytest.mark.parametrize(
-    ("button", "code", "expected"),
+    ("button", "error", "expected"),
     [
-        (CLEAR, 0, CLEAR),
-        (CLEAR, 10, CLEAR),
-        (CLEAR, 500, PRESSED),
-        (CLEAR, 501, RELEASED),
-        (PRESSED, 500, PRESSED),
-        (PRESSED, 501, RELEASED),
-        (PRESSED, 0, RELEASED),
-        (RELEASED, 0, RELEASED),
-        (RELEASED, 500, PRESSED),
-        (ABSENT, 0, ABSENT),
-        (ABSENT, 500, PRESSED),
-        (ABSENT, 501, RELEASED),
+        (CLEAR, None, CLEAR),
+        (CLEAR, STOPPED, CLEAR),
+        (CLEAR, FAULT, CLEAR),
+        (CLEAR, BUTTON_PRESSED, PRESSED),
+        (CLEAR, BUTTON_RELEASED, RELEASED),
+        (PRESSED, BUTTON_PRESSED, PRESSED),
+        (PRESSED, BUTTON_RELEASED, RELEASED),
+        (PRESSED, None, RELEASED),
+        (RELEASED, None, RELEASED),
+        (RELEASED, BUTTON_PRESSED, PRESSED),
+        (ABSENT, None, ABSENT),
+        (ABSENT, BUTTON_PRESSED, PRESSED),
+        (ABSENT, BUTTON_RELEASED, RELEASED),
     ],
 )
-def test_what_an_answer_says(button: StopButton, code: int, expected: StopButton) -> None:
-    assert after_feedback(button, code) is expected
+def test_the_button_follows_the_errors(button: StopButton, error: ControllerError | None, expected: StopButton) -> None:
+    assert after_feedback(button, error) is expected
 
 
 def test_only_an_acknowledgement_clears_it_and_not_while_it_is_pressed() -> None:
@@ -35,7 +38,3 @@ def test_only_an_acknowledgement_clears_it_and_not_while_it_is_pressed() -> None
 
 def test_a_new_connection_forgets_what_was_known() -> None:
     assert [after_connection(b) for b in StopButton] == [ABSENT, RELEASED, RELEASED, RELEASED]
-
-
-def test_the_bus_has_the_same_names() -> None:
-    assert [b.value for b in StopButton] == [b.value for b in WireButton]

@@ -1,12 +1,18 @@
-"""What readings mean, state by state."""
+"""What the controller's feedback means, state by state."""
 
 from dataclasses import replace
 
 import pytest
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, Deviation, deviation
+from services.robot.core.controller_feedback import (
+    READ_BACK_TOLERANCE,
+    ControllerError,
+    ControllerFeedback,
+    Deviation,
+    deviation,
+)
 from services.robot.core.guard import PermittedMove
-from services.robot.core.motion import Event, MotionState
+from services.robot.core.motion import Event
 from services.robot.core.status import DriveStatus, with_feedback
 from services.robot.core.supervision import (
     MoveUnderWay,
@@ -14,15 +20,16 @@ from services.robot.core.supervision import (
     check_moving,
     check_referencing,
     distance_from_path,
-    error_sentence,
 )
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
+from shared.robot_states import MotionState
+from tests.unit.services.robot.fake_controller import BUTTON_PRESSED, BUTTON_RELEASED, FAULT, STOPPED
 
 TARGET = PlatformPose(4.0, 0.0, 0.0, 0.0, 0.0, 2.0)
 HALF_WAY = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 MOVE = MoveUnderWay(PermittedMove("a" * 64, ZERO_POSE, TARGET, 2.0, 2.0), began_s=10.0)
-AT_REST = ControllerFeedback(ZERO_POSE, False, False, True, False, True, 0)
-MOVING = ControllerFeedback(HALF_WAY, True, False, False, True, True, 0)
+AT_REST = ControllerFeedback(ZERO_POSE, False, False, True, False, True, None)
+MOVING = ControllerFeedback(HALF_WAY, True, False, False, True, True, None)
 ARRIVED = replace(MOVING, pose=TARGET, moving=False, on_target=True)
 
 
@@ -39,10 +46,9 @@ def test_a_move_on_its_target_has_arrived() -> None:
 @pytest.mark.parametrize(
     ("feedback", "now_s", "event", "words"),
     [
-        (replace(MOVING, error_code=10), 11.0, Event.CONTROLLER_STOPPED, "stopped by a command"),
-        (replace(MOVING, error_code=500), 11.0, Event.CONTROLLER_STOPPED, "stop button is pressed"),
-        (replace(MOVING, error_code=7), 11.0, Event.FAULT_SEEN, "outside the controller's limits"),
-        (replace(MOVING, error_code=77), 11.0, Event.FAULT_SEEN, "reports error 77"),
+        (replace(MOVING, error=STOPPED), 11.0, Event.CONTROLLER_STOPPED, "stopped by a command"),
+        (replace(MOVING, error=BUTTON_PRESSED), 11.0, Event.CONTROLLER_STOPPED, "stop button is pressed"),
+        (replace(MOVING, error=FAULT), 11.0, Event.FAULT_SEEN, "a leg does not follow"),
         (replace(MOVING, unlocked=False), 11.0, Event.FAULT_SEEN, "a servo, a brake"),
         (replace(MOVING, referenced=False), 11.0, Event.FAULT_SEEN, "the reference was lost"),
         (replace(MOVING, pose=replace(HALF_WAY, y_mm=0.6)), 11.0, Event.FAULT_SEEN, "0.600 mm and 0.000° beside"),
@@ -83,9 +89,9 @@ def test_at_rest_and_locked_is_right(state: MotionState) -> None:
         (MotionState.UNREFERENCED, replace(AT_REST, locked=False), Event.FAULT_SEEN),
         (MotionState.STOPPED, replace(AT_REST, locked=False), Event.FAULT_SEEN),
         (MotionState.LOCKED, replace(AT_REST, referenced=False), Event.FAULT_SEEN),
-        (MotionState.LOCKED, replace(AT_REST, error_code=1), Event.FAULT_SEEN),
-        (MotionState.LOCKED, replace(AT_REST, error_code=10), Event.CONTROLLER_STOPPED),
-        (MotionState.UNREFERENCED, replace(AT_REST, error_code=500), Event.CONTROLLER_STOPPED),
+        (MotionState.LOCKED, replace(AT_REST, error=FAULT), Event.FAULT_SEEN),
+        (MotionState.LOCKED, replace(AT_REST, error=STOPPED), Event.CONTROLLER_STOPPED),
+        (MotionState.UNREFERENCED, replace(AT_REST, error=BUTTON_PRESSED), Event.CONTROLLER_STOPPED),
     ],
 )
 def test_every_trouble_at_rest_is_found(state: MotionState, feedback: ControllerFeedback, event: Event) -> None:
@@ -94,9 +100,9 @@ def test_every_trouble_at_rest_is_found(state: MotionState, feedback: Controller
     assert finding.event is event
 
 
-@pytest.mark.parametrize("code", [10, 500])
-def test_a_stopped_robot_may_report_its_stop(code: int) -> None:
-    assert check_at_rest(MotionState.STOPPED, replace(AT_REST, error_code=code)) is None
+@pytest.mark.parametrize("error", [STOPPED, BUTTON_PRESSED, BUTTON_RELEASED])
+def test_a_stopped_robot_may_report_its_stop(error: ControllerError) -> None:
+    assert check_at_rest(MotionState.STOPPED, replace(AT_REST, error=error)) is None
 
 
 @pytest.mark.parametrize(
@@ -107,8 +113,8 @@ def test_a_stopped_robot_may_report_its_stop(code: int) -> None:
         (replace(AT_REST, moving=True), 0.1, None),
         (replace(AT_REST, referenced=False), 61.0, Event.FAULT_SEEN),
         (replace(AT_REST, pose=HALF_WAY), 0.1, Event.FAULT_SEEN),
-        (replace(AT_REST, error_code=5), 0.1, Event.FAULT_SEEN),
-        (replace(AT_REST, error_code=10), 0.1, Event.CONTROLLER_STOPPED),
+        (replace(AT_REST, error=FAULT), 0.1, Event.FAULT_SEEN),
+        (replace(AT_REST, error=STOPPED), 0.1, Event.CONTROLLER_STOPPED),
     ],
 )
 def test_reference(feedback: ControllerFeedback, lasted_s: float, event: Event | None) -> None:
@@ -130,12 +136,7 @@ def test_deviation_is_a_distance_and_an_angle_and_nan_exceeds() -> None:
     assert deviation(ZERO_POSE, replace(ZERO_POSE, u_deg=float("nan"))).exceeds(Deviation(1e9, 1e9))
 
 
-def test_error_codes_have_sentences() -> None:
-    assert error_sentence(5).startswith("an axis is not referenced or its servo is off")
-    assert error_sentence(99) == "the controller reports error 99; see its manual, then reset"
-
-
-def test_a_reading_while_moving_without_a_move_is_a_fault() -> None:
+def test_feedback_while_moving_without_a_move_is_a_fault() -> None:
     _, finding = with_feedback(DriveStatus(state=MotionState.MOVING), MOVING, 0.0, 0.0)
     assert finding is not None
     assert finding.event is Event.FAULT_SEEN

@@ -2,8 +2,7 @@
 
 import pytest
 
-from services.robot.devices.controller import ControllerSilent
-from services.robot.devices.gcs.codec import ReplyGarbled
+from services.robot.devices.controller import ControllerSilent, ReplyGarbled
 from services.robot.devices.gcs.controller import GcsController
 from services.robot.devices.serial_line import open_port
 from shared.errors import DeviceError

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from services.robot.core.motion import MotionState
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.status import DriveStatus
 from shared.geometry.hexapod import PlatformPose
+from shared.robot_states import MotionState
 from tests.unit.services.robot.drive_bench import Bench
 
 

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from services.robot.devices.controller import ControllerSilent, StopInForce
-from services.robot.devices.gcs.controller import STOP_AND_LOCK, Encoders, GcsController
+from services.robot.devices.controller import ControllerSilent, Encoders, StopInForce
+from services.robot.devices.gcs.controller import STOP_AND_LOCK, GcsController
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod

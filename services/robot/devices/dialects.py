@@ -1,0 +1,28 @@
+"""The dialects of hexapod controllers: the one table in which a driver is registered."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Protocol
+
+from services.robot.devices.controller import Encoders, HexapodController
+from services.robot.devices.gcs.controller import GcsController
+from services.robot.devices.serial_line import Port
+from shared.geometry.hexapod import HexapodPart
+
+
+class Dialect(StrEnum):
+    """Protocols that the robot service speaks; the setting `dialect` names one."""
+
+    GCS = "gcs"
+
+
+class Driver(Protocol):
+    """Takes over a port: returns a controller that was found or made stopped and locked; raises `DeviceError`."""
+
+    def __call__(
+        self, port: Port, hexapod: HexapodPart, encoders: Encoders, reply_timeout_s: float
+    ) -> HexapodController:
+        """Connect."""
+
+
+DRIVERS: Mapping[Dialect, Driver] = {Dialect.GCS: GcsController}

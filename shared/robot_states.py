@@ -1,0 +1,31 @@
+"""States of the robot: the same values in the robot's core, on the bus and at the consoles."""
+
+from enum import StrEnum
+
+
+class MotionState(StrEnum):
+    """States of the hexapod, as in the motion table."""
+
+    DISCONNECTED = "disconnected"
+    UNREFERENCED = "unreferenced"
+    REFERENCING = "referencing"
+    LOCKED = "locked"
+    MOVING = "moving"
+    STOPPED = "stopped"
+    FAULT = "fault"
+
+
+class StopLatch(StrEnum):
+    """The stop button: it latches until a person acknowledges it, and services start with it pressed."""
+
+    CLEAR = "clear"
+    LATCHED = "latched"
+
+
+class StopButton(StrEnum):
+    """The button on the hexapod's controller itself; `released` means that nobody has acknowledged it yet."""
+
+    ABSENT = "absent"
+    PRESSED = "pressed"
+    RELEASED = "released"
+    CLEAR = "clear"

@@ -1,0 +1,160 @@
+"""A second dialect: the port, the serial line and the drive suffice for a protocol that has nothing of GCS."""
+
+import queue
+
+from services.robot.core.controller_feedback import (
+    READ_BACK_TOLERANCE,
+    ControllerError,
+    ControllerFeedback,
+    ErrorKind,
+)
+from services.robot.core.guard import PermittedMove
+from services.robot.devices.controller import Encoders, HexapodController, StopInForce, garbled
+from services.robot.devices.dialects import DRIVERS, Dialect, Driver
+from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
+from services.robot.drive.drive import Drive
+from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose
+from shared.parts.hexapod_file import default_hexapod
+from shared.robot_states import MotionState, StopButton
+
+HEXAPOD = default_hexapod()
+TARGET = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+LINE = LineProtocol(b"!", b"hello\n", ("here",), another_line_follows=lambda line: line.endswith("&"))
+
+
+class ToyController:
+    """The driver of a dialect with one question: all that a folder `devices/toy/` would have to hold."""
+
+    def __init__(self, port: Port, hexapod: HexapodPart, encoders: Encoders, reply_timeout_s: float) -> None:
+        assert (hexapod, encoders) == (HEXAPOD, Encoders.ABSOLUTE)
+        self._line = SerialLine(port, LINE, reply_timeout_s)
+        self._line.stop_now()
+
+    @property
+    def identity(self) -> str:
+        return "toy"
+
+    def read(self) -> ControllerFeedback:
+        return self._line.ask(b"state\n", _feedback)
+
+    def reference(self) -> None:
+        self._line.write_unless_stopped(b"reference\n")
+
+    def move(self, target: PlatformPose, speed_mm_per_s: float) -> None:
+        assert speed_mm_per_s > 0.0
+        self._line.write_unless_stopped(f"go {' '.join(f'{v:.6f}' for v in target.as_array())}\n".encode())
+        error = self.read().error
+        if error is not None and error.is_stop:
+            raise StopInForce(error.message)
+
+    def lock(self) -> None:
+        self._line.write(b"lock\n")
+
+    def stop_now(self) -> None:
+        self._line.stop_now()
+
+    def release_stop(self) -> None:
+        self._line.release_stop()
+
+    def close(self) -> None:
+        self._line.close()
+
+
+def _feedback(lines: list[str]) -> ControllerFeedback:
+    if len(lines) != 2 or len(lines[0].split()) != 7:
+        raise garbled("state", lines)
+    *pose, end = lines[0].split()
+    flags = lines[1]
+    pressed = ControllerError(ErrorKind.STOP_BUTTON_PRESSED, "the red button is pressed; release it")
+    assert end == "&"
+    return ControllerFeedback(
+        pose=PlatformPose(*map(float, pose)),
+        moving="M" in flags,
+        on_target="M" not in flags,
+        locked="L" in flags,
+        unlocked="L" not in flags,
+        referenced="R" in flags,
+        error=pressed if "B" in flags else None,
+    )
+
+
+class ToyPort:
+    """The device: three flags (locked, moving, referenced), a button, and a pose."""
+
+    def __init__(self) -> None:
+        self.pose, self.target = [0.0] * 6, [0.0] * 6
+        self.locked, self.moving, self.referenced, self.button = False, True, False, False
+        self._answers: queue.Queue[bytes] = queue.Queue()
+
+    def write(self, data: bytes, /) -> int:
+        if data == b"!":
+            self.moving, self.locked = False, True
+            return 1
+        match data.decode().split():
+            case ["hello"]:
+                self._answer(b"here\n")
+            case ["state"]:
+                flags = f"L{self.locked:d}M{self.moving:d}R{self.referenced:d}B{self.button:d}"
+                shown = "".join(flags[i] for i in range(0, 8, 2) if flags[i + 1] == "1") or "-"
+                self._answer(f"{' '.join(map(str, self.pose))} &\n{shown}\n".encode())
+            case ["go", *values]:
+                self.target, self.moving, self.locked = [float(v) for v in values], True, False
+            case ["reference"]:
+                self.referenced = True
+            case ["lock"]:
+                self.locked = True
+        return len(data)
+
+    def _answer(self, answer: bytes) -> None:
+        for byte in answer:
+            self._answers.put(bytes([byte]))
+
+    def read(self, size: int = 1, /) -> bytes:
+        assert size == 1
+        try:
+            return self._answers.get(timeout=0.01)
+        except queue.Empty:
+            return b""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def arrive(self) -> None:
+        self.pose, self.moving = self.target, False
+
+
+def test_the_drive_references_moves_and_stops_a_robot_that_speaks_another_dialect() -> None:
+    port = ToyPort()
+    driver: Driver = ToyController
+
+    def connect() -> HexapodController:
+        return driver(port, HEXAPOD, Encoders.ABSOLUTE, 0.25)
+
+    drive = Drive(connect, READ_BACK_TOLERANCE, lambda: 50.0, 1.0, print)
+
+    def work(rounds: int = 3) -> MotionState:
+        for _ in range(rounds):
+            drive.step()
+        return drive.status.state
+
+    assert work() is MotionState.STOPPED
+    assert (port.moving, port.locked) == (False, True)
+    assert drive.acknowledge_stop() is None
+    assert work() is MotionState.UNREFERENCED
+    assert drive.begin_reference("r1") is None
+    assert work() is MotionState.LOCKED
+    assert drive.begin_move("m1", lambda _: PermittedMove("a" * 64, ZERO_POSE, TARGET, 2.0, 1.0)) is None
+    assert work(1) is MotionState.MOVING
+    port.arrive()
+    assert work() is MotionState.LOCKED
+    assert drive.status.outcome == "reached"
+    port.button = True
+    assert work() is MotionState.STOPPED
+    assert drive.status.stop_button is StopButton.PRESSED
+    assert drive.status.detail == "not by this service: the red button is pressed; release it"
+    drive.leave()
+    work()
+
+
+def test_every_dialect_has_a_driver() -> None:
+    assert set(DRIVERS) == set(Dialect)
