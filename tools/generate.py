@@ -12,11 +12,13 @@ from pathlib import Path
 from services.ui_api.app import openapi_document, routed_app
 from shared.messages.schema_files import SCHEMAS, schema_texts
 from tools.refusals_page import refusals_page
+from tools.tuning_page import tuning_page
 
 _DOCS = Path(__file__).parents[1] / "docs"
 _PAGES: dict[str, Callable[[], str]] = {
     "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
     "refusals.md": refusals_page,
+    "tuning.md": tuning_page,
 }
 
 
