@@ -28,7 +28,7 @@ from services.registration.core.guidance.tracking import (
     follow_frame,
     localised_sight,
 )
-from services.registration.core.localise import Method, Parts, localise
+from services.registration.core.localise import Parts, localise
 from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message, ring_turn_rad
 from shared.errors import ImageUnreadable, InputError, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -165,7 +165,7 @@ class Guide:
         if self._track is not None and self._track.missed < _MOST_MISSED:
             sight, self._track = follow_frame(pixels, calibration, self._parts, self._track)
             return sight
-        found = localise(pixels, calibration, self._parts, Method.MODEL, lambda _: None)
+        found = localise(pixels, calibration, self._parts)
         self._track = begin_track(pixels, calibration, self._parts, found) or self._track
         return localised_sight(found, self._parts)
 

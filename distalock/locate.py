@@ -16,16 +16,15 @@ from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.received_image import Acquisition
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
-from services.registration.core.localise import LocalisationResult, Method, Parts
-from services.registration.core.paper.calibration import calibrate_by_plates
-from services.registration.measure import timed_localisation
+from services.registration.core.localise import LocalisationResult, Parts, localise
+from services.registration.measure import Localiser, timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.parts import parts_from_json
 from services.registration.report import MeasuredTimes, message_of_several, uncalibrated_message
 from shared.errors import Accepted, InputError, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
-from shared.messages.registration import Localisation
+from shared.messages.registration import Localisation, Method
 from shared.parts.files import read_part_file
 
 EXIT_ACCEPTED, EXIT_REJECTED = 0, 3
@@ -78,7 +77,7 @@ def locate_image(
     image: Path,
     parts: Parts,
     nominal: NominalOptions = NominalOptions(),
-    method: Method = Method.MODEL,
+    method: Method = "model",
 ) -> LocatedImage:
     """Localise the nail's hole axes in one image file (PNG, TIFF or DICOM).
 
@@ -90,7 +89,7 @@ def locate_image(
     return located(read_image_file(image), parts, nominal, method)
 
 
-def located(image: ImageFile, parts: Parts, nominal: NominalOptions, method: Method = Method.MODEL) -> LocatedImage:
+def located(image: ImageFile, parts: Parts, nominal: NominalOptions, method: Method = "model") -> LocatedImage:
     """Localise the nail's hole axes in one image that has been read."""
     started = time.perf_counter()
     pixels = image.content.pixels
@@ -100,22 +99,35 @@ def located(image: ImageFile, parts: Parts, nominal: NominalOptions, method: Met
         times = MeasuredTimes(ring_ms, ring_ms, None, None)
         message = uncalibrated_message(outcome.reasons, method, image.sha256, times)
         return LocatedImage(pixels, None, None, message)
-    result, message = timed_localisation(pixels, outcome.value, parts, method, image.sha256, ring_ms)
+    result, message = timed_localisation(
+        pixels, outcome.value, parts, image.sha256, ring_ms, (method, _localiser(method))
+    )
     return LocatedImage(pixels, outcome.value, result, message)
 
 
 def _calibrated(
     pixels: NDArray[np.float32], parts: Parts, nominal: NominalGeometry, method: Method
 ) -> Accepted[CArmCalibration] | Rejected:
-    """Calibrate from the ring, for the paper's method by the paper's means."""
+    """Calibrate from the ring; the fronto-parallel method calibrates once more by its own means."""
     ours = calibrate_image(pixels, parts.ring, nominal)
-    if isinstance(ours, Rejected) or method is not Method.FRONTO_PARALLEL:
+    if isinstance(ours, Rejected) or method == "model":
         return ours
+    # imported only when asked for: the comparison method is no part of the product's start-up
+    from baselines.fronto_parallel.calibration import calibrate_by_plates
+
     return calibrate_by_plates(pixels, ours.value, parts.ring)
 
 
+def _localiser(method: Method) -> Localiser:
+    if method == "model":
+        return localise
+    from baselines.fronto_parallel.localise import localise_fronto_parallel
+
+    return localise_fronto_parallel
+
+
 def locate_images(
-    images: tuple[Path, ...], parts: Parts, nominal: NominalOptions, method: Method = Method.MODEL
+    images: tuple[Path, ...], parts: Parts, nominal: NominalOptions, method: Method = "model"
 ) -> LocatedImage:
     """Localise in one image file, or in several of the same set-up, in the order in which they were taken.
 
@@ -149,7 +161,7 @@ def run(given: argparse.Namespace) -> int:
         if overlay is not None:
             require_apart(overlay, (*images, given.ring, given.guide, given.nail))
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
-        found = locate_images(images, parts, nominal, Method(given.method))
+        found = locate_images(images, parts, nominal, given.method)
         if overlay is not None:
             drawn = overlay_png(found.pixels, found.calibration, found.result, parts)
             write_whole(overlay, drawn)

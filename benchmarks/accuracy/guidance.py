@@ -23,7 +23,7 @@ from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.imaging.core.ring_tracking import calibrate_next
 from services.registration.core.alignment import Advice, hole_tilts
 from services.registration.core.guidance.tracking import Sight, Track, begin_track, follow_frame, localised_sight
-from services.registration.core.localise import Method, localise
+from services.registration.core.localise import localise
 from shared.errors import Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import NailPart
@@ -163,7 +163,7 @@ class _Follower:
 
     def _localised(self, frame: Frame, calibration: CArmCalibration) -> tuple[Sight, Track | None]:
         began = time.process_time()
-        found = localise(frame.pixels, calibration, self._parts, Method.MODEL, lambda _: None)
+        found = localise(frame.pixels, calibration, self._parts)
         self._tally.full_s.append(time.process_time() - began)
         return localised_sight(found, self._parts), begin_track(frame.pixels, calibration, self._parts, found)
 

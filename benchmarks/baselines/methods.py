@@ -14,14 +14,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.fronto_parallel.axis_rule import SeenNail, along_the_beam
+from baselines.fronto_parallel.calibration import calibrate_by_plates
+from baselines.fronto_parallel.localise import localise_fronto_parallel
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.localise import LocalisationResult, Method, Parts, conclude, localise, unmirrored
+from services.registration.core.localise import LocalisationResult, Parts, conclude, localise, unmirrored
 from services.registration.core.nail.search.find import find_nail
 from services.registration.core.nail_estimate import NailEstimate
-from services.registration.core.paper.axis_rule import SeenNail, along_the_beam
-from services.registration.core.paper.calibration import calibrate_by_plates
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.lines import Line, angle_between_rad
@@ -124,7 +125,7 @@ def run_model(
     calibrated = calibrate_image(pixels, parts.ring, nominal)
     if isinstance(calibrated, Rejected):
         return ModelRun(Outcome(codes_of(calibrated.reasons), None, time.perf_counter() - started), None, None)
-    result = localise(pixels, calibrated.value, parts, Method.MODEL, lambda _: None)
+    result = localise(pixels, calibrated.value, parts)
     seconds = time.perf_counter() - started
     return ModelRun(Outcome(codes_of(result.reasons), hole_errors(result, truths), seconds), calibrated.value, result)
 
@@ -135,7 +136,7 @@ def run_paper(pixels: NDArray[np.float32], named: CArmCalibration, parts: Parts,
     calibrated = calibrate_by_plates(pixels, named, parts.ring)
     if isinstance(calibrated, Rejected):
         return Outcome(codes_of(calibrated.reasons), None, time.perf_counter() - started)
-    result = localise(pixels, calibrated.value, parts, Method.FRONTO_PARALLEL, lambda _: None)
+    result = localise_fronto_parallel(pixels, calibrated.value, parts)
     return _of_rule(result, truths, time.perf_counter() - started)
 
 
@@ -155,7 +156,7 @@ def run_paper_rule(
     if isinstance(found, Rejected):
         return Outcome(codes_of(found.reasons), None, time.perf_counter() - started)
     nail = Accepted(NailEstimate(found.value.camera_from_nail, None, None, None))
-    result = conclude(run.calibration, parts, Method.FRONTO_PARALLEL, Accepted(guide), nail)
+    result = conclude(run.calibration, parts, Accepted(guide), nail)
     return _of_rule(result, truths, time.perf_counter() - started)
 
 

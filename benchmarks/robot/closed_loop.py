@@ -18,7 +18,7 @@ from benchmarks.scenes.random_scenes import nominal_of, shipped_parts_of
 from services.imaging.core.calibration import calibrate_image
 from services.registration.core.acceptance.plan import PlanRefused
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.localise import Method, localise
+from services.registration.core.localise import localise
 from services.registration.core.plan import RobotNow, plan_move
 from shared.errors import Rejected
 from shared.geometry.frames import Guide, RobotBase, RobotTop
@@ -107,7 +107,7 @@ class _Case:
         calibrated = calibrate_image(pixels, scenario.parts.ring, nominal_of(scenario))
         if isinstance(calibrated, Rejected):
             return _RefusedImage(calibrated.reasons[0].message)
-        result = localise(pixels, calibrated.value, shipped_parts_of(scenario), Method.MODEL, lambda _: None)
+        result = localise(pixels, calibrated.value, shipped_parts_of(scenario))
         if result.holes is not None and result.accepted:
             return result.holes
         if result.correction is None:

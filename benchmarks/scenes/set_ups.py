@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.imaging.core.calibration import calibrate_image
-from services.registration.core.localise import LocalisationResult, Method, Parts, localise
+from services.registration.core.localise import LocalisationResult, Parts, localise
 from shared.errors import Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Room
@@ -75,5 +75,5 @@ class SetUp:
         calibrated = calibrate_image(pixels, self.parts.ring, nominal_of(self.scenario))
         if isinstance(calibrated, Rejected):
             return SeenImage(shot, None, None, calibrated.reasons)
-        result = localise(pixels, calibrated.value, self.parts, Method.MODEL, lambda _: None)
+        result = localise(pixels, calibrated.value, self.parts)
         return SeenImage(shot, calibrated.value, result, result.reasons)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from services.registration.core.fusion.localise import FusedLocalisation
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.localise import LocalisationResult, Method
+from services.registration.core.localise import LocalisationResult
 from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.passing import AxisOffset
 from shared.errors import Reason
@@ -21,6 +21,7 @@ from shared.messages.registration import (
     LocalisedHole,
     LocalisedImage,
     LocalisedNail,
+    Method,
     StandardUncertainty,
     Timing,
 )
@@ -89,14 +90,18 @@ def _named(name: str, reason: ReasonMessage) -> ReasonMessage:
 
 
 def localisation_message(
-    result: LocalisationResult, calibration: CArmCalibration, image_sha256: str, times: MeasuredTimes
+    result: LocalisationResult,
+    calibration: CArmCalibration,
+    image_sha256: str,
+    times: MeasuredTimes,
+    method: Method = "model",
 ) -> Localisation:
     """A localisation of a calibrated image, accepted or rejected."""
     correction = result.correction
     return Localisation(
         verdict="accepted" if result.accepted else "rejected",
         reasons=tuple(ReasonMessage.of(reason) for reason in result.reasons),
-        method=result.method.value,
+        method=method,
         image=LocalisedImage(sha256=image_sha256, mirrored=calibration.mirrored),
         camera=_camera(calibration),
         guide=None if result.guide is None else _guide(result.guide),
@@ -117,7 +122,7 @@ def uncalibrated_message(
     return Localisation(
         verdict="rejected",
         reasons=tuple(ReasonMessage.of(reason) for reason in reasons),
-        method=method.value,
+        method=method,
         image=LocalisedImage(sha256=image_sha256, mirrored=None),
         camera=None,
         guide=None,

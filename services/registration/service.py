@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from services.registration.core.localise import LocalisationResult, Method
+from services.registration.core.localise import LocalisationResult
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
 from services.registration.knowledge import Knowledge
 from services.registration.live import LiveGuidance
@@ -256,9 +256,9 @@ def _located(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase) -> _
     if job.values is None:
         reasons = tuple(Reason(reason.code, reason.message) for reason in job.reasons)
         times = MeasuredTimes(job.elapsed_ms, job.elapsed_ms, None, None)
-        return _Located(None, None, uncalibrated_message(reasons, Method.MODEL, sha256, times))
+        return _Located(None, None, uncalibrated_message(reasons, "model", sha256, times))
     calibration = job.values.calibration()
-    result, message = timed_localisation(frame.pixels, calibration, case.parts, Method.MODEL, sha256, job.elapsed_ms)
+    result, message = timed_localisation(frame.pixels, calibration, case.parts, sha256, job.elapsed_ms)
     return _Located(calibration, result, message)
 
 

@@ -1,9 +1,8 @@
-"""From one calibrated image to the nail's hole axes in the guide's frame: guide, nail, axes, verdict."""
+"""From one calibrated image to the nail's hole axes in the guide's frame: guide, nail, axes, acceptance."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,24 +13,15 @@ from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
-from services.registration.core.nail.search.find import NailDetection, find_nail
+from services.registration.core.nail.search.find import find_nail
 from services.registration.core.nail.search.outline import covered_pixels
 from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
-from services.registration.core.paper.guide import locate_guide_by_axes
-from services.registration.core.paper.nail import locate_nail_by_band
 from services.registration.core.pose_evidence import PoseEvidence, pose_evidence
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart, RingPart
 from shared.geometry.transform import Transform
-
-
-class Method(StrEnum):
-    """How the nail's pose is found."""
-
-    MODEL = "model"
-    FRONTO_PARALLEL = "fronto-parallel"
 
 
 class Step(StrEnum):
@@ -52,7 +42,7 @@ class Parts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationResult:
-    """What one image says. Without reasons it is accepted, and then nothing in it is None but the method's margins.
+    """Estimates from one image. Without reasons it is accepted, and then nothing in it is None but the margin.
 
     Attributes
     ----------
@@ -62,7 +52,6 @@ class LocalisationResult:
         What was found, also on rejection.
     """
 
-    method: Method
     reasons: tuple[Reason, ...]
     guide: GuideFit | None
     nail: NailEstimate | None
@@ -80,12 +69,11 @@ def localise(
     pixels: NDArray[np.float32],
     calibration: CArmCalibration,
     parts: Parts,
-    method: Method,
-    completed: Callable[[Step], None],
+    completed: Callable[[Step], None] = lambda _: None,
 ) -> LocalisationResult:
-    """Find guide and nail in a calibrated image and judge what was found.
+    """Find guide and nail in a calibrated image, and accept or reject the localisation.
 
-    Guide and nail are both tried, so that all reasons against an image are told at once.
+    Guide and nail are both searched for, so that all reasons against an image are reported at once.
 
     Parameters
     ----------
@@ -97,12 +85,11 @@ def localise(
         Called after each step.
     """
     upright = unmirrored(pixels, calibration)
-    guide = _locate_guide(upright, calibration, parts, method)
+    guide = locate_guide(upright, calibration, parts.ring, parts.guide)
     completed(Step.GUIDE)
-    guide_fit = guide.value if isinstance(guide, Accepted) else None
-    nail = _locate_nail(upright, calibration, parts, guide_fit, method)
+    nail = _locate_nail(upright, calibration, parts, guide.value if isinstance(guide, Accepted) else None)
     completed(Step.NAIL)
-    return conclude(calibration, parts, method, guide, nail)
+    return conclude(calibration, parts, guide, nail)
 
 
 def unmirrored(pixels: NDArray[np.float32], calibration: CArmCalibration) -> NDArray[np.float32]:
@@ -113,24 +100,23 @@ def unmirrored(pixels: NDArray[np.float32], calibration: CArmCalibration) -> NDA
 def conclude(
     calibration: CArmCalibration,
     parts: Parts,
-    method: Method,
     guide: Accepted[GuideFit] | Rejected,
     nail: Accepted[NailEstimate] | Rejected,
 ) -> LocalisationResult:
-    """Put guide and nail together and judge; what was not found is left out and its reasons are told."""
+    """Combine guide and nail, and accept or reject; what was not found is left out and its reasons are reported."""
     found_guide = guide.value if isinstance(guide, Accepted) else None
     found_nail = nail.value if isinstance(nail, Accepted) else None
     correction = None if found_nail is None else c_arm_correction_deg(found_nail.camera_from_nail, parts.nail)
     if found_guide is None or found_nail is None or correction is None:
         reasons = tuple(r for part in (guide, nail) if isinstance(part, Rejected) for r in part.reasons)
-        return LocalisationResult(method, reasons, found_guide, found_nail, None, None, correction)
+        return LocalisationResult(reasons, found_guide, found_nail, None, None, correction)
     camera_from_nail = found_nail.camera_from_nail
     guide_from_nail = found_guide.camera_from_guide.inverse() @ camera_from_nail
     holes = hole_estimates(calibration, parts, found_guide, found_nail)
     reasons = localisation_reasons(
         LocalisationEvidence(calibration, parts.guide, parts.nail, camera_from_nail, guide_from_nail, holes, correction)
     )
-    return LocalisationResult(method, reasons, found_guide, found_nail, guide_from_nail, holes, correction)
+    return LocalisationResult(reasons, found_guide, found_nail, guide_from_nail, holes, correction)
 
 
 def hole_estimates(
@@ -152,53 +138,26 @@ def evidence_of(
     return pose_evidence(calibration, parts.guide, parts.nail, guide_fit, estimate.camera_from_nail, estimate.errors)
 
 
-def _locate_guide(
-    upright: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, method: Method
-) -> Accepted[GuideFit] | Rejected:
-    match method:
-        case Method.MODEL:
-            return locate_guide(upright, calibration, parts.ring, parts.guide)
-        case Method.FRONTO_PARALLEL:
-            return locate_guide_by_axes(calibration, parts.ring, parts.guide)
-        case _:
-            assert_never(method)
+def distal_direction(guide: GuideFit | None) -> NDArray[np.float64] | None:
+    """Rough direction of the nail's +x in the camera's frame, shape (3,): the guide's +x."""
+    return None if guide is None else guide.camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
 
 
-def _locate_nail(
-    upright: NDArray[np.float32],
-    calibration: CArmCalibration,
-    parts: Parts,
-    guide: GuideFit | None,
-    method: Method,
-) -> Accepted[NailEstimate] | Rejected:
-    distal_hint = None if guide is None else guide.camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
-    match method:
-        case Method.MODEL:
-            start = find_nail(upright, calibration, parts.nail, distal_hint)
-            return start if isinstance(start, Rejected) else _by_model(upright, calibration, parts, guide, start.value)
-        case Method.FRONTO_PARALLEL:
-            discs_px = ball_discs_px(_balls(parts, guide), calibration)
-            found = locate_nail_by_band(upright, calibration, parts.nail, distal_hint, discs_px)
-            if isinstance(found, Rejected):
-                return found
-            return Accepted(NailEstimate(found.value.camera_from_nail, None, None, None))
-        case _:
-            assert_never(method)
-
-
-def _balls(parts: Parts, guide: GuideFit | None) -> Occluders:
+def known_balls(parts: Parts, guide: GuideFit | None) -> Occluders:
+    """What lies over the nail: the ring, and the guide where it was found."""
     placed = None if guide is None else PlacedGuide(parts.guide, guide.camera_from_guide)
     return Occluders(placed, parts.ring)
 
 
-def _by_model(
-    upright: NDArray[np.float32],
-    calibration: CArmCalibration,
-    parts: Parts,
-    guide: GuideFit | None,
-    start: NailDetection,
+def _locate_nail(
+    upright: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, guide: GuideFit | None
 ) -> Accepted[NailEstimate] | Rejected:
-    balls = _balls(parts, guide)
+    """Search the nail, then fit it."""
+    found = find_nail(upright, calibration, parts.nail, distal_direction(guide))
+    if isinstance(found, Rejected):
+        return found
+    start = found.value
+    balls = known_balls(parts, guide)
     depth_mm = float(start.camera_from_nail.translation_mm[2])
     hidden = covered_pixels(upright, calibration, start.openings, depth_mm, ball_discs_px(balls, calibration))
     fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, replace(balls, hidden=hidden))

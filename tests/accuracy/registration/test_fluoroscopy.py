@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from distalock.locate import NominalOptions, locate_image, read_parts
-from services.registration.core.localise import Method
+from shared.messages.registration import Method
 
 FOLDER = Path(os.environ.get("DISTALOCK_FLUOROSCOPY", Path(__file__).parents[4] / "shared" / "fluoroscopy"))
 pytestmark = [
@@ -25,7 +25,7 @@ def entry_of(name: str) -> dict[str, object]:
     return next(entry for entry in manifest["images"] if entry["image"] == name)
 
 
-def located(name: str, method: Method = Method.MODEL) -> tuple[str, list[str], dict[str, tuple[float, float]]]:
+def located(name: str, method: Method = "model") -> tuple[str, list[str], dict[str, tuple[float, float]]]:
     """Verdict, reason codes, and per hole the errors in mm and degrees."""
     entry = entry_of(name)
     parts = read_parts(FOLDER / "ring.json", FOLDER / "guide.json", FOLDER / str(entry["nail"]))
@@ -73,7 +73,7 @@ def test_a_side_view_is_refused_or_right() -> None:
 
 
 def test_the_papers_method_finds_axes_in_a_round_view_but_moves_nothing() -> None:
-    verdict, codes, errors = located("dev00.png", Method.FRONTO_PARALLEL)
+    verdict, codes, errors = located("dev00.png", "fronto-parallel")
     print("dev00.png", errors)
     assert verdict == "rejected"
     assert set(codes) == {"uncertainty_too_large"}
@@ -83,5 +83,5 @@ def test_the_papers_method_finds_axes_in_a_round_view_but_moves_nothing() -> Non
 
 
 def test_the_papers_method_refuses_holes_that_do_not_look_round() -> None:
-    verdict, codes, errors = located("dev04.png", Method.FRONTO_PARALLEL)
+    verdict, codes, errors = located("dev04.png", "fronto-parallel")
     assert (verdict, codes, errors) == ("rejected", ["tilt_too_large"], {})

@@ -10,7 +10,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.acceptance.plan import PlanRefused
 from services.registration.core.head.motion import MotionView, check_motion
 from services.registration.core.head.place import HeadTrouble
-from services.registration.core.localise import LocalisationResult, Method, Parts, localise
+from services.registration.core.localise import LocalisationResult, Parts, localise
 from services.registration.core.plan import RobotNow, plan_move
 from services.registration.head_check import motion_view
 from shared.errors import Accepted, ReasonCode
@@ -44,7 +44,7 @@ def image_of(scenario: Scenario, pose: PlatformPose, shot: int) -> Image:
     calibrated = calibrate_image(pixels, scenario.parts.ring, nominal)
     assert isinstance(calibrated, Accepted)
     parts = Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail)
-    result = localise(pixels, calibrated.value, parts, Method.MODEL, lambda _: None)
+    result = localise(pixels, calibrated.value, parts)
     print([reason.message for reason in result.reasons])
     return Image(result, motion_view(pose, calibrated.value, result))
 

@@ -16,7 +16,7 @@ from services.registration.core.acceptance.image import fit_reasons
 from services.registration.core.acceptance.wires import BESIDE_WIRES, GUIDE_TILT, LAST_SHIFT, LAST_TURN, WIRES_LOST
 from services.registration.core.fusion.localise import LocalisedImage, usable_evidence
 from services.registration.core.guide.locate import GuideFit
-from services.registration.core.localise import LocalisationResult, Method, Parts, conclude, unmirrored
+from services.registration.core.localise import LocalisationResult, Parts, conclude, unmirrored
 from services.registration.core.nail.fit import NailFit, measure_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, SteelRod
 from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
@@ -56,7 +56,7 @@ def localise_behind_wires(
     else:
         start = nail_beside_guide(upright, calibration, parts.guide, parts.nail, guide.camera_from_guide)
         nail = start if isinstance(start, Rejected) else _fitted(view, parts, start.value, _ROUGHLY_PLACED_PX)
-    return None if nail is None else conclude(calibration, parts, Method.MODEL, Accepted(guide), nail)
+    return None if nail is None else conclude(calibration, parts, Accepted(guide), nail)
 
 
 def _fitted(

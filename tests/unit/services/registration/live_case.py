@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.localise import LocalisationResult, Method, localise
+from services.registration.core.localise import LocalisationResult, localise
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.cases import CaseContext
 from tests.unit.services.registration.rendered_case import (
@@ -37,4 +37,4 @@ def still_picture() -> tuple[NDArray[np.float32], CArmCalibration]:
 
 @cache
 def found_in_full() -> LocalisationResult:
-    return localise(*still_picture(), rendered_parts(), Method.MODEL, lambda _: None)
+    return localise(*still_picture(), rendered_parts())

@@ -8,7 +8,7 @@ from services.registration.core.alignment import c_arm_correction_deg
 from services.registration.core.fusion.agreement import leave_one_out
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
-from services.registration.core.localise import LocalisationResult, Method, Parts, hole_estimates
+from services.registration.core.localise import LocalisationResult, Parts, hole_estimates
 from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.pose_errors import model_loadings
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, motion_of_nail, moved_by
@@ -134,7 +134,7 @@ def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: R
     holes = hole_estimates(KNOWN_SOURCE, PARTS, guide, nail)
     correction = c_arm_correction_deg(pose, PARTS.nail)
     guide_from_nail = GUIDE_POSE.inverse() @ pose
-    result = LocalisationResult(Method.MODEL, reasons, guide, nail, guide_from_nail, holes, correction)
+    result = LocalisationResult(reasons, guide, nail, guide_from_nail, holes, correction)
     return LocalisedImage(name, KNOWN_SOURCE, result, reasons)
 
 

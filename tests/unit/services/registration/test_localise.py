@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from services.registration.core.localise import LocalisationResult, Method, Step, localise
+from services.registration.core.localise import LocalisationResult, Step, localise
 from services.registration.measure import timed_localisation
 from services.registration.overlay import GUIDE, NAIL, overlay_png
 from shared.errors import ReasonCode
@@ -21,10 +21,10 @@ from tests.unit.services.registration.rendered_case import (
 )
 
 
-def run(shown: Shown, seed: int, method: Method = Method.MODEL) -> LocalisationResult:
+def run(shown: Shown, seed: int) -> LocalisationResult:
     pixels, view = rendered(shown, seed)
     steps: list[Step] = []
-    result = localise(pixels, view, rendered_parts(), method, steps.append)
+    result = localise(pixels, view, rendered_parts(), steps.append)
     assert steps == [Step.GUIDE, Step.NAIL]
     return result
 
@@ -79,18 +79,11 @@ def test_a_steep_nail_is_not_accepted() -> None:
     assert not result.accepted
 
 
-def test_the_papers_method_is_told_but_moves_nothing() -> None:
-    result = run(Shown(nail=turned_nail((0.3, 0.2))), seed=6, method=Method.FRONTO_PARALLEL)
-    assert codes(result) == {ReasonCode.UNCERTAINTY_TOO_LARGE}
-    assert result.holes is not None
-    assert all(hole.offset is None for hole in result.holes)
-
-
 def test_times_add_up_and_the_drawing_shows_what_was_found() -> None:
     pixels, view = rendered(Shown(), seed=7)
     parts = rendered_parts()
     started = time.perf_counter()
-    result, message = timed_localisation(pixels, view, parts, Method.MODEL, "a" * 64, ring_ms=100.0)
+    result, message = timed_localisation(pixels, view, parts, "a" * 64, ring_ms=100.0)
     elapsed_ms = 1e3 * (time.perf_counter() - started)
     times = message.timing_ms
     assert times.guide is not None

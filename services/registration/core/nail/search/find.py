@@ -1,6 +1,6 @@
 """Find the nail in an image without an initial guess: band, openings, direction, pose at zero tilt.
 
-The result initialises the maximum-likelihood fit, and the paper's fronto-parallel method.
+The result initialises the maximum-likelihood fit.
 """
 
 from dataclasses import dataclass

@@ -23,7 +23,7 @@ from services.registration.core.guidance.tracking import (
     follow_frame,
     localised_sight,
 )
-from services.registration.core.localise import Method, localise
+from services.registration.core.localise import localise
 from services.registration.core.nail.forward_model import FitInput
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from shared.errors import Accepted, ReasonCode, Rejected
@@ -78,7 +78,7 @@ def empty() -> Picture:
 def begun() -> tuple[Picture, Sight, Track]:
     """A first image, what its localisation says, and the track that begins with it."""
     first = picture(Shown(), 1)
-    found = localise(first.pixels, first.calibration, PARTS, Method.MODEL, lambda _: None)
+    found = localise(first.pixels, first.calibration, PARTS)
     track = begin_track(first.pixels, first.calibration, PARTS, found)
     assert track is not None
     return first, localised_sight(found, PARTS), track
@@ -231,6 +231,6 @@ def test_disagreement_is_more_than_both_allow() -> None:
 
 
 def test_a_refused_localisation_begins_no_track_unless_it_is_only_tilted_or_unsure() -> None:
-    found = localise(empty().pixels, empty().calibration, PARTS, Method.MODEL, lambda _: None)
+    found = localise(empty().pixels, empty().calibration, PARTS)
     assert begin_track(empty().pixels, empty().calibration, PARTS, found) is None
     assert localised_sight(found, PARTS).advice is None

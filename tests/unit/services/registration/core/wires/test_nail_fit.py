@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.guide.locate import GuideFit
-from services.registration.core.localise import LocalisationResult, Method, Parts
+from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.pose_evidence import motion_between
@@ -55,7 +55,7 @@ def lateral_pixels() -> NDArray[np.float32]:
 
 
 def found(reasons: tuple[Reason, ...], guide: GuideFit | None) -> LocalisedImage:
-    result = LocalisationResult(Method.MODEL, reasons, guide, None, None, None, None)
+    result = LocalisationResult(reasons, guide, None, None, None, None)
     return LocalisedImage("lateral", calibration(SIZE_PX), result, reasons)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from services.registration.core.paper.balls import find_balls
+from baselines.fronto_parallel.balls import find_balls
 from tests.unit.services.registration.xray_scene import FOCAL_PX, Scene, calibration, render
 
 SIZE_PX = 420

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from baselines.fronto_parallel.axis_rule import LOWEST_ASPECT_RATIO, FrontoParallelNail, SeenNail, along_the_beam
+from baselines.fronto_parallel.nail import locate_nail_by_band
 from services.registration.core.nail.search.find import find_nail
-from services.registration.core.paper.axis_rule import LOWEST_ASPECT_RATIO, FrontoParallelNail, SeenNail, along_the_beam
-from services.registration.core.paper.nail import locate_nail_by_band
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.lines import angle_between_rad

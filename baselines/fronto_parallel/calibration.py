@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.paper.balls import find_balls
-from services.registration.core.paper.dewarping import Dewarping, fit_dewarping, on_grid
+from baselines.fronto_parallel.balls import find_balls
+from baselines.fronto_parallel.dewarping import Dewarping, fit_dewarping, on_grid
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates, CArmCalibration
 from shared.geometry.camera import PinholeCamera

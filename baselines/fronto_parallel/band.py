@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.paper.edges import EdgeImage
+from baselines.fronto_parallel.edges import EdgeImage
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import NailPart
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.paper.calibration import calibrate_by_plates
-from services.registration.core.paper.dewarping import fit_dewarping, on_grid
+from baselines.fronto_parallel.calibration import calibrate_by_plates
+from baselines.fronto_parallel.dewarping import fit_dewarping, on_grid
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import BallCandidates, CArmCalibration
 from shared.geometry.parts import BallPattern, RingPart

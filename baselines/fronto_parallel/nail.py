@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.paper.axis_rule import FrontoParallelNail, SeenNail, along_the_beam
-from services.registration.core.paper.band import find_band
-from services.registration.core.paper.edges import edge_image
-from services.registration.core.paper.holes import find_holes
+from baselines.fronto_parallel.axis_rule import FrontoParallelNail, SeenNail, along_the_beam
+from baselines.fronto_parallel.band import find_band
+from baselines.fronto_parallel.edges import edge_image
+from baselines.fronto_parallel.holes import find_holes
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import NailPart

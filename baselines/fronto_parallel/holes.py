@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.fronto_parallel.band import Band
+from baselines.fronto_parallel.edges import EdgeImage
 from services.registration.core.nail.search.outline import Ellipse, fit_ellipse
-from services.registration.core.paper.band import Band
-from services.registration.core.paper.edges import EdgeImage
 from shared.geometry.parts import NailPart
 
 _INSIDE_SHARE = 0.42

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.paper.guide import locate_guide_by_axes, pose_on_axes
+from baselines.fronto_parallel.guide import locate_guide_by_axes, pose_on_axes
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates, CArmCalibration
 from shared.geometry.frames import Camera, Guide

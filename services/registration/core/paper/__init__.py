@@ -1,1 +1,0 @@
-"""The paper's method, complete: distortion, Hough and correlation for balls, Canny and band Hough for the nail."""
