@@ -143,9 +143,9 @@ def _demo(given: argparse.Namespace) -> int:
 
 
 def _room_arguments(parser: argparse.ArgumentParser) -> None:
-    from simulation.__main__ import add_arguments
+    from simulation.settings import add_room_arguments
 
-    add_arguments(parser)
+    add_room_arguments(parser)
 
 
 def _room(given: argparse.Namespace) -> int:

@@ -129,17 +129,17 @@ def length_mm(least: float, most: float) -> Callable[[str], float]:
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
-    """Choose what the virtual operating room plays."""
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--seed", type=seed_number, metavar="N", help="seed of a random scenario")
-    which.add_argument("--scenario", type=existing_file, metavar="FILE", help="scenario file")
+    """Every option of the virtual operating room that an installation does not decide itself."""
+    from simulation.settings import OF_THE_INSTALLATION, add_room_arguments
+
+    add_room_arguments(parser, leave_out=OF_THE_INSTALLATION)
 
 
 def scenario_arguments(given: argparse.Namespace) -> tuple[str, ...]:
     """The same choice, as arguments of the virtual operating room's process."""
-    if given.scenario is not None:
-        return ("--scenario", str(given.scenario))
-    return () if given.seed is None else ("--seed", str(given.seed))
+    from simulation.settings import OF_THE_INSTALLATION, room_arguments
+
+    return room_arguments(given, leave_out=OF_THE_INSTALLATION)
 
 
 def add_image_arguments(parser: argparse.ArgumentParser) -> None:

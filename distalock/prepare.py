@@ -15,7 +15,7 @@ import cv2
 from distalock.locate import locate_image, read_parts
 from simulation.render.image import render_scene
 from simulation.scenario.sampling import scenario_of_seed
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 SEED: Final = 2
 

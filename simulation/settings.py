@@ -1,48 +1,65 @@
-"""What the virtual operating room is started with."""
+"""What the virtual operating room is started with: each option is declared once, as a field of `VirtualRoomSettings`.
 
-import re
+From a field follow the option of `python -m simulation`, `distalock virtual-or`, `demo` and `up --simulate`
+(``--gcs-port``), its help, its check, and the variable of the environment (``DISTALOCK_SIMULATION_GCS_PORT``).
+"""
+
+import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from shared.errors import ConfigurationError
-from simulation.dicom_sender import DicomTarget
+from simulation.dicom.target import DicomTarget, parse_target
+
+_ONE_OF = frozenset({"seed", "scenario"})
+# What an installation of several processes decides itself.
+OF_THE_INSTALLATION = frozenset({"host", "gcs_port", "control_port", "dicom_target"})
+
+
+def _existing(file: Path) -> Path:
+    if file.is_dir():
+        raise ValueError(f"{file} is a folder; name a file in it")
+    if not file.is_file():
+        raise ValueError(f"file {file} does not exist")
+    return file.resolve()
+
+
+def _sendable(target: str) -> str:
+    parse_target(target)
+    return target
+
 
 Port: TypeAlias = Annotated[int, Field(ge=0, le=65535)]
-_TARGET = re.compile(r"(?:(?P<title>[^@]{1,16})@)?(?P<host>[^@:\s]+):(?P<port>\d{1,5})")
+ExistingFile: TypeAlias = Annotated[Path, AfterValidator(_existing)]
+TargetText: TypeAlias = Annotated[str, AfterValidator(_sendable)]
+Seed: TypeAlias = Annotated[int, Field(ge=0, le=2**63 - 1)]
 
 
-class VirtualRoomSettings(BaseModel):
-    """Settings of the virtual operating room.
+class VirtualRoomSettings(BaseSettings):
+    """Settings of the virtual operating room."""
 
-    Attributes
-    ----------
-    gcs_port
-        TCP port of the hexapod's controller; 0 picks a free one. It is served on a pseudo-terminal as well.
-    control_port
-        TCP port of the control API; 0 picks a free one.
-    dicom_target
-        ``[TITLE@]HOST:PORT`` to which images are sent; None keeps them in the room.
-    seed, scenario
-        Which scenario to play: a seed or a file, not both; seed 0 when neither is given.
-    """
+    model_config = SettingsConfigDict(env_prefix="DISTALOCK_SIMULATION_", frozen=True, extra="forbid")
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
-    gcs_port: Port = 50000
-    control_port: Port = 8900
-    dicom_target: str | None = None
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] | None = None
-    scenario: Path | None = None
+    host: Annotated[str, Field(min_length=1)] = Field("127.0.0.1", description="interface to listen on")
+    gcs_port: Port = Field(
+        50000, description="TCP port of the hexapod's controller, which a pseudo-terminal serves as well; 0: any free"
+    )
+    control_port: Port = Field(8900, description="TCP port of the control API; 0: any free")
+    dicom_target: TargetText | None = Field(
+        None, description="[TITLE@]HOST:PORT to send images to; they stay in the room without it"
+    )
+    seed: Seed | None = Field(None, description="seed of a random scenario; 0 without seed and scenario file")
+    scenario: ExistingFile | None = Field(None, description="scenario file, instead of a seed")
 
     @model_validator(mode="after")
     def _one_scenario(self) -> "VirtualRoomSettings":
         if self.seed is not None and self.scenario is not None:
             raise ValueError("a seed and a scenario file were both given; give one of them")
-        if self.dicom_target is not None:
-            parse_target(self.dicom_target)
         return self
 
     @property
@@ -51,28 +68,55 @@ class VirtualRoomSettings(BaseModel):
         return None if self.dicom_target is None else parse_target(self.dicom_target)
 
 
-def parse_target(text: str) -> DicomTarget:
-    """Read ``[TITLE@]HOST:PORT``; raises `ValueError`."""
-    found = _TARGET.fullmatch(text)
-    if found is None or not 0 < int(found["port"]) <= 65535:
-        raise ValueError(f"'{text}' is no DICOM target; write [TITLE@]HOST:PORT, for example 127.0.0.1:11112")
-    if found["title"] is None:
-        return DicomTarget(found["host"], int(found["port"]))
-    return DicomTarget(found["host"], int(found["port"]), found["title"])
+def add_room_arguments(parser: argparse.ArgumentParser, leave_out: frozenset[str] = frozenset()) -> None:
+    """Declare an option for each setting."""
+    one_of = parser.add_mutually_exclusive_group()
+    for name, field in VirtualRoomSettings.model_fields.items():
+        if name not in leave_out:
+            default = "" if field.default is None else f" ({field.default})"
+            options = one_of if name in _ONE_OF else parser
+            options.add_argument(_option(name), type=_parser_of(field), help=f"{field.description}{default}")
+
+
+def room_arguments(given: argparse.Namespace, leave_out: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    """The options that were given, as arguments of the virtual room's process."""
+    values = {name: getattr(given, name, None) for name in VirtualRoomSettings.model_fields if name not in leave_out}
+    return tuple(word for name, value in values.items() if value is not None for word in (_option(name), str(value)))
 
 
 def virtual_room_settings(**given: object) -> VirtualRoomSettings:
-    """Settings from a command line; None means not given.
+    """Settings from a command line, None meaning not given, and from the environment.
 
     Raises
     ------
     ConfigurationError
         With one sentence that names the first wrong setting.
     """
+    known = {name: value for name, value in given.items() if name in VirtualRoomSettings.model_fields}
     try:
-        return VirtualRoomSettings.model_validate({k: v for k, v in given.items() if v is not None})
+        return VirtualRoomSettings(**{name: value for name, value in known.items() if value is not None})  # type: ignore[arg-type]
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(p) for p in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
+        place = ".".join(str(p) for p in error.errors()[0]["loc"])
+        message = _message(error)
         raise ConfigurationError(f"setting '{place}': {message}" if place else message) from None
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _parser_of(field: FieldInfo) -> Callable[[str], object]:
+    """A parser of one option, for argparse."""
+    adapter: TypeAdapter[object] = TypeAdapter(field.rebuild_annotation())
+
+    def parse(text: str) -> object:
+        try:
+            return adapter.validate_python(text)
+        except ValidationError as error:
+            raise argparse.ArgumentTypeError(f"{text!r}: {_message(error)}") from None
+
+    return parse
+
+
+def _message(error: ValidationError) -> str:
+    return error.errors()[0]["msg"].removeprefix("Value error, ")

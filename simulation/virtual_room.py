@@ -15,18 +15,18 @@ from fastapi import FastAPI
 
 from shared.errors import ConfigurationError, InputError
 from shared.signals import set_by_signals
-from simulation.control_api import control_app
+from simulation.control.api import control_app
 from simulation.controller.accuracy import seeded
 from simulation.controller.servers import tcp_server, terminal_server
 from simulation.controller.virtual_controller import VirtualController
-from simulation.operating_room import OperatingRoom
 from simulation.render.image import render_scene
+from simulation.room.foot_pedal import FootPedal
+from simulation.room.operating_room import OperatingRoom
 from simulation.scenario.files import read_scenario_file, scenario_file_of_seed
 from simulation.scenario.sampling import scenario_from_file
 from simulation.scenario.values import Scenario
 from simulation.settings import VirtualRoomSettings
-from simulation.shooting import FootPedal
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 _DEFAULT_SEED = 0
 _WARM_UP_PX = 64

@@ -20,7 +20,7 @@ from benchmarks.common.statistics import root_mean_square
 from benchmarks.scenes.random_scenes import scene_of_seed
 from simulation.render.image import Shot, render_scene
 from simulation.scenario.values import Scenario
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 FIRST_SEED, SCENES, PROCESSES = 7000, 8, 2
 REPORT = PAGES / "display.md"

@@ -28,9 +28,9 @@ from shared.errors import Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import NailPart
 from simulation.render.image import ImageFaults
+from simulation.render.truth import ImageTruth
 from simulation.scenario.values import Scenario
-from simulation.truth import ImageTruth
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 SCENES, FRAMES, FULL_EVERY = 8, 15, 5
 WRONG_DEVIATIONS, WRONG_DEG = 3.0, 0.5

@@ -27,7 +27,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.localise import Parts, Step, localise
 from shared.errors import Accepted
 from simulation.render.image import render_scene
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 FIRST_SEED, SCENES, ROUNDS = 30_000, 12, 5
 REPORT = PAGES / "image-time.md"

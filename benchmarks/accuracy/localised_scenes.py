@@ -19,10 +19,10 @@ from benchmarks.common.statistics import root_mean_square
 from benchmarks.limits.cramer_rao import AxisLimit, axis_limits
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from simulation.render.image import Shot, render_scene
+from simulation.render.truth import ImageTruth
 from simulation.scenario.imaging_values import Intensifier
 from simulation.scenario.values import Scenario
-from simulation.truth import ImageTruth
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 _RIM_REACH = 1.15
 

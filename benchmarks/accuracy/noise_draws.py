@@ -25,7 +25,7 @@ from distalock.arguments import OneLineParser, whole_number, writable_file
 from shared.geometry.frames import Nail, Ring
 from shared.geometry.transform import Transform
 from simulation.render.image import ImageFaults, Noise, Shot, exposed, view_of
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 FIRST_SEED = 6000
 REPORT = PAGES / "noise-draws.md"

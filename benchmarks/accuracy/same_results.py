@@ -27,7 +27,7 @@ from benchmarks.scenes.random_scenes import scene_of_seed
 from benchmarks.scenes.varied_parts import write_parts
 from distalock.locate import NominalOptions, locate_image, read_parts
 from simulation.render.image import render_scene
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 LARGEST_SHIFT_SD = 0.01
 FIRST_SEED, SCENES, PROCESSES = 30_000, 300, 2

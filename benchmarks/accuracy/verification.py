@@ -32,9 +32,9 @@ from services.registration.core.wires.verify import (
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line, unit
 from shared.geometry.transform import Transform
-from simulation.drilling import insert_wire
+from simulation.room.drilling import insert_wire
 from simulation.scenario.placement_sampling import aligned_guide
-from simulation.world import bone_from_guide, mapped, starting_state, world_at
+from simulation.world.poses import bone_from_guide, mapped, starting_state, world_at
 
 FIRST_SEED, SCENES, PROCESSES = 8000, 40, 2
 REPORT = PAGES / "verification.md"

@@ -12,7 +12,7 @@ from simulation.render.image import detector_points_mm
 from simulation.render.tiles import TILE_PX
 from simulation.render.tracer import PackedScene, refine_pixels, trace_rows
 from simulation.scenario.values import Scenario
-from simulation.world import World
+from simulation.world.poses import World
 
 Floats = NDArray[np.float64]
 _AROUND_MM = 3.0

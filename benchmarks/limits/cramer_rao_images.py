@@ -21,7 +21,7 @@ from simulation.render.image import trace_primary
 from simulation.render.scene import BallsInView, balls_in_view, pack_scene
 from simulation.render.tracer import trace_rows
 from simulation.scenario.values import Scenario
-from simulation.world import World, starting_state, world_at
+from simulation.world.poses import World, starting_state, world_at
 
 Floats = NDArray[np.float64]
 _TEXTURES = 4

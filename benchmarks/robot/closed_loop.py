@@ -24,13 +24,13 @@ from shared.errors import Rejected
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
 from shared.geometry.transform import Transform
-from simulation.c_arm import turned_about_image
 from simulation.controller.accuracy import PlatformError, seeded
 from simulation.render.image import render_scene
+from simulation.render.truth import guide_axis_errors
+from simulation.room.c_arm import turned_about_image
 from simulation.scenario.sampling import scenario_of_seed
 from simulation.scenario.values import MountYield, Scenario
-from simulation.truth import guide_axis_errors
-from simulation.world import WorldState, starting_state, world_at
+from simulation.world.poses import WorldState, starting_state, world_at
 
 FIRST_SEED, CASES = 300, 20
 PROCESSES = 2

@@ -18,7 +18,7 @@ from simulation.controller.accuracy import seeded
 from simulation.render.image import render_scene
 from simulation.scenario.sampling import scenario_of_seed
 from simulation.scenario.values import Scenario
-from simulation.world import starting_state, world_at
+from simulation.world.poses import starting_state, world_at
 
 EXTENSION_MM = 60.0
 MADE_SD_MM, MADE_SD_DEG = 0.7, 0.7

@@ -19,11 +19,11 @@ from services.registration.core.head.motion import MotionView, check_motion
 from shared.geometry.frames import Frame, Guide, Nail, Ring, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, platform_pose
 from shared.geometry.transform import Transform
-from simulation.mount import yielded_base
 from simulation.scenario.files import merged_ranges
 from simulation.scenario.placement_sampling import correcting_pose
 from simulation.scenario.sampling import scenario_of_seed
 from simulation.scenario.values import MountYield
+from simulation.world.mount import yielded_base
 
 From = TypeVar("From", bound=Frame)
 

@@ -12,9 +12,10 @@ from shared.geometry.frames import Room
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 from simulation.render.image import NO_FAULTS, ImageFaults, Noise, View, exposed, view_of
+from simulation.render.truth import ImageTruth
+from simulation.scenario.c_arm_angles import CArmAngles
 from simulation.scenario.values import Scenario
-from simulation.truth import ImageTruth
-from simulation.world import CArmAngles, WorldState, starting_state
+from simulation.world.poses import WorldState, starting_state
 
 FloatImage = NDArray[np.float32]
 

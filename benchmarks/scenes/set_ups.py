@@ -15,8 +15,9 @@ from shared.geometry.frames import Room
 from shared.geometry.lines import unit
 from shared.geometry.transform import Transform
 from simulation.render.image import Shot, render_scene
+from simulation.scenario.c_arm_angles import angles_of_beam, c_arm_rotation
 from simulation.scenario.values import Scenario
-from simulation.world import WorldState, angles_of_beam, c_arm_rotation, starting_state, world_at
+from simulation.world.poses import WorldState, starting_state, world_at
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from shared.geometry.frames import Bone
 from shared.geometry.transform import Transform
-from simulation.frames import Beam
 from simulation.render import tracer
 from simulation.render.rows import Row, Shapes, ellipsoid_row
+from simulation.scenario.frames import Beam
 from simulation.scenario.values import Anatomy
 
 Floats = NDArray[np.float64]

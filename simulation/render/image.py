@@ -15,9 +15,9 @@ from simulation.render.attenuation import Material, Spectrum, spectrum
 from simulation.render.distortion import ideal_from_measured
 from simulation.render.scene import BallsInView, balls_in_view, pack_scene
 from simulation.render.tracer import PackedScene, refine_pixels, trace_lengths, trace_rows
+from simulation.render.truth import ImageTruth, image_truth
 from simulation.scenario.values import Scenario
-from simulation.truth import ImageTruth, image_truth
-from simulation.world import World, WorldState, world_at
+from simulation.world.poses import World, WorldState, world_at
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.float32]

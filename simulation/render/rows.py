@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shared.geometry.frames import Frame
 from shared.geometry.lines import Line
 from shared.geometry.transform import Transform
-from simulation.frames import Beam
+from simulation.scenario.frames import Beam
 
 Floats = NDArray[np.float64]
 Row = tuple[int, Floats]

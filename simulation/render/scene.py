@@ -15,7 +15,7 @@ from simulation.render.rows import Shapes, bar_row, ellipsoid_row, joined
 from simulation.render.texture import VOXEL_MM, trabecular_volume
 from simulation.render.tiles import TILE_PX, sort_into_tiles
 from simulation.scenario.values import Scenario
-from simulation.world import Rod, World
+from simulation.world.poses import Rod, World
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from shared.geometry.frames import Ring
 from shared.geometry.transform import Transform
-from simulation.frames import Detector
+from simulation.scenario.c_arm_angles import angles_of_beam
 from simulation.scenario.files import (
     CArmRanges,
     DisplayRanges,
@@ -15,9 +15,9 @@ from simulation.scenario.files import (
     Range,
     Ranges,
 )
+from simulation.scenario.frames import Detector
 from simulation.scenario.imaging_values import CArm, Display, Exposure, FlatPanel, Intensifier
 from simulation.scenario.values import Placement
-from simulation.world import angles_of_beam
 
 _QUARTER = 90.0
 

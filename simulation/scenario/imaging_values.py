@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from shared.geometry.frames import Ring
 from shared.geometry.transform import Transform
-from simulation.frames import Detector
+from simulation.scenario.frames import Detector
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from benchmarks.accuracy.localised_scenes import model_row
 from benchmarks.baselines.methods import run_model
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from simulation.render.image import ImageFaults, Noise, exposed, view_of
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 SEEDS = range(7000, 7008)
 

@@ -20,7 +20,7 @@ from shared.geometry.transform import Transform
 from simulation.render.image import render_scene
 from simulation.scenario.sampling import scenario_of_seed
 from simulation.scenario.values import Scenario
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 TURNED_SEED = 315

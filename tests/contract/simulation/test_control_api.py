@@ -7,10 +7,10 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from simulation.control_api import control_app
+from simulation.control.api import control_app
 from simulation.controller.virtual_controller import VirtualController
-from simulation.operating_room import OperatingRoom
-from simulation.shooting import FootPedal
+from simulation.room.foot_pedal import FootPedal
+from simulation.room.operating_room import OperatingRoom
 from tests.unit.simulation import rooms
 
 

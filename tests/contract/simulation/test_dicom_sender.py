@@ -11,11 +11,13 @@ import pytest
 from pydicom.uid import XRayAngiographicImageStorage
 from pynetdicom import AE, evt
 
-from simulation.c_arm import Acquisition, DicomShot, dicom_shot
-from simulation.dicom_sender import DicomTarget, ImageNotDelivered, send
-from simulation.operating_room import OperatingRoom
-from simulation.shooting import FootPedal
-from simulation.world import CArmAngles, starting_state
+from simulation.dicom.image import Acquisition, DicomShot, dicom_shot
+from simulation.dicom.sender import ImageNotDelivered, send
+from simulation.dicom.target import DicomTarget
+from simulation.room.foot_pedal import FootPedal
+from simulation.room.operating_room import OperatingRoom
+from simulation.scenario.c_arm_angles import CArmAngles
+from simulation.world.poses import starting_state
 from tests.unit.simulation import rooms
 
 

@@ -79,9 +79,9 @@ def test_a_port_in_use_is_one_sentence(option: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("--scenario", "none.json"), "none.json: cannot be read"),
+        (("--scenario", "none.json"), "file none.json does not exist"),
         (("--dicom-target", "nowhere"), "'nowhere' is no DICOM target"),
-        (("--seed", "1", "--scenario", "a.json"), "a seed and a scenario file were both given"),
+        (("--seed", "1", "--scenario", __file__), "argument --scenario: not allowed with argument --seed"),
     ],
 )
 def test_wrong_arguments_are_one_sentence(arguments: tuple[str, ...], sentence: str) -> None:

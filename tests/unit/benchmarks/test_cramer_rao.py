@@ -12,7 +12,7 @@ from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.frames import Nail
 from shared.geometry.transform import Transform
 from simulation.render.scene import balls_in_view, pack_scene
-from simulation.world import starting_state, world_at
+from simulation.world.poses import starting_state, world_at
 from tests.unit.services.registration.xray_scene import nail_part
 
 SIDE = 30

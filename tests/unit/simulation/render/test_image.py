@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from simulation.drilling import drill, drill_force_n, insert_wire
 from simulation.render.image import ImageFaults, Noise, Shot, ray_samples, render_scene, trace_primary
 from simulation.render.scene import balls_in_view, pack_scene
+from simulation.room.drilling import drill, drill_force_n, insert_wire
 from simulation.scenario.imaging_values import Intensifier
 from simulation.scenario.values import Scenario
-from simulation.world import WorldState, starting_state, world_at
+from simulation.world.poses import WorldState, starting_state, world_at
 from tests.unit.simulation import rooms
 
 QUIET = Noise.NONE

@@ -11,7 +11,7 @@ from simulation.render.attenuation import Material
 from simulation.render.scene import balls_in_view, pack_scene
 from simulation.render.tracer import trace_lengths
 from simulation.scenario.values import Scenario
-from simulation.world import Rod, World, WorldState, starting_state, world_at
+from simulation.world.poses import Rod, World, WorldState, starting_state, world_at
 from tests.unit.simulation import rooms
 
 SPONGY = 7

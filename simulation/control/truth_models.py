@@ -2,9 +2,8 @@
 
 from typing import Literal
 
-from simulation.control_models import Body, CArmBody, Vector, c_arm_body, vector
-from simulation.operating_room import OperatingRoom
-from simulation.truth import (
+from simulation.control.models import Body, CArmBody, Vector, c_arm_body, vector
+from simulation.render.truth import (
     AxisError,
     BallTruth,
     HoleTruth,
@@ -13,6 +12,7 @@ from simulation.truth import (
     hole_truths,
     wire_errors,
 )
+from simulation.room.operating_room import OperatingRoom
 
 Matrix = list[list[float]]
 

@@ -3,31 +3,19 @@
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 from pydicom.uid import ExplicitVRLittleEndian, XRayAngiographicImageStorage
 from pynetdicom import AE
 from pynetdicom.association import Association
 
 from shared.errors import DeviceError
-from simulation.c_arm import DicomShot
+from simulation.dicom.image import DicomShot
+from simulation.dicom.target import DicomTarget
 
 CALLING_TITLE = "VIRTUAL-OR"
 _SUCCESS = 0x0000
 _WARNINGS = range(0xB000, 0xC000)
 _SECONDS = 10.0
-
-
-@dataclass(frozen=True, slots=True)
-class DicomTarget:
-    """Where images go."""
-
-    host: str
-    port: int
-    title: str = "DISTALOCK"
-
-    def __str__(self) -> str:
-        return f"{self.title}@{self.host}:{self.port}"
 
 
 class ImageNotDelivered(DeviceError):

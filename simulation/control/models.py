@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, TypeAdapter
 
-from simulation.drilling import Passage, Strike
+from simulation.room.drilling import Passage, Strike
+from simulation.scenario.c_arm_angles import CArmAngles
 from simulation.scenario.imaging_values import FlatPanel
 from simulation.scenario.values import MountKind, PartSource, Scenario, Side
-from simulation.world import CArmAngles
 
 Vector = tuple[float, float, float]
 JsonObject = dict[str, JsonValue]

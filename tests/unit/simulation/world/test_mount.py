@@ -8,11 +8,11 @@ import pytest
 from shared.geometry.frames import Guide, RobotBase
 from shared.geometry.hexapod import PlatformPose, base_from_top
 from shared.geometry.transform import Transform
-from simulation.mount import yielded_base
 from simulation.scenario.files import ScenarioFile
 from simulation.scenario.sampling import scenario_of_seed
 from simulation.scenario.values import MountYield
-from simulation.world import bone_from_guide, starting_state
+from simulation.world.mount import yielded_base
+from simulation.world.poses import bone_from_guide, starting_state
 
 MOUNT = MountYield(translation_n_per_mm=50.0, rotation_nm_per_deg=2.0, tissue_n_per_mm=5.0)
 AT_REST: Transform[RobotBase, Guide] = Transform.from_rotvec(np.zeros(3), [60.0, 0.0, 63.0])

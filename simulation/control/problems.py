@@ -5,9 +5,9 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
-from simulation.dicom_sender import ImageNotDelivered
-from simulation.drilling import HoleUnknown
-from simulation.operating_room import OutOfReach
+from simulation.dicom.sender import ImageNotDelivered
+from simulation.room.c_arm import OutOfReach
+from simulation.room.drilling import HoleUnknown
 
 _MEDIA_TYPE = "application/problem+json"
 

@@ -8,15 +8,15 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from shared.geometry.frames import Bone, Frame, Guide, Nail, Ring, RobotBase, RobotTop, Room
 from shared.geometry.hexapod import base_from_top
 from shared.geometry.lines import Line
 from shared.geometry.transform import Transform
-from simulation.frames import Beam
-from simulation.mount import yielded_base
+from simulation.scenario.c_arm_angles import CArmAngles, c_arm_rotation
+from simulation.scenario.frames import Beam
 from simulation.scenario.values import Scenario
+from simulation.world.mount import yielded_base
 
 To = TypeVar("To", bound=Frame)
 From = TypeVar("From", bound=Frame)
@@ -41,14 +41,6 @@ class Rod:
     start_mm: float
     end_mm: float
     diameter_mm: float
-
-
-@dataclass(frozen=True, slots=True)
-class CArmAngles:
-    """Rotation about the patient's long axis (orbital), and towards head or feet (angular), in degrees."""
-
-    orbital_deg: float
-    angular_deg: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,18 +112,6 @@ def bone_from_guide(scenario: Scenario, state: WorldState) -> Transform[Bone, Gu
         at_rest = base_from_top(hexapod, hexapod.home_pose, hexapod.pivot_mm) @ head
         held = yielded_base(scenario.mount_yield, at_rest, held) @ held
     return scenario.placement.bone_from_base @ slipped @ held
-
-
-def c_arm_rotation(angles: CArmAngles, roll_deg: float) -> NDArray[np.float64]:
-    """Rotation of the beam's axes in the room, shape (3, 3): orbital about x, then angular about the turned y."""
-    turns = Rotation.from_euler("XYZ", [angles.orbital_deg, angles.angular_deg, roll_deg], degrees=True)
-    return np.asarray(turns.as_matrix(), dtype=np.float64)
-
-
-def angles_of_beam(direction_room: NDArray[np.float64]) -> CArmAngles:
-    """Angles that point the beam along a direction of the room, shape (3,); inverse of `c_arm_rotation`."""
-    x, y, z = direction_room
-    return CArmAngles(float(np.degrees(np.arctan2(-y, z))), float(np.degrees(np.arctan2(x, np.hypot(y, z)))))
 
 
 def principal_point_px(scenario: Scenario, angles: CArmAngles) -> NDArray[np.float64]:

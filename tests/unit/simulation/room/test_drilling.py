@@ -7,9 +7,9 @@ import pytest
 
 from shared.geometry.frames import Guide, Nail, RobotBase, RobotTop
 from shared.geometry.transform import Transform
-from simulation.drilling import HoleUnknown, Strike, deflection, drill, drill_force_n, insert_wire
+from simulation.room.drilling import HoleUnknown, Strike, deflection, drill, drill_force_n, insert_wire
 from simulation.scenario.values import Scenario
-from simulation.world import WorldState, bone_from_guide, starting_state
+from simulation.world.poses import WorldState, bone_from_guide, starting_state
 from tests.unit.simulation import rooms
 
 STANDOFF_MM = 100.0

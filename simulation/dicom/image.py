@@ -1,4 +1,4 @@
-"""Turning the C-arm, and the DICOM image that it makes of a shot."""
+"""The DICOM image that the C-arm makes of a shot."""
 
 import hashlib
 from dataclasses import dataclass
@@ -9,16 +9,13 @@ import numpy as np
 from pydicom import dcmwrite
 from pydicom.dataset import Dataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, XRayAngiographicImageStorage, generate_uid
-from scipy.spatial.transform import Rotation
 
-from simulation.render.display import Grey, turned_from_detector
+from simulation.render.display import Grey
+from simulation.scenario.c_arm_angles import CArmAngles
 from simulation.scenario.values import Scenario
-from simulation.world import CArmAngles, angles_of_beam, c_arm_rotation
 
 MANUFACTURER = "distalock virtual operating room"
 MODEL = "simulated C-arm"
-ANGULAR_LIMIT_DEG = 80.0
-ORBITAL_LIMIT_DEG = 180.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +37,6 @@ class DicomShot:
     sop_instance_uid: str
     file_sha256: str
     pixel_sha256: str
-
-
-def turned_about_image(
-    scenario: Scenario, angles: CArmAngles, about_image_x_deg: float, about_image_y_deg: float
-) -> CArmAngles:
-    """Angles after source and detector were turned together about the axes of the camera's frame.
-
-    The camera's frame is that of the un-mirrored, turned image, right-handed, as in the product's advice. A C-arm
-    cannot be turned about its beam to order, so only the beam's direction follows the request exactly.
-    """
-    beam_from_camera = turned_from_detector(scenario.display).T
-    turn = Rotation.from_rotvec(beam_from_camera @ np.radians([about_image_x_deg, about_image_y_deg, 0.0]))
-    room_from_beam = c_arm_rotation(angles, scenario.c_arm.roll_deg)
-    return angles_of_beam((room_from_beam @ turn.as_matrix())[:, 2])
 
 
 @dataclass(frozen=True, slots=True)

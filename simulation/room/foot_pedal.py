@@ -9,12 +9,14 @@ from datetime import UTC, datetime
 
 from pydicom.uid import generate_uid
 
-from simulation.c_arm import Acquisition, DicomShot, dicom_shot, turned_about_image
-from simulation.dicom_sender import DicomTarget, sending
-from simulation.operating_room import OperatingRoom, check_reach
+from simulation.dicom.image import Acquisition, DicomShot, dicom_shot
+from simulation.dicom.sender import sending
+from simulation.dicom.target import DicomTarget
 from simulation.render.image import Shot
-from simulation.truth import ImageTruth
-from simulation.world import CArmAngles
+from simulation.render.truth import ImageTruth
+from simulation.room.c_arm import check_reach, turned_about_image
+from simulation.room.operating_room import OperatingRoom
+from simulation.scenario.c_arm_angles import CArmAngles
 
 Clock = Callable[[], datetime]
 Send = Callable[[DicomShot], None]

@@ -6,27 +6,15 @@ from dataclasses import dataclass, field, replace
 
 from shared.geometry.frames import RobotBase, RobotTop
 from shared.geometry.transform import Transform
-from simulation.c_arm import ANGULAR_LIMIT_DEG, ORBITAL_LIMIT_DEG, turned_about_image
-from simulation.drilling import Passage, drill, drill_force_n, insert_wire
-from simulation.faults import NO_ROOM_FAULTS, RoomFaults
 from simulation.render.image import Noise, Shot, exposed, render_scene, view_of
+from simulation.room.c_arm import check_reach, turned_about_image
+from simulation.room.drilling import Passage, drill, drill_force_n, insert_wire
+from simulation.room.faults import NO_ROOM_FAULTS, RoomFaults
+from simulation.scenario.c_arm_angles import CArmAngles
 from simulation.scenario.values import Scenario
-from simulation.world import CArmAngles, World, WorldState, starting_state, world_at
+from simulation.world.poses import World, WorldState, starting_state, world_at
 
 PlatformReader = Callable[[], Transform[RobotBase, RobotTop]]
-
-
-class OutOfReach(ValueError):
-    """The C-arm cannot be turned that far."""
-
-
-def check_reach(angles: CArmAngles) -> None:
-    """Refuse angles that no C-arm has; raises `OutOfReach`."""
-    if abs(angles.orbital_deg) > ORBITAL_LIMIT_DEG or abs(angles.angular_deg) > ANGULAR_LIMIT_DEG:
-        raise OutOfReach(
-            f"the C-arm would stand at {angles.orbital_deg:.1f}° orbital and {angles.angular_deg:.1f}° angular, "
-            f"it reaches ±{ORBITAL_LIMIT_DEG:g}° and ±{ANGULAR_LIMIT_DEG:g}°; ask for smaller angles"
-        )
 
 
 @dataclass(slots=True)

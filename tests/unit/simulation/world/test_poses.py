@@ -7,15 +7,9 @@ import pytest
 
 from shared.geometry.hexapod import PlatformPose, base_from_top
 from shared.geometry.lines import angle_between_rad
-from simulation.truth import guide_axis_errors, hole_truths
-from simulation.world import (
-    CArmAngles,
-    angles_of_beam,
-    c_arm_rotation,
-    principal_point_px,
-    starting_state,
-    world_at,
-)
+from simulation.render.truth import guide_axis_errors, hole_truths
+from simulation.scenario.c_arm_angles import CArmAngles, angles_of_beam, c_arm_rotation
+from simulation.world.poses import principal_point_px, starting_state, world_at
 from tests.unit.simulation import rooms
 
 

@@ -15,7 +15,7 @@ from shared.geometry.lines import Line, angle_between_rad
 from shared.geometry.parts import Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 from simulation.scenario.values import Scenario
-from simulation.world import Rod, WorldState, bone_from_guide, mapped
+from simulation.world.poses import Rod, WorldState, bone_from_guide, mapped
 
 Floats = NDArray[np.float64]
 WIRE_DIAMETER_MM = 2.0

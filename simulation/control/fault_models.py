@@ -5,9 +5,9 @@ from typing import Annotated, Literal, TypeAlias, assert_never
 
 from pydantic import Field
 
-from simulation.control_models import Body
+from simulation.control.models import Body
 from simulation.controller.faults import Fault
-from simulation.faults import RoomFaults
+from simulation.room.faults import RoomFaults
 
 Shift = Annotated[float, Field(allow_inf_nan=False, ge=-50.0, le=50.0)]
 

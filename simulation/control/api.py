@@ -2,7 +2,8 @@
 
 from fastapi import FastAPI, Response
 
-from simulation.control_models import (
+from simulation.control.fault_models import ControllerFault, FaultBody, FaultsBody, faults_body, with_fault
+from simulation.control.models import (
     CArmBody,
     CArmTurnBody,
     DrillBody,
@@ -18,15 +19,14 @@ from simulation.control_models import (
     passage_body,
     scenario_body,
 )
+from simulation.control.problems import Problem, add_problem_handlers
+from simulation.control.truth_models import TruthBody, truth_body
 from simulation.controller.faults import Fault
 from simulation.controller.virtual_controller import VirtualController
-from simulation.faults import NO_ROOM_FAULTS
-from simulation.faults_models import ControllerFault, FaultBody, FaultsBody, faults_body, with_fault
-from simulation.operating_room import OperatingRoom
-from simulation.problems import Problem, add_problem_handlers
-from simulation.shooting import FluoroscopyRun, FootPedal, TakenShot
-from simulation.truth_models import TruthBody, truth_body
-from simulation.world import CArmAngles
+from simulation.room.faults import NO_ROOM_FAULTS
+from simulation.room.foot_pedal import FluoroscopyRun, FootPedal, TakenShot
+from simulation.room.operating_room import OperatingRoom
+from simulation.scenario.c_arm_angles import CArmAngles
 
 
 def _shot_body(shot: TakenShot) -> ShotBody:

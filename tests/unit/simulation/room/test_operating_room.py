@@ -5,9 +5,11 @@ import pytest
 
 from shared.geometry.frames import RobotBase, RobotTop
 from shared.geometry.transform import Transform
-from simulation.faults import RoomFaults
-from simulation.operating_room import OperatingRoom, OutOfReach
-from simulation.world import CArmAngles, starting_state
+from simulation.room.c_arm import OutOfReach
+from simulation.room.faults import RoomFaults
+from simulation.room.operating_room import OperatingRoom
+from simulation.scenario.c_arm_angles import CArmAngles
+from simulation.world.poses import starting_state
 from tests.unit.simulation import rooms
 
 

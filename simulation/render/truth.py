@@ -12,11 +12,11 @@ from shared.geometry.frames import Camera, Guide, Nail, Ring
 from shared.geometry.lines import Line, across_axis_offset_mm, angle_between_rad
 from shared.geometry.parts import Hole, hole_surface_points
 from shared.geometry.transform import Transform
-from simulation.frames import Beam
 from simulation.render.display import turned_from_detector, turned_points
 from simulation.render.scene import BallsInView
+from simulation.scenario.frames import Beam
 from simulation.scenario.values import Scenario
-from simulation.world import World, mapped
+from simulation.world.poses import World, mapped
 
 Floats = NDArray[np.float64]
 _OVER_METAL_MM = 0.5

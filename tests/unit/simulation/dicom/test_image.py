@@ -10,10 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from shared.geometry.lines import unit
-from simulation.c_arm import Acquisition, dicom_shot, turned_about_image
+from simulation.dicom.image import Acquisition, dicom_shot
 from simulation.render.display import as_shown, turned_from_detector
+from simulation.room.c_arm import turned_about_image
+from simulation.scenario.c_arm_angles import CArmAngles
 from simulation.scenario.values import Scenario
-from simulation.world import CArmAngles, starting_state, world_at
+from simulation.world.poses import starting_state, world_at
 from tests.unit.simulation import rooms
 
 TAKEN = Acquisition(datetime(2026, 3, 1, 12, 30, 15, tzinfo=UTC), "1.2.3", "1.2.3.4", 7)

@@ -1,0 +1,1 @@
+"""The HTTP interface that tests and demonstrations control the room with."""

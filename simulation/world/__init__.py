@@ -1,0 +1,1 @@
+"""Where everything in the room is: poses at one moment."""
