@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 import services
+from services.robot.core.refusals import CRITERIA
 from shared.acceptance import Criterion, Finding, Sense
 
 _SENSES = {Sense.AT_MOST: "at most", Sense.AT_LEAST: "at least"}
@@ -23,12 +24,27 @@ printed from those declarations by `make generated`.
 | code | measured | limit | unit | remedy | where |
 |---|---|---|---|---|---|
 """
+_ROBOT_HEAD = """
+## Commands to the robot
+
+The robot service answers a command that it does not carry out with one of these codes. "limit" is what it accepts;
+settings of the service that change a limit are named. The table is `services/robot/core/refusals.py`.
+
+| code | checked | limit | remedy |
+|---|---|---|---|
+"""
 
 
 def refusals_page() -> str:
     """The page, sorted by code."""
     rows = sorted(_row(criterion, where) for where, criterion in declared_criteria())
-    return _HEAD + "".join(f"{row}\n" for row in rows)
+    return _HEAD + "".join(f"{row}\n" for row in rows) + _robot_section()
+
+
+def _robot_section() -> str:
+    """The codes with which the robot service answers a command."""
+    rows = (f"| `{c.code}` | {c.checked} | {c.limit} | {c.remedy} |\n" for c in CRITERIA.values())
+    return _ROBOT_HEAD + "".join(rows)
 
 
 def declared_criteria() -> Iterator[tuple[str, Criterion[Any] | Finding[Any]]]:

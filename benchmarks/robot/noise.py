@@ -16,7 +16,8 @@ import numpy as np
 from benchmarks.common.places import PAGES
 from benchmarks.robot.memory_port import MemoryPort
 from benchmarks.robot.plans import HEXAPOD, random_target
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, deviation
+from services.robot.core.deviation import deviation
+from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.controller import ControllerSilent
 from services.robot.devices.gcs.controller import GcsController
 from shared.errors import DeviceError
@@ -113,7 +114,7 @@ def run_block(seed: int, wrong_share: float) -> NoiseResult:
             said = arrived  # a feedback that was refused says nothing wrong
         off = deviation(said, arrived)
         worst = np.maximum(worst, [off.distance_mm, off.angle_deg])
-        if off.exceeds(READ_BACK_TOLERANCE):
+        if off.exceeds(SUPERVISION.read_back):
             wrong.append(f"seed {seed}, command {number}: read back {said}, it stands at {arrived}")
         line.driver.stop_now()
         line.driver.close()

@@ -12,9 +12,10 @@ from typing import Literal, TypeAlias
 from benchmarks.robot.memory_port import MemoryPort
 from benchmarks.robot.plans import HEXAPOD, plan_between, pose_value
 from benchmarks.robot.still_bus import StillBus
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.deviation import Deviation
 from services.robot.core.guard_context import GuardLimits
 from services.robot.core.status import DriveStatus
+from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.gcs.controller import GcsController
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
@@ -86,7 +87,7 @@ class Rig:
         self._sequences = dict.fromkeys(("command", "heartbeat", "word"), 0)
         self.state: RobotState
         self.bus.subscribe(KEYS.robot_state, self._on_state)
-        self.drive = Drive(self._connect, READ_BACK_TOLERANCE, self.clock, 1.0, self.crashes.append)
+        self.drive = Drive(self._connect, SUPERVISION.read_back, self.clock, 1.0, self.crashes.append)
         parts = RobotParts(HEXAPOD, LIMITS, self.drive, "boot", self.clock, lambda _: None)
         self.service = RobotService(self.bus, KEYS, parts)
         self.service.listen()
@@ -114,7 +115,7 @@ class Rig:
         """Let time pass, let the others give signs of life, let the service do one round of its work."""
         self.now_s += seconds
         self.give_signs_of_life()
-        self.service.watch.look()
+        self.service.watch.check()
         self.drive.step()
         self.service.publish(self.drive.status)
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.robot.rig import Rig, SentCommand
-from services.robot.core.supervision import PATH_TOLERANCE, distance_from_path
+from services.robot.core.supervision import distance_from_path
+from services.robot.core.tuning import SUPERVISION
 from shared.errors import NoReply
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.robot import CommandReply
@@ -73,7 +74,7 @@ class Watched:
             return
         if self.way is None:
             self._report(f"moved by {moved.round(4).tolist()} without any permitted plan")
-        elif distance_from_path(*self.way, pose).exceeds(PATH_TOLERANCE):
+        elif distance_from_path(*self.way, pose).exceeds(SUPERVISION.path):
             self._report(f"left the permitted way: {pose}")
         elif not was_moving and not self.unheard_since_move:
             self._report(f"moved by {moved.round(4).tolist()} in the state '{self.rig.status.state}'")

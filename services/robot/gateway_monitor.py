@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable
 
 from services.robot.core.status import UNDER_WAY
+from services.robot.core.tuning import RATES
 from services.robot.drive.drive import Drive
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Presence, Sample
@@ -11,8 +12,6 @@ from shared.errors import InputError
 from shared.messages.base import decode
 from shared.messages.presence import Heartbeat
 from shared.runtime.watchdog import Watchdog
-
-TICK_S = 0.02
 
 
 class GatewayMonitor:
@@ -80,11 +79,11 @@ class GatewayMonitor:
             self._drive.supervision_lost("the gateway has gone (its token vanished); restart it and acknowledge")
 
     def _watch(self) -> None:
-        while not self._ended.wait(TICK_S):
-            self.look()
+        while not self._ended.wait(RATES.gateway_check_s):
+            self.check()
 
-    def look(self) -> None:
-        """Look once: what the thread does over and over, for it or for a test in its place."""
+    def check(self) -> None:
+        """Check once: what the thread does over and over, for it or for a test in its place."""
         if self._drive.status.state not in UNDER_WAY:
             return
         if not self._presence.link_up():

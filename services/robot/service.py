@@ -12,6 +12,7 @@ from services.robot.core.guard_context import GuardContext, GuardLimits
 from services.robot.core.plans import PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.status import UNDER_WAY, DriveStatus
+from services.robot.core.tuning import RATES
 from services.robot.drive.drive import Drive
 from services.robot.gateway_monitor import GatewayMonitor
 from shared.bus.keys import Keys
@@ -22,9 +23,6 @@ from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.registration import RegistrationEpoch
 from shared.messages.robot import CommandReply, MoveCommand, PlainCommand, StopCommand
-
-PUBLISH_MOVING_S = 0.03
-PUBLISH_AT_REST_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,7 +228,7 @@ class RobotService:
             if noted is None or (status.state, status.detail) != (noted.state, noted.detail):
                 self._parts.note_change(status)
                 noted = status
-            pause_s = PUBLISH_MOVING_S if status.state in UNDER_WAY else PUBLISH_AT_REST_S
+            pause_s = RATES.publish_moving_s if status.state in UNDER_WAY else RATES.publish_at_rest_s
             self._drive.wait_for_change(status, pause_s)
 
     def publish(self, status: DriveStatus) -> None:

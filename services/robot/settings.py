@@ -5,8 +5,9 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.deviation import Deviation
 from services.robot.core.guard_context import GuardLimits
+from services.robot.core.tuning import CONTROLLER_LINE, SUPERVISION
 from services.robot.devices.controller import Encoders
 from services.robot.devices.dialects import Dialect
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
@@ -26,7 +27,7 @@ class RobotSettings(ServiceSettings):
     )
     dialect: Dialect = Field(Dialect.GCS, description="Protocol of the controller.")
     controller_baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
-    reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = 0.25
+    reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = CONTROLLER_LINE.reply_timeout_s
     retry_s: PositiveSeconds = Field(1.0, description="Time between attempts to reach the controller.")
     hexapod_file: Path = Field(DEFAULT_HEXAPOD, description="The robot's geometry, `distalock/hexapod/1`.")
     encoders: Encoders = Field(
@@ -58,4 +59,4 @@ class RobotSettings(ServiceSettings):
 
     def reference_travel(self) -> Deviation:
         """How far the robot may move for reference."""
-        return READ_BACK_TOLERANCE if self.encoders is Encoders.ABSOLUTE else Deviation(40.0, 60.0)
+        return SUPERVISION.read_back if self.encoders is Encoders.ABSOLUTE else SUPERVISION.reference_travel

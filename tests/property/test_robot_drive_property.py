@@ -6,10 +6,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerError
+from services.robot.core.controller_feedback import ControllerError
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import stop_is_latched
 from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.tuning import SUPERVISION
 from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 from shared.robot_states import MotionState
@@ -28,7 +29,7 @@ class DriveUnderAnything(RuleBasedStateMachine):
         self.controller = FakeController()
         self.permitted: list[PlatformPose] = []
         self.crashes: list[str] = []
-        self.drive = Drive(self._connect, READ_BACK_TOLERANCE, lambda: self.now_s, 1.0, self.crashes.append)
+        self.drive = Drive(self._connect, SUPERVISION.read_back, lambda: self.now_s, 1.0, self.crashes.append)
 
     def _connect(self) -> FakeController:
         self.controller.closed = False

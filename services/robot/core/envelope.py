@@ -8,8 +8,10 @@ refused when the robot published that state longer ago than the command's time t
 from collections import OrderedDict, deque
 from dataclasses import dataclass
 
-from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.refusals import Refusal, RefusalCode, refusal
 
+# Bounds on memory: more commands and clients than a case has, and fifteen seconds of states in motion, where a command
+# lives two at most.
 REMEMBERED_COMMANDS = 4096
 REMEMBERED_CLIENTS = 256
 REMEMBERED_STATES = 512
@@ -86,35 +88,34 @@ class CommandLedger:
 
     def _refusal(self, envelope: Envelope, now_s: float) -> Refusal | None:
         if envelope.robot_boot_epoch != self._boot_epoch:
-            return Refusal(
+            return refusal(
                 RefusalCode.WRONG_BOOT_EPOCH,
                 f"the command is for boot '{envelope.robot_boot_epoch}' of the robot service, this is boot "
-                f"'{self._boot_epoch}'; look at the robot's present state and ask again",
+                f"'{self._boot_epoch}'",
             )
         newest = self._newest_sequence.get(envelope.client, -1)
         if envelope.client_sequence <= newest:
-            return Refusal(
+            return refusal(
                 RefusalCode.COMMAND_OUT_OF_ORDER,
-                f"command {envelope.client_sequence} of '{envelope.client}' comes after its command {newest}; "
-                "look at the robot's present state and ask again",
+                f"command {envelope.client_sequence} of '{envelope.client}' comes after its command {newest}",
             )
         return self._lateness(envelope, now_s)
 
     def _lateness(self, envelope: Envelope, now_s: float) -> Refusal | None:
         quoted = envelope.after_state_sequence
         if not self._published or quoted > self._published[-1][0]:
-            return Refusal(
+            return refusal(
                 RefusalCode.STATE_NOT_PUBLISHED,
-                f"the command quotes state {quoted}, which the robot has not published; subscribe to its state first",
+                f"the command quotes state {quoted}, which the robot has not published",
             )
         published_s = next((t for sequence, t in reversed(self._published) if sequence == quoted), None)
         age = "is out of record" if published_s is None else f"is {now_s - published_s:.2f} s old"
         if published_s is not None and now_s - published_s <= envelope.time_to_live_s:
             return None
-        return Refusal(
+        return refusal(
             RefusalCode.COMMAND_EXPIRED,
             f"the command quotes state {quoted}, which {age}, its time to live is {envelope.time_to_live_s:g} s; "
-            "it came too late and was not carried out: ask again",
+            "it came too late and was not carried out",
         )
 
     def _remember(self, envelope: Envelope) -> None:
@@ -129,13 +130,13 @@ class CommandLedger:
 
 def _answer_to_repeat(envelope: Envelope, record: _Record) -> Repeat | Refusal:
     if record.effect != envelope.effect:
-        return Refusal(
+        return refusal(
             RefusalCode.COMMAND_ID_REUSED,
-            f"command id '{envelope.command_id}' was used for another command; give every command its own id",
+            f"command id '{envelope.command_id}' was used for another command",
         )
     if record.answer is None:
-        return Refusal(
+        return refusal(
             RefusalCode.OUTCOME_UNKNOWN,
-            f"command '{envelope.command_id}' is being decided on; look at the robot's state for its outcome",
+            f"command '{envelope.command_id}' is being decided on",
         )
     return Repeat(record.answer)

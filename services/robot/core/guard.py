@@ -13,11 +13,10 @@ import numpy as np
 from services.robot.core.guard_context import GuardContext
 from services.robot.core.plan_checks import hardware_refusals, reach_refusals, start_refusals, target_refusals
 from services.robot.core.plans import PlannedMove
-from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.refusals import Refusal, RefusalCode, refusal
+from services.robot.core.tuning import PLAN_TOLERANCES
 from shared.geometry.hexapod import HexapodPart, PlatformPose
 from shared.robot_states import StopButton
-
-SLOWEST_MM_PER_S = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +32,8 @@ class PermittedMove:
 
 def check_move(plan: PlannedMove, approved_sha256: str, context: GuardContext) -> PermittedMove | Refusal:
     """Let a move pass, or refuse it with the first reason found."""
-    for refusal in _refusals(plan, approved_sha256, context):
-        return refusal
-    return _permitted(plan, context.hexapod)
+    first = next(_refusals(plan, approved_sha256, context), None)
+    return _permitted(plan, context.hexapod) if first is None else first
 
 
 def check_supervision(context: GuardContext) -> Refusal | None:
@@ -56,27 +54,26 @@ def _refusals(plan: PlannedMove, approved_sha256: str, now: GuardContext) -> Ite
 
 def _supervision(now: GuardContext) -> Iterator[Refusal]:
     if not now.link_up:
-        yield Refusal(RefusalCode.LINK_LOST, "the link to the router is lost; nothing moves until it is back")
+        yield refusal(RefusalCode.LINK_LOST, "the link to the router is lost")
     silent_s = float("inf") if now.heartbeat_s is None else now.now_s - now.heartbeat_s
     if silent_s > now.limits.heartbeat_deadline_s:
-        yield Refusal(
+        yield refusal(
             RefusalCode.HEARTBEAT_MISSING,
-            f"the gateway was last heard {silent_s:.2f} s ago, the limit is {now.limits.heartbeat_deadline_s:g} s; "
-            "see that it runs and ask again",
+            f"the gateway was last heard {silent_s:.2f} s ago, the limit is {now.limits.heartbeat_deadline_s:g} s",
         )
 
 
 def _stop_button(now: GuardContext) -> Iterator[Refusal]:
     match now.stop_button:
         case StopButton.PRESSED:
-            yield Refusal(
+            yield refusal(
                 RefusalCode.STOP_BUTTON_PRESSED,
-                "the controller's stop button is pressed; find out why, release it, then acknowledge the stop",
+                "the controller's stop button is pressed",
             )
         case StopButton.RELEASED:
-            yield Refusal(
+            yield refusal(
                 RefusalCode.STOP_IN_FORCE,
-                "the controller's stop button was pressed and nobody has acknowledged it; find out why, then do",
+                "the controller's stop button was pressed and nobody has acknowledged it",
             )
         case StopButton.ABSENT | StopButton.CLEAR:
             return
@@ -86,61 +83,57 @@ def _stop_button(now: GuardContext) -> Iterator[Refusal]:
 
 def _approval(plan: PlannedMove, approved_sha256: str, now: GuardContext) -> Iterator[Refusal]:
     if plan.sha256 != approved_sha256:
-        yield Refusal(
+        yield refusal(
             RefusalCode.APPROVAL_MISMATCH,
-            f"the approval is for plan {approved_sha256[:12]}, the move asked for is plan {plan.sha256[:12]}; "
-            "approve the plan that is to be carried out",
+            f"the approval is for plan {approved_sha256[:12]}, the move asked for is plan {plan.sha256[:12]}",
         )
     if now.registration.arrival_s(plan.sha256) is None:
-        yield Refusal(
+        yield refusal(
             RefusalCode.PLAN_UNKNOWN,
-            f"registration has not published plan {plan.sha256[:12]} since this service started; make a new plan",
+            f"registration has not published plan {plan.sha256[:12]} since this service started",
         )
     if plan.sha256 in now.executed:
-        yield Refusal(
+        yield refusal(
             RefusalCode.PLAN_ALREADY_EXECUTED,
-            f"plan {plan.sha256[:12]} was begun before and is carried out at most once; take an image and plan again",
+            f"plan {plan.sha256[:12]} was begun before and is carried out at most once",
         )
 
 
 def _freshness(plan: PlannedMove, now: GuardContext) -> Iterator[Refusal]:
-    yield from _vouched(now)
+    yield from _registration_is_heard(now)
     if plan.registration_epoch != now.registration.epoch:
         newest = now.registration.epoch or "not known"
-        yield Refusal(
+        yield refusal(
             RefusalCode.PLAN_STALE,
             f"the plan is of registration epoch '{plan.registration_epoch}', the newest is "
-            f"'{newest}': a newer image or set-up has replaced it; plan from the newest image",
+            f"'{newest}': a newer image or set-up has replaced it",
         )
     arrival_s = now.registration.arrival_s(plan.sha256)
     age_s = now.now_s - (now.now_s if arrival_s is None else arrival_s)
     if age_s > now.limits.plan_lifetime_s:
-        yield Refusal(
+        yield refusal(
             RefusalCode.PLAN_EXPIRED,
-            f"the plan is {age_s:.0f} s old, the limit is {now.limits.plan_lifetime_s:g} s; "
-            "take an image and plan again",
+            f"the plan is {age_s:.0f} s old, the limit is {now.limits.plan_lifetime_s:g} s",
         )
     if arrival_s is not None and arrival_s < now.connected_s:
-        yield Refusal(
+        yield refusal(
             RefusalCode.PLAN_BEFORE_RECONNECTION,
-            "the controller was connected again after this plan was made; take an image and plan again",
+            "the controller was connected again after this plan was made",
         )
     if now.registration.case != (plan.case_id, plan.case_revision):
-        yield Refusal(
+        yield refusal(
             RefusalCode.PLAN_OF_ANOTHER_CASE,
-            f"the plan is for revision {plan.case_revision} of case '{plan.case_id}', which is not the open one; "
-            "take an image and plan again",
+            f"the plan is for revision {plan.case_revision} of case '{plan.case_id}', which is not the open one",
         )
 
 
-def _vouched(now: GuardContext) -> Iterator[Refusal]:
+def _registration_is_heard(now: GuardContext) -> Iterator[Refusal]:
     silent_s = now.registration.silent_for_s(now.now_s)
     if silent_s > now.limits.registration_deadline_s:
         heard = "has gone" if silent_s == float("inf") else f"was last heard {silent_s:.2f} s ago"
-        yield Refusal(
+        yield refusal(
             RefusalCode.REGISTRATION_SILENT,
-            f"registration {heard} (limit {now.limits.registration_deadline_s:g} s), so nobody vouches that no newer "
-            "image has arrived; see that it runs and ask again",
+            f"registration {heard} (limit {now.limits.registration_deadline_s:g} s), so a newer image may have arrived",
         )
 
 
@@ -151,5 +144,9 @@ def _permitted(plan: PlannedMove, hexapod: HexapodPart) -> PermittedMove:
     distance_mm = float(np.linalg.norm(travel[:3]))
     angle_deg = float(np.linalg.norm(travel[3:]))
     duration_s = max(distance_mm / limits.translation_mm_per_s, angle_deg / limits.rotation_deg_per_s)
-    speed_mm_per_s = max(distance_mm / duration_s, SLOWEST_MM_PER_S) if duration_s > 0.0 else SLOWEST_MM_PER_S
+    speed_mm_per_s = (
+        max(distance_mm / duration_s, PLAN_TOLERANCES.slowest_mm_per_s)
+        if duration_s > 0.0
+        else PLAN_TOLERANCES.slowest_mm_per_s
+    )
     return PermittedMove(plan.sha256, plan.start_pose, plan.target_pose, speed_mm_per_s, duration_s)

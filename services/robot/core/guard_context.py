@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from services.robot.core.controller_feedback import ControllerFeedback, Deviation
+from services.robot.core.controller_feedback import ControllerFeedback
+from services.robot.core.deviation import Deviation
 from services.robot.core.plans import RegistrationView
 from shared.geometry.hexapod import HexapodPart
 from shared.robot_states import StopButton

@@ -9,7 +9,7 @@ person's acknowledgement releases it.
 from dataclasses import dataclass
 from enum import StrEnum
 
-from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.refusals import Refusal, RefusalCode, refusal
 from shared.robot_states import MotionState
 
 
@@ -109,16 +109,16 @@ def _table() -> dict[tuple[MotionState, Event], Transition]:
 TABLE = _table()
 
 _WHY_NOT = {
-    MotionState.DISCONNECTED: (RefusalCode.NOT_CONNECTED, "the controller is not connected; check its power and cable"),
-    MotionState.UNREFERENCED: (RefusalCode.NOT_REFERENCED, "the axes are not referenced; ask for reference first"),
-    MotionState.REFERENCING: (RefusalCode.BUSY, "reference is under way; wait until it ends or stop it"),
+    MotionState.DISCONNECTED: (RefusalCode.NOT_CONNECTED, "the controller is not connected"),
+    MotionState.UNREFERENCED: (RefusalCode.NOT_REFERENCED, "the axes are not referenced"),
+    MotionState.REFERENCING: (RefusalCode.BUSY, "reference is under way"),
     MotionState.LOCKED: (RefusalCode.NOTHING_TO_DO, "the robot is locked, referenced and free of faults already"),
-    MotionState.MOVING: (RefusalCode.BUSY, "a move is under way; wait until it ends or stop it"),
+    MotionState.MOVING: (RefusalCode.BUSY, "a move is under way"),
     MotionState.STOPPED: (
         RefusalCode.STOP_IN_FORCE,
-        "a stop is in force; find out why it was pressed and acknowledge it first",
+        "a stop is in force",
     ),
-    MotionState.FAULT: (RefusalCode.IN_FAULT, "the robot is in fault; see to the cause it states, then reset"),
+    MotionState.FAULT: (RefusalCode.IN_FAULT, "the robot is in fault"),
 }
 
 
@@ -129,7 +129,7 @@ def next_motion(state: MotionState, event: Event) -> Transition | Refusal:
         return transition
     code, why = _WHY_NOT[state]
     asked = event.value.replace("_", " ")
-    return Refusal(code, f"'{asked}' is not possible in the state '{state.value}': {why}")
+    return refusal(code, f"'{asked}' is not possible in the state '{state.value}': {why}")
 
 
 def stop_is_latched(state: MotionState) -> bool:

@@ -9,6 +9,7 @@ from shared.geometry.frames import Guide
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.transform import Transform
 
+# A bound on memory: a plan is executed before the next few are made, or never.
 REMEMBERED_PLANS = 32
 
 

@@ -3,9 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, ControllerFeedback, Deviation, deviation
+from services.robot.core.controller_feedback import ControllerFeedback
+from services.robot.core.deviation import Deviation, deviation
 from services.robot.core.motion import Event, next_motion
-from services.robot.core.refusals import Refusal, RefusalCode
+from services.robot.core.refusals import Refusal, RefusalCode, refusal
 from services.robot.core.stop_button import after_acknowledgement, after_feedback
 from services.robot.core.supervision import (
     ExplainedEvent,
@@ -15,12 +16,12 @@ from services.robot.core.supervision import (
     check_moving,
     check_referencing,
 )
+from services.robot.core.tuning import SUPERVISION
 from shared.geometry.hexapod import PlatformPose
 from shared.robot_states import MotionState, StopButton
 
 Outcome = Literal["none", "moving", "reached", "stopped", "failed"]
 
-OLDEST_FEEDBACK_S = 0.5
 UNDER_WAY = (MotionState.MOVING, MotionState.REFERENCING)
 ACKNOWLEDGEMENTS = (Event.ACKNOWLEDGE_REFERENCED, Event.ACKNOWLEDGE_UNREFERENCED)
 
@@ -75,7 +76,9 @@ class DriveStatus:
 
     def fresh_feedback(self, now_s: float) -> ControllerFeedback | None:
         """The feedback, unless it is older than half a second or than the present state."""
-        is_fresh = self.feedback_generation == self.generation and now_s - self.feedback_s <= OLDEST_FEEDBACK_S
+        is_fresh = (
+            self.feedback_generation == self.generation and now_s - self.feedback_s <= SUPERVISION.oldest_feedback_s
+        )
         return self.feedback if is_fresh else None
 
     def after_transition(self, event: Event, state: MotionState, detail: str) -> "DriveStatus":
@@ -97,15 +100,15 @@ def locked_feedback(status: DriveStatus, event: Event, now_s: float) -> Controll
     if isinstance(planned, Refusal):
         return planned
     if event in ACKNOWLEDGEMENTS and status.stop_button is StopButton.PRESSED:
-        return Refusal(
+        return refusal(
             RefusalCode.STOP_BUTTON_PRESSED,
-            "the controller's stop button is pressed; find out why, release it, then acknowledge the stop",
+            "the controller's stop button is pressed",
         )
     feedback = status.fresh_feedback(now_s)
     if feedback is None:
-        return Refusal(RefusalCode.POSE_UNKNOWN, "the controller has not answered just now; ask again in a second")
+        return refusal(RefusalCode.POSE_UNKNOWN, "the controller has not answered just now")
     if not feedback.locked or feedback.moving:
-        return Refusal(RefusalCode.NOT_LOCKED, "the robot is not locked at rest yet; ask again in a second")
+        return refusal(RefusalCode.NOT_LOCKED, "the robot is not locked at rest yet")
     return feedback
 
 
@@ -166,10 +169,10 @@ def _read_back(status: DriveStatus, feedback: ControllerFeedback) -> tuple[Drive
         return replace(status, outcome="reached"), None
     off = deviation(status.task.permitted.target, feedback.pose)
     status = replace(status, deviation=off)
-    if off.exceeds(READ_BACK_TOLERANCE):
+    if off.exceeds(SUPERVISION.read_back):
         return status, ExplainedEvent(
             Event.FAULT_SEEN,
-            f"locking moved the robot {off} from its target (limits {READ_BACK_TOLERANCE}); check the brakes",
+            f"locking moved the robot {off} from its target (limits {SUPERVISION.read_back}); check the brakes",
         )
     return replace(status, outcome="reached", detail=f"on the target within {off}, locked"), None
 

@@ -4,21 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.robot.core.controller_feedback import (
-    READ_BACK_TOLERANCE,
-    ControllerError,
-    ControllerFeedback,
-    Deviation,
-    deviation,
-)
+from services.robot.core.controller_feedback import ControllerError, ControllerFeedback
+from services.robot.core.deviation import Deviation, deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event
+from services.robot.core.tuning import SUPERVISION
 from shared.geometry.hexapod import PlatformPose
 from shared.robot_states import MotionState
-
-PATH_TOLERANCE = Deviation(0.5, 0.5)
-SETTLE_S = 1.0
-REFERENCE_TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +37,8 @@ class MoveUnderWay:
 
     @property
     def longest_s(self) -> float:
-        """How long it may take: half as long again as planned, and three seconds to start and settle."""
-        return 1.5 * self.permitted.duration_s + 3.0
+        """How long it may take."""
+        return SUPERVISION.duration_factor * self.permitted.duration_s + SUPERVISION.duration_margin_s
 
 
 def reported_error(error: ControllerError | None) -> ExplainedEvent | None:
@@ -81,11 +73,11 @@ def check_at_rest(state: MotionState, feedback: ControllerFeedback) -> Explained
 def check_held(held: PlatformPose, feedback: ControllerFeedback) -> ExplainedEvent | None:
     """Check that a locked robot is still where it was when it was locked."""
     off = deviation(held, feedback.pose)
-    if not off.exceeds(READ_BACK_TOLERANCE):
+    if not off.exceeds(SUPERVISION.read_back):
         return None
     return ExplainedEvent(
         Event.FAULT_SEEN,
-        f"the locked robot has moved by {off} (limits {READ_BACK_TOLERANCE}): a brake slips or an encoder is wrong; "
+        f"the locked robot has moved by {off} (limits {SUPERVISION.read_back}): a brake slips or an encoder is wrong; "
         "do not drill, check the brakes, then reset and take an image again",
     )
 
@@ -99,16 +91,16 @@ def check_moving(move: MoveUnderWay, feedback: ControllerFeedback, now_s: float)
             Event.FAULT_SEEN, "a servo, a brake or the reference was lost during the move; reset the robot"
         )
     aside = distance_from_path(move.permitted.start, move.permitted.target, feedback.pose)
-    if aside.exceeds(PATH_TOLERANCE):
+    if aside.exceeds(SUPERVISION.path):
         return ExplainedEvent(
-            Event.FAULT_SEEN, f"the robot was {aside} beside its path (limits {PATH_TOLERANCE}); check its legs"
+            Event.FAULT_SEEN, f"the robot was {aside} beside its path (limits {SUPERVISION.path}); check its legs"
         )
     if feedback.moving or not feedback.on_target:
         return _overdue(move, feedback, now_s)
     off = deviation(move.permitted.target, feedback.pose)
-    if off.exceeds(READ_BACK_TOLERANCE):
+    if off.exceeds(SUPERVISION.read_back):
         return ExplainedEvent(
-            Event.FAULT_SEEN, f"the move ended {off} from its target (limits {READ_BACK_TOLERANCE}); check the legs"
+            Event.FAULT_SEEN, f"the move ended {off} from its target (limits {SUPERVISION.read_back}); check the legs"
         )
     return ExplainedEvent(Event.ARRIVED, f"on the target within {off}")
 
@@ -120,7 +112,7 @@ def _overdue(move: MoveUnderWay, feedback: ControllerFeedback, now_s: float) -> 
             Event.FAULT_SEEN,
             f"the move has taken {lasted_s:.1f} s (limit {move.longest_s:.1f} s); something holds the robot",
         )
-    if move.at_rest_s is not None and now_s - move.at_rest_s > SETTLE_S:
+    if move.at_rest_s is not None and now_s - move.at_rest_s > SUPERVISION.settle_s:
         off = deviation(move.permitted.target, feedback.pose)
         return ExplainedEvent(
             Event.FAULT_SEEN,
@@ -142,9 +134,9 @@ def check_referencing(
             f"reference moved the robot by {moved} (limits {allowed}); take the guide off the bone and set "
             "`encoders` to 'incremental' if this controller must move for reference",
         )
-    if lasted_s > REFERENCE_TIMEOUT_S:
+    if lasted_s > SUPERVISION.reference_timeout_s:
         return ExplainedEvent(
-            Event.FAULT_SEEN, f"reference has not ended in {REFERENCE_TIMEOUT_S:g} s; check the controller"
+            Event.FAULT_SEEN, f"reference has not ended in {SUPERVISION.reference_timeout_s:g} s; check the controller"
         )
     if feedback.referenced and not feedback.moving:
         return ExplainedEvent(Event.REFERENCE_DONE, "all axes are referenced")

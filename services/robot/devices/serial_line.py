@@ -23,16 +23,16 @@ from typing import Protocol, TypeVar
 
 import serial
 
+from services.robot.core.tuning import CONTROLLER_LINE
 from services.robot.devices.controller import ControllerSilent, ReplyGarbled, StopInForce, garbled
 from shared.errors import DeviceError
 
+# The reader ends at most this long after it was asked to.
 READ_POLL_S = 0.05
-WRITE_TIMEOUT_S = 0.1
-STOP_WAITS_FOR_WRITER_S = 0.005
+# Bounds on memory, far above any answer: what exceeds them is garbage.
 LONGEST_LINE = 1024
 MOST_LINES = 128
 MOST_STALE_REPLIES = 64
-READ_ATTEMPTS = 3
 
 T = TypeVar("T")
 
@@ -59,7 +59,7 @@ def open_port(url: str, baud: int) -> Port:
         When it cannot be opened.
     """
     # pyserial's RFC 2217 refuses a time-out for writing: its socket's own, of some seconds, has to do.
-    write_timeout_s = None if url.startswith("rfc2217://") else WRITE_TIMEOUT_S
+    write_timeout_s = None if url.startswith("rfc2217://") else CONTROLLER_LINE.write_timeout_s
     try:
         port = serial.serial_for_url(url, baudrate=baud, timeout=READ_POLL_S, write_timeout=write_timeout_s)
     except (serial.SerialException, OSError, ValueError) as error:
@@ -128,7 +128,7 @@ class SerialLine:
             When three answers are garbled, or time runs out over it: who asks may have a motion to watch.
         """
         deadline_s = time.monotonic() + self._reply_timeout_s
-        for _ in range(READ_ATTEMPTS - 1):
+        for _ in range(CONTROLLER_LINE.read_attempts - 1):
             try:
                 return self.ask_once(question, parse)
             except ReplyGarbled:
@@ -166,7 +166,7 @@ class SerialLine:
     def stop_now(self) -> None:
         """Send the stop message at once, from any thread. Never raises and never waits for an answer."""
         self._stop.set()
-        got_lock = self._write_lock.acquire(timeout=STOP_WAITS_FOR_WRITER_S)
+        got_lock = self._write_lock.acquire(timeout=CONTROLLER_LINE.stop_waits_for_writer_s)
         try:
             with contextlib.suppress(DeviceError):
                 self._hand_over(self._protocol.stop_message)

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 
-from services.robot.core.controller_feedback import Deviation
+from services.robot.core.deviation import Deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event, next_motion
 from services.robot.core.refusals import Refusal

@@ -7,15 +7,11 @@ from typing import assert_never
 from services.robot.core.motion import Effect, Event
 from services.robot.core.status import UNDER_WAY, with_feedback
 from services.robot.core.supervision import MoveUnderWay
+from services.robot.core.tuning import RATES
 from services.robot.devices.controller import ControllerSilent, HexapodController, StopInForce
 from services.robot.drive.motion_controller import MotionController
 from shared.errors import DeviceError
 from shared.robot_states import MotionState
-
-POLL_MOVING_S = 0.02
-POLL_AT_REST_S = 0.1
-# Locked at rest, nothing is in danger while a busy controller is slow: it may be asked again for this long.
-SILENCE_AT_REST_S = 1.0
 
 
 class Worker:
@@ -77,7 +73,7 @@ class Worker:
     def _pause_s(self) -> float:
         if self._motion.controller is None:
             return self._retry_s
-        return POLL_MOVING_S if self._motion.status.state in UNDER_WAY else POLL_AT_REST_S
+        return RATES.poll_moving_s if self._motion.status.state in UNDER_WAY else RATES.poll_at_rest_s
 
     def _try_to_connect(self) -> None:
         try:
@@ -143,7 +139,7 @@ class Worker:
             tolerable = (
                 status.state not in UNDER_WAY
                 and status.outcome != "moving"
-                and began_s - max(self._answered_s, status.connected_s) <= SILENCE_AT_REST_S
+                and began_s - max(self._answered_s, status.connected_s) <= RATES.silence_at_rest_s
             )
             if tolerable:
                 self._motion.note(replace(status, feedback=None))

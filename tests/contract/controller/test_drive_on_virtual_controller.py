@@ -5,10 +5,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, deviation
+from services.robot.core.deviation import deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.refusals import RefusalCode
 from services.robot.core.status import DriveStatus
+from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.gcs.controller import GcsController
 from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
@@ -29,7 +30,7 @@ def drive(url: str) -> Iterator[Drive]:
         return GcsController(open_port(url, 115200), HEXAPOD)
 
     crashes: list[str] = []
-    made = Drive(connect, READ_BACK_TOLERANCE, time.monotonic, 0.1, crashes.append)
+    made = Drive(connect, SUPERVISION.read_back, time.monotonic, 0.1, crashes.append)
     made.start()
     yield made
     made.close()
@@ -74,7 +75,7 @@ def test_the_drive_moves_to_a_target_and_locks(drive: Drive, virtual: VirtualCon
     assert snapshot.brake_on
     assert not snapshot.servo_on
     assert not snapshot.was_unheld
-    assert not deviation(NEAR, snapshot.measured_pose).exceeds(READ_BACK_TOLERANCE)
+    assert not deviation(NEAR, snapshot.measured_pose).exceeds(SUPERVISION.read_back)
 
 
 def test_the_drive_stops_within_a_fifth_of_a_second(drive: Drive, virtual: VirtualController) -> None:
@@ -182,7 +183,7 @@ def test_a_controller_that_is_not_there_yet_is_waited_for(virtual: VirtualContro
     def connect() -> GcsController:
         return GcsController(open_port(url, 115200), HEXAPOD)
 
-    drive = Drive(connect, READ_BACK_TOLERANCE, time.monotonic, 0.05, lambda _: None)
+    drive = Drive(connect, SUPERVISION.read_back, time.monotonic, 0.05, lambda _: None)
     drive.start()
     status = reach(drive, lambda s: "cannot be reached" in s.detail)
     assert status.state is MotionState.DISCONNECTED

@@ -4,7 +4,8 @@ import time
 
 import pytest
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation, deviation
+from services.robot.core.deviation import Deviation, deviation
+from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.controller import ControllerSilent, Encoders
 from services.robot.devices.gcs.controller import GcsController
 from services.robot.devices.serial_line import open_port
@@ -51,7 +52,7 @@ def test_a_move_arrives_and_locks(referenced: GcsController, virtual: VirtualCon
     wait_until(lambda: referenced.read().on_target)
     referenced.lock()
     feedback = referenced.read()
-    assert not deviation(NEAR, feedback.pose).exceeds(READ_BACK_TOLERANCE)
+    assert not deviation(NEAR, feedback.pose).exceeds(SUPERVISION.read_back)
     assert feedback.locked
     assert not virtual.snapshot().was_unheld
 

@@ -4,13 +4,9 @@ from functools import partial
 
 import numpy as np
 
-from services.robot.core.controller_feedback import (
-    READ_BACK_TOLERANCE,
-    ControllerError,
-    ControllerFeedback,
-    ErrorKind,
-    deviation,
-)
+from services.robot.core.controller_feedback import ControllerError, ControllerFeedback, ErrorKind
+from services.robot.core.deviation import deviation
+from services.robot.core.tuning import CONTROLLER_LINE, SUPERVISION
 from services.robot.devices.controller import Encoders, ReplyGarbled, StopInForce
 from services.robot.devices.gcs import codec
 from services.robot.devices.gcs.errors import controller_error
@@ -37,10 +33,6 @@ LINE = LineProtocol(
 PIVOT_AXES = ("R", "S", "T")
 _BUTTON_ERRORS = (ErrorKind.STOP_BUTTON_PRESSED, ErrorKind.STOP_BUTTON_RELEASED)
 
-REPLY_TIMEOUT_S = 0.25
-WRITTEN_TOLERANCE = 1e-4
-SPEED_TOLERANCE_MM_PER_S = 1e-3
-
 
 class GcsController:
     """The controller behind a port, stopped and locked as found or made so.
@@ -56,7 +48,7 @@ class GcsController:
         port: Port,
         hexapod: HexapodPart,
         encoders: Encoders = Encoders.ABSOLUTE,
-        reply_timeout_s: float = REPLY_TIMEOUT_S,
+        reply_timeout_s: float = CONTROLLER_LINE.reply_timeout_s,
     ) -> None:
         self._encoders = encoders
         self._button_error: ControllerError | None = None
@@ -175,11 +167,11 @@ class GcsController:
 
     def _set_pivot(self, hexapod: HexapodPart) -> None:
         wanted = tuple(float(v) for v in hexapod.pivot_mm)
-        if not np.allclose(self._pivot(), wanted, rtol=0.0, atol=WRITTEN_TOLERANCE):
+        if not np.allclose(self._pivot(), wanted, rtol=0.0, atol=CONTROLLER_LINE.written_tolerance):
             self._line.write(codec.command("SPI", dict(zip(PIVOT_AXES, wanted, strict=True))))
             self._refuse_errors("set the pivot")
         found = self._pivot()
-        if not np.allclose(found, wanted, rtol=0.0, atol=WRITTEN_TOLERANCE):
+        if not np.allclose(found, wanted, rtol=0.0, atol=CONTROLLER_LINE.written_tolerance):
             raise DeviceError(f"the controller's pivot is {found} mm after setting it to {wanted} mm; set it by hand")
 
     def _pivot(self) -> tuple[float, ...]:
@@ -189,9 +181,9 @@ class GcsController:
     def _check_no_pending_target(self) -> None:
         # With the servo on, the robot goes to whatever target the controller still holds: it must be where it stands.
         off = deviation(self._pose("MOV"), self._pose("POS"))
-        if off.exceeds(READ_BACK_TOLERANCE):
+        if off.exceeds(SUPERVISION.read_back):
             raise DeviceError(
-                f"the controller holds a target {off} from where the robot stands (limits {READ_BACK_TOLERANCE}) and "
+                f"the controller holds a target {off} from where the robot stands (limits {SUPERVISION.read_back}) and "
                 "would go there when unlocked; reset it"
             )
 
@@ -199,7 +191,7 @@ class GcsController:
         self._line.write(f"VLS {speed_mm_per_s:.6f}\n".encode("ascii"))
         self._refuse_errors("set the speed")
         found = self._line.ask(codec.query("VLS"), partial(codec.parse_number, question="VLS?"))
-        if abs(found - speed_mm_per_s) > SPEED_TOLERANCE_MM_PER_S:
+        if abs(found - speed_mm_per_s) > CONTROLLER_LINE.speed_tolerance_mm_per_s:
             raise DeviceError(f"the controller's speed is {found:g} mm/s after setting it to {speed_mm_per_s:g} mm/s")
 
     def _check_reachable(self, target: PlatformPose) -> None:
@@ -210,7 +202,7 @@ class GcsController:
     def _check_target(self, target: PlatformPose) -> None:
         taken = self._pose("MOV")
         apart = float(np.abs(taken.as_array() - target.as_array()).max())
-        if apart <= WRITTEN_TOLERANCE:
+        if apart <= CONTROLLER_LINE.written_tolerance:
             return
         try:
             self._refuse_errors("move")  # a stop or a fault between command and question explains it better
@@ -251,9 +243,9 @@ class GcsController:
         # Numbers carry no checksum: a digit that the line changed makes another number. Two changed alike are rare.
         again = self._pose("POS")
         off = deviation(pose, again)
-        if off.exceeds(READ_BACK_TOLERANCE):
+        if off.exceeds(SUPERVISION.read_back):
             raise ReplyGarbled(
-                f"the controller said twice where the robot rests, {off} apart (limits {READ_BACK_TOLERANCE}); "
+                f"the controller said twice where the robot rests, {off} apart (limits {SUPERVISION.read_back}); "
                 "check the cable"
             )
 

@@ -1,8 +1,8 @@
 """The drive on a controller without a line, one round of work at a time."""
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE
 from services.robot.core.guard import PermittedMove
 from services.robot.core.refusals import Refusal
+from services.robot.core.tuning import SUPERVISION
 from services.robot.drive.drive import Drive
 from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
@@ -21,7 +21,7 @@ class Bench:
         self.reachable = True
         self.now_s = 50.0
         self.crashes: list[str] = []
-        self.drive = Drive(self._connect, READ_BACK_TOLERANCE, lambda: self.now_s, 1.0, self.crashes.append)
+        self.drive = Drive(self._connect, SUPERVISION.read_back, lambda: self.now_s, 1.0, self.crashes.append)
 
     def _connect(self) -> FakeController:
         if not self.reachable:

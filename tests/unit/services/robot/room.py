@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.deviation import Deviation
 from services.robot.core.guard_context import GuardLimits
+from services.robot.core.tuning import SUPERVISION
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
 from shared.bus.keys import Keys
@@ -59,7 +60,7 @@ class Room:
         self.plans = self.bus.retained_publisher(KEYS.plan)
         self.cases = self.bus.retained_publisher(KEYS.case_context)
         self.cases.put(encode(CaseContext(case_id="case1", revision=1)))
-        drive = Drive(lambda: self.controller, READ_BACK_TOLERANCE, self.clock, 0.05, lambda _: None)
+        drive = Drive(lambda: self.controller, SUPERVISION.read_back, self.clock, 0.05, lambda _: None)
         # The heartbeat's deadline is a second here: what is tested is what follows, and the machine may be busy.
         limits = GuardLimits(Deviation(20.0, 12.0), 600.0, 1.0, 5.0)
         parts = RobotParts(HEXAPOD, limits, drive, "boot", self.clock, lambda _: None)

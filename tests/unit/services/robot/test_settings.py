@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from services.robot.core.controller_feedback import READ_BACK_TOLERANCE, Deviation
+from services.robot.core.deviation import Deviation
+from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.controller import Encoders
 from services.robot.settings import RobotSettings
 from shared.errors import ConfigurationError
@@ -21,7 +22,7 @@ def test_defaults_are_the_shipped_robot_and_the_limits_of_the_safety_page() -> N
 
 
 def test_only_incremental_encoders_may_move_for_reference() -> None:
-    assert load_settings(RobotSettings).reference_travel() == READ_BACK_TOLERANCE
+    assert load_settings(RobotSettings).reference_travel() == SUPERVISION.read_back
     assert load_settings(RobotSettings, encoders=Encoders.INCREMENTAL).reference_travel().distance_mm > 10.0
 
 

@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from services.robot.core import guard
-from services.robot.core.controller_feedback import ControllerFeedback, Deviation
+from services.robot.core.controller_feedback import ControllerFeedback
+from services.robot.core.deviation import Deviation
 from services.robot.core.guard import PermittedMove, check_move
 from services.robot.core.guard_context import GuardContext, GuardLimits
 from services.robot.core.plans import EpochReport, PlannedMove, RegistrationView
@@ -63,7 +64,7 @@ def planned(
 READING = ControllerFeedback(
     pose=ZERO_POSE, moving=False, on_target=True, locked=True, unlocked=False, referenced=True, error=None
 )
-SITUATION = GuardContext(
+CONTEXT = GuardContext(
     boot_epoch="boot",
     now_s=NOW_S,
     hexapod=HEXAPOD,
@@ -80,24 +81,22 @@ SITUATION = GuardContext(
 
 
 def with_epoch_report(epoch: str, heard_s: float) -> GuardContext:
-    return replace(
-        SITUATION, registration=SITUATION.registration.with_epoch_report(EpochReport("reg", 8, epoch, heard_s))
-    )
+    return replace(CONTEXT, registration=CONTEXT.registration.with_epoch_report(EpochReport("reg", 8, epoch, heard_s)))
 
 
 def with_feedback(**changes: object) -> GuardContext:
-    return replace(SITUATION, feedback=replace(READING, **changes))  # type: ignore[arg-type]
+    return replace(CONTEXT, feedback=replace(READING, **changes))  # type: ignore[arg-type]
 
 
 def test_a_move_that_is_right_in_every_way_passes() -> None:
-    outcome = check_move(planned(), SHA, SITUATION)
+    outcome = check_move(planned(), SHA, CONTEXT)
     assert isinstance(outcome, PermittedMove)
     assert outcome.start == ZERO_POSE
     assert outcome.target == planned().target_pose
 
 
 def test_a_robot_without_a_stop_button_moves() -> None:
-    assert isinstance(check_move(planned(), SHA, replace(SITUATION, stop_button=StopButton.ABSENT)), PermittedMove)
+    assert isinstance(check_move(planned(), SHA, replace(CONTEXT, stop_button=StopButton.ABSENT)), PermittedMove)
 
 
 def test_every_refusal_of_the_guard_has_a_test_here() -> None:
@@ -109,7 +108,7 @@ def test_every_refusal_of_the_guard_has_a_test_here() -> None:
 def test_the_speed_keeps_to_both_limits_of_the_hexapod_file() -> None:
     for rotation, translation in [((0.0, 0.0, 0.0), (4.0, 0.0, 0.0)), ((0.0, 0.0, 6.0), (0.1, 0.0, 0.0))]:
         plan = planned(rotation, translation)
-        outcome = check_move(plan, SHA, SITUATION)
+        outcome = check_move(plan, SHA, CONTEXT)
         assert isinstance(outcome, PermittedMove)
         travel = np.abs(plan.target_pose.as_array())
         assert outcome.speed_mm_per_s <= HEXAPOD.speed_limits.translation_mm_per_s + 1e-12
@@ -118,7 +117,7 @@ def test_the_speed_keeps_to_both_limits_of_the_hexapod_file() -> None:
 
 
 def test_a_move_to_where_it_stands_has_a_speed() -> None:
-    outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), SHA, SITUATION)
+    outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), SHA, CONTEXT)
     assert isinstance(outcome, PermittedMove)
     assert outcome.speed_mm_per_s > 0.0
 
@@ -126,19 +125,19 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
 @pytest.mark.parametrize(
     ("context", "code", "words"),
     [
-        (replace(SITUATION, link_up=False), RefusalCode.LINK_LOST, "link to the router is lost"),
-        (replace(SITUATION, heartbeat_s=None), RefusalCode.HEARTBEAT_MISSING, "last heard inf s ago"),
+        (replace(CONTEXT, link_up=False), RefusalCode.LINK_LOST, "link to the router is lost"),
+        (replace(CONTEXT, heartbeat_s=None), RefusalCode.HEARTBEAT_MISSING, "last heard inf s ago"),
         (
-            replace(SITUATION, heartbeat_s=NOW_S - 0.3),
+            replace(CONTEXT, heartbeat_s=NOW_S - 0.3),
             RefusalCode.HEARTBEAT_MISSING,
             "0.30 s ago, the limit is 0.2 s",
         ),
         (
-            replace(SITUATION, registration=replace(SITUATION.registration, plans=())),
+            replace(CONTEXT, registration=replace(CONTEXT.registration, plans=())),
             RefusalCode.PLAN_UNKNOWN,
             "has not published plan aaaaaaaaaaaa",
         ),
-        (replace(SITUATION, executed=frozenset({SHA})), RefusalCode.PLAN_ALREADY_EXECUTED, "at most once"),
+        (replace(CONTEXT, executed=frozenset({SHA})), RefusalCode.PLAN_ALREADY_EXECUTED, "at most once"),
         (with_epoch_report("reg.6", NOW_S - 0.1), RefusalCode.PLAN_STALE, "epoch 'reg.5', the newest is 'reg.6'"),
         (
             with_epoch_report("reg.5", NOW_S - 1.1),
@@ -146,17 +145,17 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
             "last heard 1.10 s ago (limit 1 s)",
         ),
         (
-            replace(SITUATION, registration=SITUATION.registration.without_epoch()),
+            replace(CONTEXT, registration=CONTEXT.registration.without_epoch()),
             RefusalCode.REGISTRATION_SILENT,
             "has gone",
         ),
         (
-            replace(SITUATION, registration=replace(SITUATION.registration, word=None)),
+            replace(CONTEXT, registration=replace(CONTEXT.registration, word=None)),
             RefusalCode.REGISTRATION_SILENT,
             "has gone",
         ),
         (
-            replace(SITUATION, registration=replace(SITUATION.registration, case=None)),
+            replace(CONTEXT, registration=replace(CONTEXT.registration, case=None)),
             RefusalCode.PLAN_OF_ANOTHER_CASE,
             "not the open one",
         ),
@@ -165,29 +164,29 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
             RefusalCode.PLAN_EXPIRED,
             "660 s old",
         ),
-        (replace(SITUATION, connected_s=NOW_S - 1.0), RefusalCode.PLAN_BEFORE_RECONNECTION, "connected again"),
+        (replace(CONTEXT, connected_s=NOW_S - 1.0), RefusalCode.PLAN_BEFORE_RECONNECTION, "connected again"),
         (
-            replace(SITUATION, registration=SITUATION.registration.with_case("case2", 2)),
+            replace(CONTEXT, registration=CONTEXT.registration.with_case("case2", 2)),
             RefusalCode.PLAN_OF_ANOTHER_CASE,
             "revision 2 of case 'case1'",
         ),
         (
-            replace(SITUATION, registration=SITUATION.registration.with_case("case1", 3)),
+            replace(CONTEXT, registration=CONTEXT.registration.with_case("case1", 3)),
             RefusalCode.PLAN_OF_ANOTHER_CASE,
             "not the open one",
         ),
-        (replace(SITUATION, boot_epoch="later"), RefusalCode.WRONG_BOOT_EPOCH, "was restarted"),
+        (replace(CONTEXT, boot_epoch="later"), RefusalCode.WRONG_BOOT_EPOCH, "was restarted"),
         (
-            replace(SITUATION, stop_button=StopButton.PRESSED),
+            replace(CONTEXT, stop_button=StopButton.PRESSED),
             RefusalCode.STOP_BUTTON_PRESSED,
             "stop button is pressed; find out why",
         ),
         (
-            replace(SITUATION, stop_button=StopButton.RELEASED),
+            replace(CONTEXT, stop_button=StopButton.RELEASED),
             RefusalCode.STOP_IN_FORCE,
             "nobody has acknowledged it",
         ),
-        (replace(SITUATION, feedback=None), RefusalCode.POSE_UNKNOWN, "has not said where"),
+        (replace(CONTEXT, feedback=None), RefusalCode.POSE_UNKNOWN, "has not reported where"),
         (with_feedback(referenced=False), RefusalCode.NOT_REFERENCED, "not referenced"),
         (with_feedback(locked=False), RefusalCode.NOT_LOCKED, "not locked at rest"),
         (with_feedback(moving=True), RefusalCode.NOT_LOCKED, "not locked at rest"),
@@ -208,7 +207,7 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
         ),
     ],
 )
-def test_situations_that_refuse_a_good_plan(context: GuardContext, code: RefusalCode, words: str) -> None:
+def test_contexts_that_refuse_a_good_plan(context: GuardContext, code: RefusalCode, words: str) -> None:
     outcome = check_move(planned(), SHA, context)
     assert isinstance(outcome, Refusal)
     assert outcome.code is code
@@ -243,23 +242,23 @@ def test_situations_that_refuse_a_good_plan(context: GuardContext, code: Refusal
     ],
 )
 def test_plans_that_are_refused(spoil: Callable[[PlannedMove], PlannedMove], code: RefusalCode, words: str) -> None:
-    outcome = check_move(spoil(planned()), SHA, SITUATION)
+    outcome = check_move(spoil(planned()), SHA, CONTEXT)
     assert isinstance(outcome, Refusal)
     assert outcome.code is code
     assert words in outcome.message
 
 
 def test_a_step_that_is_too_large_is_refused() -> None:
-    outcome = check_move(planned((0.0, 0.0, 0.0), (20.5, 0.0, 0.0)), SHA, SITUATION)
+    outcome = check_move(planned((0.0, 0.0, 0.0), (20.5, 0.0, 0.0)), SHA, CONTEXT)
     assert isinstance(outcome, Refusal)
     assert outcome.code is RefusalCode.STEP_TOO_LARGE
-    turned = check_move(planned((0.0, 0.0, 12.5), (0.0, 0.0, 0.0)), SHA, SITUATION)
+    turned = check_move(planned((0.0, 0.0, 12.5), (0.0, 0.0, 0.0)), SHA, CONTEXT)
     assert isinstance(turned, Refusal)
     assert turned.code is RefusalCode.STEP_TOO_LARGE
 
 
 def test_a_target_out_of_reach_is_refused_with_the_leg() -> None:
-    outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 10.0)), SHA, SITUATION)
+    outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 10.0)), SHA, CONTEXT)
     assert isinstance(outcome, Refusal)
     assert outcome.code is RefusalCode.OUT_OF_REACH
     assert "leg 1 would be 35.46 mm long" in outcome.message

@@ -4,13 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from services.robot.core.controller_feedback import (
-    READ_BACK_TOLERANCE,
-    ControllerError,
-    ControllerFeedback,
-    Deviation,
-    deviation,
-)
+from services.robot.core.controller_feedback import ControllerError, ControllerFeedback
+from services.robot.core.deviation import Deviation, deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event
 from services.robot.core.status import DriveStatus, with_feedback
@@ -21,6 +16,7 @@ from services.robot.core.supervision import (
     check_referencing,
     distance_from_path,
 )
+from services.robot.core.tuning import SUPERVISION
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
 from shared.robot_states import MotionState
 from tests.unit.services.robot.fake_controller import BUTTON_PRESSED, BUTTON_RELEASED, FAULT, STOPPED
@@ -118,7 +114,7 @@ def test_a_stopped_robot_may_report_its_stop(error: ControllerError) -> None:
     ],
 )
 def test_reference(feedback: ControllerFeedback, lasted_s: float, event: Event | None) -> None:
-    finding = check_referencing(ZERO_POSE, feedback, lasted_s, READ_BACK_TOLERANCE)
+    finding = check_referencing(ZERO_POSE, feedback, lasted_s, SUPERVISION.read_back)
     assert (finding.event if finding else None) is event
 
 

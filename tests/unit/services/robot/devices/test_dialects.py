@@ -2,13 +2,9 @@
 
 import queue
 
-from services.robot.core.controller_feedback import (
-    READ_BACK_TOLERANCE,
-    ControllerError,
-    ControllerFeedback,
-    ErrorKind,
-)
+from services.robot.core.controller_feedback import ControllerError, ControllerFeedback, ErrorKind
 from services.robot.core.guard import PermittedMove
+from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.controller import Encoders, HexapodController, StopInForce, garbled
 from services.robot.devices.dialects import DRIVERS, Dialect, Driver
 from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
@@ -130,7 +126,7 @@ def test_the_drive_references_moves_and_stops_a_robot_that_speaks_another_dialec
     def connect() -> HexapodController:
         return driver(port, HEXAPOD, Encoders.ABSOLUTE, 0.25)
 
-    drive = Drive(connect, READ_BACK_TOLERANCE, lambda: 50.0, 1.0, print)
+    drive = Drive(connect, SUPERVISION.read_back, lambda: 50.0, 1.0, print)
 
     def work(rounds: int = 3) -> MotionState:
         for _ in range(rounds):
