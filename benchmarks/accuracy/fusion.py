@@ -22,6 +22,7 @@ from benchmarks.baselines.fusion_peers import (
 from benchmarks.common.places import PAGES
 from benchmarks.common.statistics import root_mean_square
 from benchmarks.scenes.set_ups import SetUp
+from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
 from services.registration.core.fusion.agreement import disagreement
 from services.registration.core.fusion.joint_errors import (
     SHARED_BY_THE_MODEL,
@@ -30,7 +31,6 @@ from services.registration.core.fusion.joint_errors import (
 )
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.localise import evidence_of
-from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import NailPart

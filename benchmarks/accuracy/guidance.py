@@ -21,7 +21,7 @@ from benchmarks.common.places import PAGES
 from benchmarks.scenes.fluoroscopy_films import Camera, Frame, Pose, path_of, with_instrument
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.imaging.core.ring_tracking import calibrate_next
-from services.registration.core.alignment import Advice, hole_tilts
+from services.registration.core.c_arm_advice import Advice, hole_tilts
 from services.registration.core.guidance.tracking import Sight, Track, begin_track, follow_frame, localised_sight
 from services.registration.core.localise import localise
 from shared.errors import Rejected

@@ -20,9 +20,9 @@ from benchmarks.common.statistics import root_mean_square
 from benchmarks.scenes.random_scenes import catalogue_scene_of_seed, shipped_parts_of
 from benchmarks.scenes.set_ups import SeenImage, SetUp
 from services.registration.core.acceptance.image import AXIS_BOUND, ENTRY_BOUND
+from services.registration.core.drill_clearance import across_basis
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.passing import across_basis
 from services.registration.core.wires.nail_fit import WiredImage, beside_wires
 from services.registration.core.wires.verify import (
     AxisComparison,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.registration.core.alignment import Advice, HoleTilt
+from services.registration.core.c_arm_advice import Advice, HoleTilt
 from services.registration.core.guidance.c_arm_angles import AngledView, CArmAngles, angles_after, picture_turn_rad
 from services.registration.core.guidance.tracking import Margin, Sight
 from shared.geometry.calibration import CArmCalibration

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.drill_clearance import across_basis
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
-from services.registration.core.passing import across_basis
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart, hole_surface_points

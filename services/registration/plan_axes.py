@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.passing import AxisOffset
 from services.registration.frames import LocalisedFrame
 from services.registration.knowledge import Knowledge
 from services.registration.report import fusion_message

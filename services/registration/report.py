@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
+from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.fusion.localise import FusedLocalisation
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult
 from services.registration.core.nail_estimate import NailEstimate
-from services.registration.core.passing import AxisOffset
 from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import Matrix3, ReasonMessage, matrix4, vector3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.passing import axis_offset_mm
+from services.registration.core.drill_clearance import axis_offset_mm
 from services.registration.core.wires.image import WireView
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.alignment import CArmTurn, c_arm_correction_deg, hole_tilts, turned
+from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_deg, hole_tilts, turned
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.xray_scene import nail_part

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.passing import axis_offset_mm
+from services.registration.core.drill_clearance import axis_offset_mm
 from shared.geometry.frames import Guide
 from shared.geometry.lines import Line, angle_between_rad
 from shared.geometry.transform import Transform

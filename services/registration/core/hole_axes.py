@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.alignment import hole_tilts
-from services.registration.core.passing import AxisOffset, across_basis
+from services.registration.core.c_arm_advice import hole_tilts
+from services.registration.core.drill_clearance import AxisOffset, across_basis
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
 from shared.geometry.parts import NailPart, hole_surface_points

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.image import LocalisationEvidence, localisation_reasons
-from services.registration.core.alignment import CArmTurn, c_arm_correction_deg
+from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.nail.fit import fit_nail

@@ -20,8 +20,8 @@ from services.registration.core.acceptance.plan import (
     refused,
 )
 from services.registration.core.axis_match import AxisPair, match_axes
+from services.registration.core.drill_clearance import AxisOffset, angle_deg, axis_offset_mm
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.passing import AxisOffset, angle_deg, axis_offset_mm
 from shared.errors import Accepted
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.drill_clearance import across_basis
 from services.registration.core.guide.locate import DISTORTION_CORRELATION_PX, GuideFit
-from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from services.registration.core.pose_errors import PoseErrors, length_that_tells_depth_mm
 from shared.geometry.calibration import CArmCalibration

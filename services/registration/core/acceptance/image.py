@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
-from services.registration.core.alignment import CArmTurn
+from services.registration.core.c_arm_advice import CArmTurn
 from services.registration.core.hole_axes import HoleEstimate
 from shared.acceptance import Criterion, Finding, at_least, at_most
 from shared.errors import Reason, ReasonCode

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.images import IMAGES_CHI_SQUARE, chi_square_limit
+from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.nail.parameters import PRIOR, SHAPE_PARAMETERS, Parameter
-from services.registration.core.passing import angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence
 from shared.errors import Reason
 from shared.geometry.frames import Camera, Nail

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.alignment import CArmTurn
+from services.registration.core.c_arm_advice import CArmTurn
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
 

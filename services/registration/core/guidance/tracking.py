@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.frame import FrameEvidence, frame_reasons, margin_reasons
-from services.registration.core.alignment import Advice, advice
+from services.registration.core.c_arm_advice import Advice, advice
 from services.registration.core.guidance.guide_tracking import FollowedGuide, follow_guide
 from services.registration.core.guidance.nail_tracking import (
     FollowedNail,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.wires import WIRE_DARKNESS, WIRE_SEEN, WIRE_SHARE
-from services.registration.core.passing import across_basis
+from services.registration.core.drill_clearance import across_basis
 from services.registration.core.wires.image import PreparedView
 from services.registration.core.wires.model import SHARED, START, TIP, Passage, WireModel, endings, wire_model
 from services.registration.core.wires.outline import (

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.passing import across_basis
+from services.registration.core.drill_clearance import across_basis
 from shared.geometry.lines import Line, read_only
 from shared.geometry.parts import GuidePart, Hole
 

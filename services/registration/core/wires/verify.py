@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.wires import NO_SHARED_HOLE, WIRE_AXIS_BOUND, WIRE_ENTRY_BOUND
+from services.registration.core.drill_clearance import AxisOffset, across_basis, angle_deg, axis_offset_mm
 from services.registration.core.fusion.agreement import disagreement
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.fusion.localise import LocalisedImage, usable_evidence
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
-from services.registration.core.passing import AxisOffset, across_basis, angle_deg, axis_offset_mm
 from services.registration.core.pose_evidence import PoseEvidence
 from services.registration.core.wires.fit import WireFit, find_wire
 from services.registration.core.wires.guided_search import locate_guide_beside

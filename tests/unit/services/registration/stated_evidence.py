@@ -11,8 +11,8 @@ from services.registration.core.pose_evidence import PoseEvidence, moved_by
 from shared.errors import Reason
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.transform import Transform
+from tests.unit.services.registration.core.test_hole_axes import NAIL_POSE
 from tests.unit.services.registration.stated_errors import errors_without_shape
-from tests.unit.services.registration.test_hole_axes import NAIL_POSE
 from tests.unit.services.registration.xray_scene import nail_part
 
 POSE: Transform[Guide, Nail] = Transform.from_rotvec(np.radians([1.0, -2.0, 1.5]), [1.0, -2.0, 115.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from services.registration.core.alignment import c_arm_correction_deg
+from services.registration.core.c_arm_advice import c_arm_correction_deg
 from services.registration.core.fusion.agreement import leave_one_out
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
@@ -15,6 +15,7 @@ from services.registration.core.pose_evidence import PoseEvidence, motion_betwee
 from shared.errors import Reason, ReasonCode
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.transform import Transform
+from tests.unit.services.registration.core.test_hole_axes import GUIDE_POSE, KNOWN_SOURCE, NAIL_POSE, guide_fit
 from tests.unit.services.registration.rendered_case import rendered_parts
 from tests.unit.services.registration.stated_errors import errors_without_shape
 from tests.unit.services.registration.stated_evidence import (
@@ -25,7 +26,6 @@ from tests.unit.services.registration.stated_evidence import (
     shifted,
     told,
 )
-from tests.unit.services.registration.test_hole_axes import GUIDE_POSE, KNOWN_SOURCE, NAIL_POSE, guide_fit
 from tests.unit.services.registration.xray_scene import guide_part, nail_part
 
 

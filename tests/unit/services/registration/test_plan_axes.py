@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.fusion.localise import LocalisedImage
 from services.registration.core.localise import Parts
-from services.registration.core.passing import AxisOffset
 from services.registration.core.wires.verify import AxisComparison, WireVerification
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
 from services.registration.knowledge import Knowledge

@@ -15,9 +15,9 @@ from services.registration.core.acceptance.image import (
     fit_reasons,
     localisation_reasons,
 )
-from services.registration.core.alignment import CArmTurn
+from services.registration.core.c_arm_advice import CArmTurn
+from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.passing import AxisOffset
 from shared.errors import ReasonCode
 from shared.geometry.camera import DisplacementField
 from shared.geometry.lines import Line

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.alignment import CArmTurn
+from services.registration.core.c_arm_advice import CArmTurn
 from services.registration.core.guidance.c_arm_angles import AngledView, CArmAngles, angles_after, picture_turn_rad
 from services.registration.guidance_report import PictureTurn, ring_turn_rad
 from shared.geometry.frames import Camera, Guide, Ring

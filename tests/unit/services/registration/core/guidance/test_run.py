@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.registration.core.alignment import advice
+from services.registration.core.c_arm_advice import advice
 from services.registration.core.guidance.nail_tracking import Look
 from services.registration.core.guidance.run import Arrival, Run
 from services.registration.core.guidance.tracking import Key, Margin, Origin, Sight, Track

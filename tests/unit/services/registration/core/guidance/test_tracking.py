@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.alignment import hole_tilts
+from services.registration.core.c_arm_advice import hole_tilts
 from services.registration.core.guidance.guide_tracking import follow_guide
 from services.registration.core.guidance.nail_tracking import follow_nail, mirror_margin
 from services.registration.core.guidance.tracking import (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.registration.core.passing import across_basis
+from services.registration.core.drill_clearance import across_basis
 from services.registration.core.wires.fit import NAIL_SIZE, linearised
 from services.registration.core.wires.image import prepare_view
 from services.registration.core.wires.model import TIP, endings, wire_model

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.passing import AxisOffset
 from services.registration.core.wires.image import WireView
 from services.registration.core.wires.joint_estimate import SetUp
 from services.registration.core.wires.verify import AxisComparison, WireVerification, verify_wires

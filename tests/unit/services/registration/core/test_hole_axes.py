@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.drill_clearance import across_basis
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import Parts, hole_estimates
 from services.registration.core.nail_estimate import NailEstimate
-from services.registration.core.passing import across_basis
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from services.registration.core.pose_errors import MODEL_SD_MM, PoseErrors, model_covariance
 from shared.geometry.camera import PinholeCamera

@@ -1,4 +1,4 @@
-"""How sure it is that a drill passes a hole: offsets at the hole's entry and exit, their covariance, the chance."""
+"""How far a drill clears the walls of a hole: offsets at entry and exit, their covariance, the probability to pass."""
 
 from dataclasses import dataclass
 from functools import lru_cache

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import ncx2
 
-from services.registration.core.passing import AxisOffset, across_basis, axis_offset_mm
+from services.registration.core.drill_clearance import AxisOffset, across_basis, axis_offset_mm
 from shared.geometry.lines import Line
 
 Z = np.array([0.0, 0.0, 1.0])
