@@ -81,7 +81,7 @@ def add_room_arguments(parser: argparse.ArgumentParser, leave_out: frozenset[str
 def room_arguments(given: argparse.Namespace, leave_out: frozenset[str] = frozenset()) -> tuple[str, ...]:
     """The options that were given, as arguments of the virtual room's process."""
     values = {name: getattr(given, name, None) for name in VirtualRoomSettings.model_fields if name not in leave_out}
-    return tuple(word for name, value in values.items() if value is not None for word in (_option(name), str(value)))
+    return tuple(text for name, value in values.items() if value is not None for text in (_option(name), str(value)))
 
 
 def virtual_room_settings(**given: object) -> VirtualRoomSettings:

@@ -37,7 +37,7 @@ class GuideView:
     Attributes
     ----------
     pose
-        What the controller said.
+        Pose that the controller reported.
     fixed_from_guide
         The guide in the frame of what does not move (a matrix of shape (4, 4)).
     covariance
@@ -60,7 +60,7 @@ class GuideView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GuideCalibration:
-    """What several views say.
+    """How the head holds the guide, estimated from several views.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How well one image tells where the guide is, and how well the robot stands where it says. Pure.
+"""How accurately one image locates the guide, and how accurately the robot reports its pose. Pure.
 
 All covariances are of a small rotation (rad) and translation (mm) in the guide's own frame, shape (6, 6).
 """
@@ -11,8 +11,8 @@ from shared.geometry.hexapod_accuracy import POSE_SD_DEG, POSE_SD_MM
 # One image, in the directions of the beam: rotation about two axes across it and about its own, translation likewise.
 # `distalock bench guide_calibration` compares with what rendered images give.
 IMAGE_SD = np.array([*np.radians([0.025, 0.025, 0.006]), 0.006, 0.006, 0.1])
-# The fit of the balls believes in a tilt of 0.015 degrees: the rest of 0.025.
-_TILT_THAT_NO_FIT_KNOWS_RAD = float(np.radians(0.02))
+# The fit of the balls estimates a tilt error of 0.015 degrees: the rest of 0.025.
+_TILT_BEYOND_THE_FIT_RAD = float(np.radians(0.02))
 
 
 def robot_covariance() -> NDArray[np.float64]:
@@ -37,5 +37,5 @@ def tilt_beyond_the_fit(beam_from_guide: NDArray[np.float64]) -> NDArray[np.floa
     """What to add to the covariance that a fit of the guide's balls gives itself, rotation of shape (3, 3)."""
     added = np.zeros((6, 6))
     across = beam_from_guide[:2]
-    added[:3, :3] = _TILT_THAT_NO_FIT_KNOWS_RAD**2 * across.T @ across
+    added[:3, :3] = _TILT_BEYOND_THE_FIT_RAD**2 * across.T @ across
     return added

@@ -1,8 +1,8 @@
-"""From what single images say of the guide to views that can be compared. Pure.
+"""From observations of the guide in single images to views that can be compared. Pure.
 
 The C-arm stands still during a calibration, so its focal spot is in the same place of the ring's frame in every image.
-A single image tells that place to some tenths of a millimetre along the beam, and the guide's distance follows it:
-all images together tell it better.
+A single image determines that place to some tenths of a millimetre along the beam, and the guide's distance follows it:
+all images together determine it better.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ class GuideObservation:
     Attributes
     ----------
     pose
-        What the controller said.
+        Pose that the controller reported.
     covariance
         Of the fit to the guide's balls alone, shape (6, 6): a small rotation (rad) and translation (mm) in the guide's
         own frame.
@@ -46,7 +46,7 @@ class GuideObservation:
 
 
 def views_of_one_c_arm(observations: Sequence[GuideObservation]) -> tuple[GuideView, ...]:
-    """What the images say when their focal spot is one; empty for none."""
+    """Views of the guide with one focal spot for all images; empty for none."""
     if not observations:
         return ()
     information = np.linalg.inv([s.source_covariance_mm2 for s in observations])

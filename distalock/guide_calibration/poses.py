@@ -1,4 +1,4 @@
-"""Which poses to take images in, so that a handful of them says most about how the head holds the guide. Pure."""
+"""Which poses to take images in, so that a handful determines best how the head holds the guide. Pure."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ def suggested_poses(hexapod: HexapodPart, head_extension_mm: float, count: int) 
 
 
 def _best(others: list[int], candidates: NDArray[np.float64], gains: NDArray[np.float64]) -> int:
-    """Index of the pose that says most beside others; near another the robot's own error would be much the same."""
+    """Index of the pose that adds most information to others; near another, the robot's error is the same."""
     information = _KNOWN_BEFORE * np.eye(12) + gains[others].sum(axis=0)
     left = np.trace(np.linalg.inv(information + gains)[:, :6, :6], axis1=1, axis2=2)
     for other in others:

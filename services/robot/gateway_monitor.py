@@ -66,12 +66,12 @@ class GatewayMonitor:
         except InputError:
             return  # Not a sign of life: the deadline runs on.
         if heartbeat.boot_epoch == self._boot_epoch and heartbeat.sequence <= self._sequence:
-            return  # A repeat says nothing about now.
+            return  # A repeat is no sign of life.
         restarted = self._boot_epoch not in (None, heartbeat.boot_epoch)
         self._boot_epoch, self._sequence = heartbeat.boot_epoch, heartbeat.sequence
         self._watchdog.feed()
         if restarted:
-            self._drive.supervision_lost("the gateway was restarted while the robot moved; look, and acknowledge")
+            self._drive.supervision_lost("the gateway was restarted during a motion; check the room and acknowledge")
 
     def _on_alive(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the signature is the bus's
         del key

@@ -21,7 +21,7 @@ from shared.robot_states import MotionState
 
 
 def envelope(message: wire.CommandEnvelope, effect: str) -> Envelope:
-    """A command's envelope; `effect` says what it would do."""
+    """A command's envelope; `effect` is what it would do."""
     return Envelope(
         command_id=message.command_id,
         client=message.client,
@@ -34,7 +34,7 @@ def envelope(message: wire.CommandEnvelope, effect: str) -> Envelope:
 
 
 def epoch_report(message: RegistrationEpoch, heard_s: float) -> EpochReport:
-    """Registration's word for the newest epoch, with the time of its arrival."""
+    """Registration's report of its newest epoch, with the time of its arrival."""
     return EpochReport(message.boot_epoch, message.sequence, message.registration_epoch, heard_s)
 
 
@@ -49,7 +49,7 @@ def planned_move(plan_json: bytes) -> PlannedMove:
     Raises
     ------
     InputError
-        When it is no plan, or not in canonical form: its hash would then not be the hash of what it says.
+        When it is no plan, or not in canonical form: its hash would then not identify its content.
     """
     plan = decode(Plan, plan_json)
     if encode(plan) != plan_json:

@@ -75,7 +75,7 @@ class RobotService:
         return self
 
     def listen(self) -> None:
-        """Begin to hear what others make known."""
+        """Subscribe to registration, the gateway and the open case."""
         bus, keys = self._bus, self._keys
         bus.subscribe(keys.registration_epoch, self._on_epoch)
         bus.presence().watch_alive(keys.alive("registration"), self._on_registration_alive)
@@ -101,12 +101,12 @@ class RobotService:
     def _on_epoch(self, sample: Sample) -> None:
         heard_s = self._parts.clock_s()
         try:
-            word = message_mapping.epoch_report(decode(RegistrationEpoch, sample.payload), heard_s)
+            report = message_mapping.epoch_report(decode(RegistrationEpoch, sample.payload), heard_s)
         except InputError:
             self._forget_epoch()
             raise
         with self._lock:
-            self._registration = self._registration.with_epoch_report(word)
+            self._registration = self._registration.with_epoch_report(report)
 
     def _on_registration_alive(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the signature is the bus's
         del key
@@ -232,7 +232,7 @@ class RobotService:
             self._drive.wait_for_change(status, pause_s)
 
     def publish(self, status: DriveStatus) -> None:
-        """Make a status known: what the publishing thread does over and over, for it or for a test in its place."""
+        """Publish a status: what the publishing thread does over and over, for it or for a test in its place."""
         with self._lock:
             self._sequence += 1
             sequence, epoch = self._sequence, self._registration.epoch

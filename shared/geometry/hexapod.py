@@ -111,9 +111,9 @@ class HexapodPart:
     sha256
         Of the file it was read from.
     leg_diameter_mm
-        Thickness of a leg; 0 when the file does not say: then legs may come as near to one another as lines can.
+        Thickness of a leg; 0 when the file does not give it: then legs may come as near to one another as lines can.
     mounts
-        Where its mounts hold it, as far as the file says.
+        Where its mounts hold it, as far as the file describes it.
     """
 
     name: str
@@ -163,7 +163,7 @@ class HexapodPart:
         return Transform.from_rotation_translation(retracted.rotation, retracted.translation_mm + along_x)
 
     def mount(self, name: str) -> MountPlace:
-        """Where a mount holds the base: as the file says, or what is known of any mount."""
+        """Where a mount holds the base: as the file describes it, or what is known of any mount."""
         return next((mount for mount in self.mounts if mount.name == name), usual_place(name))
 
 

@@ -1,4 +1,4 @@
-"""How far the hexapod may be from where it says that it stands: the one source for all who allow for it. Pure.
+"""How far the hexapod may be from the pose that it reports: the one source for all that allow for it. Pure.
 
 The product's accuracy is a bound on each pose. An error that waves between such bounds has an rms of 0.71 of them, and
 the bound in mm is of three axes together.

@@ -1,4 +1,4 @@
-"""How the legs change when the platform moves a little, and how far it is from a pose in which it would give way."""
+"""How the legs change when the platform moves a little, and how far it is from a singularity."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ def singularity_margins(
     """How much the legs change at least when the platform moves by one millimetre; 0 in a singular pose.
 
     The smallest singular value of the Jacobian about the middle of the top joints, with rotations counted as the way
-    (mm) of a joint at the root mean square radius, so that the figure depends neither on the pivot nor on the unit of
+    (mm) of a joint at the root mean square radius, so that the value depends neither on the pivot nor on the unit of
     angles. A leg's error, or its give, is magnified by at most the inverse of it.
 
     Parameters

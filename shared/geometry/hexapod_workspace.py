@@ -26,7 +26,7 @@ class WorkspaceMap:
         The largest tried angle up to which every tried rotation is within the limits, shape (I, J, K); 0 where the
         robot can stand level but not tilt, `UNREACHABLE` where not even that.
     poses
-        How many poses were looked at.
+        How many poses were checked.
     """
 
     x_mm: NDArray[np.float64]

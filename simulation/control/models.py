@@ -39,7 +39,7 @@ class Health(Body):
 
 
 class CaseOfScenario(Body):
-    """What the surgeon's console is told when a case is opened: parts by catalogue name, or as they are in a file."""
+    """What the surgeon enters at the console when a case is opened: parts by catalogue name or as in a file."""
 
     side: Side
     bone: Literal["femur"] = "femur"

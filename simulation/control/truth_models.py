@@ -1,4 +1,4 @@
-"""Bodies of the control API that tell the truth: for tests and demonstrations only."""
+"""Bodies of the control API that report the truth: for tests and demonstrations only."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""How the platform differs from what the encoders say: smooth in the pose, the same every time, seeded."""
+"""How the platform differs from what the encoders report: smooth in the pose, the same every time, seeded."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ class PlatformError:
     phase_rad: NDArray[np.float64]
 
     def true_pose(self, measured: PlatformPose) -> PlatformPose:
-        """Where the platform really is when the encoders say `measured`."""
+        """Where the platform really is when the encoders report `measured`."""
         values = measured.as_array()
         return PlatformPose.from_array(values + self.amplitude * np.sin(self.waves_rad @ values + self.phase_rad))
 

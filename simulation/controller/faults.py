@@ -25,9 +25,9 @@ class Fault(StrEnum):
 
     `LEG_STALL`: the platform hangs in a move; half a second later the controller lets the servo go, error -1024.
     `LIMIT_SWITCH`: a leg meets its limit switch: brake on, servo off, error 216; no motion while it is pressed.
-    `ENCODER_JUMP`: the encoders say 0.8 mm more in X than is true.
+    `ENCODER_JUMP`: the encoders report 0.8 mm more in X than is true.
     `SERVO_ERROR`: brake on, servo off, error -1024; the servo cannot be switched on.
-    `BRAKE_SLIPS`: held by the brake alone, the platform sinks by 0.3 mm; the controller says that the brake is on.
+    `BRAKE_SLIPS`: held by the brake alone, the platform sinks by 0.3 mm; the controller reports that the brake is on.
     `POWER_CYCLE`: no power: braked, silent; with power again, the reference is lost.
     `EMERGENCY_STOP`: brake on, servo off, error 500 as long as it is pressed; once it is released, error 501 once.
     """

@@ -42,7 +42,7 @@ class HexapodState:
     was_unheld
         Whether the platform was ever held by neither servo nor brake.
     encoder_jump_mm
-        What the encoders say too much in X.
+        What the encoders report too much in X.
     brake_slips, has_slipped
         Whether the brake alone holds badly, and whether the platform has sunk because of that.
     """
@@ -74,7 +74,7 @@ class HexapodState:
 
     @property
     def measured(self) -> Vector:
-        """Pose as the encoders say, shape (6,)."""
+        """Pose as the encoders report it, shape (6,)."""
         return np.asarray(self.pose + self.encoder_jump_mm * np.eye(6)[0])
 
     @property

@@ -1,6 +1,6 @@
 """The player: the pure model, a clock, and a lock, so that any number of connections and the world share one robot.
 
-Time passes when somebody looks: there is no thread that ticks.
+The state is advanced when it is asked for: there is no thread that ticks.
 """
 
 import random
@@ -28,7 +28,7 @@ class Snapshot:
     pose
         Where the platform really is.
     measured_pose
-        What its encoders say.
+        What its encoders report.
     held
         By servo or brake; `was_unheld` says whether it ever was by neither.
     error

@@ -1,7 +1,7 @@
 """At most once, and never late: what every command must pass before it may have an effect.
 
 A query that timed out at its caller can be delivered seconds later. Clocks of different hosts do not compare, so
-lateness is judged by the robot's clock alone: a command quotes the newest `RobotState` its client has seen, and is
+lateness is measured by the robot's clock alone: a command quotes the newest `RobotState` its client has seen, and is
 refused when the robot published that state longer ago than the command's time to live.
 """
 

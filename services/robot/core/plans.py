@@ -45,12 +45,12 @@ class PlannedMove:
 
 @dataclass(frozen=True, slots=True)
 class EpochReport:
-    """Registration's word for which epoch is the newest.
+    """Registration's report of its newest epoch.
 
     Attributes
     ----------
     boot_epoch, sequence
-        Which run of registration said it, and as which of its words.
+        Which run of registration sent it, and as which of its reports.
     heard_s
         When it arrived, on the own monotonic clock.
     """
@@ -67,44 +67,44 @@ class RegistrationView:
 
     Attributes
     ----------
-    word
-        Registration's newest word; None before the first.
+    newest
+        Registration's newest report; None before the first.
     past_boots
         Earlier runs of registration: whatever still comes of them counts no more.
     case
-        Id and revision of the open case; None before the first word of it.
+        Id and revision of the open case; None before it was published.
     plans
         Hash and time of arrival of the newest plans, oldest first.
     """
 
-    word: EpochReport | None = None
+    newest: EpochReport | None = None
     past_boots: frozenset[str] = frozenset()
     case: tuple[str | None, int] | None = None
     plans: tuple[tuple[str, float], ...] = ()
 
     @property
     def epoch(self) -> str | None:
-        """The newest registration epoch; None before the first word, and when registration is known to have gone."""
-        return None if self.word is None or self.word.heard_s == float("-inf") else self.word.epoch
+        """The newest registration epoch; None before the first report, and when registration is known to have gone."""
+        return None if self.newest is None or self.newest.heard_s == float("-inf") else self.newest.epoch
 
     def silent_for_s(self, now_s: float) -> float:
-        """How long nobody has vouched for the epoch; infinite before the first word."""
-        return float("inf") if self.word is None else now_s - self.word.heard_s
+        """Time since registration reported its epoch; infinite before the first report."""
+        return float("inf") if self.newest is None else now_s - self.newest.heard_s
 
-    def with_epoch_report(self, word: EpochReport) -> "RegistrationView":
-        """Registration spoke: plans of other epochs are stale from now on. A repeat says nothing about now."""
-        known = self.word
-        if word.boot_epoch in self.past_boots:
+    def with_epoch_report(self, report: EpochReport) -> "RegistrationView":
+        """Registration reported its epoch: plans of other epochs are stale from now on. A repeat changes nothing."""
+        known = self.newest
+        if report.boot_epoch in self.past_boots:
             return self
         if known is None:
-            return replace(self, word=word)
-        if word.boot_epoch != known.boot_epoch:
-            return replace(self, word=word, past_boots=self.past_boots | {known.boot_epoch})
-        return replace(self, word=word) if word.sequence > known.sequence else self
+            return replace(self, newest=report)
+        if report.boot_epoch != known.boot_epoch:
+            return replace(self, newest=report, past_boots=self.past_boots | {known.boot_epoch})
+        return replace(self, newest=report) if report.sequence > known.sequence else self
 
     def without_epoch(self) -> "RegistrationView":
-        """Registration has gone, or cannot be understood: its last word does not count until it speaks again."""
-        return self if self.word is None else replace(self, word=replace(self.word, heard_s=float("-inf")))
+        """Registration has gone, or cannot be understood: its last report does not count until it sends another."""
+        return self if self.newest is None else replace(self, newest=replace(self.newest, heard_s=float("-inf")))
 
     def with_case(self, case_id: str | None, revision: int) -> "RegistrationView":
         """The case was opened, changed or closed."""

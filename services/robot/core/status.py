@@ -42,9 +42,9 @@ class DriveStatus:
     Attributes
     ----------
     generation
-        Counts transitions: a feedback or a finding of an older generation says nothing about the present state.
+        Counts transitions: feedback of an older generation does not describe the present state.
     feedback
-        What the controller last said; None when it is not known.
+        What the controller last reported; None when it is not known.
     feedback_generation, feedback_s
         Under which generation, and when, that feedback was begun.
     connected_s

@@ -28,7 +28,7 @@ class MoveUnderWay:
     Attributes
     ----------
     began_s, at_rest_s
-        Own monotonic clock: begin, and since when the controller has said that nothing moves (None while it moves).
+        Own monotonic clock: begin, and since when the controller has reported that nothing moves (None while it moves).
     """
 
     permitted: PermittedMove
@@ -116,7 +116,7 @@ def _overdue(move: MoveUnderWay, feedback: ControllerFeedback, now_s: float) -> 
         off = deviation(move.permitted.target, feedback.pose)
         return ExplainedEvent(
             Event.FAULT_SEEN,
-            f"the robot came to rest {off} from its target and does not call it reached; something holds it",
+            f"the robot stopped {off} from its target and does not report it reached; something holds it",
         )
     return None
 

@@ -53,7 +53,7 @@ class Supervision:
         derived("fifty rounds of feedback, of which one is enough where nothing holds the robot"),
     )
     oldest_feedback_s: float = tuned(
-        0.5, "s", "age from which feedback says nothing about now", derived("five rounds of feedback at rest")
+        0.5, "s", "age from which feedback no longer describes the robot", derived("five rounds of feedback at rest")
     )
 
 

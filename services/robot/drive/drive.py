@@ -114,7 +114,7 @@ class Drive:
         self._motion.note(replace(status, command_id=command_id, outcome="moving", deviation=None, task=task))
 
     def acknowledge_stop(self) -> Refusal | None:
-        """Release the stop, on a person's word; None when released."""
+        """Release the stop because a person acknowledges it; None when released."""
         with self._motion.deciding() as status:
             feedback = locked_feedback(status, Event.ACKNOWLEDGE_REFERENCED, self._clock_s())
             if isinstance(feedback, Refusal):

@@ -116,7 +116,7 @@ class MotionController:
             return True
 
     def disconnected(self) -> None:
-        """Forget the controller and what it said."""
+        """Forget the controller and its feedback."""
         with self._lock:
             self._controller = None
             self.note(replace(self._status, feedback=None))

@@ -1,4 +1,4 @@
-"""The one who talks with the controller: connects, carries effects out, reads, and tells the motion what that means."""
+"""The worker speaks with the controller: connects, carries effects out, and passes feedback to the motion table."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ from shared.robot_states import MotionState
 
 
 class Worker:
-    """Works at a motion, on one thread.
+    """Carries out what the motion controller decides, on one thread.
 
     Parameters
     ----------

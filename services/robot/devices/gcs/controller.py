@@ -197,7 +197,9 @@ class GcsController:
     def _check_reachable(self, target: PlatformPose) -> None:
         question = codec.command("VMO?", codec.pose_values(target))
         if self._line.ask(question, partial(codec.parse_integer, question="VMO?")) != 1:
-            raise DeviceError("the controller says that it cannot reach the target; compare its limits with our file")
+            raise DeviceError(
+                "the controller cannot reach the target, by its own report; compare its limits with the hexapod file"
+            )
 
     def _check_target(self, target: PlatformPose) -> None:
         taken = self._pose("MOV")
@@ -245,8 +247,8 @@ class GcsController:
         off = deviation(pose, again)
         if off.exceeds(SUPERVISION.read_back):
             raise ReplyGarbled(
-                f"the controller said twice where the robot rests, {off} apart (limits {SUPERVISION.read_back}); "
-                "check the cable"
+                f"the controller reported two positions of a robot at rest, {off} apart (limits "
+                f"{SUPERVISION.read_back}); check the cable"
             )
 
     def _pose(self, name: str) -> PlatformPose:

@@ -150,7 +150,7 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
             "has gone",
         ),
         (
-            replace(CONTEXT, registration=replace(CONTEXT.registration, word=None)),
+            replace(CONTEXT, registration=replace(CONTEXT.registration, newest=None)),
             RefusalCode.REGISTRATION_SILENT,
             "has gone",
         ),

@@ -68,7 +68,7 @@ def test_a_robot_that_rests_short_of_its_target_gets_a_second() -> None:
     assert check_moving(move, resting, 11.9) is None
     finding = check_moving(move, resting, 12.1)
     assert finding is not None
-    assert "came to rest 2.000 mm and 1.000° from its target" in finding.message
+    assert "stopped 2.000 mm and 1.000° from its target" in finding.message
 
 
 @pytest.mark.parametrize("state", [MotionState.LOCKED, MotionState.UNREFERENCED, MotionState.STOPPED])

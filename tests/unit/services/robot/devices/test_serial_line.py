@@ -101,6 +101,6 @@ def test_a_digit_that_the_line_changed_is_not_believed(gcs: FakeGcs, controller:
         return answer.replace(b"X=0", b"X=7") if question == b"POS?" and next(answers) == 0 else answer
 
     gcs.spoil = change_a_digit
-    with pytest.raises(ReplyGarbled, match=r"said twice where the robot rests, 7.000 mm and 0.000° apart"):
+    with pytest.raises(ReplyGarbled, match=r"two positions of a robot at rest, 7.000 mm and 0.000° apart"):
         controller.read()
     assert controller.read().pose.x_mm == 0.0
