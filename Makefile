@@ -41,7 +41,7 @@ test: check
 	$(BIN)/python -m pytest -q tests/accuracy tests/e2e
 
 bench: setup
-	$(BIN)/distalock bench
+	$(BIN)/distalock bench all
 
 # Needs uv (installed into .venv for this purpose only); the lock carries hashes and no server addresses.
 lock: setup

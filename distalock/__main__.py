@@ -1,6 +1,8 @@
 """The `distalock` command: arguments in, exit code out. The work is done by the modules beside this one."""
 
 import argparse
+import gc
+import importlib
 import os
 import sys
 from pathlib import Path
@@ -8,7 +10,9 @@ from pathlib import Path
 from distalock.arguments import (
     EXIT_BAD_INPUT,
     EXIT_UNREAD,
+    PART_HELP,
     Command,
+    Run,
     add_c_arm_arguments,
     add_image_arguments,
     add_scenario_arguments,
@@ -16,11 +20,14 @@ from distalock.arguments import (
     existing_file,
     named_path,
     parser_of,
+    part_file,
     port_number,
     scenario_arguments,
     writable_file,
 )
-from distalock.bench import BENCHMARKS, run_benchmarks
+from distalock.bench import ALL, BENCHMARKS, print_list, run_benchmarks
+from distalock.inputs import require_inputs
+from shared.errors import InputError
 
 _PORTS = (
     ("router", 7447, "the bus router"),
@@ -37,17 +44,29 @@ def _locate_arguments(parser: argparse.ArgumentParser) -> None:
         type=named_path,
         nargs="+",
         metavar="image",
-        help="PNG or TIFF of 8 or 16 bits, or DICOM; several of the same set-up, as they were taken, are joined",
+        help="PNG or TIFF of 8 or 16 bits, or DICOM; several are taken as one set-up and joined, unless --each",
     )
     add_image_arguments(parser)
     parser.add_argument("--method", choices=["model", "fronto-parallel"], default="model", help="ours, or the paper's")
-    parser.add_argument("--overlay", type=writable_file, metavar="OUT.png", help="draw what was found")
+    more = parser.add_mutually_exclusive_group()
+    more.add_argument("--overlay", type=writable_file, metavar="OUT.png", help="draw what was found")
+    more.add_argument(
+        "--each", action="store_true", help="localise each image, or each of a folder, by itself: one JSON line each"
+    )
 
 
-def _locate(given: argparse.Namespace) -> int:
-    from distalock.locate import run
+def _imported(module: str) -> Run:
+    """Import a module when its command is run, and call its `run`."""
 
-    return run(given)
+    def run(given: argparse.Namespace) -> int:
+        gc.disable()  # imports make objects that stay: a tenth of their time would go into examining these
+        try:
+            command = importlib.import_module(module)
+        finally:
+            gc.enable()
+        return int(command.run(given))
+
+    return run
 
 
 def _verify_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,23 +88,11 @@ def _verify_arguments(parser: argparse.ArgumentParser) -> None:
     add_image_arguments(parser)
 
 
-def _verify(given: argparse.Namespace) -> int:
-    from distalock.verify import run
-
-    return run(given)
-
-
 def _align_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "images", type=named_path, nargs="+", metavar="IMAGE", help="frames in order: images, folders of them, videos"
     )
     add_image_arguments(parser)
-
-
-def _align(given: argparse.Namespace) -> int:
-    from distalock.align import run
-
-    return run(given)
 
 
 def _up_arguments(parser: argparse.ArgumentParser) -> None:
@@ -148,12 +155,6 @@ def _room_arguments(parser: argparse.ArgumentParser) -> None:
     add_room_arguments(parser)
 
 
-def _room(given: argparse.Namespace) -> int:
-    from simulation.__main__ import run
-
-    return run(given)
-
-
 def _robot_arguments(parser: argparse.ArgumentParser) -> None:
     from distalock.robot import add_arguments
 
@@ -166,7 +167,7 @@ def _robot(given: argparse.Namespace) -> int:
 
 def _qa_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=named_path, help="folder of images of the ring: PNG, TIFF or DICOM")
-    parser.add_argument("--ring", type=named_path, required=True, metavar="FILE", help="ring file (JSON)")
+    parser.add_argument("--ring", type=part_file, required=True, metavar="PART", help=PART_HELP.format("ring"))
     parser.add_argument(
         "--out", type=named_path, metavar="FOLDER", help="where the report goes; default: qa in the folder"
     )
@@ -176,40 +177,56 @@ def _qa_arguments(parser: argparse.ArgumentParser) -> None:
     add_c_arm_arguments(parser)
 
 
-def _qa(given: argparse.Namespace) -> int:
-    from distalock.qa import run
-
-    return run(given)
-
-
 def _benchmark_name(text: str) -> str:
-    if text not in BENCHMARKS:
-        raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; there are {', '.join(BENCHMARKS)}")
+    if text not in (*BENCHMARKS, ALL):
+        raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; `distalock bench` lists them")
     return text
 
 
 def _bench_arguments(parser: argparse.ArgumentParser) -> None:
-    known = "; ".join(f"{name}: {one.measures}" for name, one in BENCHMARKS.items())
-    parser.add_argument(
-        "names", nargs="*", type=_benchmark_name, metavar="NAME", help=f"all if none; {known.replace('%', '%%')}"
-    )
-    parser.add_argument("options", nargs=argparse.REMAINDER, help="of the one benchmark named, such as accuracy --help")
+    parser.add_argument("names", nargs="*", type=_benchmark_name, metavar="NAME", help="`all`, or some of the list")
+    parser.add_argument("options", nargs=argparse.REMAINDER, help="of the one benchmark named, such as --help")
 
 
 def _bench(given: argparse.Namespace) -> int:
-    return run_benchmarks(given.names, given.options)
+    return run_benchmarks(given.names, given.options) if given.names else print_list()
 
 
 COMMANDS = (
-    Command("locate", "the nail's hole axes from one X-ray image or several, or why not", _locate_arguments, _locate),
-    Command("verify", "K-wires against the nail's hole axes, from one image or a pair", _verify_arguments, _verify),
-    Command("align", "how to turn the C-arm, from frames of running fluoroscopy", _align_arguments, _align),
+    Command(
+        "locate",
+        "the nail's hole axes from one X-ray image or several, or why not",
+        _locate_arguments,
+        _imported("distalock.locate"),
+    ),
+    Command(
+        "verify",
+        "K-wires against the nail's hole axes, from one image or a pair",
+        _verify_arguments,
+        _imported("distalock.verify"),
+    ),
+    Command(
+        "align",
+        "how to turn the C-arm, from frames of running fluoroscopy",
+        _align_arguments,
+        _imported("distalock.align"),
+    ),
     Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
-    Command("virtual-or", "the virtual operating room alone", _room_arguments, _room),
+    Command("virtual-or", "the virtual operating room alone", _room_arguments, _imported("simulation.__main__")),
     Command("robot", "the robot's workspace, and the calibration of its guide", _robot_arguments, _robot),
-    Command("qa", "C-arm and ring over a folder of images: a page with pictures, and JSON", _qa_arguments, _qa),
-    Command("bench", "the benchmarks: tables with ratios to the named peers", _bench_arguments, _bench),
+    Command(
+        "qa",
+        "C-arm and ring over a folder of images: a page with pictures, and JSON",
+        _qa_arguments,
+        _imported("distalock.qa"),
+    ),
+    Command(
+        "bench",
+        "the benchmarks: without a name the list, otherwise tables with ratios to the named peers",
+        _bench_arguments,
+        _bench,
+    ),
 )
 
 
@@ -218,8 +235,12 @@ def main(arguments: list[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     given = parser_of(COMMANDS, words).parse_args(words)
     try:
+        require_inputs(given)
         code = int(given.run(given))
         sys.stdout.flush()
+    except InputError as error:
+        print(f"distalock {given.command}: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     except BrokenPipeError:
         # Whoever read the output has left, as `head` does; the interpreter must not find that out again when it ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

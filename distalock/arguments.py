@@ -4,15 +4,18 @@ import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
 
 from distalock.outputs import require_writable
 from shared.arguments import EXIT_BAD_INPUT as EXIT_BAD_INPUT
 from shared.arguments import OneLineParser as OneLineParser
 from shared.errors import InputError
+from shared.parts.catalogue import FOLDER
 
 # What a shell reports of a program that SIGPIPE ended.
 EXIT_UNREAD: Final = 141
+
+PART_HELP: Final = "{} file (JSON), or the name of one in the catalogue"
 
 Run = Callable[[argparse.Namespace], int]
 
@@ -44,13 +47,25 @@ def parser_of(commands: tuple[Command, ...], arguments: Sequence[str]) -> OneLin
         description="Aims a drill guide at the distal holes of an intramedullary nail. "
         "Research software, not a medical device.",
     )
+    parser.add_argument("--version", action=_PrintVersion, nargs=0, help="print version and revision")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in commands:
         sub = subparsers.add_parser(command.name, help=command.summary, description=command.summary)
         if command.name in arguments:
             command.add_arguments(sub)
-        sub.set_defaults(run=command.run)
+        sub.set_defaults(run=command.run, command=command.name)
     return parser
+
+
+class _PrintVersion(argparse.Action):
+    """Prints version and revision, which are looked up only when they are asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        """Print them and end."""
+        from distalock.version import version_line
+
+        print(version_line())
+        parser.exit()
 
 
 def named_path(text: str) -> Path:
@@ -62,6 +77,13 @@ def named_path(text: str) -> Path:
     except OSError as error:
         raise argparse.ArgumentTypeError(f"{text[:60]!r} cannot be looked at: {error.strerror or error}") from None
     return Path(text)
+
+
+def part_file(text: str) -> Path:
+    """Parse a part: the name of a file, or of a part of the catalogue where there is no such file."""
+    path = named_path(text)
+    shipped = FOLDER / f"{text}.json"
+    return shipped if not path.exists() and path.name == text and shipped.is_file() else path
 
 
 def existing_file(text: str) -> Path:
@@ -145,7 +167,7 @@ def scenario_arguments(given: argparse.Namespace) -> tuple[str, ...]:
 def add_image_arguments(parser: argparse.ArgumentParser) -> None:
     """What `locate` and `verify` share: the part files and the C-arm's nominal values."""
     for name in ("ring", "guide", "nail"):
-        parser.add_argument(f"--{name}", type=named_path, required=True, metavar="FILE", help=f"{name} file (JSON)")
+        parser.add_argument(f"--{name}", type=part_file, required=True, metavar="PART", help=PART_HELP.format(name))
     add_c_arm_arguments(parser)
 
 

@@ -1,6 +1,7 @@
 """`distalock bench`: the statistics, whole. Each benchmark is a module of the `benchmarks` folder of a checkout."""
 
 import importlib
+import inspect
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,121 +9,184 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
-from distalock.arguments import EXIT_BAD_INPUT
+from shared.arguments import EXIT_BAD_INPUT, OneLineParser
 from shared.errors import InputError
 
 ROOT: Final = Path(__file__).resolve().parent.parent
+ALL: Final = "all"
 
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """A module under `benchmarks`, whose `main` writes a page under docs/ and returns an exit code."""
+    """A module under `benchmarks`, whose `main` writes a page under docs/ and returns an exit code.
+
+    Attributes
+    ----------
+    page
+        Under `docs/benchmarks`, without its ending; empty where the result is printed only.
+    needs_arguments
+        Left out of `distalock bench all`.
+    """
 
     module: str
+    page: str
     measures: str
+    needs_arguments: bool = False
 
 
 BENCHMARKS: Final = {
     "accuracy": Benchmark(
         "accuracy.accuracy",
+        "accuracy",
         "a thousand random scenes with random parts, by the model and by the paper's method, and the limit",
     ),
     "independent_images": Benchmark(
-        "accuracy.independent_images", "every method on images that others rendered, where there is a folder of them"
+        "accuracy.independent_images",
+        "independent",
+        "every method on images that others rendered, where there is a folder of them",
     ),
     "same_results": Benchmark(
-        "accuracy.same_results", "verdicts and axes before and after a change, on the same images on file"
+        "accuracy.same_results",
+        "",
+        "verdicts and axes before and after a change, on the same images on file",
+        needs_arguments=True,
     ),
     "cramer_rao": Benchmark(
-        "limits.cramer_rao", "the smallest error possible in one random scene, and what it is made of"
+        "limits.cramer_rao", "limit", "the smallest error possible in one random scene, and what it is made of"
     ),
     "noise_draws": Benchmark(
-        "accuracy.noise_draws", "scenes under many draws of noise: what is scatter, what stays, what was predicted"
+        "accuracy.noise_draws",
+        "noise-draws",
+        "scenes under many draws of noise: what is scatter, what stays, what was predicted",
+    ),
+    "locate_start": Benchmark(
+        "accuracy.locate_start",
+        "locate-start",
+        "`distalock locate` as a process of its own beside a warm localisation; bad arguments",
     ),
     "image_time": Benchmark(
-        "accuracy.image_time", "how long one image takes, stage by stage, on both cores and on one"
+        "accuracy.image_time", "image-time", "how long one image takes, stage by stage, on both cores and on one"
     ),
     "ball_detection": Benchmark(
         "imaging.ball_detection",
+        "balls",
         "balls covered in part, beside OpenCV's detectors, correlation and the Cramér-Rao limit",
     ),
     "calibration": Benchmark(
-        "imaging.independent_calibration", "C-arm calibration on independent images, where there is a folder of them"
+        "imaging.independent_calibration",
+        "independent",
+        "C-arm calibration on independent images, where there is a folder of them",
     ),
-    "display": Benchmark("accuracy.display", "the same pictures with other curves, edges, bit depths and compression"),
+    "display": Benchmark(
+        "accuracy.display", "display", "the same pictures with other curves, edges, bit depths and compression"
+    ),
     "guidance": Benchmark(
         "accuracy.guidance",
-        "how to turn the C-arm, frame by frame: speed, errors, and what is said when it cannot be told",
+        "guidance",
+        "how to turn the C-arm, frame by frame: speed, errors, and the reasons when there is no advice",
     ),
     "fusion": Benchmark(
         "accuracy.fusion",
+        "fusion",
         "one, two and three images of one set-up: errors, what they share, and guides that moved unseen",
     ),
     "imaging_calibration": Benchmark(
         "imaging.calibration",
+        "calibration",
         "C-arm calibration from 72 of 120 balls, beside OpenCV's models, polynomials and the limit",
     ),
     "imaging_gap": Benchmark(
         "imaging.calibration_gap",
+        "calibration-gap",
         "where a calibration's error comes from: what is measured, and what the model leaves over",
     ),
     "imaging_fuzz": Benchmark(
-        "imaging.fuzz", "damaged files and spoiled images: refused, or read and calibrated rightly"
+        "imaging.fuzz", "fuzz", "damaged files and spoiled images: refused, or read and calibrated rightly"
     ),
     "imaging_identification": Benchmark(
-        "imaging.identification", "the ring from 60 % of its balls, a thousand times at random, a thousand in patches"
+        "imaging.identification",
+        "identification",
+        "the ring from 60 % of its balls, a thousand times at random, a thousand in patches",
     ),
-    "imaging_ring_patterns": Benchmark("imaging.ring_patterns", "the shipped ring beside a lattice and circles"),
+    "imaging_ring_patterns": Benchmark(
+        "imaging.ring_patterns", "ring-design", "the shipped ring beside a lattice and circles"
+    ),
     "live_mode": Benchmark(
-        "imaging.live_mode", "images a second while the C-arm stands still, and whether memory grows"
+        "imaging.live_mode", "live-mode", "images a second while the C-arm stands still, and whether memory grows"
     ),
     "hexapod_kinematics": Benchmark(
-        "robot.hexapod_kinematics", "the robot's inverse and forward kinematics, beside plain NumPy"
+        "robot.hexapod_kinematics", "robot-kinematics", "the robot's inverse and forward kinematics, beside plain NumPy"
     ),
-    "guide_calibration": Benchmark("robot.guide_calibration", "the guide on the robot's head from eight images"),
+    "guide_calibration": Benchmark(
+        "robot.guide_calibration", "robot-guide-calibration", "the guide on the robot's head from eight images"
+    ),
     "robot_closed_loop": Benchmark(
-        "robot.closed_loop", "what one more move makes of a wrong calibration and of a yielding mount"
+        "robot.closed_loop",
+        "robot-closed-loop",
+        "what one more move makes of a wrong calibration and of a yielding mount",
     ),
     "robot_delivery": Benchmark(
-        "robot.delivery", "commands duplicated, late, reordered, replayed and for another boot: at most one effect"
+        "robot.delivery",
+        "robot-delivery",
+        "commands duplicated, late, reordered, replayed and for another boot: at most one effect",
     ),
     "robot_head_check": Benchmark(
-        "robot.head_check", "a wrong head extension and a turned guide, noticed from the first move"
+        "robot.head_check", "robot-head", "a wrong head extension and a turned guide, noticed from the first move"
     ),
-    "robot_faults": Benchmark("robot.faults", "random faults, commands and events on the whole robot service"),
-    "stop_latency": Benchmark("robot.stop_latency", "from a stop over REST to the stop byte on the controller's wire"),
-    "robot_noise": Benchmark("robot.noise", "one byte in a hundred wrong on the hexapod controller's line"),
+    "robot_faults": Benchmark(
+        "robot.faults", "robot-faults", "random faults, commands and events on the whole robot service"
+    ),
+    "stop_latency": Benchmark(
+        "robot.stop_latency", "robot-stop", "from a stop over REST to the stop byte on the controller's wire"
+    ),
+    "robot_noise": Benchmark(
+        "robot.noise", "robot-noise", "one byte in a hundred wrong on the hexapod controller's line"
+    ),
     "verification": Benchmark(
-        "accuracy.verification", "K-wires from one image, from a pair, and with one from before the wires"
+        "accuracy.verification",
+        "verification",
+        "K-wires from one image, from a pair, and with one from before the wires",
     ),
-    "procedure": Benchmark("accuracy.procedure", "twenty seeded procedures in the virtual operating room"),
+    "procedure": Benchmark("accuracy.procedure", "procedure", "twenty seeded procedures in the virtual operating room"),
 }
-# Run by `distalock bench` without a name; the others need arguments.
-_ALL: Final = tuple(name for name in BENCHMARKS if name != "same_results")
-WITH_OPTIONS: Final = ("accuracy", "same_results", "independent_images", "cramer_rao", "noise_draws", "image_time")
+
+
+def print_list() -> int:
+    """Print a table of the benchmarks; runs none of them."""
+    width = max(map(len, BENCHMARKS))
+    print("distalock bench NAME [OPTIONS], NAME --help, or all; pages are in docs/benchmarks\n")
+    for name, one in BENCHMARKS.items():
+        print(f"{name:{width}}  {one.measures}" + (f" ({one.page}.md)" if one.page else ""))
+    return 0
 
 
 def run_benchmarks(names: Sequence[str], options: Sequence[str] = ()) -> int:
-    """Run the named benchmarks, or all; the exit code is that of the first that failed.
+    """Run the named benchmarks, or `all`; the exit code is that of the first that failed.
 
-    `options` are those of one benchmark, whose `main` takes them.
+    `options` belong to the one benchmark that is named.
     """
     if not (ROOT / "benchmarks").is_dir():
         print(f"distalock bench: there is no folder {ROOT / 'benchmarks'}; run from a checkout", file=sys.stderr)
         return EXIT_BAD_INPUT
-    if options and tuple(names) not in {(name,) for name in WITH_OPTIONS}:
-        known = ", ".join(WITH_OPTIONS)
-        print(f"distalock bench: options go to one of the benchmarks that have some ({known})", file=sys.stderr)
+    chosen = [name for name, one in BENCHMARKS.items() if not one.needs_arguments] if ALL in names else list(names)
+    if options and len(chosen) > 1:
+        print("distalock bench: options belong to one benchmark; name one", file=sys.stderr)
         return EXIT_BAD_INPUT
     sys.path.insert(0, str(ROOT))
-    if options:
-        try:
-            return int(_module(names[0]).main(options))
-        except InputError as error:
-            print(f"distalock bench {names[0]}: {error}", file=sys.stderr)
-            return EXIT_BAD_INPUT
-    codes = [int(_module(name).main()) for name in names or _ALL]
+    codes = [_run(name, options) for name in chosen]
     return next((code for code in codes if code), 0)
+
+
+def _run(name: str, options: Sequence[str]) -> int:
+    main = _module(name).main
+    try:
+        if "arguments" in inspect.signature(main).parameters:
+            return int(main(list(options)))
+        OneLineParser(prog=f"distalock bench {name}", description=BENCHMARKS[name].measures).parse_args(list(options))
+        return int(main())
+    except InputError as error:
+        print(f"distalock bench {name}: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
 
 
 def _module(name: str) -> ModuleType:

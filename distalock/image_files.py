@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from distalock.inputs import IMAGE_KINDS
 from services.imaging.devices.image_file import is_dicom, read_content
 from services.imaging.devices.received_image import ImageContent
 from shared.errors import ImageUnreadable, InputError
@@ -10,7 +11,6 @@ from shared.parts.files import sha256_of
 
 _SUFFIXES = frozenset({".dcm", ".png", ".tif", ".tiff"})
 _DICOM_HEAD = 132
-_KINDS = "a PNG or TIFF of 8 or 16 bits, or a DICOM file"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +77,7 @@ def read_image_file(file: Path, source: str | None = None) -> ImageFile:
         content = file.read_bytes()
     except OSError as error:
         raise ImageUnreadable(
-            f"{name}: cannot be read: {error.strerror or error}; check the name, needed is {_KINDS}"
+            f"{name}: cannot be read: {error.strerror or error}; check the name, needed is {IMAGE_KINDS}"
         ) from None
     return ImageFile(file, sha256_of(content), read_content(content, name))
 

@@ -3,6 +3,7 @@
 import argparse
 import sys
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distalock.arguments import EXIT_BAD_INPUT
-from distalock.image_files import ImageFile, read_image_file, require_different
+from distalock.image_files import ImageFile, images_in, read_image_file, require_different
 from distalock.outputs import require_apart, write_whole
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
@@ -21,10 +22,10 @@ from services.registration.measure import Localiser, timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.parts import parts_from_json
 from services.registration.report import MeasuredTimes, message_of_several, uncalibrated_message
-from shared.errors import Accepted, InputError, Reason, Rejected
+from shared.errors import Accepted, ImageUnreadable, InputError, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
-from shared.messages.registration import Localisation, Method
+from shared.messages.registration import Localisation, Method, UnreadableImage
 from shared.parts.files import read_part_file
 
 EXIT_ACCEPTED, EXIT_REJECTED = 0, 3
@@ -148,6 +149,46 @@ def locate_images(
     return LocatedImage(shown.pixels, shown.calibration, shown.result if fused is None else fused.result, message)
 
 
+def image_paths(places: Iterable[Path]) -> Iterator[Path]:
+    """Image files as they were named, and those of folders, sorted by name.
+
+    Raises
+    ------
+    InputError
+        When a folder holds no image, or cannot be read.
+    """
+    for place in places:
+        if not place.is_dir():
+            yield place
+            continue
+        files = images_in(place)
+        if not files:
+            raise InputError(f"{place}: 0 images (at least 1, PNG, TIFF or DICOM); name the folder of the images")
+        yield from files
+
+
+def _run_each(given: argparse.Namespace) -> int:
+    """Localise each image by itself, one JSON line each; a file that is no image has a line of its own."""
+    try:
+        parts = read_parts(given.ring, given.guide, given.nail)
+        images = tuple(image_paths(given.images))
+    except InputError as error:
+        print(f"distalock locate: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    nominal, method, codes = NominalOptions(given.source_to_detector_mm, given.pixel_mm), given.method, set()
+    for image in images:
+        message: Localisation | UnreadableImage
+        try:
+            found = locate_image(image, parts, nominal, method).message
+            message = found.model_copy(update={"image_file": str(image)})
+            codes.add(EXIT_ACCEPTED if found.verdict == "accepted" else EXIT_REJECTED)
+        except ImageUnreadable as error:
+            message = UnreadableImage(image_file=str(image), error=str(error))
+            codes.add(EXIT_BAD_INPUT)
+        print(encode(message).decode(), flush=True)
+    return next(code for code in (EXIT_BAD_INPUT, EXIT_REJECTED, EXIT_ACCEPTED) if code in codes)
+
+
 def _localised(name: str, found: LocatedImage) -> LocalisedImage:
     reasons = tuple(Reason(reason.code, reason.message) for reason in found.message.reasons)
     return LocalisedImage(name, found.calibration, found.result, reasons)
@@ -155,7 +196,14 @@ def _localised(name: str, found: LocatedImage) -> LocalisedImage:
 
 def run(given: argparse.Namespace) -> int:
     """Run `distalock locate`; returns the exit code: 0 accepted, 3 rejected, 2 bad input."""
+    if given.each:
+        return _run_each(given)
     images, overlay = tuple(given.images), given.overlay
+    if len(images) > 1:
+        print(
+            f"distalock locate: {len(images)} images are taken as one set-up; --each localises each by itself",
+            file=sys.stderr,
+        )
     try:
         parts = read_parts(given.ring, given.guide, given.nail)
         if overlay is not None:

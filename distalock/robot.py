@@ -3,8 +3,16 @@
 import argparse
 from typing import Final
 
-from distalock.arguments import add_c_arm_arguments, existing_file, length_mm, named_path, whole_number, writable_file
-from shared.parts.hexapod_file import DEFAULT_HEXAPOD
+from distalock.arguments import (
+    PART_HELP,
+    add_c_arm_arguments,
+    length_mm,
+    named_path,
+    part_file,
+    whole_number,
+    writable_file,
+)
+from shared.parts.catalogue import DEFAULT_HEXAPOD
 
 DEFAULT_EXTENSION_MM: Final = 60.0
 
@@ -36,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "poses", type=named_path, metavar="POSES.json", help="images with poses, the last for the check"
     )
     for name in ("ring", "guide"):
-        calibrate.add_argument(f"--{name}", type=named_path, required=True, metavar="FILE", help=f"{name} file (JSON)")
+        calibrate.add_argument(f"--{name}", type=part_file, required=True, metavar="PART", help=PART_HELP.format(name))
     calibrate.add_argument(
         "--out", type=writable_file, metavar="HEXAPOD.json", help="write the hexapod file with its head as found"
     )
@@ -46,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_hexapod_arguments(parser: argparse.ArgumentParser) -> None:
     """Which robot, and how its head is set."""
     parser.add_argument(
-        "--hexapod", type=existing_file, default=DEFAULT_HEXAPOD, metavar="FILE", help="hexapod file (JSON)"
+        "--hexapod", type=part_file, default=DEFAULT_HEXAPOD, metavar="PART", help=PART_HELP.format("hexapod")
     )
     parser.add_argument(
         "--head-extension-mm",

@@ -94,7 +94,13 @@ class Timing(WireModel):
 
 
 class Localisation(Message):
-    """What `distalock locate` prints: both axes from one image, or why not."""
+    """What `distalock locate` prints: both axes from one image, or the reasons for rejection.
+
+    Attributes
+    ----------
+    image_file
+        The image's name, in the lines of `distalock locate --each` only.
+    """
 
     schema_name: Literal["distalock/localisation/1"] = Field("distalock/localisation/1", alias="schema")
     verdict: Verdict
@@ -108,6 +114,15 @@ class Localisation(Message):
     holes: tuple[LocalisedHole, ...] | None
     c_arm_correction_deg: CArmCorrection | None
     timing_ms: Timing
+    image_file: str | None = Field(None, exclude_if=lambda name: name is None)
+
+
+class UnreadableImage(Message):
+    """The line of `distalock locate --each` for a file that is not an image that can be measured."""
+
+    schema_name: Literal["distalock/unreadable-image/1"] = Field("distalock/unreadable-image/1", alias="schema")
+    image_file: str
+    error: str
 
 
 class FusedImage(WireModel):

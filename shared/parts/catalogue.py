@@ -1,15 +1,16 @@
 """The parts that the product ships, by name: the folder `catalogue` beside this module."""
 
+import hashlib
 import json
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
-from typing import Literal, get_args
-
-from shared.parts.files import sha256_of
+from pathlib import Path
+from typing import Final, Literal, get_args
 
 PartKind = Literal["ring", "guide", "nail", "hexapod"]
 PART_KINDS: tuple[PartKind, ...] = get_args(PartKind)
+FOLDER: Final = Path(__file__).with_name("catalogue")
+DEFAULT_HEXAPOD: Final = FOLDER / "hexapod-h70.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,14 +24,13 @@ class CatalogueEntry:
     @property
     def sha256(self) -> str:
         """Hash of the file's content."""
-        return sha256_of(self.content)
+        return hashlib.sha256(self.content).hexdigest()
 
 
 @cache
 def catalogue() -> tuple[CatalogueEntry, ...]:
     """All parts, sorted by name."""
-    folder = files("shared.parts").joinpath("catalogue")
-    contents = {f.name.removesuffix(".json"): f.read_bytes() for f in folder.iterdir() if f.name.endswith(".json")}
+    contents = {file.stem: file.read_bytes() for file in FOLDER.glob("*.json")}
     kinds = {name: kind_of(content) for name, content in contents.items()}
     return tuple(CatalogueEntry(name, kind, contents[name]) for name, kind in sorted(kinds.items()) if kind is not None)
 

@@ -1,7 +1,6 @@
 """Read hexapod files (JSON, millimetres, schema `distalock/hexapod/1`) and refuse what breaks their schema."""
 
 import json
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -14,9 +13,8 @@ from shared.geometry.hexapod import ZERO_POSE, HexapodPart, Interval, PlatformPo
 from shared.geometry.hexapod_limits import limit_violations
 from shared.geometry.hexapod_mount import MountPlace
 from shared.geometry.transform import Transform
+from shared.parts.catalogue import DEFAULT_HEXAPOD as DEFAULT_HEXAPOD
 from shared.parts.files import Finite, Name, PartModel, Positive, Vector, parse_part, read_part_file, sha256_of
-
-DEFAULT_HEXAPOD = Path(__file__).parent / "catalogue" / "hexapod-h70.json"
 
 ConeDeg = Annotated[float, Field(allow_inf_nan=False, gt=0.0, lt=90.0)]
 

@@ -1,6 +1,7 @@
 """Bad usage of the command: one line on stderr, exit code 2; and output that nobody reads."""
 
 import os
+import re
 import subprocess
 import sys
 
@@ -65,6 +66,25 @@ def test_an_installation_that_cannot_work_is_not_begun(
     printed = capsys.readouterr()
     assert (code, printed.out, printed.err.count("\n")) == (2, "", 1)
     assert expected in printed.err
+
+
+def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    assert re.fullmatch(r"distalock \d+\.\d+\.\d+(, revision [0-9a-f]+\+?)?\n", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("command", [[one.name] for one in COMMANDS] + [["robot", name] for name in ROBOT_COMMANDS])
+def test_arguments_are_declared_without_heavy_imports(command: list[str]) -> None:
+    """Bad arguments are answered at once: none of the numerical libraries is imported for that."""
+    script = (
+        "import sys; from distalock.__main__ import main\n"
+        "try: main(sys.argv[1:])\nexcept SystemExit as ended: assert ended.code == 2, ended.code\n"
+        "found = {'numpy', 'cv2', 'scipy', 'numba', 'pydantic'} & set(sys.modules); assert not found, found"
+    )
+    words = [sys.executable, "-c", script, *command, "--nope"]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (0, ""), ended.stderr
 
 
 def test_a_reader_that_left_is_no_traceback() -> None:

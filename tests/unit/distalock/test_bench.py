@@ -20,15 +20,26 @@ def test_options_reach_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert page.read_text().startswith("# Accuracy on random scenes")
 
 
-@pytest.mark.parametrize("names", [["calibration"], ["accuracy", "calibration"]])
-def test_others_have_none(names: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", *names, "--count", "1"]) == EXIT_BAD_INPUT
-    assert "options go to one of the benchmarks that have some (accuracy, " in capsys.readouterr().err
+def test_options_belong_to_one_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "accuracy", "calibration", "--count", "1"]) == EXIT_BAD_INPUT
+    assert "options belong to one benchmark; name one" in capsys.readouterr().err
+
+
+def test_without_a_name_there_is_a_list(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench"]) == 0
+    printed = capsys.readouterr().out
+    assert all(f"\n{name} " in printed for name in BENCHMARKS)
+
+
+def test_every_page_is_in_the_checkout() -> None:
+    pages = {one.page for one in BENCHMARKS.values() if one.page}
+    assert [page for page in sorted(pages) if not (ROOT / "docs" / "benchmarks" / f"{page}.md").is_file()] == []
 
 
 @pytest.mark.parametrize(
     ("name", "options", "expected"),
     [
+        ("guide_calibration", ["--nope"], "unrecognized arguments: --nope"),
         ("accuracy", ["--nope"], "unrecognized arguments: --nope"),
         ("accuracy", ["--count", "-3"], "'-3' is not a number of scenes from 1 to"),
         ("accuracy", ["--report", "/none/page.md"], "cannot be written: there is no folder /none"),

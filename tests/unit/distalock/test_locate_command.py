@@ -40,6 +40,13 @@ def one_sentence(capsys: pytest.CaptureFixture[str]) -> str:
     return captured.err
 
 
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    """What stands on stderr beside a result."""
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    return told
+
+
 def test_an_image_without_a_ring_is_rejected(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(locate(files)) == EXIT_REJECTED
     printed = json.loads(capsys.readouterr().out)
@@ -63,6 +70,58 @@ def test_several_images_make_one_object_that_tells_of_each(
     told = [reason["message"] for reason in printed["reasons"]]
     assert any(message.startswith("image image.png: ") for message in told)
     assert any(message.startswith("image other.png: ") for message in told)
+
+
+def test_several_images_without_each_are_announced_as_one_set_up(
+    files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.png"
+    cv2.imwrite(str(other), np.flipud(_image()))
+    words = locate(files)
+    main([*words[:2], str(other), *words[2:]])
+    assert "2 images are taken as one set-up; --each localises each by itself" in one_line(capsys)
+
+
+def test_each_image_of_a_folder_has_a_line_of_its_own(
+    files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "a.png"), _image())
+    (folder / "b.png").write_bytes(b"no image at all")
+    words = locate(files, "--each")
+    assert main([words[0], str(folder), *words[1:]]) == EXIT_BAD_INPUT
+    first, second, third = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (first["image_file"], first["schema"], first["verdict"]) == (
+        str(folder / "a.png"),
+        "distalock/localisation/1",
+        "rejected",
+    )
+    assert (second["image_file"], second["schema"]) == (str(folder / "b.png"), "distalock/unreadable-image/1")
+    assert "that are not an image" in second["error"]
+    assert third["image_file"] == str(files["image"])
+
+
+def test_each_with_rejected_images_only_is_a_rejection(files: dict[str, Path]) -> None:
+    assert main(locate(files, "--each")) == EXIT_REJECTED
+
+
+def test_a_folder_needs_each(files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = locate(files)
+    assert main([words[0], str(tmp_path), *words[2:]]) == EXIT_BAD_INPUT
+    assert "it is a folder; `distalock locate --each` localises each of its images" in one_sentence(capsys)
+
+
+def test_a_part_is_named_by_its_file_or_by_its_name_in_the_catalogue(
+    files: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["locate", str(files["image"]), "--guide", "guide-28", "--nail", "nail-femur-ti-10"]
+    assert main([*words, "--ring", "ring-120"]) == EXIT_REJECTED
+    capsys.readouterr()
+    assert main([*words, "--ring", "ring-of-gold"]) == EXIT_BAD_INPUT
+    assert "ring-of-gold: cannot be read: No such file or directory; check its name (the catalogue has ring-120)" in (
+        one_sentence(capsys)
+    )
 
 
 def test_one_image_given_twice_is_bad_input(
