@@ -6,7 +6,7 @@ INSTALLED := .venv/.installed
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test check bench lock generated clean
+.PHONY: help setup demo test check bench lock generated wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
@@ -14,6 +14,7 @@ help:
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make bench   the full statistics; results go to docs/"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
+	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
 	@echo "make setup   only the environment in .venv, with the command at .venv/bin/distalock"
 
 setup: $(INSTALLED)
@@ -48,6 +49,9 @@ lock: setup
 	$(BIN)/python -m pip install --quiet uv
 	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-emit-find-links --no-header --upgrade --output-file requirements.lock --quiet
+
+wheel-check: setup
+	$(BIN)/python -m tests.packaging.wheel_check
 
 generated: setup
 	$(BIN)/python -m tools.generate

@@ -153,6 +153,8 @@ BENCHMARKS: Final = {
 
 def print_list() -> int:
     """Print a table of the benchmarks; runs none of them."""
+    if not _in_checkout():
+        return EXIT_BAD_INPUT
     width = max(map(len, BENCHMARKS))
     print("distalock bench NAME [OPTIONS], NAME --help, or all; pages are in docs/benchmarks\n")
     for name, one in BENCHMARKS.items():
@@ -165,8 +167,7 @@ def run_benchmarks(names: Sequence[str], options: Sequence[str] = ()) -> int:
 
     `options` belong to the one benchmark that is named.
     """
-    if not (ROOT / "benchmarks").is_dir():
-        print(f"distalock bench: there is no folder {ROOT / 'benchmarks'}; run from a checkout", file=sys.stderr)
+    if not _in_checkout():
         return EXIT_BAD_INPUT
     chosen = [name for name, one in BENCHMARKS.items() if not one.needs_arguments] if ALL in names else list(names)
     if options and len(chosen) > 1:
@@ -175,6 +176,16 @@ def run_benchmarks(names: Sequence[str], options: Sequence[str] = ()) -> int:
     sys.path.insert(0, str(ROOT))
     codes = [_run(name, options) for name in chosen]
     return next((code for code in codes if code), 0)
+
+
+def _in_checkout() -> bool:
+    if (ROOT / "benchmarks").is_dir():
+        return True
+    print(
+        f"distalock bench: there is no folder {ROOT / 'benchmarks'}; benchmarks need a checkout of the sources",
+        file=sys.stderr,
+    )
+    return False
 
 
 def _run(name: str, options: Sequence[str]) -> int:

@@ -199,11 +199,6 @@ def run(given: argparse.Namespace) -> int:
     if given.each:
         return _run_each(given)
     images, overlay = tuple(given.images), given.overlay
-    if len(images) > 1:
-        print(
-            f"distalock locate: {len(images)} images are taken as one set-up; --each localises each by itself",
-            file=sys.stderr,
-        )
     try:
         parts = read_parts(given.ring, given.guide, given.nail)
         if overlay is not None:
@@ -216,5 +211,10 @@ def run(given: argparse.Namespace) -> int:
     except InputError as error:
         print(f"distalock locate: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
+    if len(images) > 1:
+        print(
+            f"distalock locate: {len(images)} images are taken as one set-up; --each localises each by itself",
+            file=sys.stderr,
+        )
     print(encode(found.message).decode())
     return EXIT_ACCEPTED if found.message.verdict == "accepted" else EXIT_REJECTED

@@ -25,7 +25,7 @@ from distalock.arguments import OneLineParser, seed_number, whole_number, writab
 from distalock.locate import locate_image, read_parts
 from shared.parts.catalogue import FOLDER
 from simulation.render.image import render_scene
-from simulation.world import starting_state
+from simulation.world.poses import starting_state
 
 REPORT = PAGES / "locate-start.md"
 SEED, COUNT = 30_000, 7
