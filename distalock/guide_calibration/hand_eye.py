@@ -23,9 +23,12 @@ from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
 from shared.geometry.lines import read_only
 from shared.geometry.transform import Transform
 
+# Three views determine both transforms; one more shows whether they agree.
 LEAST_VIEWS = 4
 _UNKNOWNS = 12
+# Of central differences in rad and mm: half of the digits of a double.
 _DIFFERENCE = 1e-6
+# A start is recognised as good or bad after eight steps; a hundred bound the rest.
 _FIRST_STEPS, _MOST_STEPS = 8, 100
 _LEAST_INFORMATION = 1e-4
 

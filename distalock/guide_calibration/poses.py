@@ -7,15 +7,21 @@ from distalock.guide_calibration.noise import image_covariance, robot_covariance
 from shared.geometry.hexapod import HexapodPart, PlatformPose, rotation_translation
 from shared.geometry.hexapod_limits import limit_margins, within_limits
 
+# Clear of the limits by more than the rounding of the suggested poses to 0.1, and than the robot's inaccuracy.
 LEAST_LEG_MARGIN_MM, LEAST_JOINT_MARGIN_DEG = 0.3, 0.5
+# As many as seconds allow: the choice is made once a calibration.
 _TRIED, _CANDIDATES = 300_000, 1200
+# The travel of each axis alone is about 19, 19, 8 mm and 16, 6, 14 degrees; together with others some reach further.
 _SPREAD = np.array([20.0, 20.0, 16.0, 22.0, 18.0, 28.0])
+# Exchanges end after a few rounds; this bounds them.
 _MOST_ROUNDS = 10
-# Millimetres and degrees.
+# Nearer than this (millimetres and degrees) to a chosen pose the robot repeats its error: a pose there counts as
+# if it left that many times the variance.
 _APART, _RELUCTANCE = 10.0, 1000.0
 _SEED = 7
 # Tenths of degrees and millimetres, so that both count alike.
 _UNIT = np.tile(np.repeat([np.radians(0.1), 0.1], 3), 2)
+# A weak prior, 10 degrees and 10 mm, with which the first poses can be compared.
 _KNOWN_BEFORE = 1e-4
 
 

@@ -8,6 +8,7 @@ from shared.geometry.frames import RobotBase, RobotTop
 from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose, base_from_top, pose_values
 from shared.geometry.transform import Transform
 
+# Newton's method takes 5 or 6 from anywhere in the workspace; the goal is some hundred roundings of a leg's length.
 MAXIMUM_ITERATIONS = 30
 CONVERGED_MM = 1e-11
 

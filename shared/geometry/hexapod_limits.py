@@ -11,6 +11,7 @@ from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose, leg_le
 from shared.geometry.hexapod_jacobian import singularity_margins
 from shared.geometry.hexapod_legs import PAIRS, leg_clearances_mm, leg_distances_mm
 
+# As fine as the robot's position is read back.
 PATH_STEP_MM = 0.05
 PATH_STEP_DEG = 0.05
 # Below this, a leg's error and its give are magnified more than tenfold.

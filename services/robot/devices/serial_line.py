@@ -61,10 +61,18 @@ def open_port(url: str, baud: int) -> Port:
     # pyserial's RFC 2217 refuses a time-out for writing: its socket's own, of some seconds, has to do.
     write_timeout_s = None if url.startswith("rfc2217://") else CONTROLLER_LINE.write_timeout_s
     try:
-        port = serial.serial_for_url(url, baudrate=baud, timeout=READ_POLL_S, write_timeout=write_timeout_s)
+        port = serial.serial_for_url(
+            url,
+            baudrate=baud,
+            timeout=READ_POLL_S,
+            write_timeout=write_timeout_s,
+            # Nobody else may write between our commands; a network's port server must see to that itself.
+            exclusive=None if "://" in url else True,
+        )
     except (serial.SerialException, OSError, ValueError) as error:
         raise DeviceError(
-            f"the hexapod controller at '{url}' cannot be reached: {error}; check power and cable"
+            f"the hexapod controller at '{url}' cannot be reached: {error}; check its power and cable, and that no "
+            "other program holds the line"
         ) from None
     if url.startswith("socket://"):
         _send_at_once(port.fileno())

@@ -1,5 +1,8 @@
 """The GCS driver against a small controller: silence, late and garbled answers, and lines that break."""
 
+import os
+import pty
+
 import pytest
 
 from services.robot.devices.controller import ControllerSilent, ReplyGarbled
@@ -92,6 +95,15 @@ def test_a_port_that_cannot_be_opened_is_told() -> None:
         open_port("socket://127.0.0.1:1", 115200)
     with pytest.raises(DeviceError, match="cannot be reached"):
         open_port("/dev/no-such-device", 115200)
+
+
+def test_a_device_that_another_program_holds_is_refused() -> None:
+    _, terminal = pty.openpty()
+    held = open_port(os.ttyname(terminal), 115200)
+    with pytest.raises(DeviceError, match=r"cannot be reached: .*; check .* that no other program holds the line"):
+        open_port(os.ttyname(terminal), 115200)
+    held.close()
+    open_port(os.ttyname(terminal), 115200).close()
 
 
 def test_a_digit_that_the_line_changed_is_not_believed(gcs: FakeGcs, controller: GcsController) -> None:
