@@ -11,10 +11,12 @@ from pathlib import Path
 
 from services.ui_api.app import openapi_document, routed_app
 from shared.messages.schema_files import SCHEMAS, schema_texts
+from tools.part_schemas import part_schema_texts
 from tools.refusals_page import refusals_page
 from tools.tuning_page import tuning_page
 
 _DOCS = Path(__file__).parents[1] / "docs"
+_PART_SCHEMAS = _DOCS / "schemas"
 _PAGES: dict[str, Callable[[], str]] = {
     "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
     "refusals.md": refusals_page,
@@ -25,17 +27,20 @@ _PAGES: dict[str, Callable[[], str]] = {
 def generated_files() -> dict[Path, str]:
     """Path and content of every generated file."""
     schemas = {SCHEMAS / name: text for name, text in schema_texts().items()}
+    schemas |= {_PART_SCHEMAS / name: text for name, text in part_schema_texts().items()}
     return schemas | {_DOCS / name: text() for name, text in _PAGES.items()}
 
 
 def differences() -> list[str]:
     """What is wrong with the committed files, one sentence each; empty when nothing is."""
     wanted = generated_files()
-    unknown = sorted(file for file in SCHEMAS.glob("*.json") if file not in wanted)
+    unknown = sorted(
+        file for folder in (SCHEMAS, _PART_SCHEMAS) for file in folder.glob("*.json") if file not in wanted
+    )
     outdated = [file for file, text in wanted.items() if not file.exists() or file.read_text(encoding="utf-8") != text]
     return [
         *(f"{file.name} is missing or out of date" for file in sorted(outdated)),
-        *(f"{file.name} belongs to no message; delete it" for file in unknown),
+        *(f"{file.name} belongs to no message and no part; delete it" for file in unknown),
     ]
 
 
@@ -44,7 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.generate", description="write all generated files")
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     if not parser.parse_args(arguments).check:
-        SCHEMAS.mkdir(exist_ok=True)
+        for folder in (SCHEMAS, _PART_SCHEMAS):
+            folder.mkdir(exist_ok=True)
         for file, text in generated_files().items():
             file.write_text(text, encoding="utf-8")
         return 0

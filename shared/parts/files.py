@@ -81,6 +81,7 @@ class BallsFile(PartModel):
     """What ring and guide files share."""
 
     units: Literal["mm"]
+    name: Name | None = None
     balls: tuple[BallFile, ...] = Field(min_length=4)
     ball_count: int | None = None
 
@@ -125,6 +126,7 @@ class NailFile(PartModel):
 
     schema_name: Literal["distalock/nail/1"] = Field(alias="schema")
     units: Literal["mm"]
+    name: Name | None = None
     material: Material
     diameter_mm: Positive
     cannulation_diameter_mm: NotNegative

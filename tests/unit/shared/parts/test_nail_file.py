@@ -29,6 +29,13 @@ def test_a_file_need_not_state_it() -> None:
     assert [hole.chamfer_mm for hole in nail_from_json(json.dumps(part).encode()).holes] == [None, None]
 
 
+def test_a_part_may_carry_a_name() -> None:
+    part = json.loads(TEXT) | {"name": "Femoral nail, titanium, 10 mm"}
+    assert nail_from_json(json.dumps(part).encode()).diameter_mm == 10.0
+    with pytest.raises(PartFileInvalid, match="name: String should have at most 64 characters"):
+        nail_from_json(json.dumps(part | {"name": "x" * 65}).encode())
+
+
 @pytest.mark.parametrize("value", [-0.1, 2.5, "deep", float("nan")])
 def test_a_chamfer_that_cannot_be_is_refused(value: object) -> None:
     with pytest.raises(PartFileInvalid, match="chamfer_mm"):
