@@ -14,6 +14,7 @@ from distalock.arguments import (
     Command,
     Run,
     add_c_arm_arguments,
+    add_drill_argument,
     add_image_arguments,
     add_scenario_arguments,
     controller_url,
@@ -47,6 +48,7 @@ def _locate_arguments(parser: argparse.ArgumentParser) -> None:
         help="PNG or TIFF of 8 or 16 bits, or DICOM; several are taken as one set-up and joined, unless --each",
     )
     add_image_arguments(parser)
+    add_drill_argument(parser)
     parser.add_argument("--method", choices=["model", "fronto-parallel"], default="model", help="ours, or the paper's")
     more = parser.add_mutually_exclusive_group()
     more.add_argument("--overlay", type=writable_file, metavar="OUT.png", help="draw what was found")
@@ -86,6 +88,7 @@ def _verify_arguments(parser: argparse.ArgumentParser) -> None:
         help="from before the wires, with the guide in the same place: wires cover the holes",
     )
     add_image_arguments(parser)
+    add_drill_argument(parser)
 
 
 def _align_arguments(parser: argparse.ArgumentParser) -> None:

@@ -9,6 +9,7 @@ from typing import Final, NoReturn
 from distalock.outputs import require_writable
 from shared.arguments import EXIT_BAD_INPUT as EXIT_BAD_INPUT
 from shared.arguments import OneLineParser as OneLineParser
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import InputError
 from shared.parts.catalogue import FOLDER
 
@@ -165,10 +166,21 @@ def scenario_arguments(given: argparse.Namespace) -> tuple[str, ...]:
 
 
 def add_image_arguments(parser: argparse.ArgumentParser) -> None:
-    """What `locate` and `verify` share: the part files and the C-arm's nominal values."""
+    """What `locate`, `verify` and `align` share: the part files and the C-arm's nominal values."""
     for name in ("ring", "guide", "nail"):
         parser.add_argument(f"--{name}", type=part_file, required=True, metavar="PART", help=PART_HELP.format(name))
     add_c_arm_arguments(parser)
+
+
+def add_drill_argument(parser: argparse.ArgumentParser) -> None:
+    """The drill that is to pass the nail's holes."""
+    parser.add_argument(
+        "--drill-mm",
+        type=length_mm(1.0, 10.0),
+        default=USUAL_DRILL_DIAMETER_MM,
+        metavar="MM",
+        help=f"diameter of the drill, for the chance to pass a hole ({USUAL_DRILL_DIAMETER_MM:g})",
+    )
 
 
 def add_c_arm_arguments(parser: argparse.ArgumentParser) -> None:

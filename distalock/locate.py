@@ -22,6 +22,7 @@ from services.registration.measure import Localiser, timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.parts import parts_from_json
 from services.registration.report import MeasuredTimes, message_of_several, uncalibrated_message
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Accepted, ImageUnreadable, InputError, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
@@ -67,10 +68,14 @@ class LocatedImage:
     message: Localisation
 
 
-def read_parts(ring: Path, guide: Path, nail: Path) -> Parts:
+def read_parts(ring: Path, guide: Path, nail: Path, drill_diameter_mm: float = USUAL_DRILL_DIAMETER_MM) -> Parts:
     """Read three part files; raises `PartFileInvalid` with one sentence."""
     return parts_from_json(
-        read_part_file(ring), read_part_file(guide), read_part_file(nail), (str(ring), str(guide), str(nail))
+        read_part_file(ring),
+        read_part_file(guide),
+        read_part_file(nail),
+        drill_diameter_mm,
+        (str(ring), str(guide), str(nail)),
     )
 
 
@@ -170,7 +175,7 @@ def image_paths(places: Iterable[Path]) -> Iterator[Path]:
 def _run_each(given: argparse.Namespace) -> int:
     """Localise each image by itself, one JSON line each; a file that is no image has a line of its own."""
     try:
-        parts = read_parts(given.ring, given.guide, given.nail)
+        parts = read_parts(given.ring, given.guide, given.nail, given.drill_mm)
         images = tuple(image_paths(given.images))
     except InputError as error:
         print(f"distalock locate: {error}", file=sys.stderr)
@@ -200,7 +205,7 @@ def run(given: argparse.Namespace) -> int:
         return _run_each(given)
     images, overlay = tuple(given.images), given.overlay
     try:
-        parts = read_parts(given.ring, given.guide, given.nail)
+        parts = read_parts(given.ring, given.guide, given.nail, given.drill_mm)
         if overlay is not None:
             require_apart(overlay, (*images, given.ring, given.guide, given.nail))
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)

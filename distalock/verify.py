@@ -55,7 +55,7 @@ def run(given: argparse.Namespace) -> int:
     images = tuple(given.images)
     try:
         _require_few(images)
-        parts = read_parts(given.ring, given.guide, given.nail)
+        parts = read_parts(given.ring, given.guide, given.nail, given.drill_mm)
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
         message = verify_images(images, parts, nominal, tuple(given.before))
     except InputError as error:

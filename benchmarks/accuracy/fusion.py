@@ -30,10 +30,9 @@ from services.registration.core.fusion.joint_errors import (
     SHARED_WITHIN_DEG,
 )
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.localise import evidence_of
+from services.registration.core.localise import Parts, evidence_of
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
 FIRST_SEED, SET_UPS, PROCESSES = 7000, 64, 2
@@ -65,7 +64,7 @@ class SeenSetUp:
     """
 
     seed: int
-    nail: NailPart
+    parts: Parts
     truth: Transform[Guide, Nail]
     evidence: tuple[PoseEvidence | None, ...]
     camera_from_nail: Transform[Camera, Nail]
@@ -122,7 +121,7 @@ def seen_set_up(seed: int) -> SeenSetUp | None:
     print(f"{seed}: {sum(one is not None for one in evidence)} of 4 images accepted", flush=True)
     if not poses:
         return None
-    return SeenSetUp(seed, set_up.parts.nail, truth, tuple(evidence), poses[0])
+    return SeenSetUp(seed, set_up.parts, truth, tuple(evidence), poses[0])
 
 
 def chosen(seen: SeenSetUp, images: tuple[int, ...]) -> tuple[PoseEvidence, ...] | None:
@@ -143,8 +142,10 @@ def errors_of(seen: SeenSetUp, images: tuple[int, ...], joining: Joining = as_sh
     if evidence is None:
         return None
     joint = joining(evidence)
-    found = holes_at(seen.nail, joint.guide_from_nail, joint.covariance, seen.camera_from_nail)
-    true = holes_at(seen.nail, seen.truth, None, seen.camera_from_nail)
+    found = holes_at(
+        seen.parts.nail, seen.parts.drill_diameter_mm, joint.guide_from_nail, joint.covariance, seen.camera_from_nail
+    )
+    true = holes_at(seen.parts.nail, seen.parts.drill_diameter_mm, seen.truth, None, seen.camera_from_nail)
     rows = np.array([_hole_errors(a, b) for a, b in zip(found, true, strict=True)])
     entry_mm, axis_deg, depth_mm = (float(v) for v in rows[:, :3].max(axis=0))
     return Errors(entry_mm, axis_deg, depth_mm, root_mean_square(rows[:, 3]), root_mean_square(rows[:, 4]))
@@ -160,7 +161,7 @@ def _hole_errors(found: HoleEstimate, true: HoleEstimate) -> tuple[float, float,
 
 def _disagree(seen: SeenSetUp, evidence: tuple[PoseEvidence, ...]) -> bool:
     names = tuple(str(k + 1) for k in range(len(evidence)))
-    return disagreement(evidence, names, seen.nail, seen.camera_from_nail) is not None
+    return disagreement(evidence, names, seen.parts, seen.camera_from_nail) is not None
 
 
 def report(seen: Sequence[SeenSetUp]) -> str:

@@ -26,6 +26,7 @@ from distalock.arguments import OneLineParser, writable_file
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
 from services.registration.parts import parts_from_json
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.frames import Nail, Ring
 from shared.geometry.transform import Transform
 
@@ -106,7 +107,7 @@ def image_rows(folder: Path, only: str = "") -> list[ImageRow]:
 def _row(folder: Path, manifest: _Manifest, entry: _Entry) -> ImageRow:
     names = (manifest.ring, manifest.guide, entry.nail)
     ring, guide, nail = ((folder / name).read_bytes() for name in names)
-    parts = parts_from_json(ring, guide, nail, names)
+    parts = parts_from_json(ring, guide, nail, USUAL_DRILL_DIAMETER_MM, names)
     truth = TypeAdapter(_Truth).validate_json((folder / entry.truth).read_bytes())
     pixels = read_image((folder / entry.image).read_bytes(), entry.image).pixels
     holes = [KnownHole(h.id, np.array(h.entry_point_guide_mm), np.array(h.axis_guide)) for h in truth.holes]

@@ -80,7 +80,8 @@ def measured_times(seed: int, count: int) -> Times:
         words = [
             word for kind, name in zip(("ring", "guide", "nail"), names, strict=True) for word in (f"--{kind}", name)
         ]
-        parts = read_parts(*(FOLDER / f"{name}.json" for name in names))
+        ring, guide, nail = (FOLDER / f"{name}.json" for name in names)
+        parts = read_parts(ring, guide, nail)
         rows = timed_in_turn(
             (
                 lambda: _ended([*command, str(image), *words]),

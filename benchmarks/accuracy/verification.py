@@ -166,7 +166,9 @@ def _errors(set_up: SetUp, verified: WireVerification) -> tuple[WireErrors, ...]
     truth: Transform[Guide, Nail] = world.guide_from_nail
     guide_from_bone = bone_from_guide(set_up.scenario, set_up.state).inverse()
     axes = {rod.hole_id: mapped(guide_from_bone, rod.axis) for rod in set_up.state.wires}
-    true = {hole.id: hole for hole in holes_at(set_up.parts.nail, truth, None, _SOMEWHERE)}
+    true = {
+        hole.id: hole for hole in holes_at(set_up.parts.nail, set_up.parts.drill_diameter_mm, truth, None, _SOMEWHERE)
+    }
     return tuple(
         _wire_errors(wire, wire.hole, _offsets_mm(axes[wire.hole_id], true[wire.hole_id])) for wire in verified.wires
     )

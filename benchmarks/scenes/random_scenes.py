@@ -14,6 +14,7 @@ from pydantic import JsonValue
 from benchmarks.scenes.varied_parts import write_parts
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.localise import Parts
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from simulation.scenario.files import ScenarioFile
 from simulation.scenario.sampling import scenario_from_file
 from simulation.scenario.values import Scenario
@@ -46,12 +47,12 @@ def parts_of(scenario: Scenario) -> Parts:
     """The part files that a localisation gets: that of the nail does not say how its holes are chamfered."""
     nail = scenario.parts.nail
     silent = replace(nail, holes=tuple(replace(hole, chamfer_mm=None) for hole in nail.holes))
-    return Parts(scenario.parts.ring, scenario.parts.guide, silent)
+    return Parts(scenario.parts.ring, scenario.parts.guide, silent, USUAL_DRILL_DIAMETER_MM)
 
 
 def shipped_parts_of(scenario: Scenario) -> Parts:
     """The part files as they are: for scenes with parts of the catalogue, whose files say how holes are chamfered."""
-    return Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail)
+    return Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail, USUAL_DRILL_DIAMETER_MM)
 
 
 def nominal_of(scenario: Scenario) -> NominalGeometry:

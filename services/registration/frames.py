@@ -31,7 +31,12 @@ class OpenCase:
         """Read the part files; raises `PartFileInvalid`."""
         return OpenCase(
             context,
-            parts_from_json(context.ring_json.encode(), context.guide_json.encode(), context.nail_json.encode()),
+            parts_from_json(
+                context.ring_json.encode(),
+                context.guide_json.encode(),
+                context.nail_json.encode(),
+                context.drill_diameter_mm,
+            ),
             hexapod_from_json(context.hexapod_json.encode()),
         )
 

@@ -10,6 +10,7 @@ def parts_from_json(
     ring: bytes,
     guide: bytes,
     nail: bytes,
+    drill_diameter_mm: float,
     sources: tuple[str, str, str] = ("ring file", "guide file", "nail file"),
 ) -> Parts:
     """Parse ring, guide and nail files.
@@ -20,7 +21,10 @@ def parts_from_json(
         When a file breaks its schema, or a hole of the nail does not cross the nail.
     """
     parts = Parts(
-        ring_from_json(ring, sources[0]), guide_from_json(guide, sources[1]), nail_from_json(nail, sources[2])
+        ring_from_json(ring, sources[0]),
+        guide_from_json(guide, sources[1]),
+        nail_from_json(nail, sources[2]),
+        drill_diameter_mm,
     )
     _require_crossing_holes(parts.nail, sources[2])
     return parts

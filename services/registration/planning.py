@@ -151,5 +151,5 @@ def _predicted(hole: PredictedHole) -> PredictedHoleError:
         offset_mm=hole.offset.entry_mm,
         angle_deg=hole.angle_deg,
         standard_uncertainty=standard_uncertainty(hole.offset),
-        chance_to_pass=hole.chance_to_pass,
+        chance_to_pass=hole.chance_after_move,
     )

@@ -175,6 +175,6 @@ def _hole(hole: HoleEstimate) -> LocalisedHole:
         entry_point_guide_mm=vector3(hole.entry_guide_mm),
         axis_guide=vector3(hole.axis_guide.direction),
         tilt_to_ray_deg=hole.tilt_to_ray_deg,
-        chance_to_pass=hole.chance_to_pass,
+        chance_to_pass=hole.chance_along_estimate,
         standard_uncertainty=None if hole.offset is None else standard_uncertainty(hole.offset),
     )

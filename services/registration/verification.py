@@ -74,7 +74,7 @@ def _wire(comparison: AxisComparison) -> VerifiedWire:
         exit_offset_mm=comparison.offset.exit_mm,
         angle_deg=comparison.angle_deg,
         standard_uncertainty=standard_uncertainty(comparison.offset),
-        chance_to_pass=comparison.chance_to_pass,
+        chance_to_pass=comparison.chance_as_it_stands,
     )
 
 
@@ -85,5 +85,5 @@ def _guide_hole(comparison: AxisComparison) -> VerifiedGuideHole:
         exit_offset_mm=comparison.offset.exit_mm,
         angle_deg=comparison.angle_deg,
         standard_uncertainty=standard_uncertainty(comparison.offset),
-        chance_to_pass=comparison.chance_to_pass,
+        chance_to_pass=comparison.chance_as_it_stands,
     )

@@ -4,12 +4,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.messages.base import Finite, Identifier, Message
 
 Side = Literal["left", "right"]
 Bone = Literal["femur", "tibia"]
 Mount = Literal["bone", "nail_head"]
 HeadExtension = Annotated[float, Field(ge=40.0, le=80.0, allow_inf_nan=False)]
+DrillDiameter = Annotated[float, Field(ge=1.0, le=10.0, allow_inf_nan=False)]
 
 
 class CaseContext(Message):
@@ -29,6 +31,7 @@ class CaseContext(Message):
     bone: Bone = "femur"
     mount: Mount = "bone"
     head_extension_mm: HeadExtension = 60.0
+    drill_diameter_mm: DrillDiameter = USUAL_DRILL_DIAMETER_MM
     ring_json: str = ""
     guide_json: str = ""
     nail_json: str = ""

@@ -9,7 +9,6 @@ from scipy.special import ndtri
 
 from shared.geometry.lines import Line, angle_between_rad, read_only, unit
 
-DRILL_DIAMETER_MM = 4.0
 _SAMPLES_LOG2 = 13
 # 95 % quantile of the length of a standard normal vector in the plane, in closed form.
 _QUANTILE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
@@ -72,7 +71,7 @@ class AxisOffset:
         """No more than 5 % of errors of the angle are larger."""
         return _QUANTILE_95 * float(np.degrees(np.sqrt(np.linalg.eigvalsh(self._slope_covariance())[-1])))
 
-    def chance_to_pass(self, hole_diameter_mm: float, drill_diameter_mm: float = DRILL_DIAMETER_MM) -> float:
+    def clearance_probability(self, hole_diameter_mm: float, drill_diameter_mm: float) -> float:
         """Probability that a drill's axis is off by at most half the play at entry *and* at exit."""
         play_mm = 0.5 * (hole_diameter_mm - drill_diameter_mm)
         if play_mm <= 0.0:

@@ -25,6 +25,8 @@ class HoleEstimate:
         Where the axis enters and leaves the nail, shape (3,).
     diameter_mm
         Of the hole, from the nail's file.
+    drill_diameter_mm
+        Of the drill that is to pass it.
     tilt_to_ray_deg
         Angle between the axis and the ray through the hole's middle.
     offset
@@ -36,17 +38,23 @@ class HoleEstimate:
     entry_guide_mm: NDArray[np.float64]
     exit_guide_mm: NDArray[np.float64]
     diameter_mm: float
+    drill_diameter_mm: float
     tilt_to_ray_deg: float
     offset: AxisOffset | None
 
     @property
-    def chance_to_pass(self) -> float | None:
-        """Probability that a 4.0 mm drill along the estimated axis passes the true hole."""
-        return None if self.offset is None else self.offset.chance_to_pass(self.diameter_mm)
+    def chance_along_estimate(self) -> float | None:
+        """Probability that a drill along the estimated axis passes the true hole."""
+        return None if self.offset is None else self.clearance_probability(self.offset)
+
+    def clearance_probability(self, offset: AxisOffset) -> float:
+        """Probability that a drill passes this hole whose axis is off by some offset."""
+        return offset.clearance_probability(self.diameter_mm, self.drill_diameter_mm)
 
 
 def holes_at(
     nail: NailPart,
+    drill_diameter_mm: float,
     guide_from_nail: Transform[Guide, Nail],
     covariance: NDArray[np.float64] | None,
     camera_from_nail: Transform[Camera, Nail],
@@ -68,9 +76,17 @@ def holes_at(
         if covariance is not None:
             J = offsets_by_motion(nail, hole.id, guide_from_nail)
             offset = AxisOffset(np.zeros(4), J @ covariance @ J.T, float(np.linalg.norm(leaving - entry)))
-        exit_guide_mm = guide_from_nail @ leaving
         estimates.append(
-            HoleEstimate(hole.id, axis, axis.point_mm, exit_guide_mm, hole.diameter_mm, tilt.tilt_to_ray_deg, offset)
+            HoleEstimate(
+                id=hole.id,
+                axis_guide=axis,
+                entry_guide_mm=axis.point_mm,
+                exit_guide_mm=guide_from_nail @ leaving,
+                diameter_mm=hole.diameter_mm,
+                drill_diameter_mm=drill_diameter_mm,
+                tilt_to_ray_deg=tilt.tilt_to_ray_deg,
+                offset=offset,
+            )
         )
     return tuple(estimates)
 

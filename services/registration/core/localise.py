@@ -33,11 +33,12 @@ class Step(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """The known shapes in the image."""
+    """The known shapes in the image, and the drill that is to pass the nail's holes."""
 
     ring: RingPart
     guide: GuidePart
     nail: NailPart
+    drill_diameter_mm: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +127,7 @@ def hole_estimates(
     evidence = evidence_of(calibration, parts, guide_fit, estimate)
     guide_from_nail = guide_fit.camera_from_guide.inverse() @ estimate.camera_from_nail
     covariance = None if evidence is None else evidence.covariance
-    return holes_at(parts.nail, guide_from_nail, covariance, estimate.camera_from_nail)
+    return holes_at(parts.nail, parts.drill_diameter_mm, guide_from_nail, covariance, estimate.camera_from_nail)
 
 
 def evidence_of(

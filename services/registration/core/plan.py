@@ -63,7 +63,7 @@ class PredictedHole:
     id: str
     offset: AxisOffset
     angle_deg: float
-    chance_to_pass: float
+    chance_after_move: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -225,7 +225,7 @@ def _predicted(hole: HoleEstimate, guide_axis: Line, move: Transform[Guide, Guid
     lever_mm = float((hole.entry_guide_mm - after.point_mm) @ hole.axis_guide.direction)
     robot = _robot_covariance(np.array([lever_mm, lever_mm + hole.offset.length_mm]))
     offset = AxisOffset(mean, hole.offset.covariance_mm2 + robot, hole.offset.length_mm)
-    return PredictedHole(hole.id, offset, angle_deg(hole.axis_guide, after), offset.chance_to_pass(hole.diameter_mm))
+    return PredictedHole(hole.id, offset, angle_deg(hole.axis_guide, after), hole.clearance_probability(offset))
 
 
 def _robot_covariance(levers_mm: NDArray[np.float64]) -> NDArray[np.float64]:

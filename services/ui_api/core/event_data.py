@@ -7,6 +7,8 @@ localisations, overlays) lies beside the log as documents, named by their SHA-25
 from dataclasses import dataclass
 from enum import StrEnum
 
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
+
 
 class Step(StrEnum):
     """What people did with their hands."""
@@ -46,6 +48,7 @@ class CaseSetup:
     guide_calibrated: bool = False
     nominal_source_to_detector_mm: float | None = None
     nominal_pixel_mm: float | None = None
+    drill_diameter_mm: float = USUAL_DRILL_DIAMETER_MM
 
 
 @dataclass(frozen=True, slots=True)

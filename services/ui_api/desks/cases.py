@@ -31,6 +31,7 @@ class SetupRequest:
     guide_calibration: JsonObject | None
     nominal_source_to_detector_mm: float | None
     nominal_pixel_mm: float | None
+    drill_diameter_mm: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +163,7 @@ def _changed_setup(unit: Unit, setup: CaseSetup, request: SetupRequest) -> CaseS
         guide_calibrated=calibrated,
         nominal_source_to_detector_mm=request.nominal_source_to_detector_mm or setup.nominal_source_to_detector_mm,
         nominal_pixel_mm=request.nominal_pixel_mm or setup.nominal_pixel_mm,
+        drill_diameter_mm=request.drill_diameter_mm or setup.drill_diameter_mm,
     )
     _require_holes_in_common(changed)
     return changed

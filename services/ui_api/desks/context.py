@@ -45,6 +45,7 @@ class ContextDesk:
                 "head_extension_mm": setup.head_extension_mm,
                 "nominal_source_to_detector_mm": setup.nominal_source_to_detector_mm,
                 "nominal_pixel_mm": setup.nominal_pixel_mm,
+                "drill_diameter_mm": setup.drill_diameter_mm,
                 **parts,
             }
         )

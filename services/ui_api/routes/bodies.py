@@ -6,8 +6,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from services.ui_api.core.event_data import Step
 from services.ui_api.desks.cases import SetupRequest
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.messages.base import Identifier, Sha256
-from shared.messages.cases import Bone, HeadExtension, Mount, Side
+from shared.messages.cases import Bone, DrillDiameter, HeadExtension, Mount, Side
 
 # At least one visible character: an approval by "  " is nobody's. No control characters: not every database keeps them.
 PersonName = Annotated[
@@ -47,6 +48,7 @@ class CaseBody(Body):
     )
     nominal_source_to_detector_mm: SourceToDetector | None = None
     nominal_pixel_mm: PixelSize | None = None
+    drill_diameter_mm: DrillDiameter = USUAL_DRILL_DIAMETER_MM
     opened_by: PersonName = "unnamed"
 
     def request(self) -> SetupRequest:
@@ -68,6 +70,7 @@ class CasePatch(Body):
     guide_calibration: PartObject | None = None
     nominal_source_to_detector_mm: SourceToDetector | None = None
     nominal_pixel_mm: PixelSize | None = None
+    drill_diameter_mm: DrillDiameter | None = None
     changed_by: PersonName = "unnamed"
     why: Why = ""
 
@@ -89,6 +92,7 @@ def _setup_request(body: CaseBody | CasePatch) -> SetupRequest:
         guide_calibration=body.guide_calibration,
         nominal_source_to_detector_mm=body.nominal_source_to_detector_mm,
         nominal_pixel_mm=body.nominal_pixel_mm,
+        drill_diameter_mm=body.drill_diameter_mm,
     )
 
 

@@ -59,6 +59,7 @@ class CaseView(View):
     hole_ids: list[str]
     nominal_source_to_detector_mm: float | None
     nominal_pixel_mm: float | None
+    drill_diameter_mm: float
     images: int
     localisations: int
     plans: int
@@ -87,6 +88,7 @@ class CaseView(View):
             hole_ids=list(case.hole_ids),
             nominal_source_to_detector_mm=setup.nominal_source_to_detector_mm,
             nominal_pixel_mm=setup.nominal_pixel_mm,
+            drill_diameter_mm=setup.drill_diameter_mm,
             images=len(case.images),
             localisations=len(case.localisations),
             plans=len(case.plans),

@@ -13,6 +13,7 @@ from services.registration.core.head.place import HeadTrouble
 from services.registration.core.localise import LocalisationResult, Parts, localise
 from services.registration.core.plan import RobotNow, plan_move
 from services.registration.head_check import motion_view
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Accepted, ReasonCode
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import PlatformPose, base_from_top
@@ -43,7 +44,7 @@ def image_of(scenario: Scenario, pose: PlatformPose, shot: int) -> Image:
     nominal = NominalGeometry(scenario.c_arm.nominal_source_to_detector_mm, scenario.c_arm.nominal_pixel_mm)
     calibrated = calibrate_image(pixels, scenario.parts.ring, nominal)
     assert isinstance(calibrated, Accepted)
-    parts = Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail)
+    parts = Parts(scenario.parts.ring, scenario.parts.guide, scenario.parts.nail, USUAL_DRILL_DIAMETER_MM)
     result = localise(pixels, calibrated.value, parts)
     print([reason.message for reason in result.reasons])
     return Image(result, motion_view(pose, calibrated.value, result))

@@ -336,11 +336,11 @@ def _uncertain(hole: HoleEstimate) -> Iterator[Reason]:
         yield NO_UNCERTAINTY.reason(f"the axis of hole '{hole.id}' has no uncertainty: {NO_UNCERTAINTY.observed}")
         return
     entry_mm, axis_deg = hole.offset.entry_bound_mm, hole.offset.axis_bound_deg
-    chance = hole.offset.chance_to_pass(hole.diameter_mm)
+    chance = hole.clearance_probability(hole.offset)
     if ENTRY_BOUND.is_met(entry_mm) and AXIS_BOUND.is_met(axis_deg) and CHANCE_TO_PASS.is_met(chance):
         return
     yield ENTRY_BOUND.reason(
         f"the axis of nail hole '{hole.id}' is known to {ENTRY_BOUND.quoted(entry_mm)} and "
-        f"{AXIS_BOUND.quoted(axis_deg)} with 95 % confidence, and a 4 mm drill would pass it with a chance of "
-        f"{CHANCE_TO_PASS.quoted(chance)}"
+        f"{AXIS_BOUND.quoted(axis_deg)} with 95 % confidence, and a {hole.drill_diameter_mm:g} mm drill would "
+        f"pass it with a chance of {CHANCE_TO_PASS.quoted(chance)}"
     )

@@ -10,11 +10,11 @@ from services.registration.core.acceptance.images import IMAGES_CHI_SQUARE, chi_
 from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
 from services.registration.core.fusion.fuse import fuse
 from services.registration.core.hole_axes import HoleEstimate, holes_at
+from services.registration.core.localise import Parts
 from services.registration.core.nail.parameters import PRIOR, SHAPE_PARAMETERS, Parameter
 from services.registration.core.pose_evidence import PoseEvidence
 from shared.errors import Reason
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
 # Radii that tell one nail from another, by the names that people give them.
@@ -59,7 +59,7 @@ def leave_one_out(evidence: tuple[PoseEvidence, ...]) -> NDArray[np.float64]:
 def disagreement(
     evidence: tuple[PoseEvidence, ...],
     names: tuple[str, ...],
-    nail: NailPart,
+    parts: Parts,
     camera_from_nail: Transform[Camera, Nail],
 ) -> Reason | None:
     """Why the images contradict one another, in the order in which they were taken; None when they agree.
@@ -78,7 +78,7 @@ def disagreement(
     grouping = min(_groupings(evidence), key=lambda g: g.chi_square, default=None)
     parted = grouping or Grouping((0,), tuple(range(1, len(evidence))), np.inf)
     measured = (
-        f"{_difference(evidence, parted, nail, camera_from_nail)} (chi-square of "
+        f"{_difference(evidence, parted, parts, camera_from_nail)} (chi-square of "
         f"{found.degrees_of_freedom} degrees of freedom: {quoted})"
     )
     return Reason(IMAGES_CHI_SQUARE.code, _explained(grouping, names, measured))
@@ -144,11 +144,17 @@ def _without(count: int, left_out: int) -> tuple[int, ...]:
 
 
 def _difference(
-    evidence: tuple[PoseEvidence, ...], grouping: Grouping, nail: NailPart, camera_from_nail: Transform[Camera, Nail]
+    evidence: tuple[PoseEvidence, ...], grouping: Grouping, parts: Parts, camera_from_nail: Transform[Camera, Nail]
 ) -> str:
     """How far the axes of both groups lie apart, at the hole where it is most, and how much their nails differ."""
     first, second = (
-        holes_at(nail, fuse(tuple(evidence[k] for k in group)).guide_from_nail, None, camera_from_nail)
+        holes_at(
+            parts.nail,
+            parts.drill_diameter_mm,
+            fuse(tuple(evidence[k] for k in group)).guide_from_nail,
+            None,
+            camera_from_nail,
+        )
         for group in (grouping.first, grouping.second)
     )
     apart = [(_entry_apart_mm(a, b), a, b) for a, b in zip(first, second, strict=True)]

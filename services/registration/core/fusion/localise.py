@@ -127,9 +127,9 @@ def _joint_result(
     """The joint estimate in the newest result's place; that one stays, refused, when the images disagree."""
     assert newest.nail is not None  # `usable_evidence` needs one
     camera_from_nail = newest.nail.camera_from_nail
-    against = disagreement(evidence, tuple(images[k].name for k in used), parts.nail, camera_from_nail)
+    against = disagreement(evidence, tuple(images[k].name for k in used), parts, camera_from_nail)
     if against is not None:
         return replace(newest, reasons=(against,))
     joint = fuse(evidence)
-    holes = holes_at(parts.nail, joint.guide_from_nail, joint.covariance, camera_from_nail)
+    holes = holes_at(parts.nail, parts.drill_diameter_mm, joint.guide_from_nail, joint.covariance, camera_from_nail)
     return replace(newest, reasons=uncertainty_reasons(holes), guide_from_nail=joint.guide_from_nail, holes=holes)

@@ -29,7 +29,7 @@ from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, unit
-from shared.geometry.parts import GuidePart, Hole, NailPart
+from shared.geometry.parts import GuidePart, Hole
 from shared.geometry.transform import Transform
 
 _DIFFERENCE_MM = 1e-4
@@ -49,15 +49,15 @@ class AxisComparison:
         Where the axis passes the nail hole's entry and exit, across the nail hole's axis, with the covariance.
     angle_deg
         Angle between both axes.
-    chance_to_pass
-        Probability that a 4.0 mm drill along this axis passes the nail's hole.
+    chance_as_it_stands
+        Probability that a drill along this axis, wherever it points, passes the nail's hole.
     """
 
     hole: HoleEstimate
     axis_guide: Line
     offset: AxisOffset
     angle_deg: float
-    chance_to_pass: float
+    chance_as_it_stands: float
 
     @property
     def hole_id(self) -> str:
@@ -73,7 +73,7 @@ class WireVerification:
     ----------
     reasons
         Why the measurement may not be relied on; none when it may. Whether a drill would pass is another question:
-        `chance_to_pass` answers it.
+        `chance_as_it_stands` answers it.
     wires
         Those that were found, in the order of the nail's holes, also when there are reasons.
     guide_holes
@@ -88,9 +88,12 @@ class WireVerification:
     images_used: tuple[str, ...] = ()
 
 
-def verify_wires(set_up: SetUp, guide: GuidePart, nail: NailPart) -> WireVerification:
+def verify_wires(set_up: SetUp, parts: Parts) -> WireVerification:
     """Measure the wires in one image or more and compare them with the nail's holes."""
-    holes = holes_at(nail, set_up.guide_from_nail, set_up.nail_covariance, set_up.camera_from_nail(0))
+    guide, nail = parts.guide, parts.nail
+    holes = holes_at(
+        nail, parts.drill_diameter_mm, set_up.guide_from_nail, set_up.nail_covariance, set_up.camera_from_nail(0)
+    )
     pairs = _paired(guide, holes)
     if not pairs:
         return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
@@ -132,7 +135,7 @@ def compare_wire(fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.fl
     slope = (offset.mean_mm[2:] - offset.mean_mm[:2]) / length_mm
     between_deg = float(np.degrees(np.arctan(np.linalg.norm(slope))))
     return AxisComparison(
-        _moved_hole(hole, nail_moved_mm), fit.line_guide, offset, between_deg, offset.chance_to_pass(hole.diameter_mm)
+        _moved_hole(hole, nail_moved_mm), fit.line_guide, offset, between_deg, hole.clearance_probability(offset)
     )
 
 
@@ -150,7 +153,7 @@ def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate) -> AxisComparison:
     mean_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
     offset = AxisOffset(mean_mm, hole.offset.covariance_mm2, hole.offset.length_mm)
     between_deg = angle_deg(hole.axis_guide, axis_guide)
-    return AxisComparison(hole, axis_guide, offset, between_deg, offset.chance_to_pass(hole.diameter_mm))
+    return AxisComparison(hole, axis_guide, offset, between_deg, hole.clearance_probability(offset))
 
 
 def _paired(guide: GuidePart, holes: tuple[HoleEstimate, ...]) -> list[tuple[Hole, HoleEstimate]]:
@@ -202,7 +205,7 @@ def verify_seen(images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, .
     seen = seen_set_up(images, earlier, parts)
     if seen.set_up is None:
         return WireVerification(seen.reasons, (), ())
-    verified = replace(verify_wires(seen.set_up, parts.guide, parts.nail), images_used=seen.used)
+    verified = replace(verify_wires(seen.set_up, parts), images_used=seen.used)
     if not verified.reasons or len(seen.used) == len(images):
         return verified
     return replace(verified, reasons=verified.reasons + seen.reasons)
@@ -278,7 +281,7 @@ def _against(used: tuple[LocalisedImage, ...], evidence: tuple[PoseEvidence, ...
     newest = used[-1].result
     assert newest is not None  # `usable_evidence` needs one
     assert newest.nail is not None
-    return disagreement(evidence, tuple(one.name for one in used), parts.nail, newest.nail.camera_from_nail)
+    return disagreement(evidence, tuple(one.name for one in used), parts, newest.nail.camera_from_nail)
 
 
 def _view(image: WiredImage, parts: Parts, guide_from_nail: Transform[Guide, Nail]) -> WireView | Rejected:

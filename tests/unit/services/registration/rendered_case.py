@@ -15,6 +15,7 @@ from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.nail.parameters import POSE_SIZE, parameters_from_pose, prior_mean
 from services.registration.core.nail.tilt_ambiguity import POSE_ONLY
 from services.registration.parts import parts_from_json
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
@@ -53,7 +54,7 @@ HEXAPOD_JSON = files("shared.parts").joinpath("catalogue/hexapod-h70.json").read
 
 def rendered_parts() -> Parts:
     """Ring (its balls outside the image), the shipped guide, a steel nail."""
-    return parts_from_json(RING_JSON.encode(), GUIDE_JSON.encode(), NAIL_JSON.encode())
+    return parts_from_json(RING_JSON.encode(), GUIDE_JSON.encode(), NAIL_JSON.encode(), USUAL_DRILL_DIAMETER_MM)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from shared.errors import Reason
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.core.test_hole_axes import NAIL_POSE
+from tests.unit.services.registration.rendered_case import rendered_parts
 from tests.unit.services.registration.stated_errors import errors_without_shape
 from tests.unit.services.registration.xray_scene import nail_part
 
@@ -44,4 +45,4 @@ def across_mm(x: float, y: float) -> NDArray[np.float64]:
 
 def told(images: tuple[PoseEvidence, ...]) -> Reason | None:
     names = tuple(f"{k + 1}" for k in range(len(images)))
-    return disagreement(images, names, nail_part(), NAIL_POSE)
+    return disagreement(images, names, replace(rendered_parts(), nail=nail_part()), NAIL_POSE)

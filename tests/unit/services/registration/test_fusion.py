@@ -12,6 +12,7 @@ from services.registration.core.localise import LocalisationResult, Parts, hole_
 from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.pose_errors import model_loadings
 from services.registration.core.pose_evidence import PoseEvidence, motion_between, motion_of_nail, moved_by
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Reason, ReasonCode
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.transform import Transform
@@ -120,7 +121,7 @@ def test_the_odd_one_raises_chi_square_most() -> None:
     assert int(np.argmax(influence)) == 1
 
 
-PARTS = Parts(rendered_parts().ring, guide_part(), nail_part())
+PARTS = Parts(rendered_parts().ring, guide_part(), nail_part(), USUAL_DRILL_DIAMETER_MM)
 
 
 def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: Reason) -> LocalisedImage:

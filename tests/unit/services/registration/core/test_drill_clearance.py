@@ -17,23 +17,25 @@ def offset(covariance: object, mean: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)) -
 def test_a_pure_shift_passes_as_rayleigh_says() -> None:
     """Entry and exit move together by sigma per axis: P = 1 - exp(-play^2 / 2 sigma^2), play 0.65 mm."""
     shift = 0.3**2 * np.kron(np.ones((2, 2)), np.eye(2))
-    assert offset(shift).chance_to_pass(5.3) == pytest.approx(1.0 - np.exp(-0.5 * (0.65 / 0.3) ** 2), abs=0.002)
+    assert offset(shift).clearance_probability(5.3, 4.0) == pytest.approx(
+        1.0 - np.exp(-0.5 * (0.65 / 0.3) ** 2), abs=0.002
+    )
 
 
 def test_independent_ends_must_both_pass() -> None:
     one_end = 1.0 - np.exp(-0.5 * (0.65 / 0.3) ** 2)
-    assert offset(0.09 * np.eye(4)).chance_to_pass(5.3) == pytest.approx(one_end**2, abs=0.002)
+    assert offset(0.09 * np.eye(4)).clearance_probability(5.3, 4.0) == pytest.approx(one_end**2, abs=0.002)
 
 
 def test_a_bias_counts() -> None:
     shift = 0.1**2 * np.kron(np.ones((2, 2)), np.eye(2))
     expected = ncx2.cdf((0.65 / 0.1) ** 2, 2, (0.5 / 0.1) ** 2)
-    assert offset(shift, (0.5, 0.0, 0.5, 0.0)).chance_to_pass(5.3) == pytest.approx(expected, abs=0.003)
+    assert offset(shift, (0.5, 0.0, 0.5, 0.0)).clearance_probability(5.3, 4.0) == pytest.approx(expected, abs=0.003)
 
 
 @pytest.mark.parametrize("hole_mm", [4.0, 3.9])
 def test_no_play_no_chance(hole_mm: float) -> None:
-    assert offset(1e-12 * np.eye(4)).chance_to_pass(hole_mm) == 0.0
+    assert offset(1e-12 * np.eye(4)).clearance_probability(hole_mm, 4.0) == 0.0
 
 
 def test_predicted_rms_of_both_errors() -> None:
@@ -69,3 +71,8 @@ def test_across_basis_turns_with_directions_along_which_holes_run() -> None:
 def test_shapes_are_checked() -> None:
     with pytest.raises(ValueError, match=r"expected shapes \(4,\) and \(4, 4\), got \(4,\) and \(2, 2\)"):
         offset(np.eye(2))
+
+
+def test_a_thinner_drill_has_more_room() -> None:
+    shift = offset(0.3**2 * np.kron(np.ones((2, 2)), np.eye(2)))
+    assert shift.clearance_probability(5.3, 3.2) > shift.clearance_probability(5.3, 4.0) + 0.05

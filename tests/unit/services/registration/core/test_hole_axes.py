@@ -13,6 +13,7 @@ from services.registration.core.localise import Parts, hole_estimates
 from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.pose import Correspondences, RigidPose, refine_pose
 from services.registration.core.pose_errors import MODEL_SD_MM, PoseErrors, model_covariance
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import hole_surface_points
@@ -23,7 +24,7 @@ from tests.unit.services.registration.xray_scene import calibration, guide_part,
 
 VIEW = calibration(1024)
 KNOWN_SOURCE = replace(VIEW, source_covariance_mm2=np.zeros((3, 3)))
-PARTS = Parts(rendered_parts().ring, guide_part(), nail_part())
+PARTS = Parts(rendered_parts().ring, guide_part(), nail_part(), USUAL_DRILL_DIAMETER_MM)
 GUIDE_POSE = posed_guide(20.0, (4.0, -3.0, 630.0))
 NAIL_POSE = posed_nail(25.0, (2.0, -3.0), (1.0, 2.0, 740.0))
 
@@ -49,7 +50,7 @@ def test_entry_and_axis_are_those_of_the_composed_poses() -> None:
         assert GUIDE_POSE @ hole.exit_guide_mm == pytest.approx(NAIL_POSE @ np.array([x_mm, 0.0, 6.0]))
         assert GUIDE_POSE.directions(hole.axis_guide.direction) == pytest.approx(NAIL_POSE.rotation[:, 2])
         assert hole.offset is None
-        assert hole.chance_to_pass is None
+        assert hole.chance_along_estimate is None
 
 
 def small_covariance(seed: int) -> NDArray[np.float64]:

@@ -48,8 +48,8 @@ def test_both_axes_are_found_where_they_are(shown: Shown) -> None:
         assert across_mm < 0.2
         assert axis_deg < 0.5
         assert hole.offset is not None
-        assert hole.chance_to_pass is not None
-        assert hole.chance_to_pass >= 0.99
+        assert hole.chance_along_estimate is not None
+        assert hole.chance_along_estimate >= 0.99
 
 
 def test_without_a_nail_the_guide_is_still_told() -> None:

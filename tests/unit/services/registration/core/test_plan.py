@@ -46,7 +46,9 @@ def holes_at(
     for name, x in zip(BOTH, x_mm, strict=True):
         entry, leaving = (guide_from_nail @ np.array([x, 0.0, z]) for z in (-NAIL_MM / 2, NAIL_MM / 2))
         axis = Line(entry, guide_from_nail.directions(np.array([0.0, 0.0, 1.0])))
-        holes.append(HoleEstimate(name, axis, entry, leaving, DIAMETER_MM, 2.0, AxisOffset(np.zeros(4), SURE, NAIL_MM)))
+        holes.append(
+            HoleEstimate(name, axis, entry, leaving, DIAMETER_MM, 4.0, 2.0, AxisOffset(np.zeros(4), SURE, NAIL_MM))
+        )
     return tuple(holes)
 
 

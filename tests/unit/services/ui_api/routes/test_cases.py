@@ -32,6 +32,7 @@ def test_the_open_case_is_told_on_the_bus_with_its_part_files(room: Room) -> Non
     case_id = room.open_case()
     context = heard()
     assert (context.case_id, context.revision, context.side) == (case_id, 1, "left")
+    assert context.drill_diameter_mm == 4.0
     assert json.loads(context.nail_json) == samples.nail_file()
     assert json.loads(context.hexapod_json)["schema"] == "distalock/hexapod/1"
     room.post(f"/cases/{case_id}/steps", {"step": "mount_moved"})
@@ -79,6 +80,7 @@ def _without(part: dict[str, object], key: str) -> dict[str, object]:
             "guide_calibration_mismatch",
             "has holes proximal, distal, the guide 'inline' has proximal",
         ),
+        ({"drill_diameter_mm": 12.0}, "request_invalid", "body.drill_diameter_mm: Input should be less than or equal"),
         ({"head_extension_mm": 90.0}, "request_invalid", "body.head_extension_mm: Input should be less than or equal"),
         ({"side": "middle"}, "request_invalid", "body.side: Input should be 'left' or 'right'"),
         ({"colour": "red"}, "request_invalid", "body.colour: Extra inputs are not permitted"),
@@ -119,6 +121,8 @@ def test_a_change_of_the_set_up_counts_the_revision_up(room: Room) -> None:
     assert (stale.status_code, stale.json()["code"]) == (412, "case_changed")
     same = room.client.patch(path, json={"mount": "nail_head"})
     assert same.json()["revision"] == 2, "nothing changed, so nothing is stale"
+    thinner = room.client.patch(path, json={"drill_diameter_mm": 3.2})
+    assert (thinner.json()["revision"], thinner.json()["drill_diameter_mm"]) == (3, 3.2)
 
 
 def test_steps_out_of_order_need_a_reason(room: Room) -> None:

@@ -35,7 +35,9 @@ def hole(entry_sd_mm: float = 0.05, tilt_deg: float = 3.0, diameter_mm: float = 
     axis = Line(entry, np.array([0.0, 0.0, 1.0]))
     covariance: NDArray[np.float64] = 0.5 * entry_sd_mm**2 * np.kron(np.array([[1.0, 0.9], [0.9, 1.0]]), np.eye(2))
     offset = AxisOffset(np.zeros(4), covariance, NAIL_MM)
-    return HoleEstimate("distal", axis, entry, entry + np.array([0.0, 0.0, NAIL_MM]), diameter_mm, tilt_deg, offset)
+    return HoleEstimate(
+        "distal", axis, entry, entry + np.array([0.0, 0.0, NAIL_MM]), diameter_mm, 4.0, tilt_deg, offset
+    )
 
 
 LOCALISED = LocalisationEvidence(
@@ -159,6 +161,12 @@ def test_too_uncertain_is_refused(one: HoleEstimate) -> None:
     assert reason.code is ReasonCode.UNCERTAINTY_TOO_LARGE
     for limit in ("(limit 1 mm)", "(limit 1.5°)", "(at least 0.99)"):
         assert limit in reason.message
+    assert "a 4 mm drill would pass it" in reason.message
+
+
+def test_the_drill_decides_about_a_narrow_hole() -> None:
+    narrow = hole(entry_sd_mm=0.3, diameter_mm=5.0)
+    assert localisation_reasons(replace(LOCALISED, holes=(replace(narrow, drill_diameter_mm=3.0),))) == ()
 
 
 def test_a_method_without_an_estimate_of_its_errors_is_refused() -> None:

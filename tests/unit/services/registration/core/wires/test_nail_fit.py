@@ -21,6 +21,7 @@ from services.registration.core.wires.nail_fit import (
     tilt_of_guide_deg,
     why_no_holes,
 )
+from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
@@ -38,7 +39,7 @@ from tests.unit.services.registration.xray_scene import AS_OF_A_TUBE, Scene, cal
 # Over the holes, but not along them: the wires' stubs and what sticks out of them cover a part of each.
 OVER_THE_HOLES = Wired({"distal": np.array([0.4, -0.3, 1.0, -0.8]), "proximal": np.array([-0.3, 0.5, -0.4, 1.2])})
 # The scene shows the guide's holes in no body: a fit that expects one would miss its edges.
-PARTS = Parts(rendered_parts().ring, replace(guide_part(), body=()), nail_part())
+PARTS = Parts(rendered_parts().ring, replace(guide_part(), body=()), nail_part(), USUAL_DRILL_DIAMETER_MM)
 
 
 def guide_at(camera_from_guide: Transform[Camera, Guide]) -> GuideFit:

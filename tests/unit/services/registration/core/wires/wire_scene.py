@@ -1,6 +1,6 @@
 """K-wires on rendered images: scenes, and what is true in them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line, across_axis_offset_mm
 from shared.geometry.parts import NailPart, hole_surface_points
 from shared.geometry.transform import Transform
+from tests.unit.services.registration.rendered_case import rendered_parts
 from tests.unit.services.registration.xray_scene import (
     Rod,
     Scene,
@@ -82,7 +83,7 @@ def estimates(nail: NailPart) -> tuple[HoleEstimate, ...]:
         entry, leaving = (GUIDE_FROM_NAIL @ point for point in hole_surface_points(nail, hole))
         axis = Line(entry, GUIDE_FROM_NAIL.directions(hole.axis.direction))
         offset = AxisOffset(np.zeros(4), np.eye(4) * 0.02**2, float(np.linalg.norm(leaving - entry)))
-        found.append(HoleEstimate(hole.id, axis, entry, leaving, hole.diameter_mm, 0.0, offset))
+        found.append(HoleEstimate(hole.id, axis, entry, leaving, hole.diameter_mm, 4.0, 0.0, offset))
     return tuple(found)
 
 
@@ -93,7 +94,7 @@ def set_up(*views: WireView) -> SetUp:
 
 
 def verified(*views: WireView) -> WireVerification:
-    return verify_wires(set_up(*views), guide_part(), nail_part())
+    return verify_wires(set_up(*views), replace(rendered_parts(), guide=guide_part(), nail=nail_part()))
 
 
 def true_offsets_mm(wires: Wired, hole_id: str) -> tuple[float, float]:

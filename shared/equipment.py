@@ -1,0 +1,6 @@
+"""Equipment that is usual unless a case or the command line says otherwise."""
+
+from typing import Final
+
+# Of the drills for 5 mm interlocking screws.
+USUAL_DRILL_DIAMETER_MM: Final = 4.0
