@@ -5,13 +5,19 @@ INSTALLED := .venv/.installed
 # One thread per process: the services run side by side, and small matrices gain nothing from more.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+# How many processes share the tests; a file's tests stay in one of them, with the fixtures that they share.
+WORKERS ?= 2
+PYTEST := $(BIN)/python -m pytest -q
+PARALLEL := -n $(WORKERS) --dist loadfile
+T ?= tests/unit
 
-.PHONY: help setup demo test check bench lock generated wheel-check clean
+.PHONY: help setup demo test check lint tests unit bench lock generated wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
 	@echo "make test    everything CI runs"
 	@echo "make check   lint, types, import contracts, unit tests"
+	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
 	@echo "make bench   the full statistics; results go to docs/"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
 	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
@@ -30,16 +36,28 @@ $(INSTALLED): requirements.lock pyproject.toml
 demo: setup
 	$(BIN)/distalock demo $(ARGS)
 
-check: setup
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
-	$(BIN)/python -m tools.generate --check
-	$(BIN)/python -m pytest -q tests/unit tests/property tests/contract
+# Each half prints little unless it fails, so that both can run at the same time.
+test: setup
+	@$(MAKE) --no-print-directory --jobs=2 lint tests
 
-test: check
-	$(BIN)/python -m pytest -q tests/accuracy tests/e2e
+check: setup
+	@$(MAKE) --no-print-directory --jobs=2 lint quick-tests
+
+lint: setup
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --quiet --check .
+	@contracts=$$($(BIN)/lint-imports --no-logo 2>&1) || { echo "$$contracts"; exit 1; }
+	@$(BIN)/python -m tools.generate --check > /dev/null
+	@$(BIN)/mypy
+
+tests: setup
+	$(PYTEST) $(PARALLEL) tests
+
+quick-tests: setup
+	$(PYTEST) $(PARALLEL) tests/unit tests/property tests/contract
+
+unit: setup
+	$(PYTEST) $(T)
 
 bench: setup
 	$(BIN)/distalock bench all

@@ -1,8 +1,14 @@
 """Settings that hold for every test."""
 
+import os
+
 from hypothesis import settings
 
-# No deadlines: these machines are shared, and a slow example says nothing of the code. Failing examples are printed
-# with what reproduces them.
+# One core for each worker and for each process that it starts; the libraries read this when they are imported.
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
+    os.environ.setdefault(_threads, "1")
+
+# No deadlines: these machines are shared, and a slow example does not show an error of the code. Failing examples are
+# printed with what reproduces them.
 settings.register_profile("distalock", deadline=None, print_blob=True)
 settings.load_profile("distalock")
