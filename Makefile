@@ -47,7 +47,7 @@ lint: setup
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --quiet --check .
 	@contracts=$$($(BIN)/lint-imports --no-logo 2>&1) || { echo "$$contracts"; exit 1; }
-	@$(BIN)/python -m tools.generate --check > /dev/null
+	@$(BIN)/python -m tools.generate --check
 	@$(BIN)/mypy
 
 tests: setup

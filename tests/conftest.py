@@ -2,7 +2,10 @@
 
 import os
 
+import pytest
 from hypothesis import settings
+
+from tests import kept
 
 # One core for each worker and for each process that it starts; the libraries read this when they are imported.
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
@@ -12,3 +15,8 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_
 # printed with what reproduces them.
 settings.register_profile("distalock", deadline=None, print_blob=True)
 settings.load_profile("distalock")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep slow results for all workers of the session."""
+    kept.begin(config)

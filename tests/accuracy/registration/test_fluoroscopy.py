@@ -1,87 +1,109 @@
-"""Independent X-ray images with known truth, where they are at hand: axes, refusals, honest uncertainty."""
+"""All independent X-ray images, where they are at hand: axes, reason codes of refusals, honest uncertainty.
+
+The limits are 1.5 times what was measured when they were set, over the 28 images that must be accepted (as in
+`docs/benchmarks/independent.md`): median and largest error of the entry 0.044 and 0.182 mm, of the axis 0.150 and 0.333
+degrees; error over predicted standard uncertainty 1.05 and 1.09 rms.
+"""
 
 import json
 import os
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from distalock.locate import NominalOptions, locate_image, read_parts
 from shared.messages.registration import Method
 
 FOLDER = Path(os.environ.get("DISTALOCK_FLUOROSCOPY", Path(__file__).parents[4] / "shared" / "fluoroscopy"))
+MANIFEST = FOLDER / "manifest.json"
 pytestmark = [
-    pytest.mark.skipif(not (FOLDER / "manifest.json").is_file(), reason=f"no fluoroscopy images in {FOLDER}"),
+    pytest.mark.skipif(not MANIFEST.is_file(), reason=f"no fluoroscopy images in {FOLDER}"),
     pytest.mark.slow,
 ]
-# A spread of tilts, materials, displays and doses; the whole folder is scored by its own program.
-GOOD = ("dev00.png", "dev05.png", "dev07.png", "dev22.png", "dev31.png")
-REFUSED = {"dev08.png": "nail_not_found", "dev09.png": "guide_not_found"}
+ENTRIES = {entry["image"]: entry for entry in json.loads(MANIFEST.read_text())["images"]} if MANIFEST.is_file() else {}
+GOOD = [name for name, entry in ENTRIES.items() if entry["expect"] == "accept"]
+REFUSED = {
+    "dev08.png": ["nail_not_found"],
+    "dev09.png": ["guide_not_found"],
+    # a view along the guide, 38 degrees oblique, whose wires cover the holes
+    "dev11.png": ["guide_not_found", "hole_not_visible"],
+}
+# the one image that may be either: a wire lies over each hole
+WIRED = "dev10.png"
+MEDIAN_MM, WORST_MM = 0.066, 0.273
+MEDIAN_DEG, WORST_DEG = 0.225, 0.50
 
 
-def entry_of(name: str) -> dict[str, object]:
-    manifest = json.loads((FOLDER / "manifest.json").read_text())
-    return next(entry for entry in manifest["images"] if entry["image"] == name)
+@dataclass(frozen=True, slots=True)
+class Located:
+    """What was found in one image; rows of `errors` are holes: entry in mm, axis in degrees, both over predicted."""
+
+    verdict: str
+    codes: list[str]
+    errors: NDArray[np.float64]
 
 
-def located(name: str, method: Method = "model") -> tuple[str, list[str], dict[str, tuple[float, float]]]:
-    """Verdict, reason codes, and per hole the errors in mm and degrees."""
-    entry = entry_of(name)
-    parts = read_parts(FOLDER / "ring.json", FOLDER / "guide.json", FOLDER / str(entry["nail"]))
-    message = locate_image(FOLDER / name, parts, NominalOptions(1000.0, 0.235), method).message
-    truth = {h["id"]: h for h in json.loads((FOLDER / str(entry["truth"])).read_text())["holes"]}
-    errors = {}
+@cache
+def located(name: str, method: Method = "model") -> Located:
+    entry = ENTRIES[name]
+    parts = read_parts(FOLDER / "ring.json", FOLDER / "guide.json", FOLDER / entry["nail"])
+    message = locate_image(FOLDER / name, parts, NominalOptions(**entry["nominal"]), method).message
+    truth = {hole["id"]: hole for hole in json.loads((FOLDER / entry["truth"]).read_text())["holes"]}
+    errors = []
     for hole in message.holes or ():
-        axis = np.array(truth[hole.id]["axis_guide"])
-        found = np.array(hole.axis_guide)
+        axis, found = np.array(truth[hole.id]["axis_guide"]), np.array(hole.axis_guide)
         apart = np.array(hole.entry_point_guide_mm) - truth[hole.id]["entry_point_guide_mm"]
         across_mm = float(np.linalg.norm(apart - axis * (apart @ axis)))
-        errors[hole.id] = (
-            across_mm,
-            float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, found)), axis @ found))),
-        )
-    return message.verdict, [reason.code.value for reason in message.reasons], errors
+        turned_deg = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, found)), axis @ found)))
+        predicted = hole.standard_uncertainty
+        sd_mm, sd_deg = (np.nan, np.nan) if predicted is None else (predicted.entry_mm, predicted.axis_deg)
+        errors.append((across_mm, turned_deg, across_mm / sd_mm, turned_deg / sd_deg))
+    return Located(message.verdict, [reason.code.value for reason in message.reasons], np.array(errors).reshape(-1, 4))
 
 
-@pytest.mark.parametrize("name", GOOD)
+def test_the_manifest_has_the_images_that_are_tested() -> None:
+    assert len(GOOD) == 28
+    assert ENTRIES.keys() == {*GOOD, *REFUSED, WIRED}
+
+
+@pytest.mark.parametrize("name", [*GOOD, WIRED])
 def test_good_images_are_accepted_and_right(name: str) -> None:
-    verdict, codes, errors = located(name)
-    print(name, errors)
-    assert verdict == "accepted", codes
-    for across_mm, axis_deg in errors.values():
-        assert across_mm < 0.3
-        assert axis_deg < 1.0
+    found = located(name)
+    assert (found.verdict, found.codes) == ("accepted", [])
+    assert len(found.errors) == 2
+    assert found.errors[:, 0].max() < WORST_MM
+    assert found.errors[:, 1].max() < WORST_DEG
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_images_without_nail_or_guide_are_refused_for_that(name: str) -> None:
-    verdict, codes, _ = located(name)
-    assert verdict == "rejected"
-    assert REFUSED[name] in codes
+def test_bad_images_are_refused_for_what_is_wrong_with_them(name: str) -> None:
+    found = located(name)
+    assert (found.verdict, found.codes) == ("rejected", REFUSED[name])
 
 
-def test_wires_over_the_holes_are_left_out_of_the_fit() -> None:
-    verdict, codes, errors = located("dev10.png")
-    assert verdict == "accepted", codes
-    assert all(mm < 0.3 and deg < 1.0 for mm, deg in errors.values())
-
-
-def test_a_side_view_is_refused_or_right() -> None:
-    verdict, _, errors = located("dev11.png")
-    assert verdict == "rejected" or all(mm < 1.0 and deg < 1.5 for mm, deg in errors.values())
+def test_errors_of_all_good_images_are_as_small_as_measured_and_predicted() -> None:
+    worse_hole = np.array([located(name).errors[:, :2].max(axis=0) for name in GOOD])
+    normalised = np.concatenate([located(name).errors[:, 2:] for name in GOOD])
+    median, rms = np.median(worse_hole, axis=0), np.sqrt(np.mean(normalised**2, axis=0))
+    print(f"median {median}, worst {worse_hole.max(axis=0)}, normalised {rms}")
+    assert median[0] < MEDIAN_MM
+    assert median[1] < MEDIAN_DEG
+    assert np.all(rms > 0.7)
+    assert np.all(rms < 1.6)
 
 
 def test_the_papers_method_finds_axes_in_a_round_view_but_moves_nothing() -> None:
-    verdict, codes, errors = located("dev00.png", "fronto-parallel")
-    print("dev00.png", errors)
-    assert verdict == "rejected"
-    assert set(codes) == {"uncertainty_too_large"}
-    for across_mm, axis_deg in errors.values():
-        assert across_mm < 0.5
-        assert axis_deg < 1.5
+    found = located("dev00.png", "fronto-parallel")
+    assert (found.verdict, set(found.codes)) == ("rejected", {"uncertainty_too_large"})
+    # 0.163 mm and 0.503 degrees (docs/benchmarks/independent.md)
+    assert found.errors[:, 0].max() < 0.25
+    assert found.errors[:, 1].max() < 0.76
 
 
 def test_the_papers_method_refuses_holes_that_do_not_look_round() -> None:
-    verdict, codes, errors = located("dev04.png", "fronto-parallel")
-    assert (verdict, codes, errors) == ("rejected", ["tilt_too_large"], {})
+    found = located("dev04.png", "fronto-parallel")
+    assert (found.verdict, found.codes, len(found.errors)) == ("rejected", ["tilt_too_large"], 0)

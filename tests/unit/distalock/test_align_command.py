@@ -45,6 +45,7 @@ def test_every_frame_is_one_line_in_order(film: Path, tmp_path: Path, capsys: py
     assert [line["image"]["sequence"] for line in lines] == [1, 2]
     assert {line["schema"] for line in lines} == {"distalock/guidance/1"}
     assert {line["verdict"] for line in lines} == {"rejected"}
+    assert {reason["code"] for line in lines for reason in line["reasons"]} == {"ring_not_found"}
     assert all(line["reasons"][0]["message"] and line["holes"] is None for line in lines)
 
 

@@ -52,6 +52,7 @@ def test_an_image_without_a_ring_is_rejected(files: dict[str, Path], capsys: pyt
     printed = json.loads(capsys.readouterr().out)
     assert printed["schema"] == "distalock/localisation/1"
     assert printed["verdict"] == "rejected"
+    assert [reason["code"] for reason in printed["reasons"]] == ["ring_not_found"]
     assert printed["reasons"][0]["message"]
     assert (printed["camera"], printed["guide"], printed["holes"]) == (None, None, None)
     assert printed["timing_ms"]["total"] >= printed["timing_ms"]["ring"]

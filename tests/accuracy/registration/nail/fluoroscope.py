@@ -18,6 +18,7 @@ from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
 from shared.geometry.parts import BallPattern, Box, GuidePart, Hole, Material, NailPart
 from shared.geometry.transform import Transform
+from tests.kept import kept
 
 SIZE_PX = 330
 FOCAL_PX = 4200.0
@@ -93,6 +94,7 @@ def placed_guide(over_nail_mm: tuple[float, float], camera_from_nail: Transform[
     return PlacedGuide(part, Transform.from_rotation_translation(camera_from_nail.rotation, place))
 
 
+@kept
 def shoot(
     nail: NailPart,
     camera_from_nail: Transform[Camera, Nail],

@@ -69,6 +69,7 @@ def test_without_a_guide_it_cannot_tell_which_end_is_distal() -> None:
     pixels = render(Scene(SIZE_PX, nail_part(), posed_nail(35.0)), view, seed=21)
     result = locate_nail_by_band(pixels, view, nail_part(), None, NO_BALLS)
     assert isinstance(result, Rejected)
+    assert result.reasons[0].code is ReasonCode.NAIL_NOT_FOUND
     assert "which end is distal" in result.reasons[0].message
 
 

@@ -73,4 +73,5 @@ def test_without_a_guide_there_is_none() -> None:
 def test_few_balls_are_refused() -> None:
     result = locate_guide_by_axes(with_discs(posed((2.0, 1.0), 20.0), np.arange(0, 27, 3), 0.1), FAR_AWAY, GUIDE)
     assert isinstance(result, Rejected)
+    assert result.reasons[0].code is ReasonCode.GUIDE_TOO_FEW_BALLS
     assert "limit" in result.reasons[0].message

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.imaging.core.joint_estimate import on_plane
 from shared.geometry.parts import RingPart
 from shared.parts.files import ring_from_json
+from tests.kept import kept
 
 Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
@@ -84,6 +85,7 @@ def to_measured(scene: Scene, plane_mm: Array) -> Array:
     return np.asarray(stretched + bend + centre + np.array([3.0, -2.0]))
 
 
+@kept
 def render(scene: Scene, ring: RingPart) -> Rendered:
     """Make the image."""
     rng = np.random.default_rng(scene.seed)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from services.registration.core.localise import LocalisationResult, localise
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.cases import CaseContext
+from tests.kept import kept
 from tests.unit.services.registration.rendered_case import (
     GUIDE_JSON,
     HEXAPOD_JSON,
@@ -36,5 +37,6 @@ def still_picture() -> tuple[NDArray[np.float32], CArmCalibration]:
 
 
 @cache
+@kept
 def found_in_full() -> LocalisationResult:
     return localise(*still_picture(), rendered_parts())

@@ -20,6 +20,7 @@ from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
 from shared.xray.detection import detect_balls
+from tests.kept import kept
 from tests.unit.services.registration.xray_scene import Scene, calibration, posed_guide, posed_nail, render
 
 SIZE_PX = 640
@@ -66,6 +67,7 @@ class Shown:
     mirrored: bool = False
 
 
+@kept
 def rendered(shown: Shown, seed: int) -> tuple[NDArray[np.float32], CArmCalibration]:
     """The image as received, and its calibration."""
     parts, view = rendered_parts(), calibration(SIZE_PX)

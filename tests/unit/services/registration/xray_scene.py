@@ -16,6 +16,7 @@ from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
 from shared.geometry.parts import BallPattern, Box, GuidePart, Hole, Material, NailPart
 from shared.geometry.transform import Transform
+from tests.kept import kept
 
 FOCAL_PX = 4200.0
 RING_DEPTH_MM = 950.0
@@ -133,6 +134,7 @@ def posed_guide(spin_deg: float, at_mm: tuple[float, float, float]) -> Transform
     )
 
 
+@kept
 def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32]:
     """Grey values 0..1: attenuation, texture, blur of 1.2 px, correlated noise, and a display curve."""
     rng = np.random.default_rng(seed)

@@ -12,11 +12,13 @@ from simulation.room.drilling import drill, drill_force_n, insert_wire
 from simulation.scenario.imaging_values import Intensifier
 from simulation.scenario.values import Scenario
 from simulation.world.poses import WorldState, starting_state, world_at
+from tests.kept import kept
 from tests.unit.simulation import rooms
 
 QUIET = Noise.NONE
 
 
+@kept
 def shot_of(scenario: Scenario, state: WorldState | None = None, noise: Noise = QUIET) -> Shot:
     return render_scene(scenario, state or starting_state(scenario), noise=noise)
 

@@ -141,6 +141,7 @@ def test_an_empty_image_is_refused() -> None:
 def test_a_thumbnail_is_refused() -> None:
     pixels = render(Scene(seed=13), default_ring()).pixels[::8, ::8]
     outcome = rejected(np.ascontiguousarray(pixels))
+    assert outcome.reasons[0].code is ReasonCode.IMAGE_UNUSABLE
     assert "128 x 128 pixels" in outcome.reasons[0].message
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_tracking import calibrate_next, ring_shift, still_dark
-from shared.errors import Accepted, Rejected
+from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from tests.unit.services.imaging.synthetic import Rendered, Scene, default_ring, render
 
@@ -71,7 +71,9 @@ def test_a_c_arm_that_moved_is_searched_anew(scene: Scene, before: CArmCalibrati
 
 def test_an_image_without_ring_is_refused_whatever_was_before(before: CArmCalibration) -> None:
     pixels = render(replace(FIRST, seed=56, present=0.0), default_ring()).pixels
-    assert isinstance(calibrate_next(pixels, default_ring(), NominalGeometry(), before), Rejected)
+    outcome = calibrate_next(pixels, default_ring(), NominalGeometry(), before)
+    assert isinstance(outcome, Rejected)
+    assert [reason.code for reason in outcome.reasons] == [ReasonCode.RING_NOT_FOUND]
 
 
 def test_an_image_of_another_size_is_searched(before: CArmCalibration) -> None:
