@@ -15,6 +15,7 @@ from benchmarks.accuracy.report import limit_ratios
 from benchmarks.accuracy.rows import EarlierLimits, StoredRow, read_rows, write_row
 from benchmarks.baselines.methods import HoleError, Outcome
 from benchmarks.limits.cramer_rao import AxisLimit
+from distalock.__main__ import main as command
 from shared.errors import InputError
 
 KIND = SceneKind(3.0, 400.0, 1, 0.3, "steel", 11.0, False, 5.5, 0.5, 0.1, 20.0)
@@ -109,3 +110,12 @@ def test_an_accepted_axis_that_is_off_is_wrong_and_a_refused_one_is_not(tmp_path
 
 def test_only_accepted_scenes_are_held_against_the_limit() -> None:
     assert limit_ratios([row(1, 0.05, 0.16), row(2, 0.05, 0.9, "mirror_ambiguous")]) == pytest.approx([2.0])
+
+
+def test_options_reach_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows, page = tmp_path / "rows.jsonl", tmp_path / "page.md"
+    write_row(rows, StoredRow("abc", row(9, 0.05, 0.1)))
+    words = ["--count", "1", "--seed", "9", "--rows", str(rows), "--report", str(page)]
+    assert command(["bench", "accuracy", *words]) == 0
+    assert "1 of 1 scenes are known" in capsys.readouterr().out
+    assert page.read_text().startswith("# Accuracy on random scenes")

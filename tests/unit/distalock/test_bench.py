@@ -4,20 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.accuracy.rows import StoredRow, write_row
 from distalock.__main__ import main
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.bench import BENCHMARKS, ROOT
-from tests.unit.benchmarks.test_accuracy_report import row
-
-
-def test_options_reach_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rows, page = tmp_path / "rows.jsonl", tmp_path / "page.md"
-    write_row(rows, StoredRow("abc", row(9, 0.05, 0.1)))
-    words = ["--count", "1", "--seed", "9", "--rows", str(rows), "--report", str(page)]
-    assert main(["bench", "accuracy", *words]) == 0
-    assert "1 of 1 scenes are known" in capsys.readouterr().out
-    assert page.read_text().startswith("# Accuracy on random scenes")
 
 
 def test_options_belong_to_one_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
