@@ -47,7 +47,7 @@ def operating_room(folder: Path, seed: int) -> Iterator[OperatingRoom]:
 
 
 @pytest.fixture
-def theatre(tmp_path: Path) -> Iterator[OperatingRoom]:
+def site(tmp_path: Path) -> Iterator[OperatingRoom]:
     """A fresh installation."""
     print(f"scenario seed {SEED}")
     with operating_room(tmp_path, SEED) as room:

@@ -25,31 +25,31 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 
 @pytest.fixture(scope="module")
-def theatre(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OperatingRoom]:
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OperatingRoom]:
     print(f"scenario seed {SEED}")
     with operating_room(tmp_path_factory.mktemp("room"), SEED) as room:
         yield room
 
 
 @pytest.fixture(scope="module")
-def case(theatre: OperatingRoom) -> CaseClient:
-    return theatre.open_case()
+def case(site: OperatingRoom) -> CaseClient:
+    return site.open_case()
 
 
 @pytest.fixture(scope="module")
-def good_dicom(theatre: OperatingRoom, case: CaseClient) -> bytes:
+def good_dicom(site: OperatingRoom, case: CaseClient) -> bytes:
     """An image of the virtual C-arm, which the case has localised."""
-    seen = case.localisation_of(theatre.room.take_shot())
+    seen = case.localisation_of(site.room.take_shot())
     assert seen.accepted, seen.summary
-    return theatre.control.get_bytes("/shots/last.dcm")
+    return site.control.get_bytes("/shots/last.dcm")
 
 
-def store(theatre: OperatingRoom, content: bytes) -> int:
+def store(site: OperatingRoom, content: bytes) -> int:
     """Send a DICOM file as a C-arm would; the status of the answer."""
     dataset = dcmread(BytesIO(content), force=True)
     entity = AE(ae_title="TEST")
     entity.add_requested_context(dataset.SOPClassUID, dataset.file_meta.TransferSyntaxUID)
-    association = entity.associate("127.0.0.1", theatre.installation.ports.dicom, ae_title="DISTALOCK")
+    association = entity.associate("127.0.0.1", site.installation.ports.dicom, ae_title="DISTALOCK")
     assert association.is_established
     try:
         return int(association.send_c_store(dataset).Status)
@@ -76,32 +76,32 @@ def changed_dicom(content: bytes, *, invert: bool, tagged: bool) -> bytes:
     return buffer.getvalue()
 
 
-def stored_files(theatre: OperatingRoom) -> set[str]:
-    return {p.name for p in (theatre.installation.state_dir / "images").rglob("*") if p.is_file()}
+def stored_files(site: OperatingRoom) -> set[str]:
+    return {p.name for p in (site.installation.state_dir / "images").rglob("*") if p.is_file()}
 
 
-def test_a_truncated_dicom_is_refused_and_leaves_nothing(theatre: OperatingRoom, good_dicom: bytes) -> None:
-    before = stored_files(theatre)
+def test_a_truncated_dicom_is_refused_and_leaves_nothing(site: OperatingRoom, good_dicom: bytes) -> None:
+    before = stored_files(site)
     truncated = dcmread(BytesIO(good_dicom))
     truncated.PixelData = truncated.PixelData[: len(truncated.PixelData) // 3]
     buffer = BytesIO()
     dcmwrite(buffer, truncated)
-    assert store(theatre, buffer.getvalue()) & 0xF000 == 0xC000
-    assert stored_files(theatre) == before
+    assert store(site, buffer.getvalue()) & 0xF000 == 0xC000
+    assert stored_files(site) == before
 
 
 def test_a_tagged_image_of_the_other_polarity_is_normalised(
-    theatre: OperatingRoom, case: CaseClient, good_dicom: bytes
+    site: OperatingRoom, case: CaseClient, good_dicom: bytes
 ) -> None:
     inverted = changed_dicom(good_dicom, invert=True, tagged=True)
-    assert store(theatre, inverted) == 0
+    assert store(site, inverted) == 0
     seen = case.localisation_of(str(dcmread(BytesIO(inverted)).SOPInstanceUID))
     assert seen.accepted, seen.summary
 
 
-def test_an_untagged_inverted_image_is_rejected(theatre: OperatingRoom, case: CaseClient, good_dicom: bytes) -> None:
+def test_an_untagged_inverted_image_is_rejected(site: OperatingRoom, case: CaseClient, good_dicom: bytes) -> None:
     inverted = changed_dicom(good_dicom, invert=True, tagged=False)
-    assert store(theatre, inverted) == 0
+    assert store(site, inverted) == 0
     seen = case.localisation_of(str(dcmread(BytesIO(inverted)).SOPInstanceUID))
     print(seen.summary)
     assert seen.codes == ("image_unusable",)
@@ -109,8 +109,8 @@ def test_an_untagged_inverted_image_is_rejected(theatre: OperatingRoom, case: Ca
         case.plan(seen.number, ["distal"])
 
 
-def set_up(theatre: OperatingRoom, **changes: object) -> JsonObject:
-    return {**theatre.room.scenario().set_up, **changes}
+def set_up(site: OperatingRoom, **changes: object) -> JsonObject:
+    return {**site.room.scenario().set_up, **changes}
 
 
 def part(name: str) -> JsonObject:
@@ -119,9 +119,9 @@ def part(name: str) -> JsonObject:
     return content
 
 
-def refused(theatre: OperatingRoom, method: str, path: str, body: object) -> httpx.Response:
+def refused(site: OperatingRoom, method: str, path: str, body: object) -> httpx.Response:
     """A request that must be refused with one sentence in a problem document."""
-    url = f"{theatre.installation.ports.rest_url}/api/v1{path}"
+    url = f"{site.installation.ports.rest_url}/api/v1{path}"
     response = httpx.request(method, url, json=body, headers={"Idempotency-Key": os.urandom(8).hex()})
     assert 400 <= response.status_code < 500, response.text
     assert response.headers["content-type"].startswith("application/problem+json")
@@ -132,28 +132,28 @@ def refused(theatre: OperatingRoom, method: str, path: str, body: object) -> htt
     return response
 
 
-def test_a_part_with_an_unknown_key_is_refused(theatre: OperatingRoom, case: CaseClient) -> None:
+def test_a_part_with_an_unknown_key_is_refused(site: OperatingRoom, case: CaseClient) -> None:
     guide = {**part("guide-28"), "colour": "blue"}
-    assert "colour" in refused(theatre, "PATCH", f"/cases/{case.id}", {"guide": guide}).json()["detail"]
+    assert "colour" in refused(site, "PATCH", f"/cases/{case.id}", {"guide": guide}).json()["detail"]
 
 
-def test_a_ring_with_a_wrong_count_is_refused(theatre: OperatingRoom, case: CaseClient) -> None:
+def test_a_ring_with_a_wrong_count_is_refused(site: OperatingRoom, case: CaseClient) -> None:
     ring = {**part("ring-120"), "ball_count": 119}
-    detail = refused(theatre, "PATCH", f"/cases/{case.id}", {"ring": ring}).json()["detail"]
+    detail = refused(site, "PATCH", f"/cases/{case.id}", {"ring": ring}).json()["detail"]
     assert "119" in detail
     assert "120" in detail
 
 
-def test_an_unknown_hole_is_refused(theatre: OperatingRoom, case: CaseClient, good_dicom: bytes) -> None:
+def test_an_unknown_hole_is_refused(site: OperatingRoom, case: CaseClient, good_dicom: bytes) -> None:
     assert good_dicom
     number = case.newest_localisation().number
     body = {"localisation": number, "hole_ids": ["middle"]}
-    assert "middle" in refused(theatre, "POST", f"/cases/{case.id}/plans", body).json()["detail"]
+    assert "middle" in refused(site, "POST", f"/cases/{case.id}/plans", body).json()["detail"]
 
 
-def test_a_second_open_case_is_refused(theatre: OperatingRoom, case: CaseClient) -> None:
+def test_a_second_open_case_is_refused(site: OperatingRoom, case: CaseClient) -> None:
     assert case.id
-    refused(theatre, "POST", "/cases", set_up(theatre))
+    refused(site, "POST", "/cases", set_up(site))
 
 
 def distalock(*arguments: str) -> subprocess.CompletedProcess[str]:
