@@ -16,7 +16,7 @@ from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Bus
 from shared.bus.zenoh_bus import BusSettings, open_bus
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 T = TypeVar("T")
 _numbers = itertools.count()
 

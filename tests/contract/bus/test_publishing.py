@@ -32,7 +32,7 @@ def test_frames_of_four_megabytes_arrive(room: Room) -> None:
         until_known(receiver, sender)
         for _ in range(5):  # streams may drop, and on a busy machine the first frame of a session sometimes is
             publisher.put(bytes(4 * 1024 * 1024), b"header")
-            if arrived.wait(PATIENCE_S / 5):
+            if arrived.wait(PATIENCE_S / 15):
                 break
     assert set(got.items) == {(4 * 1024 * 1024, b"header")}
 

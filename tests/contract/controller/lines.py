@@ -9,10 +9,11 @@ from shared.parts.hexapod_file import default_hexapod
 HEXAPOD = default_hexapod()
 NEAR = PlatformPose(0.2, -0.1, 0.1, 0.1, -0.1, 0.2)
 FAR = PlatformPose(6.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-WAIT_S = 20.0
+WAIT_S = 60.0
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
     deadline = time.monotonic() + WAIT_S
     while not condition():
         assert time.monotonic() < deadline, "did not come true in time"
+        time.sleep(0.001)

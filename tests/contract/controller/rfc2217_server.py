@@ -10,7 +10,7 @@ from serial.rfc2217 import PortManager
 
 _POLL_S = 0.1
 _RECEIVE_BYTES = 4096
-_END_WITHIN_S = 5.0
+_END_WITHIN_S = 60.0
 
 
 class _Connection:

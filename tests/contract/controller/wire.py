@@ -6,7 +6,7 @@ import serial
 
 from simulation.controller.virtual_controller import VirtualController
 
-PATIENCE_S = 5.0
+PATIENCE_S = 60.0
 SILENCE_S = 0.2
 
 

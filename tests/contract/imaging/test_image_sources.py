@@ -24,7 +24,7 @@ from services.imaging.devices.video_source import VideoSettings, VideoSource
 from shared.errors import ImageUnreadable
 from tests.unit.services.imaging.devices.dicom_samples import dataset_of
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 LOG: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("sources")
 Picture = NDArray[np.uint16]
 

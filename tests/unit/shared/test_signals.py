@@ -8,7 +8,7 @@ import pytest
 
 from shared.signals import set_by_signals
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 PROGRAM = """
 import signal, threading
 from shared.signals import set_by_signals

@@ -23,7 +23,7 @@ def test_every_item_is_done_once(count: int) -> None:
 
 
 def test_the_halves_run_at_the_same_time() -> None:
-    both = threading.Barrier(2, timeout=10.0)
+    both = threading.Barrier(2, timeout=60.0)
     assert on_both_halves(lambda _: both.wait() >= 0, 2, 2) == [True, True]
 
 
@@ -74,14 +74,14 @@ def test_who_finds_the_second_core_at_work_does_not_wait_for_it() -> None:
     def here_and_there(part: slice) -> bool:
         if part.start > 0:
             at_work.set()
-            return finished.wait(10.0)
-        assert at_work.wait(10.0)
+            return finished.wait(60.0)
+        assert at_work.wait(60.0)
         idents = on_both_halves(lambda _: threading.get_ident(), 2, 2)
         finished.set()
         return set(idents) == {threading.get_ident()}
 
     assert on_both_halves(here_and_there, 2, 2) == [True, True]
-    both = threading.Barrier(2, timeout=10.0)
+    both = threading.Barrier(2, timeout=60.0)
     assert on_both_halves(lambda _: both.wait() >= 0, 2, 2) == [True, True]  # it is free again
 
 
@@ -90,7 +90,7 @@ def test_an_error_here_waits_for_the_half_that_is_under_way() -> None:
 
     def work(part: slice) -> None:
         if part.start == 0:
-            assert begun.wait(10.0)
+            assert begun.wait(60.0)
             raise ZeroDivisionError
         begun.set()
         time.sleep(0.1)

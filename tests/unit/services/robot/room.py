@@ -39,7 +39,7 @@ from tests.unit.services.robot.fake_controller import FakeController
 HEXAPOD = default_hexapod()
 KEYS = Keys("or1")
 SHA = "d" * 64
-WAIT_S = 5.0
+WAIT_S = 60.0
 
 
 class Room:

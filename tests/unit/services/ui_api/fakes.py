@@ -32,7 +32,7 @@ from shared.messages.robot import (
 )
 from tests.unit.services.ui_api import samples
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 class OnTheBus:

@@ -17,7 +17,7 @@ from shared.messages.presence import Heartbeat, ServiceStatus
 from shared.runtime.lifecycle import Runtime, open_service, run_service
 from shared.runtime.settings import ServiceSettings
 
-PATIENCE_S = 5.0
+PATIENCE_S = 60.0
 KEYS = Keys("test")
 SETTINGS = ServiceSettings(room="test")
 Compose = Callable[[Bus, Runtime], AbstractContextManager[object]]

@@ -10,7 +10,7 @@ from services.imaging.devices.source import Refused
 from shared.errors import ConfigurationError, ImageUnreadable
 
 LOG: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("folder")
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 class Taker:

@@ -8,7 +8,7 @@ import pytest
 from services.ui_api.desks.clock import Clock
 from services.ui_api.desks.leases import Leases
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 class HandClock:
