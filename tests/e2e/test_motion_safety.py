@@ -27,6 +27,10 @@ def robot_state(site: OperatingRoom) -> JsonObject:
     return state
 
 
+def reference(site: OperatingRoom, case: CaseClient) -> Operation:
+    return case.follow(site.rest.post("/api/v1/robot/reference"))
+
+
 @dataclass(frozen=True, slots=True)
 class Planned:
     """A case with a plan that is ready for approval."""
@@ -62,10 +66,7 @@ def case(site: OperatingRoom) -> CaseClient:
 @pytest.fixture
 def planned(site: OperatingRoom, case: CaseClient) -> Planned:
     """The robot is at its reference pose, whatever the test before did, and there is a new plan."""
-    if robot_state(site)["stop"] == "latched":
-        operations = case.make_robot_ready()
-    else:
-        operations = (case.follow(site.rest.post("/api/v1/robot/reference")),)
+    operations = list(case.make_robot_ready()) if robot_state(site)["stop"] == "latched" else [reference(site, case)]
     for operation in operations:
         assert operation.status == "succeeded", operation.detail
     wait_until(lambda: robot_state(site)["locked"] is True, "locked")
