@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 TOOL = runpy.run_path(str(ROOT / "deploy" / "subset_lock.py"))
 
 LOCK = """\
