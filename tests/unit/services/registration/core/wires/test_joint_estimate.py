@@ -184,9 +184,7 @@ def with_few_balls(count: int) -> tuple[NDArray[np.float32], CArmCalibration]:
 def test_a_guide_that_shows_few_balls_is_named_by_where_it_puts_the_nail() -> None:
     pixels, view = with_few_balls(10)
     parts = parts_of_the_case()
-    alone = locate_guide(pixels, view, parts.ring, parts.guide)
-    assert isinstance(alone, Rejected)
-    assert [reason.code for reason in alone.reasons] == [ReasonCode.GUIDE_NOT_FOUND]
+    assert isinstance(locate_guide(pixels, view, parts.ring, parts.guide), Rejected)
     found = locate_guide_beside(pixels, view, parts, TRUE_GUIDE_FROM_NAIL)
     assert isinstance(found, Accepted), found
     assert 7 <= found.value.balls_found <= 10

@@ -75,7 +75,6 @@ def test_wires_that_are_not_modelled_spoil_the_fit_and_modelled_ones_do_not() ->
     placed = PlacedGuide(PARTS.guide, LATERAL)
     blind = fit_nail(pixels, camera, PARTS.nail, LATERAL @ GUIDE_FROM_NAIL, Occluders(placed, PARTS.ring))
     assert isinstance(blind, Rejected)
-    assert [reason.code for reason in blind.reasons] == [ReasonCode.NAIL_MODEL_MISMATCH]
     result = localise_behind_wires(pixels, camera, PARTS, guide_at(LATERAL), None)
     assert result is not None
     assert result.nail is not None, result.reasons
