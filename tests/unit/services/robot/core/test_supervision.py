@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from services.robot.core.controller_feedback import ControllerError, ControllerFeedback
-from services.robot.core.deviation import Deviation, deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event
 from services.robot.core.status import DriveStatus, with_feedback
@@ -123,13 +122,6 @@ def test_the_path_ends_at_its_ends() -> None:
     assert distance_from_path(ZERO_POSE, TARGET, beyond).distance_mm == pytest.approx(1.0, abs=0.2)
     assert distance_from_path(ZERO_POSE, TARGET, HALF_WAY).distance_mm == pytest.approx(0.0, abs=1e-12)
     assert distance_from_path(ZERO_POSE, ZERO_POSE, HALF_WAY).distance_mm == pytest.approx(2.0)
-
-
-def test_deviation_is_a_distance_and_an_angle_and_nan_exceeds() -> None:
-    off = deviation(PlatformPose(3.0, 4.0, 0.0, 0.0, 0.0, 0.0), PlatformPose(0.0, 0.0, 0.0, 3.0, 0.0, 0.0))
-    assert off.distance_mm == pytest.approx(5.0)
-    assert off.angle_deg == pytest.approx(3.0)
-    assert deviation(ZERO_POSE, replace(ZERO_POSE, u_deg=float("nan"))).exceeds(Deviation(1e9, 1e9))
 
 
 def test_feedback_while_moving_without_a_move_is_a_fault() -> None:

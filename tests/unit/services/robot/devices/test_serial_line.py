@@ -18,7 +18,7 @@ TARGET = PlatformPose(1.0, -2.0, 0.5, 1.0, -1.0, 0.25)
 SHORT_S = 0.05
 
 
-def test_silence_is_told_with_the_question_and_the_limit(gcs: FakeGcs, controller: GcsController) -> None:
+def test_silence_is_reported_with_the_question_and_the_limit(gcs: FakeGcs, controller: GcsController) -> None:
     gcs.mute = True
     with pytest.raises(ControllerSilent, match=r"silent: no answer to 'BRA\? X Y Z U V W' within 0\.25 s"):
         controller.read()
@@ -52,7 +52,7 @@ def test_an_answer_without_its_end_does_not_spoil_the_next(gcs: FakeGcs) -> None
     controller.close()
 
 
-def test_lasting_garbage_is_told(gcs: FakeGcs, controller: GcsController) -> None:
+def test_lasting_garbage_is_reported(gcs: FakeGcs, controller: GcsController) -> None:
     gcs.spoil = lambda q, a: b"\xff" + a if q == b"POS?" else a
     with pytest.raises(ReplyGarbled, match="which is not an answer to it; check the cable"):
         controller.read()
@@ -65,7 +65,7 @@ def test_a_garbled_error_code_is_never_asked_for_again(gcs: FakeGcs, controller:
         controller.read()
 
 
-def test_a_broken_line_is_told_and_a_stop_on_it_does_not_raise(gcs: FakeGcs, controller: GcsController) -> None:
+def test_a_broken_line_is_reported_and_a_stop_on_it_does_not_raise(gcs: FakeGcs, controller: GcsController) -> None:
     gcs.broken = OSError("cable pulled")
     with pytest.raises(ControllerSilent, match="the line"):
         controller.read()
@@ -90,7 +90,7 @@ def test_what_is_no_hexapod_controller_is_refused(gcs: FakeGcs, attribute: str, 
     assert gcs.closed
 
 
-def test_a_port_that_cannot_be_opened_is_told() -> None:
+def test_a_port_that_cannot_be_opened_is_reported() -> None:
     with pytest.raises(DeviceError, match=r"the hexapod controller at 'socket://127\.0\.0\.1:1' cannot be reached"):
         open_port("socket://127.0.0.1:1", 115200)
     with pytest.raises(DeviceError, match="cannot be reached"):

@@ -27,14 +27,14 @@ def test_connecting_stops_and_locks_before_anything_is_asked(gcs: FakeGcs) -> No
     assert not gcs.moving
 
 
-def test_connecting_sets_the_pivot_of_the_hexapod_file_and_tells_who_is_there(
+def test_connecting_sets_the_pivot_of_the_hexapod_file_and_reports_the_identity(
     gcs: FakeGcs, controller: GcsController
 ) -> None:
     assert gcs.pivot == {"R": 60.0, "S": 0.0, "T": 20.0}
     assert controller.identity == gcs.identity
 
 
-def test_a_reading_has_everything(gcs: FakeGcs, controller: GcsController) -> None:
+def test_feedback_is_complete(gcs: FakeGcs, controller: GcsController) -> None:
     gcs.position = dict(zip("XYZUVW", (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), strict=True))
     feedback = controller.read()
     assert feedback.pose == PlatformPose(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
@@ -180,7 +180,7 @@ def test_a_speed_that_was_not_taken_is_refused(gcs: FakeGcs, released: GcsContro
         released.move(TARGET, 1.0)
 
 
-def test_a_brake_that_does_not_go_on_is_told(gcs: FakeGcs, released: GcsController) -> None:
+def test_a_brake_that_does_not_go_on_is_reported(gcs: FakeGcs, released: GcsController) -> None:
     released.move(TARGET, 1.0)
     gcs.brakes_hold = False
     with pytest.raises(DeviceError, match=r"does not lock: brakes are off on \['X', 'Y', 'Z', 'U', 'V', 'W'\]"):
