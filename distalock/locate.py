@@ -16,7 +16,7 @@ from distalock.outputs import require_apart, write_whole
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.received_image import Acquisition
-from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
+from services.registration.core.fusion import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Parts, localise
 from services.registration.measure import Localiser, timed_localisation
 from services.registration.overlay import overlay_png

@@ -56,7 +56,7 @@ def observe_guide(
         GuideObservation(
             pose,
             ring_from_camera @ fit.camera_from_guide,
-            fit.covariance,
+            fit.pose.covariance,
             ring_from_camera.translation_mm,
             calibration.source_covariance_mm2,
         )

@@ -9,15 +9,16 @@ the names are those of the project's own search, on the discs that the paper's m
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from services.registration.core.estimation.image_points import Correspondences, pose_covariance, residuals_px
+from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.locate import GuideFit, needed_balls
 from services.registration.core.guide.search import search_guide
-from services.registration.core.pose import Correspondences, RigidPose, pose_covariance, residuals_px
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
@@ -44,7 +45,7 @@ def locate_guide_by_axes(
     """
     discs = _discs(calibration, ring)[:_MOST_DISCS]
     ideal_px = calibration.distortion.undistort(calibration.balls.centre_px[discs])
-    identities = search_guide(calibration.camera, guide.balls.position_mm, ideal_px)
+    identities = search_guide(calibration.camera, guide.balls.position_mm, ideal_px, calibration.pixel_mm)
     counts = [len(identity) for identity in identities[:2]] + [0, 0]
     if counts[0] < _LEAST_FOR_A_POSE:
         return _rejected(
@@ -83,7 +84,7 @@ def _discs(calibration: CArmCalibration, ring: RingPart) -> NDArray[np.int64]:
 
 def pose_on_axes(
     camera: PinholeCamera, balls_mm: NDArray[np.float64], ideal_px: NDArray[np.float64], depth_mm: float
-) -> RigidPose:
+) -> Transform[Camera, Guide]:
     """Pose that faces the beam and lays the balls' principal axes on those of their shadows.
 
     Parameters
@@ -104,7 +105,8 @@ def pose_on_axes(
     rotation[:2, :2] = axes_seen @ axes_flat.T
     rotation[2, 2] = np.linalg.det(rotation[:2, :2])
     middle = camera.rays(ideal_px.mean(axis=0)[None])[0]
-    return RigidPose(rotation, middle * (depth_mm / middle[2]) - rotation @ balls_mm.mean(axis=0))
+    shift_mm = middle * (depth_mm / middle[2]) - rotation @ balls_mm.mean(axis=0)
+    return Transform.from_rotation_translation(rotation, shift_mm)
 
 
 def _fitted(
@@ -130,21 +132,23 @@ def _fitted(
 
 
 def _least_squares(
-    camera: PinholeCamera, balls_mm: NDArray[np.float64], ideal_px: NDArray[np.float64], pose: RigidPose
-) -> RigidPose:
+    camera: PinholeCamera, balls_mm: NDArray[np.float64], ideal_px: NDArray[np.float64], pose: Transform[Camera, Guide]
+) -> Transform[Camera, Guide]:
     """OpenCV's pose from points, from a start."""
     turn, shift = cv2.solvePnPRefineLM(
         balls_mm,
         ideal_px,
         np.asarray(camera.intrinsic_matrix_px),
         np.zeros(4),
-        Rotation.from_matrix(pose.rotation).as_rotvec()[:, None],
+        pose.rotation_vector_rad[:, None],
         pose.translation_mm[:, None].copy(),
     )
-    return RigidPose(Rotation.from_rotvec(np.ravel(turn)).as_matrix(), np.asarray(np.ravel(shift), dtype=np.float64))
+    return Transform.from_rotvec(np.ravel(turn), np.ravel(shift))
 
 
-def _guide_fit(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose, names: Names, margin: int) -> GuideFit:
+def _guide_fit(
+    calibration: CArmCalibration, guide: GuidePart, pose: Transform[Camera, Guide], names: Names, margin: int
+) -> GuideFit:
     ball, disc = names
     count = len(guide.balls)
     used = np.zeros(count, dtype=bool)
@@ -155,8 +159,7 @@ def _guide_fit(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose, 
     seen = Correspondences(guide.balls.position_mm, ideal, deviation).chosen(used)
     off = residuals_px(calibration.camera, pose, seen)
     return GuideFit(
-        camera_from_guide=Transform.from_rotation_translation(pose.rotation, pose.translation_mm),
-        covariance=read_only(pose_covariance(calibration.camera, pose, seen)),
+        pose=PoseEstimate.of(pose, pose_covariance(calibration.camera, pose, seen)),
         used=used,
         ideal_px=read_only(ideal),
         standard_deviation_px=read_only(deviation),

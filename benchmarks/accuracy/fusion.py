@@ -23,15 +23,12 @@ from benchmarks.common.places import PAGES
 from benchmarks.common.statistics import root_mean_square
 from benchmarks.scenes.set_ups import SetUp
 from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
-from services.registration.core.fusion.agreement import disagreement
-from services.registration.core.fusion.joint_errors import (
-    SHARED_BY_THE_MODEL,
-    SHARED_FROM_ONE_DIRECTION,
-    SHARED_WITHIN_DEG,
-)
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.fusion import Estimates, disagreement
+from services.registration.core.guide_from_nail import guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.localise import Parts, evidence_of
-from services.registration.core.pose_evidence import PoseEvidence, motion_between, moved_by
+from services.registration.core.localise import Parts
+from services.registration.core.tuning import SHARED_ERRORS
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
 
@@ -66,7 +63,7 @@ class SeenSetUp:
     seed: int
     parts: Parts
     truth: Transform[Guide, Nail]
-    evidence: tuple[PoseEvidence | None, ...]
+    estimates: tuple[PoseEstimate[Guide, Nail] | None, ...]
     camera_from_nail: Transform[Camera, Nail]
 
 
@@ -107,45 +104,44 @@ def directions_deg(seed: int) -> NDArray[np.float64]:
 def seen_set_up(seed: int) -> SeenSetUp | None:
     """Take and localise the four images of a seed; None when all were refused."""
     set_up = SetUp.of_seed(seed)
-    evidence: list[PoseEvidence | None] = []
+    estimates: list[PoseEstimate[Guide, Nail] | None] = []
     poses = []
     for shot_number, lean in enumerate(directions_deg(seed)):
         image = set_up.turned(*lean).seen(shot_number)
-        result, calibration = image.result, image.calibration
-        evidence.append(None)
+        result, calibration, parts = image.result, image.calibration, set_up.parts
+        estimates.append(None)
         if image.reasons or calibration is None or result is None or result.guide is None or result.nail is None:
             continue
-        evidence[-1] = evidence_of(calibration, set_up.parts, result.guide, result.nail)
+        estimates[-1] = guide_from_nail_of(calibration, parts.guide, parts.nail, result.guide, result.nail)
         poses.append(result.nail.camera_from_nail)
         truth = image.shot.world.guide_from_nail
-    print(f"{seed}: {sum(one is not None for one in evidence)} of 4 images accepted", flush=True)
+    print(f"{seed}: {sum(one is not None for one in estimates)} of 4 images accepted", flush=True)
     if not poses:
         return None
-    return SeenSetUp(seed, set_up.parts, truth, tuple(evidence), poses[0])
+    return SeenSetUp(seed, set_up.parts, truth, tuple(estimates), poses[0])
 
 
-def chosen(seen: SeenSetUp, images: tuple[int, ...]) -> tuple[PoseEvidence, ...] | None:
-    """The evidence of some images; None when one of them was refused."""
-    found = tuple(one for k in images if (one := seen.evidence[k]) is not None)
+def chosen(seen: SeenSetUp, images: tuple[int, ...]) -> Estimates | None:
+    """The estimates from some images; None when one of them was refused."""
+    found = tuple(one for k in images if (one := seen.estimates[k]) is not None)
     return found if len(found) == len(images) else None
 
 
 def refused(seen: SeenSetUp, images: tuple[int, ...]) -> bool:
     """Whether images of one set-up are wrongly said to contradict one another."""
-    evidence = chosen(seen, images)
-    return evidence is not None and _disagree(seen, evidence)
+    estimates = chosen(seen, images)
+    return estimates is not None and _disagree(seen, estimates)
 
 
 def errors_of(seen: SeenSetUp, images: tuple[int, ...], joining: Joining = as_shipped) -> Errors | None:
     """What some images together make of the axes."""
-    evidence = chosen(seen, images)
-    if evidence is None:
+    estimates = chosen(seen, images)
+    if estimates is None:
         return None
-    joint = joining(evidence)
-    found = holes_at(
-        seen.parts.nail, seen.parts.drill_diameter_mm, joint.guide_from_nail, joint.covariance, seen.camera_from_nail
-    )
-    true = holes_at(seen.parts.nail, seen.parts.drill_diameter_mm, seen.truth, None, seen.camera_from_nail)
+    joint = joining(estimates).pose
+    nail, drill_mm = seen.parts.nail, seen.parts.drill_diameter_mm
+    found = holes_at(nail, drill_mm, joint.mean, joint.covariance, seen.camera_from_nail)
+    true = holes_at(nail, drill_mm, seen.truth, None, seen.camera_from_nail)
     rows = np.array([_hole_errors(a, b) for a, b in zip(found, true, strict=True)])
     entry_mm, axis_deg, depth_mm = (float(v) for v in rows[:, :3].max(axis=0))
     return Errors(entry_mm, axis_deg, depth_mm, root_mean_square(rows[:, 3]), root_mean_square(rows[:, 4]))
@@ -159,9 +155,9 @@ def _hole_errors(found: HoleEstimate, true: HoleEstimate) -> tuple[float, float,
     return entry_mm, axis_deg, depth_mm, entry_mm / found.offset.entry_sd_mm, axis_deg / found.offset.axis_sd_deg
 
 
-def _disagree(seen: SeenSetUp, evidence: tuple[PoseEvidence, ...]) -> bool:
-    names = tuple(str(k + 1) for k in range(len(evidence)))
-    return disagreement(evidence, names, seen.parts, seen.camera_from_nail) is not None
+def _disagree(seen: SeenSetUp, estimates: Estimates) -> bool:
+    names = tuple(str(k + 1) for k in range(len(estimates)))
+    return disagreement(estimates, names, seen.parts, seen.camera_from_nail) is not None
 
 
 def report(seen: Sequence[SeenSetUp]) -> str:
@@ -208,12 +204,13 @@ def _correlations(seen: Sequence[SeenSetUp]) -> str:
         first, second = np.array([a for a, _ in errors]), np.array([b for _, b in errors])
         r = (first * second).mean(axis=0) / np.sqrt((first**2).mean(axis=0) * (second**2).mean(axis=0))
         rows.append(f"| {name} | " + " | ".join(f"{v:.2f}" for v in r) + " |")
+    shared = SHARED_ERRORS
     return (
         "## What the images share\n\n"
         "Correlation of the errors of two images, each over its predicted standard uncertainty (rotation about the "
-        f"nail's axes, place along them). The fusion takes {SHARED_FROM_ONE_DIRECTION} at 0° for what comes with an "
-        f"image, falling with the angle (standard deviation {SHARED_WITHIN_DEG:g}°), and {SHARED_BY_THE_MODEL} for the "
-        "model's own errors.\n\n"
+        f"nail's axes, place along them). The fusion takes {shared.from_one_direction} at 0° for what comes with "
+        f"an image, falling with the angle (standard deviation {shared.within_deg:g}°), and {shared.of_the_model} for "
+        "the model's own errors.\n\n"
         "| images | about x | about y | about z | x | y | z |\n|---|---|---|---|---|---|---|\n"
         + "\n".join(rows)
         + "\n\n"
@@ -236,10 +233,8 @@ def _peers(seen: Sequence[SeenSetUp]) -> str:
     )
 
 
-def _normalised(seen: SeenSetUp, evidence: tuple[PoseEvidence, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    first, second = (
-        motion_between(seen.truth, one.guide_from_nail) / np.sqrt(np.diag(one.covariance)) for one in evidence
-    )
+def _normalised(seen: SeenSetUp, estimates: Estimates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    first, second = (seen.truth.motion_to(one.mean) / np.sqrt(np.diag(one.covariance)) for one in estimates)
     return first, second
 
 
@@ -259,11 +254,11 @@ def _moved_guides(seen: Sequence[SeenSetUp]) -> str:
     )
 
 
-def _shifted(seen: SeenSetUp, evidence: tuple[PoseEvidence, ...], shift_mm: float) -> tuple[PoseEvidence, ...]:
+def _shifted(seen: SeenSetUp, estimates: Estimates, shift_mm: float) -> Estimates:
     azimuth = float(np.random.default_rng([seen.seed, 78]).uniform(0.0, 2.0 * np.pi))
     motion = np.array([0.0, 0.0, 0.0, shift_mm * np.cos(azimuth), shift_mm * np.sin(azimuth), 0.0])
-    last = replace(evidence[-1], guide_from_nail=moved_by(evidence[-1].guide_from_nail, motion))
-    return (*evidence[:-1], last)
+    last = replace(estimates[-1], mean=estimates[-1].mean.moved(motion))
+    return (*estimates[:-1], last)
 
 
 if __name__ == "__main__":

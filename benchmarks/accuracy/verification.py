@@ -21,7 +21,7 @@ from benchmarks.scenes.random_scenes import catalogue_scene_of_seed, shipped_par
 from benchmarks.scenes.set_ups import SeenImage, SetUp
 from services.registration.core.acceptance.image import AXIS_BOUND, ENTRY_BOUND
 from services.registration.core.drill_clearance import across_basis
-from services.registration.core.fusion.localise import LocalisedImage
+from services.registration.core.fusion import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.wires.nail_fit import WiredImage, beside_wires
 from services.registration.core.wires.verify import (

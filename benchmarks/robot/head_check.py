@@ -8,15 +8,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.common.places import PAGES
 from distalock.guide_calibration.noise import image_covariance
-from services.registration.core.head.motion import MotionView, check_motion
-from shared.geometry.frames import Frame, Guide, Nail, Ring, RobotBase, RobotTop
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.head_check import MotionView, check_motion
+from shared.geometry.frames import Guide, Nail, Ring, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, platform_pose
 from shared.geometry.transform import Transform
 from simulation.scenario.files import merged_ranges
@@ -24,8 +23,6 @@ from simulation.scenario.placement_sampling import correcting_pose
 from simulation.scenario.sampling import scenario_of_seed
 from simulation.scenario.values import MountYield
 from simulation.world.mount import yielded_base
-
-From = TypeVar("From", bound=Frame)
 
 FIRST_SEED, ROOMS = 5000, 300
 HEAD_SD_MM, HEAD_SD_DEG = 0.7, 0.7
@@ -130,19 +127,11 @@ def _view(
     nail_covariance = np.diag(NAIL_SD**2)
     return MotionView(
         pose,
-        moved(guide, np.linalg.cholesky(guide_covariance) @ rng.normal(size=6)),
-        guide_covariance,
-        moved(nail, NAIL_SD * rng.normal(size=6)),
-        nail_covariance,
+        PoseEstimate.of(guide.moved(np.linalg.cholesky(guide_covariance) @ rng.normal(size=6)), guide_covariance),
+        PoseEstimate.of(nail.moved(NAIL_SD * rng.normal(size=6)), nail_covariance),
         np.array([0.0, 0.0, -1000.0]) + SOURCE_SD_MM * rng.normal(size=3),
         np.diag(SOURCE_SD_MM**2),
     )
-
-
-def moved(pose: Transform[Ring, From], step: NDArray[np.float64]) -> Transform[Ring, From]:
-    """A pose after a small rotation (rad) and translation (mm) in its own frame, shape (6,)."""
-    by: Transform[From, From] = Transform.from_rotvec(step[:3], step[3:])
-    return pose @ by
 
 
 def main() -> int:

@@ -1,7 +1,7 @@
 """Before a plan: is the guide held as the case says? From the newest image, and from those before the robot's moves."""
 
-from services.registration.core.head.motion import MotionView, check_motion
-from services.registration.core.head.place import HeadRefused, HeadTrouble, check_place
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.head_check import HeadRefused, HeadTrouble, MotionView, check_motion, check_place
 from services.registration.core.localise import LocalisationResult
 from services.registration.frames import LocalisedFrame
 from services.registration.knowledge import Knowledge
@@ -24,7 +24,7 @@ def head_trouble(newest: LocalisedFrame, knowledge: Knowledge) -> HeadRefused | 
         return HeadRefused(HeadTrouble.NOT_SEEN, _NOT_SEEN)
     case = newest.case
     extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
-    guide_from_nail = view.ring_from_guide.inverse() @ view.ring_from_nail
+    guide_from_nail = view.ring_from_guide.mean.inverse() @ view.ring_from_nail.mean
     refused = check_place(hexapod, view.pose, extension_mm, guide_from_nail, case.context.mount)
     for earlier in knowledge.accepted_elsewhere(newest):
         before = _view(earlier)
@@ -42,15 +42,13 @@ def _view(frame: LocalisedFrame) -> MotionView | None:
 
 def motion_view(pose: PlatformPose, calibration: CArmCalibration, result: LocalisationResult) -> MotionView | None:
     """What the checks need of an image; None when guide or nail were not found, or without their errors."""
-    if result.guide is None or result.nail is None or result.nail.covariance is None:
+    if result.guide is None or result.nail is None or result.nail.errors is None:
         return None
     ring_from_camera = calibration.camera_from_ring.inverse()
     return MotionView(
         pose=pose,
-        ring_from_guide=ring_from_camera @ result.guide.camera_from_guide,
-        guide_covariance=result.guide.covariance,
-        ring_from_nail=ring_from_camera @ result.nail.camera_from_nail,
-        nail_covariance=result.nail.covariance,
+        ring_from_guide=PoseEstimate.exact(ring_from_camera) @ result.guide.pose,
+        ring_from_nail=PoseEstimate(ring_from_camera @ result.nail.camera_from_nail, result.nail.errors),
         source_ring_mm=ring_from_camera.translation_mm,
         source_covariance_mm2=calibration.source_covariance_mm2,
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.registration.core.drill_clearance import AxisOffset
-from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
+from services.registration.core.fusion import LocalisedImage, fuse_localisations
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.frames import LocalisedFrame
 from services.registration.knowledge import Knowledge

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from services.registration.core.drill_clearance import AxisOffset
-from services.registration.core.fusion.localise import FusedLocalisation
+from services.registration.core.fusion import FusedLocalisation
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult

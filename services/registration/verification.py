@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.fusion.localise import LocalisedImage
+from services.registration.core.fusion import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.wires.nail_fit import WiredImage
 from services.registration.core.wires.verify import AxisComparison, WireVerification, verify_images

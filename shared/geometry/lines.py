@@ -23,6 +23,11 @@ def angle_between_rad(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
 
 
+def cross_matrix(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The matrix that takes a vector to the cross product of `v` with it, shape (3, 3)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
     """A directed line.

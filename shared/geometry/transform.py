@@ -1,4 +1,10 @@
-"""Rigid transforms whose names cancel: `camera_from_guide @ guide_from_nail` is `camera_from_nail`."""
+"""Rigid transforms whose names cancel: `camera_from_guide @ guide_from_nail` is `camera_from_nail`.
+
+Small motions are twists, shape (6,): rotation vector (rad) before translation (mm), in the moving frame `From`. `exp`
+and `log` are those of SE(3) as SciPy's `RigidTransform` has them (the rotation turns the translation on its way); to
+first order a twist is a rotation vector beside a translation. See J. Sola, J. Deray, D. Atchuthan, A micro Lie theory
+for state estimation in robotics, arXiv:1812.01537.
+"""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar, overload
@@ -8,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from shared.geometry.frames import Frame
+from shared.geometry.lines import cross_matrix
 
 To = TypeVar("To", bound=Frame)
 From = TypeVar("From", bound=Frame)
@@ -68,6 +75,31 @@ class Transform(Generic[To, From]):
                 np.asarray(translation_mm, float), Rotation.from_rotvec(np.asarray(rotation_vector_rad, float))
             )
         )
+
+    @staticmethod
+    def exp(motion: ArrayLike) -> "Transform[To, From]":
+        """Rigid motion of a twist (rotation vector in rad, translation in mm), shape (6,)."""
+        return Transform(RigidTransform.from_exp_coords(np.asarray(motion, dtype=np.float64)))
+
+    def log(self) -> NDArray[np.float64]:
+        """Twist of which this is the exponential, shape (6,)."""
+        return np.asarray(self.rigid.as_exp_coords(), dtype=np.float64)
+
+    def moved(self, motion: ArrayLike) -> "Transform[To, From]":
+        """After a small motion of `From` in its own frame, a twist of shape (6,)."""
+        return Transform(self.rigid * RigidTransform.from_exp_coords(np.asarray(motion, dtype=np.float64)))
+
+    def motion_to(self, other: "Transform[To, From]") -> NDArray[np.float64]:
+        """Small motion of `From` in its own frame that leads to another transform, shape (6,)."""
+        return (self.inverse() @ other).log()
+
+    @property
+    def adjoint(self) -> NDArray[np.float64]:
+        """Twists in frame `From` as twists in frame `To`, shape (6, 6)."""
+        matrix, rotation = np.zeros((6, 6)), self.rotation
+        matrix[:3, :3] = matrix[3:, 3:] = rotation
+        matrix[3:, :3] = cross_matrix(self.translation_mm) @ rotation
+        return matrix
 
     @property
     def matrix(self) -> NDArray[np.float64]:

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.image import LocalisationEvidence, localisation_reasons
 from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
+from services.registration.core.guide_from_nail import guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
 from services.registration.core.nail.search.find import find_nail
 from services.registration.core.nail.search.outline import covered_pixels
 from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
-from services.registration.core.pose_evidence import PoseEvidence, pose_evidence
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
@@ -124,19 +124,10 @@ def hole_estimates(
     calibration: CArmCalibration, parts: Parts, guide_fit: GuideFit, estimate: NailEstimate
 ) -> tuple[HoleEstimate, ...]:
     """All holes of the nail in the guide's frame, in the order of the nail's file."""
-    evidence = evidence_of(calibration, parts, guide_fit, estimate)
+    estimated = guide_from_nail_of(calibration, parts.guide, parts.nail, guide_fit, estimate)
     guide_from_nail = guide_fit.camera_from_guide.inverse() @ estimate.camera_from_nail
-    covariance = None if evidence is None else evidence.covariance
+    covariance = None if estimated is None else estimated.covariance
     return holes_at(parts.nail, parts.drill_diameter_mm, guide_from_nail, covariance, estimate.camera_from_nail)
-
-
-def evidence_of(
-    calibration: CArmCalibration, parts: Parts, guide_fit: GuideFit, estimate: NailEstimate
-) -> PoseEvidence | None:
-    """Estimate of `guide_from_nail` from one image; None from a method that does not estimate its errors."""
-    if estimate.errors is None:
-        return None
-    return pose_evidence(calibration, parts.guide, parts.nail, guide_fit, estimate.camera_from_nail, estimate.errors)
 
 
 def distal_direction(guide: GuideFit | None) -> NDArray[np.float64] | None:

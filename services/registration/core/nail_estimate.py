@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.estimation.pose_estimate import PoseErrors
 from services.registration.core.nail.fit import NailFit
-from services.registration.core.pose_errors import PoseErrors
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 

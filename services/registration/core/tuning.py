@@ -484,6 +484,295 @@ class FinalStage:
 FINAL_STAGE: Final = FinalStage()
 
 
+# Estimation of poses, the drill guide, several images, the head
+
+# where a value was chosen by inspection for a reason of its own
+_SCENES: Final = "by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
+
+
+@dataclass(frozen=True, slots=True)
+class RobustPointFit:
+    """Pose from image points."""
+
+    scale_sigmas: float = tuned(
+        1.5,
+        "standard deviations",
+        "error of a ball's centre at which its weight has fallen to a half (Cauchy)",
+        fitted(f"{_SCENES}: balls' errors are heavy-tailed where shadows touch"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ModelErrors:
+    """Standard deviations of the nail model's own errors, which no image averages out."""
+
+    tilt_deg: float = tuned(
+        0.04,
+        "deg",
+        "tilt about the nail's x and y axes",
+        fitted(
+            "errors of 59 seeded scenes and of the 28 independent images; `distalock bench model_errors` repeats it"
+        ),
+    )
+    turn_about_z_deg: float = tuned(
+        0.02,
+        "deg",
+        "turn about the nail's z axis",
+        fitted("errors of set-ups of `distalock bench fusion`; `distalock bench model_errors` repeats it"),
+    )
+    position_mm: float = tuned(
+        0.007,
+        "mm",
+        "position across the beam, and error of the length from which the depth follows",
+        fitted(
+            "errors of 59 seeded scenes and of the 28 independent images; `distalock bench model_errors` repeats it"
+        ),
+    )
+    radius_deviations: float = tuned(
+        0.2,
+        "standard deviations of the prior",
+        "estimated radii of holes and nail (6 um)",
+        fitted("set-ups of `distalock bench fusion`; `distalock bench model_errors` repeats it"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SharedErrors:
+    """What the errors of several images of one set-up have in common."""
+
+    from_one_direction: float = tuned(
+        0.7,
+        "1",
+        "correlation of the errors that come with two images from one direction",
+        fitted("64 set-ups of `distalock bench fusion`, where it is measured (0.44 to 0.76)"),
+    )
+    within_deg: float = tuned(
+        3.0,
+        "deg",
+        "standard deviation of the angle over which that correlation falls",
+        fitted("64 set-ups of `distalock bench fusion`: none is left at 5-11 degrees but about the z axis"),
+    )
+    of_the_model: float = tuned(
+        0.5,
+        "1",
+        "correlation of the model's own errors in two images, at any angle",
+        fitted("64 set-ups of `distalock bench fusion`"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """What a contradiction between images of one set-up reports."""
+
+    radius_worth_reporting_mm: float = tuned(
+        0.03,
+        "mm",
+        "difference of radii that a refusal mentions",
+        derived("prior standard deviation of the radii of a nail's file"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class GuideCandidates:
+    """Which discs may be balls of the guide."""
+
+    least_radius: float = tuned(
+        0.55,
+        "1",
+        "least radius over that of a ball at the greatest depth",
+        fitted(f"{_SCENES}: the display shrinks discs"),
+    )
+    greatest_radius: float = tuned(
+        1.5,
+        "1",
+        "greatest radius over that of a ball at the least depth",
+        fitted(f"{_SCENES}: touching balls look larger"),
+    )
+    least_depth_mm: float = tuned(
+        450.0,
+        "mm",
+        "least distance of a ball from the focal spot",
+        derived("a guide between focal spot and ring, about 1 m from source to detector"),
+    )
+    greatest_depth_mm: float = tuned(
+        900.0,
+        "mm",
+        "greatest distance of a ball from the focal spot",
+        derived("a guide between focal spot and ring, about 1 m from source to detector"),
+    )
+    most_discs: int = tuned(
+        70, "1", "sharpest discs that are tried", fitted(f"{_SCENES}: limits the time of cluttered images")
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class GuideSearch:
+    """Search for the guide over directions, rotations and depths."""
+
+    least_depth_mm: float = tuned(
+        420.0,
+        "mm",
+        "nearest origin of the guide to the focal spot",
+        derived("a guide between focal spot and ring, about 1 m from source to detector"),
+    )
+    greatest_depth_mm: float = tuned(
+        920.0,
+        "mm",
+        "farthest origin of the guide from the focal spot",
+        derived("a guide between focal spot and ring, about 1 m from source to detector"),
+    )
+    usual_tilt_deg: float = tuned(16.0, "deg", "largest tilt of usual views", _BY_INSPECTION)
+    usual_grid_deg: float = tuned(3.0, "deg", "spacing of directions of usual views", _BY_INSPECTION)
+    usual_pairs: int = tuned(60, "1", "pairs of discs tried there", fitted(f"{_SCENES}: time against guides found"))
+    steep_from_deg: float = tuned(
+        18.0, "deg", "least tilt of steep views", derived("usual range and half a grid step on")
+    )
+    steep_to_deg: float = tuned(
+        46.0, "deg", "largest tilt of steep views", fitted(f"{_SCENES}: guidance starts from there")
+    )
+    steep_grid_deg: float = tuned(4.0, "deg", "spacing of directions of steep views", _BY_INSPECTION)
+    steep_pairs: int = tuned(30, "1", "pairs of discs tried there", fitted(f"{_SCENES}: time against guides found"))
+    shortest_pair: float = tuned(
+        0.3,
+        "1",
+        "shortest pair of balls over the guide's extent: short ones fix direction and depth badly",
+        _BY_INSPECTION,
+    )
+    probes: int = tuned(
+        7, "1", "balls tested before a hypothesis without enough hits is given up", fitted(f"{_SCENES}: time")
+    )
+    refined_per_pair: int = tuned(4, "1", "poses refined for each pair of discs", fitted(f"{_SCENES}: time"))
+    candidates_per_pair: int = tuned(
+        40, "1", "best scores considered for each pair of discs", fitted(f"{_SCENES}: time")
+    )
+    least_score: int = tuned(6, "1", "balls on discs for which a pose is refined", _BY_INSPECTION)
+    good_share: float = tuned(
+        0.4, "1", "share of balls that makes an identity good", derived("share that must be measured")
+    )
+    clear_share: float = tuned(0.6, "1", "share of balls at which the search ends at once", _BY_INSPECTION)
+    pairs_without_gain: int = tuned(
+        12,
+        "1",
+        "further pairs after which a good identity is kept: likely pairs are of two balls of the guide often enough",
+        fitted(f"{_SCENES}, half of the guide covered"),
+    )
+    alternative_pairs: int = tuned(
+        8, "1", "pairs of the best identity's discs tried for an alternative", _BY_INSPECTION
+    )
+    alternative_share: float = tuned(
+        0.5,
+        "1",
+        "score over the best one's for which an alternative is refined: before it may miss some",
+        _BY_INSPECTION,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class GuideIdentification:
+    """Assignment of discs to balls and its refinement."""
+
+    search_tolerance_detector_mm: float = tuned(
+        1.41, "mm", "distance of a ball from a disc that counts as a hit", _BY_INSPECTION
+    )
+    map_cell_detector_mm: float = tuned(0.47, "mm", "cell of the map of discs", derived("a third of the tolerance"))
+    tolerances_detector_mm: tuple[float, ...] = tuned(
+        (2.35, 1.41, 0.94, 0.5875, 0.3525), "mm", "shrinking tolerances of the assignment", _BY_INSPECTION
+    )
+    sd_of_tolerance: float = tuned(
+        0.3, "1", "standard deviation of a disc over the tolerance", derived("tolerance at 3 sigma")
+    )
+    refinement_steps: int = tuned(5, "1", "steps of the fit at each tolerance", fitted(f"{_SCENES}: time"))
+
+
+@dataclass(frozen=True, slots=True)
+class GuideMeasurement:
+    """The guide's balls measured where the pose predicts them."""
+
+    outlier_sigmas: float = tuned(4.0, "standard deviations", "beyond which a ball is left out", standard("4 sigma"))
+    systematic_sd_px: float = tuned(
+        0.06,
+        "px",
+        "error of a ball's centre that does not come from noise",
+        fitted(
+            "a hundred seeded scenes (docs/decisions/0014); 0.02 suffices for single balls, not for rows beside an edge"
+        ),
+    )
+    concentric_share: float = tuned(
+        0.7,
+        "1",
+        "a ring's ball nearer than this share of a guide ball's radius cannot be separated from it",
+        _BY_INSPECTION,
+    )
+    wide_drift_px: float = tuned(1.0, "px", "error of the prediction from few discs", _BY_INSPECTION)
+    drift_px: float = tuned(0.4, "px", "error of the prediction from many discs", _BY_INSPECTION)
+    enough_identified: int = tuned(
+        12,
+        "1",
+        "discs from which a pose predicts well enough to measure narrowly at once",
+        fitted(
+            "120 seeded scenes: measuring widely first moved the pose by 0.05 of its uncertainty (median), 0.6 at most"
+        ),
+    )
+    surroundings_detector_mm: float = tuned(
+        14.1, "mm", "radius about each ball from which the noise is estimated", _BY_INSPECTION
+    )
+    distortion_correlation_detector_mm: float = tuned(
+        18.8,
+        "mm",
+        "length over which errors of the distortion are correlated (Gaussian)",
+        fitted(
+            "a hundred seeded scenes (docs/decisions/0014): the calibration's own posterior has 50 to 240 px, median 90"
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class HeadErrors:
+    """Errors of head, mount and C-arm that are usual, and what tells a wrong head (docs/decisions/0010)."""
+
+    head_sd_mm: float = tuned(
+        1.0,
+        "mm",
+        "error of the head's place on its file, per axis",
+        physical("assumed tolerance of heads (docs/decisions/0010)"),
+    )
+    head_sd_deg: float = tuned(
+        1.0,
+        "deg",
+        "error of the head's rotation on its file, per axis",
+        physical("assumed tolerance of heads (docs/decisions/0010)"),
+    )
+    wrong_extension_sd_mm: float = tuned(
+        10.0,
+        "mm",
+        "error of an extension that was read wrong",
+        physical("assumed misreading of the scale (docs/decisions/0010)"),
+    )
+    yield_share: float = tuned(
+        0.03,
+        "1",
+        "share of the travel that the mount yields to soft tissue",
+        fitted("`distalock bench robot_head_check`"),
+    )
+    yield_deg_per_mm: float = tuned(
+        0.05, "deg/mm", "turn of the base for each mm of travel", fitted("`distalock bench robot_head_check`")
+    )
+    nudge_sd_deg: float = tuned(
+        0.05, "deg", "turn of a C-arm that seems to stand still", fitted("`distalock bench robot_head_check`")
+    )
+
+
+MODEL_ERRORS: Final = ModelErrors()
+ROBUST_POINT_FIT: Final = RobustPointFit()
+SHARED_ERRORS: Final = SharedErrors()
+AGREEMENT: Final = Agreement()
+GUIDE_CANDIDATES: Final = GuideCandidates()
+GUIDE_SEARCH: Final = GuideSearch()
+GUIDE_IDENTIFICATION: Final = GuideIdentification()
+GUIDE_MEASUREMENT: Final = GuideMeasurement()
+HEAD_ERRORS: Final = HeadErrors()
+
+
 SETTINGS: Final = (
     NAIL_BAND_SEARCH,
     NAIL_HOLE_SEARCH,
@@ -500,4 +789,13 @@ SETTINGS: Final = (
     TILT_SEARCH_STAGE,
     COMPARISON_STAGE,
     FINAL_STAGE,
+    MODEL_ERRORS,
+    ROBUST_POINT_FIT,
+    SHARED_ERRORS,
+    AGREEMENT,
+    GUIDE_CANDIDATES,
+    GUIDE_SEARCH,
+    GUIDE_IDENTIFICATION,
+    GUIDE_MEASUREMENT,
+    HEAD_ERRORS,
 )

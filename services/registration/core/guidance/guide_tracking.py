@@ -11,9 +11,15 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.registration.core.acceptance.frame import FRAME_GUIDE_BALLS, FRAME_GUIDE_RMS
-from services.registration.core.guide.identity import Discs, settled
+from services.registration.core.estimation.image_points import (
+    Correspondences,
+    down_weighted,
+    pose_covariance,
+    refine_pose,
+)
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.guide.identity import Discs, refined_identity
 from services.registration.core.guide.locate import needed_balls
-from services.registration.core.pose import Correspondences, RigidPose, down_weighted, pose_covariance, refine_pose
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
@@ -32,16 +38,13 @@ class FollowedGuide:
 
     Attributes
     ----------
-    camera_from_guide
-        Its pose.
-    covariance
-        Shape (6, 6), as `GuideFit.covariance`, but with the errors of the balls alone.
+    pose
+        As `GuideFit.pose`, but with the errors of the balls alone.
     balls_found, reprojection_rms_px
-        How many balls it rests on, and their rms distance from where the pose puts them.
+        From how many balls it is estimated, and their rms distance from where the pose puts them.
     """
 
-    camera_from_guide: Transform[Camera, Guide]
-    covariance: NDArray[np.float64]
+    pose: PoseEstimate[Camera, Guide]
     balls_found: int
     reprojection_rms_px: float
 
@@ -58,25 +61,25 @@ def follow_guide(
     before
         Pose in the earlier frame.
     """
-    pose = RigidPose(before.rotation, before.translation_mm)
-    chosen = _possible_discs(calibration, guide, pose)
+    chosen = _possible_discs(calibration, guide, before)
     ideal_px = calibration.distortion.undistort(calibration.balls.centre_px[chosen])
     needed = needed_balls(len(guide.balls))
     if len(ideal_px) < needed:
         return _lost(len(ideal_px), needed, len(guide.balls))
     balls_mm, camera = guide.balls.position_mm, calibration.camera
-    start = _shifted(pose, calibration, _common_shift_px(camera.project(pose.points(balls_mm)), ideal_px))
-    identity = settled(camera, balls_mm, Discs.of(camera, ideal_px), start)
+    start = _shifted(before, calibration, _common_shift_px(camera.project(before.points(balls_mm)), ideal_px))
+    discs = Discs.of(camera, ideal_px, calibration.pixel_mm)
+    identity = refined_identity(camera, balls_mm, discs, start)
     if len(identity) < needed:
         return _lost(len(identity), needed, len(guide.balls))
     disc = chosen[identity.disc_index]
     deviation = np.hypot(calibration.balls.standard_deviation_px[disc], _SYSTEMATIC_PX)
     seen = Correspondences(balls_mm[identity.ball_index], ideal_px[identity.disc_index], deviation)
-    return _judged(calibration, guide, refine_pose(camera, identity.pose, seen), seen)
+    return _judged(calibration, guide, refine_pose(camera, identity.camera_from_guide, seen), seen)
 
 
 def _judged(
-    calibration: CArmCalibration, guide: GuidePart, pose: RigidPose, seen: Correspondences
+    calibration: CArmCalibration, guide: GuidePart, pose: Transform[Camera, Guide], seen: Correspondences
 ) -> Accepted[FollowedGuide] | Rejected:
     apart = seen.ideal_px - calibration.camera.project(pose.points(seen.body_mm))
     rms_px = float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
@@ -88,11 +91,12 @@ def _judged(
         return Rejected((FRAME_GUIDE_RMS.reason(observation),))
     weighed = down_weighted(calibration.camera, pose, seen)
     covariance = pose_covariance(calibration.camera, pose, weighed)
-    found: Transform[Camera, Guide] = Transform.from_rotation_translation(pose.rotation, pose.translation_mm)
-    return Accepted(FollowedGuide(found, covariance, len(seen), rms_px))
+    return Accepted(FollowedGuide(PoseEstimate.of(pose, covariance), len(seen), rms_px))
 
 
-def _possible_discs(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose) -> NDArray[np.int64]:
+def _possible_discs(
+    calibration: CArmCalibration, guide: GuidePart, pose: Transform[Camera, Guide]
+) -> NDArray[np.int64]:
     """Indices of the discs that are not the ring's, of the size that the guide's balls have at this depth."""
     balls = calibration.balls
     radius_px = 0.5 * guide.balls.diameter_mm * calibration.camera.focal_length_px / pose.translation_mm[2]
@@ -112,10 +116,13 @@ def _common_shift_px(predicted_px: NDArray[np.float64], seen_px: NDArray[np.floa
     return np.asarray(np.median(shifts[best], axis=0))
 
 
-def _shifted(pose: RigidPose, calibration: CArmCalibration, shift_px: NDArray[np.float64]) -> RigidPose:
+def _shifted(
+    pose: Transform[Camera, Guide], calibration: CArmCalibration, shift_px: NDArray[np.float64]
+) -> Transform[Camera, Guide]:
     """The pose moved across the beam, so that its image shifts."""
     by_mm = shift_px * float(pose.translation_mm[2]) / calibration.camera.focal_length_px
-    return RigidPose(pose.rotation, pose.translation_mm + np.array([by_mm[0], by_mm[1], 0.0]))
+    shifted_mm = pose.translation_mm + np.array([by_mm[0], by_mm[1], 0.0])
+    return Transform.from_rotation_translation(pose.rotation, shifted_mm)
 
 
 def _lost(found: int, needed: int, expected: int) -> Rejected:

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from services.registration.core.acceptance.image import NAIL_OUTSIDE, HoleView
+from services.registration.core.estimation.model_errors import model_covariance
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.evidence import hole_views, residual_statistics
 from services.registration.core.nail.fit import pose_covariance
 from services.registration.core.nail.forward_model import Detail, FitInput, ForwardModel, model_at
@@ -32,13 +33,11 @@ from services.registration.core.nail.least_squares import (
 )
 from services.registration.core.nail.parameters import (
     PARAMETER_COUNT,
-    POSE_SIZE,
     Parameter,
     motion_by_parameters,
     parameters_from_pose,
     prior_mean,
 )
-from services.registration.core.pose_errors import model_covariance
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import angle_between_rad
@@ -199,30 +198,3 @@ def _covariance(
     shared = jacobian @ look.shared_covariance @ jacobian.T
     own = model_covariance(given.nail, scene.pose(solution.parameters))
     return np.asarray(pose_covariance(problem, solution, noise) + shared + own)
-
-
-_SHARED = 0.5
-
-
-def weighed(
-    predicted: Transform[Camera, Nail],
-    predicted_covariance: NDArray[np.float64],
-    seen: Transform[Camera, Nail],
-    seen_covariance: NDArray[np.float64],
-) -> tuple[Transform[Camera, Nail], NDArray[np.float64]]:
-    """The weighted mean of two poses, and its covariance under partly shared errors.
-
-    Covariances have shape (6, 6), of a small motion in the nail's own frame, as in `NailEstimate`.
-    """
-    apart = predicted.inverse() @ seen
-    motion = np.concatenate([apart.rotation_vector_rad, apart.translation_mm])
-    gain = np.linalg.solve(predicted_covariance + seen_covariance, predicted_covariance).T
-    rest = np.eye(6) - gain
-    step = gain @ motion
-    moved: Transform[Nail, Nail] = Transform.from_rotation_translation(
-        Rotation.from_rotvec(step[:3]).as_matrix(), step[3:]
-    )
-    both = _SHARED * np.linalg.cholesky(predicted_covariance) @ np.linalg.cholesky(seen_covariance).T
-    crossed = rest @ both @ gain.T
-    covariance = rest @ predicted_covariance @ rest.T + gain @ seen_covariance @ gain.T + crossed + crossed.T
-    return predicted @ moved, covariance

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.frame import FrameEvidence, frame_reasons, margin_reasons
 from services.registration.core.c_arm_advice import Advice, advice
+from services.registration.core.estimation.pose_estimate import PoseEstimate, weighted_mean
 from services.registration.core.guidance.guide_tracking import FollowedGuide, follow_guide
 from services.registration.core.guidance.nail_tracking import (
     FollowedNail,
@@ -21,13 +22,11 @@ from services.registration.core.guidance.nail_tracking import (
     follow_nail,
     learn_look,
     mirror_margin,
-    weighed,
 )
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.nail.forward_model import FitInput
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.pose_evidence import motion_of_nail
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
@@ -38,6 +37,8 @@ MOST_MISSED = 20
 _DISAGREEMENT = 4.0
 # Single images are held to normalised errors of 1.25 at most; a key's error stays in all frames that follow it.
 _HELD_TO = 1.25
+# Correlation of a key's errors with a frame's: bone texture and display mislead both in part alike.
+_SHARED = 0.5
 # With these reasons a localisation is too far off or too unsure to move a robot, and yet good enough to start from.
 _GOOD_ENOUGH_TO_START = frozenset({ReasonCode.TILT_TOO_LARGE, ReasonCode.UNCERTAINTY_TOO_LARGE})
 
@@ -63,12 +64,11 @@ class Key:
 
     Attributes
     ----------
-    covariance
-        Of the nail's pose in it, as `NailEstimate.covariance`.
+    guide_from_nail
+        With the errors of the nail's pose in the key; the guide's are new in every frame.
     """
 
-    guide_from_nail: Transform[Guide, Nail]
-    covariance: NDArray[np.float64]
+    guide_from_nail: PoseEstimate[Guide, Nail]
     look: Look
 
 
@@ -129,7 +129,7 @@ def begin_track(
     look = learn_look(given, nail.camera_from_nail)
     if look is None:
         return None
-    key = Key(found.guide_from_nail, nail.covariance, look)
+    key = Key(PoseEstimate.of(found.guide_from_nail, _HELD_TO**2 * nail.covariance), look)
     return Track(key, guide.camera_from_guide, Margin(nail.mirror_margin, 0), 0)
 
 
@@ -161,21 +161,19 @@ def follow_frame(
         guide = _found_anew(pixels, calibration, parts)
     if isinstance(guide, Rejected):
         return _refused(guide.reasons, None), _missed(track)
-    at = guide.value.camera_from_guide
+    at = guide.value.pose.mean
     track = replace(track, camera_from_guide=at)
     given = _given(pixels, calibration, parts, at)
-    predicted = at @ track.key.guide_from_nail
-    nail = follow_nail(given, track.key.look, predicted)
+    predicted = guide.value.pose @ track.key.guide_from_nail
+    nail = follow_nail(given, track.key.look, predicted.mean)
     if isinstance(nail, Rejected):
         return _refused(nail.reasons, at), _missed(track)
-    key = track.key
-    by_guide = motion_of_nail(key.guide_from_nail)
-    expected = _HELD_TO**2 * key.covariance + by_guide @ guide.value.covariance @ by_guide.T
-    reasons = frame_reasons(_evidence(nail.value, key.look, predicted, expected))
+    observed = PoseEstimate.of(nail.value.camera_from_nail, nail.value.covariance)
+    reasons = frame_reasons(_evidence(nail.value, track.key.look, observed, predicted))
     if reasons:
         return _refused(reasons, at), _missed(track)
-    pose, covariance = weighed(predicted, expected, nail.value.camera_from_nail, nail.value.covariance)
-    return _answered(nail.value, advice(pose, covariance, parts.nail), track)
+    joint = weighted_mean(predicted, observed, _SHARED)
+    return _answered(nail.value, advice(joint.mean, joint.covariance, parts.nail), track)
 
 
 def disagree(followed: Sight, localised: Sight) -> bool:
@@ -199,7 +197,7 @@ def _found_anew(
     if isinstance(found, Rejected):
         return found
     fit = found.value
-    return Accepted(FollowedGuide(fit.camera_from_guide, fit.covariance, fit.balls_found, fit.reprojection_rms_px))
+    return Accepted(FollowedGuide(fit.pose, fit.balls_found, fit.reprojection_rms_px))
 
 
 def _answered(nail: FollowedNail, told: Advice, track: Track) -> tuple[Sight, Track | None]:
@@ -231,11 +229,11 @@ def _given(
 
 
 def _evidence(
-    nail: FollowedNail, look: Look, predicted: Transform[Camera, Nail], expected: NDArray[np.float64]
+    nail: FollowedNail, look: Look, observed: PoseEstimate[Camera, Nail], predicted: PoseEstimate[Camera, Nail]
 ) -> FrameEvidence:
     """The observed nail, and how far it lies from where guide and key predict it."""
-    apart = predicted.inverse() @ nail.camera_from_nail
-    rotation = nail.covariance[:2, :2] + expected[:2, :2]
+    apart = predicted.mean.inverse() @ observed.mean
+    rotation = observed.covariance[:2, :2] + predicted.covariance[:2, :2]
     return FrameEvidence(
         holes=nail.holes,
         structure=nail.structure,

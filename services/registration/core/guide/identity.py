@@ -1,4 +1,4 @@
-"""A way to name discs as balls of the guide, and how it settles on the discs nearest to where it puts the balls."""
+"""A hypothesis of which discs are which balls of the guide, and its refinement on the discs nearest to the balls."""
 
 from dataclasses import dataclass
 
@@ -6,29 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from services.registration.core.pose import Correspondences, RigidPose, refine_pose
+from services.registration.core.estimation.image_points import Correspondences, observed
+from services.registration.core.estimation.image_points_kernel import Pose, refined
+from services.registration.core.tuning import GUIDE_IDENTIFICATION
 from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.transform import Transform
 from shared.xray.assignment import nearest_to_each
+from shared.xray.pixel_scale import pixels
 
-_LOOSE_PX = 6.0
-_TIGHT_PX = 1.5
-_CELL_PX = 2.0
-_SETTLING_STEPS = 5
+# Four points determine a pose with a residual left over.
+_LEAST_POINTS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GuideIdentity:
-    """One way to name the discs.
+    """One hypothesis of which discs are which balls, shape (K,) each, and where the guide then is."""
 
-    Attributes
-    ----------
-    pose
-        Guide in the camera's frame.
-    ball_index, disc_index
-        Which ball is which disc, shape (K,) each.
-    """
-
-    pose: RigidPose
+    camera_from_guide: Transform[Camera, Guide]
     ball_index: NDArray[np.int64]
     disc_index: NDArray[np.int64]
 
@@ -38,59 +33,74 @@ class GuideIdentity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discs:
-    """Discs that may be balls of the guide, in ideal pixels, with a map for quick look-up.
+    """Discs that may be balls of the guide, in ideal pixels, with a map of where they are.
 
     Attributes
     ----------
     ideal_px
         Shape (M, 2), those that are most likely balls first.
     occupied
-        1 where a disc lies within the loose tolerance of a cell, shape (rows, columns).
+        1 where a disc lies within the search tolerance of a cell, shape (rows, columns).
     cell_from_slope
         Affine map from slopes (x/z, y/z) of rays to cells (column, row), shape (2, 3).
     tree
         The same discs for nearest-neighbour queries.
+    pixel_mm
+        Pixel pitch at the detector.
     """
 
     ideal_px: NDArray[np.float64]
     occupied: NDArray[np.uint8]
     cell_from_slope: NDArray[np.float64]
     tree: cKDTree
+    pixel_mm: float
 
     @staticmethod
-    def of(camera: PinholeCamera, ideal_px: NDArray[np.float64]) -> "Discs":
-        """Build the look-up map; at least one disc."""
-        origin = ideal_px.min(axis=0) - 2 * _LOOSE_PX
-        columns, rows = (np.ceil((ideal_px.max(axis=0) + 2 * _LOOSE_PX - origin) / _CELL_PX)).astype(int) + 1
+    def of(camera: PinholeCamera, ideal_px: NDArray[np.float64], pixel_mm: float) -> "Discs":
+        """Build the map; at least one disc."""
+        near_px = pixels(GUIDE_IDENTIFICATION.search_tolerance_detector_mm, pixel_mm)
+        cell_px = pixels(GUIDE_IDENTIFICATION.map_cell_detector_mm, pixel_mm)
+        origin = ideal_px.min(axis=0) - 2 * near_px
+        columns, rows = (np.ceil((ideal_px.max(axis=0) + 2 * near_px - origin) / cell_px)).astype(int) + 1
         occupied = np.zeros((rows, columns), dtype=np.uint8)
-        reach = int(np.ceil(_LOOSE_PX / _CELL_PX))
+        reach = int(np.ceil(near_px / cell_px))
         offsets = np.arange(-reach, reach + 1)
         dx, dy = (o.ravel() for o in np.meshgrid(offsets, offsets))
-        inside = np.hypot(dx, dy) * _CELL_PX <= _LOOSE_PX
-        cells = np.floor((ideal_px - origin) / _CELL_PX).astype(int)
+        inside = np.hypot(dx, dy) * cell_px <= near_px
+        cells = np.floor((ideal_px - origin) / cell_px).astype(int)
         occupied[cells[:, 1, None] + dy[inside], cells[:, 0, None] + dx[inside]] = 1
         cell_from_slope = camera.intrinsic_matrix_px[:2].copy()
         cell_from_slope[:, 2] -= origin
-        return Discs(ideal_px, occupied, cell_from_slope / _CELL_PX, cKDTree(ideal_px))
+        return Discs(ideal_px, occupied, cell_from_slope / cell_px, cKDTree(ideal_px), pixel_mm)
 
 
-def settled(camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: RigidPose) -> GuideIdentity:
-    """Assign discs to balls and refine, with a shrinking tolerance."""
-    for tolerance_px in (10.0, 6.0, 4.0, 2.5, _TIGHT_PX):
+def refined_identity(
+    camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, start: Transform[Camera, Guide]
+) -> GuideIdentity:
+    """Assign discs to balls and refine the pose, with a shrinking tolerance.
+
+    The search refines hundreds of poses: until the last step they stay bare arrays for the compiled loop.
+    """
+    pose = start.rotation, start.translation_mm
+    for tolerance_mm in GUIDE_IDENTIFICATION.tolerances_detector_mm:
+        tolerance_px = pixels(tolerance_mm, discs.pixel_mm)
         ball, disc = _assigned(camera, balls_mm, discs, pose, tolerance_px)
-        if len(ball) < 4:
-            return GuideIdentity(pose, ball, disc)
-        spread = np.full(len(ball), 0.3 * tolerance_px)
-        pose = refine_pose(camera, pose, Correspondences(balls_mm[ball], discs.ideal_px[disc], spread), _SETTLING_STEPS)
-    return GuideIdentity(pose, *_assigned(camera, balls_mm, discs, pose, _TIGHT_PX))
+        if len(ball) < _LEAST_POINTS:
+            return GuideIdentity(Transform.from_rotation_translation(*pose), ball, disc)
+        spread = np.full(len(ball), GUIDE_IDENTIFICATION.sd_of_tolerance * tolerance_px)
+        seen = observed(Correspondences(balls_mm[ball], discs.ideal_px[disc], spread))
+        pose = refined(camera.intrinsic_matrix_px, pose, seen, GUIDE_IDENTIFICATION.refinement_steps)
+    final = Transform[Camera, Guide].from_rotation_translation(*pose)
+    return GuideIdentity(final, *_assigned(camera, balls_mm, discs, pose, tolerance_px))
 
 
 def _assigned(
-    camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: RigidPose, tolerance_px: float
+    camera: PinholeCamera, balls_mm: NDArray[np.float64], discs: Discs, pose: Pose, tolerance_px: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Nearest disc of each ball within the tolerance, no disc twice: ball and disc indices."""
-    nearest = discs.tree.query(camera.project(pose.points(balls_mm)), distance_upper_bound=tolerance_px)
-    distance, disc = (np.asarray(part) for part in nearest)
+    rotation, translation_mm = pose
+    predicted = camera.project(balls_mm @ rotation.T + translation_mm)
+    distance, disc = (np.asarray(part) for part in discs.tree.query(predicted, distance_upper_bound=tolerance_px))
     near = np.flatnonzero(np.isfinite(distance))
     ball = np.sort(near[nearest_to_each(disc[near], distance[near])])
     return ball, np.asarray(disc[ball], dtype=np.int64)

@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.search import GUIDE_BALLS, GUIDE_IDENTITY, GUIDE_MARGIN
-from services.registration.core.correlated_pose import fit_with_shared_errors
+from services.registration.core.estimation.image_points import Correspondences, residuals_px
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
 from services.registration.core.guide.identity import GuideIdentity
-from services.registration.core.guide.measurement import Look, measured_and_fitted, ring_shadows, shrinkage
+from services.registration.core.guide.measure import GuideImage, measured_and_fitted, ring_shadows, shrinkage
 from services.registration.core.guide.search import search_guide
-from services.registration.core.pose import Correspondences, RigidPose, residuals_px
+from services.registration.core.tuning import GUIDE_CANDIDATES, GUIDE_MEASUREMENT
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
@@ -19,12 +21,9 @@ from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
 from shared.xray.aperture import usable_pixels
 from shared.xray.noise_filter import noise_whitened
+from shared.xray.pixel_scale import pixels as pixels_of
 
 LEAST_SHARE = 0.4
-DISTORTION_CORRELATION_PX = 80.0
-_MOST_DISCS = 70
-_RADIUS_RANGE = (0.55, 1.5)
-_SURROUNDINGS_PX = 60.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,14 +32,11 @@ class GuideFit:
 
     Attributes
     ----------
-    camera_from_guide
-        Pose of the guide.
-    covariance
-        Shape (6, 6), of a small rotation (rad) and translation (mm) in the guide's own frame:
-        ``x_true = x + rotation x x + translation`` for points x in the guide's frame. The errors of the distortion
-        are in it, those of the camera's intrinsics are not (see `localise`).
+    pose
+        Of the guide. The errors of the distortion are in its covariance, those of the camera's intrinsics are not (see
+        `guide_from_nail`).
     used
-        Balls the pose rests on, shape (N,).
+        Balls from which the pose is estimated, shape (N,).
     ideal_px, standard_deviation_px
         Undistorted pixels, shape (N, 2), and the standard deviations of the balls' own errors, shape (N,), as the fit
         used them.
@@ -52,8 +48,7 @@ class GuideFit:
         Balls that the identity explains, minus those of the best different one.
     """
 
-    camera_from_guide: Transform[Camera, Guide]
-    covariance: NDArray[np.float64]
+    pose: PoseEstimate[Camera, Guide]
     used: NDArray[np.bool_]
     ideal_px: NDArray[np.float64]
     standard_deviation_px: NDArray[np.float64]
@@ -62,8 +57,13 @@ class GuideFit:
     runner_up_margin: int
 
     @property
+    def camera_from_guide(self) -> Transform[Camera, Guide]:
+        """The pose without its errors."""
+        return self.pose.mean
+
+    @property
     def balls_found(self) -> int:
-        """Number of balls the pose rests on."""
+        """Number of balls from which the pose is estimated."""
         return int(np.count_nonzero(self.used))
 
 
@@ -87,7 +87,7 @@ class Named:
 def locate_guide(
     pixels: NDArray[np.float32], calibration: CArmCalibration, ring: RingPart, guide: GuidePart
 ) -> Accepted[GuideFit] | Rejected:
-    """Find the guide in an un-mirrored image, or say why it cannot be found.
+    """Find the guide in an un-mirrored image, or report why it is not found.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def guide_identities(calibration: CArmCalibration, guide: GuidePart) -> list[Gui
     """Ways to name discs of an image as balls of the guide, best first."""
     candidates = candidate_discs(calibration, guide)
     ideal_px = calibration.distortion.undistort(calibration.balls.centre_px[candidates])
-    return search_guide(calibration.camera, guide.balls.position_mm, ideal_px)
+    return search_guide(calibration.camera, guide.balls.position_mm, ideal_px, calibration.pixel_mm)
 
 
 def measured_guide(
@@ -119,10 +119,11 @@ def measured_guide(
     best, candidates = named.identity, candidate_discs(calibration, guide)
     shrunk = shrinkage(calibration, guide, best, calibration.balls.radius_px[candidates])
     usable = usable_pixels(pixels, calibration.aperture)
-    around = calibration.image_from_camera(best.pose.points(guide.balls.position_mm))
-    quiet = noise_whitened(pixels, usable, around, _SURROUNDINGS_PX)
-    look = Look(quiet, usable, calibration, guide, ring_shadows(calibration, ring), shrunk)
-    pose, seen, used = measured_and_fitted(look, best)
+    around = calibration.image_from_camera(best.camera_from_guide.points(guide.balls.position_mm))
+    surroundings_px = pixels_of(GUIDE_MEASUREMENT.surroundings_detector_mm, calibration.pixel_mm)
+    quiet = noise_whitened(pixels, usable, around, surroundings_px)
+    image = GuideImage(quiet, usable, calibration, guide, ring_shadows(calibration, ring), shrunk)
+    pose, seen, used = measured_and_fitted(image, best)
     found = int(np.count_nonzero(used))
     if found < named.needed:
         quoted = GUIDE_BALLS.quoted(found, named.needed)
@@ -139,12 +140,12 @@ def candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[n
     """Indices of the discs that may be guide balls: not the ring's, of a possible size, the sharpest first."""
     balls = calibration.balls
     f, radius_mm = calibration.camera.focal_length_px, 0.5 * guide.balls.diameter_mm
-    smallest = _RADIUS_RANGE[0] * f * float(radius_mm.min()) / 900.0
-    largest = _RADIUS_RANGE[1] * f * float(radius_mm.max()) / 450.0
+    smallest = GUIDE_CANDIDATES.least_radius * f * float(radius_mm.min()) / GUIDE_CANDIDATES.greatest_depth_mm
+    largest = GUIDE_CANDIDATES.greatest_radius * f * float(radius_mm.max()) / GUIDE_CANDIDATES.least_depth_mm
     possible = (balls.ring_index == NOT_OF_THE_RING) & (balls.radius_px > smallest) & (balls.radius_px < largest)
     index = np.flatnonzero(possible)
     clear_first = np.argsort(balls.standard_deviation_px[index], kind="stable")
-    return index[clear_first[:_MOST_DISCS]]
+    return index[clear_first[: GUIDE_CANDIDATES.most_discs]]
 
 
 def _margin(identities: list[GuideIdentity]) -> int:
@@ -173,17 +174,16 @@ def _identity_reason(identities: list[GuideIdentity], discs: int, balls: int) ->
 def _guide_fit(
     calibration: CArmCalibration,
     guide: GuidePart,
-    pose: RigidPose,
+    pose: Transform[Camera, Guide],
     seen: Correspondences,
     used: NDArray[np.bool_],
     margin: int,
 ) -> GuideFit:
     chosen = seen.chosen(used)
     fit = fit_with_shared_errors(calibration.camera, pose, chosen, _shared_error(calibration, chosen))
-    residual = residuals_px(calibration.camera, fit.pose, chosen)
+    residual = residuals_px(calibration.camera, fit.mean, chosen)
     return GuideFit(
-        camera_from_guide=Transform.from_rotation_translation(fit.pose.rotation, fit.pose.translation_mm),
-        covariance=read_only(fit.covariance),
+        pose=fit,
         used=used,
         ideal_px=read_only(seen.ideal_px),
         standard_deviation_px=read_only(seen.standard_deviation_px),
@@ -193,10 +193,15 @@ def _guide_fit(
     )
 
 
+def distortion_correlation_px(calibration: CArmCalibration) -> float:
+    """Distance over which errors of the distortion are correlated, in pixels of this image."""
+    return pixels_of(GUIDE_MEASUREMENT.distortion_correlation_detector_mm, calibration.pixel_mm)
+
+
 def _shared_error(calibration: CArmCalibration, chosen: Correspondences) -> NDArray[np.float64]:
     """Covariance per axis of the distortion's error at the balls: neighbours share it, shape (N, N)."""
     measured_px = calibration.distortion.distort(chosen.ideal_px)
     apart = np.linalg.norm(measured_px[:, None] - measured_px[None], axis=-1)
     deviation = calibration.distortion.standard_deviation_at(measured_px)
-    correlation = np.exp(-0.5 * (apart / DISTORTION_CORRELATION_PX) ** 2)
+    correlation = np.exp(-0.5 * (apart / distortion_correlation_px(calibration)) ** 2)
     return np.asarray(deviation[:, None] * deviation[None] * correlation)

@@ -12,30 +12,33 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.guide.identity import Discs, GuideIdentity, settled
-from services.registration.core.guide.vote import vote
-from services.registration.core.pose import RigidPose
+from services.registration.core.compiled import compiled
+from services.registration.core.estimation.image_points_kernel import Pose
+from services.registration.core.guide.identity import Discs, GuideIdentity, refined_identity
+from services.registration.core.tuning import GUIDE_SEARCH
 from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.transform import Transform
 from shared.two_cores import mapped, on_both_halves
 
-DEPTH_RANGE_MM = (420.0, 920.0)
-# Range of angles between drilling and beam, their grid, and how many pairs of discs are tried there.
-_STAGES = (((0.0, 16.0), 3.0, 60), ((18.0, 46.0), 4.0, 30))
-_SHORTEST_PAIR = 0.3
-_PROBES = 7
-# Fewer are voted on sooner than handed to another core.
+# Fewer directions are voted on sooner than handed to another core.
 _LEAST_DIRECTIONS = 16
-_REFINED_PER_PAIR = 4
-_LOOKED_AT = 40
-_LEAST_SCORE = 6
-_GOOD_SHARE = 0.4
-_CLEAR_SHARE = 0.6
-# A good identity that so many further pairs do not better is kept: likely pairs are of two balls of the guide often
-# enough that one of them would have shown a better one.
-_PAIRS_WITHOUT_GAIN = 12
-_RIVAL_PAIRS = 8
-# A rival matters when it explains nearly as many discs; before its pose is refined it may miss some.
-_RIVAL_SHARE = 0.5
+# More hypotheses than this never matter: acceptance compares the best two.
+_MOST_IDENTITIES = 12
+# Depth of the guide's origin (0: impossible), cosine and sine of its turn about the beam, and its place across it.
+Placement = tuple[float, float, float, float, float]
+_IMPOSSIBLE = (0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Nearness:
+    """Poses nearer than this are one: before refinement the grid's spacing apart, after it the remaining scatter."""
+
+    angle_deg: float
+    across_mm: float
+
+
+_COARSE, _FINE = _Nearness(angle_deg=8.0, across_mm=15.0), _Nearness(angle_deg=2.0, across_mm=3.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,12 +70,12 @@ def directions_within(cone_deg: tuple[float, float], grid_deg: float) -> NDArray
 
 
 def search_guide(
-    camera: PinholeCamera, balls_mm: NDArray[np.float64], ideal_px: NDArray[np.float64]
+    camera: PinholeCamera, balls_mm: NDArray[np.float64], ideal_px: NDArray[np.float64], pixel_mm: float
 ) -> list[GuideIdentity]:
     """Find the ways to name discs as balls of the guide, best first, each with a different pose.
 
     Steep views are tried only when the usual ones name too few discs. After a good identity a few more pairs of its own
-    discs are tried, so that a rival that shares them (the guide turned or shifted) has its chance.
+    discs are tried, so that an alternative that shares them (the guide turned or shifted) is found too.
 
     Parameters
     ----------
@@ -80,16 +83,20 @@ def search_guide(
         Balls in the guide's frame, shape (N, 3).
     ideal_px
         Undistorted centres of the discs, shape (M, 2), those that are most likely balls first.
+    pixel_mm
+        Pixel pitch at the detector.
     """
     if len(ideal_px) < 4:
         return []
-    discs = Discs.of(camera, ideal_px)
+    discs, tuning = Discs.of(camera, ideal_px, pixel_mm), GUIDE_SEARCH
+    usual = (0.0, tuning.usual_tilt_deg), tuning.usual_grid_deg, tuning.usual_pairs
+    steep = (tuning.steep_from_deg, tuning.steep_to_deg), tuning.steep_grid_deg, tuning.steep_pairs
     found: list[GuideIdentity] = []
-    for cone, grid_deg, pairs in _STAGES:
+    for cone, grid_deg, pairs in (usual, steep):
         views = _views(balls_mm, directions_within(cone, grid_deg))
         found = _from_likely_pairs(camera, balls_mm, views, discs, pairs, found)
-        if found and len(found[0]) >= _GOOD_SHARE * len(balls_mm):
-            return _with_rivals(camera, balls_mm, views, discs, found)
+        if found and len(found[0]) >= tuning.good_share * len(balls_mm):
+            return _with_alternatives(camera, balls_mm, views, discs, found)
     return found
 
 
@@ -104,30 +111,35 @@ def _from_likely_pairs(
     """Identities found before and those of likely pairs of discs, until more pairs would hardly find a better one."""
     best, since = len(found[0]) if found else 0, 0
     for pair in _disc_pairs(camera, balls_mm, discs.ideal_px, pairs):
-        found = _merged(found, _identities(camera, balls_mm, views, discs, pair, _LEAST_SCORE, _shared_votes))
+        found = _merged(
+            found, _identities(camera, balls_mm, views, discs, pair, GUIDE_SEARCH.least_score, _shared_votes)
+        )
         reached = len(found[0]) if found else 0
         best, since = max(best, reached), 0 if reached > best else since + 1
-        good = best >= _GOOD_SHARE * len(balls_mm) and since >= _PAIRS_WITHOUT_GAIN
-        if good or best >= _CLEAR_SHARE * len(balls_mm):
+        good = best >= GUIDE_SEARCH.good_share * len(balls_mm) and since >= GUIDE_SEARCH.pairs_without_gain
+        if good or best >= GUIDE_SEARCH.clear_share * len(balls_mm):
             break
     return found
 
 
-def _with_rivals(
+def _with_alternatives(
     camera: PinholeCamera, balls_mm: NDArray[np.float64], views: _Views, discs: Discs, found: list[GuideIdentity]
 ) -> list[GuideIdentity]:
     """Identities found before and those in which pairs of the best one's discs are other balls."""
     own = np.sort(found[0].disc_index)
-    least = max(_LEAST_SCORE, int(np.ceil(_RIVAL_SHARE * len(own))))
-    pairs = [(int(own[a]), int(own[b])) for a, b in _disc_pairs(camera, balls_mm, discs.ideal_px[own], _RIVAL_PAIRS)]
-    for rivals in mapped(lambda pair: _identities(camera, balls_mm, views, discs, pair, least, _votes), pairs, 2):
-        found = _merged(found, rivals)
+    least = max(GUIDE_SEARCH.least_score, int(np.ceil(GUIDE_SEARCH.alternative_share * len(own))))
+    pairs = [
+        (int(own[a]), int(own[b]))
+        for a, b in _disc_pairs(camera, balls_mm, discs.ideal_px[own], GUIDE_SEARCH.alternative_pairs)
+    ]
+    for others in mapped(lambda pair: _identities(camera, balls_mm, views, discs, pair, least, _votes), pairs, 2):
+        found = _merged(found, others)
     return found
 
 
 def _views(balls_mm: NDArray[np.float64], rotation: NDArray[np.float64]) -> _Views:
     apart = np.linalg.norm(balls_mm[:, None] - balls_mm[None], axis=-1)
-    first, second = np.nonzero(apart > _SHORTEST_PAIR * apart.max())
+    first, second = np.nonzero(apart > GUIDE_SEARCH.shortest_pair * apart.max())
     turned = np.ascontiguousarray(np.einsum("dij,nj->dni", rotation, balls_mm))
     return _Views(rotation, turned, first.astype(np.int64), second.astype(np.int64))
 
@@ -141,7 +153,10 @@ def _disc_pairs(
     """
     extent = float(np.linalg.norm(balls_mm[:, None] - balls_mm[None], axis=-1).max())
     f = camera.focal_length_px
-    shortest, longest = 1.5 * _SHORTEST_PAIR * extent * f / DEPTH_RANGE_MM[1], extent * f / DEPTH_RANGE_MM[0]
+    shortest, longest = (
+        1.5 * GUIDE_SEARCH.shortest_pair * extent * f / GUIDE_SEARCH.greatest_depth_mm,
+        extent * f / GUIDE_SEARCH.least_depth_mm,
+    )
     first, second = np.triu_indices(len(ideal_px), k=1)
     apart = np.linalg.norm(ideal_px[first] - ideal_px[second], axis=1)
     usable = np.flatnonzero((apart > shortest) & (apart < longest))
@@ -164,22 +179,31 @@ def _identities(
     rays = camera.rays(discs.ideal_px[list(pair)])
     slopes = np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
     scores = votes(views, discs, slopes)
-    best = np.argpartition(-scores.ravel(), _LOOKED_AT)[:_LOOKED_AT]
+    best = np.argpartition(-scores.ravel(), GUIDE_SEARCH.candidates_per_pair)[: GUIDE_SEARCH.candidates_per_pair]
     best = best[np.argsort(-scores.ravel()[best], kind="stable")]
-    poses: list[RigidPose] = []
+    poses: list[Pose] = []
     for d, p in zip(*np.unravel_index(best, scores.shape), strict=True):
-        if scores[d, p] < least_score or len(poses) == _REFINED_PER_PAIR:
+        if scores[d, p] < least_score or len(poses) == GUIDE_SEARCH.refined_per_pair:
             break
         pose = _posed(views, int(d), int(p), slopes)
-        if not any(_same(pose, other, 8.0, 15.0) for other in poses):
+        if not any(_same(pose, other, _COARSE) for other in poses):
             poses.append(pose)
-    return [settled(camera, balls_mm, discs, pose) for pose in poses]
+    starts = (Transform[Camera, Guide].from_rotation_translation(*pose) for pose in poses)
+    return [refined_identity(camera, balls_mm, discs, start) for start in starts]
 
 
 def _votes(views: _Views, discs: Discs, slopes: NDArray[np.float64], part: slice = slice(None)) -> NDArray[np.int16]:
     """Balls on discs for directions and pairs of balls, when such a pair lies on two rays, shape (D, P)."""
     turned_mm, seen = views.turned_mm[part], (discs.cell_from_slope, discs.occupied)
-    return vote(turned_mm, views.first, views.second, slopes, DEPTH_RANGE_MM, *seen, _PROBES)
+    return vote(
+        turned_mm,
+        views.first,
+        views.second,
+        slopes,
+        (GUIDE_SEARCH.least_depth_mm, GUIDE_SEARCH.greatest_depth_mm),
+        *seen,
+        GUIDE_SEARCH.probes,
+    )
 
 
 def _shared_votes(views: _Views, discs: Discs, slopes: NDArray[np.float64]) -> NDArray[np.int16]:
@@ -188,7 +212,7 @@ def _shared_votes(views: _Views, discs: Discs, slopes: NDArray[np.float64]) -> N
     return np.concatenate(halves)
 
 
-def _posed(views: _Views, direction: int, pair: int, slopes: NDArray[np.float64]) -> RigidPose:
+def _posed(views: _Views, direction: int, pair: int, slopes: NDArray[np.float64]) -> Pose:
     """The pose that puts a pair of balls exactly on a pair of rays (see `vote`)."""
     a, b = views.turned_mm[direction, [views.first[pair], views.second[pair]]]
     u, v = slopes[0] - slopes[1], slopes[0] * a[2] - slopes[1] * b[2]
@@ -199,20 +223,128 @@ def _posed(views: _Views, direction: int, pair: int, slopes: NDArray[np.float64]
     cos, sin = np.cos(angle), np.sin(angle)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     xy = slopes[0] * (depth + a[2]) - (rotation @ a)[:2]
-    return RigidPose(rotation @ views.rotation[direction], np.array([xy[0], xy[1], depth]))
+    return rotation @ views.rotation[direction], np.array([xy[0], xy[1], depth])
 
 
 def _merged(found: list[GuideIdentity], new: list[GuideIdentity]) -> list[GuideIdentity]:
     """All identities with different poses, those with most balls first, a dozen at most."""
     merged: list[GuideIdentity] = []
+    poses: list[Pose] = []
     for identity in sorted(found + new, key=len, reverse=True):
-        if not any(_same(identity.pose, other.pose, 2.0, 3.0) for other in merged):
+        pose = identity.camera_from_guide.rotation, identity.camera_from_guide.translation_mm
+        if not any(_same(pose, other, _FINE) for other in poses):
             merged.append(identity)
-    return merged[:12]
+            poses.append(pose)
+    return merged[:_MOST_IDENTITIES]
 
 
-def _same(a: RigidPose, b: RigidPose, angle_deg: float, across_mm: float) -> bool:
+def _same(a: Pose, b: Pose, within: _Nearness) -> bool:
     """Whether two poses differ by less than an angle and a distance across the beam."""
-    cos_angle = 0.5 * (float(np.sum(a.rotation * b.rotation)) - 1.0)
-    apart = np.linalg.norm((a.translation_mm - b.translation_mm)[:2])
-    return bool(cos_angle > np.cos(np.radians(angle_deg)) and apart < across_mm)
+    cos_angle = 0.5 * (float(np.sum(a[0] * b[0])) - 1.0)
+    apart = np.linalg.norm((a[1] - b[1])[:2])
+    return bool(cos_angle > np.cos(np.radians(within.angle_deg)) and apart < within.across_mm)
+
+
+@compiled
+def _placement(
+    a: NDArray[np.float64], b: NDArray[np.float64], rays: NDArray[np.float64], depth_range_mm: tuple[float, float]
+) -> Placement:
+    """Where the guide is when balls a and b, turned into a direction already, lie on the rays of two discs.
+
+    With q = (x/z, y/z) of the discs' rays and depth t of the guide's origin, the balls lie at q_a (t + z_a) and
+    q_b (t + z_b) across the beam; that they are the known length apart is a quadratic equation in t.
+    """
+    ux, uy = rays[0, 0] - rays[1, 0], rays[0, 1] - rays[1, 1]
+    vx, vy = rays[0, 0] * a[2] - rays[1, 0] * b[2], rays[0, 1] * a[2] - rays[1, 1] * b[2]
+    dx, dy = a[0] - b[0], a[1] - b[1]
+    length2, uu, uv = dx * dx + dy * dy, ux * ux + uy * uy, ux * vx + uy * vy
+    root2 = uv * uv - uu * (vx * vx + vy * vy - length2)
+    if root2 <= 0.0 or length2 < 1.0:
+        return _IMPOSSIBLE
+    t = (-uv + np.sqrt(root2)) / uu
+    if t < depth_range_mm[0] or t > depth_range_mm[1]:
+        return _IMPOSSIBLE
+    ax, ay = t * ux + vx, t * uy + vy
+    cos, sin = (ax * dx + ay * dy) / length2, (ay * dx - ax * dy) / length2
+    tx = rays[0, 0] * (t + a[2]) - (cos * a[0] - sin * a[1])
+    ty = rays[0, 1] * (t + a[2]) - (sin * a[0] + cos * a[1])
+    return t, cos, sin, tx, ty
+
+
+@compiled
+def _balls_on_discs(
+    turned_mm: NDArray[np.float64],
+    placement: Placement,
+    cell_from_slope: NDArray[np.float64],
+    occupied: NDArray[np.uint8],
+    stride: int,
+) -> int:
+    """Number of balls, shape (N, 3), on discs; 0 when given up."""
+    t, cos, sin, tx, ty = placement
+    # turn, shift and map to cells are one affine step
+    (c0, c1, column0), (r0, r1, row0) = cell_from_slope[0], cell_from_slope[1]
+    cx, cy, ct = c0 * cos + c1 * sin, c1 * cos - c0 * sin, c0 * tx + c1 * ty
+    rx, ry, rt = r0 * cos + r1 * sin, r1 * cos - r0 * sin, r0 * tx + r1 * ty
+    rows, columns = np.uint64(occupied.shape[0]), np.uint64(occupied.shape[1])
+    hits = 0
+    # balls are visited in strides, so that the first few already reach all over the pattern
+    for offset in range(stride):
+        for n in range(offset, turned_mm.shape[0], stride):
+            x, y = turned_mm[n, 0], turned_mm[n, 1]
+            nearness = 1.0 / (t + turned_mm[n, 2])
+            # without a sign, what lies before the first row or column lies far behind the last
+            column = np.uint64(int((cx * x + cy * y + ct) * nearness + column0))
+            row = np.uint64(int((rx * x + ry * y + rt) * nearness + row0))
+            if row < rows and column < columns:
+                hits += occupied[row, column]
+        if hits < 2 * offset and offset < 3:
+            return 0
+    return hits
+
+
+@compiled
+def vote(
+    turned_mm: NDArray[np.float64],
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
+    rays: NDArray[np.float64],
+    depth_range_mm: tuple[float, float],
+    cell_from_slope: NDArray[np.float64],
+    occupied: NDArray[np.uint8],
+    probes: int,
+) -> NDArray[np.int16]:
+    """Score every direction and every ordered pair of balls, taken for one pair of discs.
+
+    Parameters
+    ----------
+    turned_mm
+        Balls turned into every direction, shape (D, N, 3).
+    first, second
+        Ball indices of the pairs, shape (P,).
+    rays
+        Slopes (x/z, y/z) of the rays through both discs, shape (2, 2).
+    depth_range_mm
+        Where the guide's origin may lie.
+    cell_from_slope
+        Affine map from slopes to cells (column, row) of the look-up map, shape (2, 3).
+    occupied
+        1 where a disc is near, shape (rows, columns).
+    probes
+        Balls tested before a hypothesis is given up that has fewer than two hits after the second round, or four after
+        the third. Balls are missing at random, so the first round decides nothing.
+
+    Returns
+    -------
+    NDArray
+        Number of balls on discs, shape (D, P); 0 where impossible or given up.
+    """
+    directions, balls = turned_mm.shape[0], turned_mm.shape[1]
+    score = np.zeros((directions, len(first)), dtype=np.int16)
+    stride = max(1, balls // probes)
+    for d in range(directions):
+        turned = turned_mm[d]
+        for p in range(len(first)):
+            placement = _placement(turned[first[p]], turned[second[p]], rays, depth_range_mm)
+            if placement[0] > 0.0:
+                score[d, p] = _balls_on_discs(turned, placement, cell_from_slope, occupied, stride)
+    return score

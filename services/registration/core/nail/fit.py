@@ -16,6 +16,8 @@ from services.registration.core.acceptance.image import (
     ResidualStatistics,
     fit_reasons,
 )
+from services.registration.core.estimation.model_errors import model_loadings, model_loadings_of_shape, ray_to
+from services.registration.core.estimation.pose_estimate import POSE_SIZE, PoseErrors
 from services.registration.core.nail.evidence import hole_views, residual_statistics
 from services.registration.core.nail.forward_model import Detail, FitInput, model_at
 from services.registration.core.nail.imaging_chain import Scale
@@ -36,7 +38,6 @@ from services.registration.core.nail.least_squares import (
 from services.registration.core.nail.noise import covariance_of_sums
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.parameters import (
-    POSE_SIZE,
     SHAPE_PARAMETERS,
     Parameter,
     motion_by_parameters,
@@ -44,7 +45,6 @@ from services.registration.core.nail.parameters import (
     prior_precision,
 )
 from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
-from services.registration.core.pose_errors import MODEL_SD_OF_SHAPE, PoseErrors, model_loadings
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
@@ -194,9 +194,9 @@ def pose_errors(problem: Problem, solution: Solution, noise: NoiseModel) -> Pose
     precision[places] = 0.0
     deviations = (solution.parameters - prior_mean())[list(SHAPE_PARAMETERS)] * per_deviation
     by_others = _covariance_by(problem, solution, noise, gain, precision)
-    by_model = model_loadings(problem.model.nail, problem.model.pose(solution.parameters))
-    by_model = block_diag(by_model, np.diag(MODEL_SD_OF_SHAPE))
-    return PoseErrors(deviations, by_others, gain[:, places] * per_deviation, by_model)
+    camera_from_nail = problem.model.pose(solution.parameters)
+    by_model = block_diag(model_loadings(problem.model.nail, camera_from_nail), model_loadings_of_shape())
+    return PoseErrors(deviations, by_others, gain[:, places] * per_deviation, by_model, ray_to(camera_from_nail))
 
 
 def _covariance_by(

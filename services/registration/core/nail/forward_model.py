@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, NailShape, trace_pixels
 from services.registration.core.nail.imaging_chain import (
     CHAIN_PARAMETERS,
@@ -28,7 +29,6 @@ from services.registration.core.nail.noise import (
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.parameters import (
     ATTENUATION_PER_MM,
-    POSE_SIZE,
     STATED_CHAMFER_SD_MM,
     STEEL_IN_NAIL_MATERIAL,
     USUAL_CHAMFER_MM,

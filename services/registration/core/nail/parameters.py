@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
@@ -22,7 +23,6 @@ from shared.geometry.transform import Transform
 _MOST_DEVIATIONS = 6.0
 _RADIUS_EXCESS_BOUND_MM = 0.6
 
-POSE_SIZE = 6
 _MINIMAL_ANCHOR_DISTANCE_MM = 5.0
 _DEFAULT_ANCHOR_MM = 15.0
 _STEP = np.array([0.01, 0.01, 0.01, 0.01, 1e-4, 1e-4])

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.image import MIRROR_MARGIN_OF_ONE_HOLE
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.forward_model import Detail, FitInput, ForwardModel, model_at
 from services.registration.core.nail.imaging_chain import Scale
 from services.registration.core.nail.least_squares import (
@@ -24,13 +25,7 @@ from services.registration.core.nail.least_squares import (
     minimise_from,
     problem_for,
 )
-from services.registration.core.nail.parameters import (
-    PARAMETER_COUNT,
-    POSE_SIZE,
-    Parameter,
-    parameters_from_pose,
-    prior_mean,
-)
+from services.registration.core.nail.parameters import PARAMETER_COUNT, Parameter, parameters_from_pose, prior_mean
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import angle_between_rad
 from shared.geometry.transform import Transform

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.search import SEARCHED_OUTLINE
 from services.registration.core.acceptance.wires import GUIDE_ON_NAIL, GUIDE_ON_NAIL_MARGIN, OPENNESS_BESIDE_WIRES
-from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.locate import GuideFit, Named, guide_identities, measured_guide
 from services.registration.core.localise import Parts
 from services.registration.core.nail.search.band import SearchImage, depth_range_mm, find_bands, prepare_search
@@ -151,7 +150,7 @@ def locate_guide_beside(
 ) -> Accepted[GuideFit] | Rejected:
     """Find the guide in an un-mirrored image, given where the nail lies from it."""
     named = [one for one in guide_identities(calibration, parts.guide) if len(one) >= LEAST_BALLS]
-    bands = np.array([_band(pixels, calibration, parts.nail, _pose(one) @ guide_from_nail) for one in named])
+    bands = np.array([_band(pixels, calibration, parts.nail, one.camera_from_guide @ guide_from_nail) for one in named])
     order = np.argsort(-bands, kind="stable")
     best = float(bands[order[0]]) if len(order) else 0.0
     second = float(bands[order[1]]) if len(order) > 1 else 0.0
@@ -166,10 +165,6 @@ def locate_guide_beside(
     others = [len(one) for one in named if one is not chosen]
     margin = len(chosen) - max(others, default=0)
     return measured_guide(pixels, calibration, parts.ring, parts.guide, Named(chosen, margin, LEAST_BALLS))
-
-
-def _pose(identity: GuideIdentity) -> Transform[Camera, Guide]:
-    return Transform.from_rotation_translation(identity.pose.rotation, identity.pose.translation_mm)
 
 
 def _band(

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.images import OUTLINE_CHI_SQUARE, chi_square_limit
 from services.registration.core.acceptance.wires import OUTLINE_SHARE
-from services.registration.core.fusion.fuse import FusedPose
-from services.registration.core.pose_evidence import cross_matrix, motion_of_nail, moved_by
+from services.registration.core.estimation.joint import JointEstimate
 from services.registration.core.wires.image import WireView
 from services.registration.core.wires.nail_outline import (
     EdgeView,
@@ -25,7 +24,7 @@ from services.registration.core.wires.nail_outline import (
 )
 from shared.errors import Reason
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.lines import read_only
+from shared.geometry.lines import cross_matrix, read_only
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
 
@@ -65,19 +64,18 @@ class SetUp:
         views = []
         for k, view in enumerate(self.views):
             own = motion[6 * k : 6 * k + 6]
-            step: Transform[Guide, Guide] = Transform.from_rotvec(own[:3], own[3:])
             views.append(
                 WireView(
                     view.pixels,
                     view.calibration,
-                    view.camera_from_guide @ step,
+                    view.camera_from_guide.moved(own),
                     covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6],
                 )
             )
-        return SetUp(tuple(views), moved_by(self.guide_from_nail, motion[-6:]), covariance)
+        return SetUp(tuple(views), self.guide_from_nail.moved(motion[-6:]), covariance)
 
 
-def set_up_of(views: tuple[WireView, ...], joint: FusedPose, source: tuple[int | None, ...]) -> SetUp:
+def set_up_of(views: tuple[WireView, ...], joint: JointEstimate[Guide, Nail], source: tuple[int | None, ...]) -> SetUp:
     """Put the views together with what several images, or one, said of the nail.
 
     Parameters
@@ -87,8 +85,8 @@ def set_up_of(views: tuple[WireView, ...], joint: FusedPose, source: tuple[int |
     """
     size = 6 * len(views) + 6
     covariance = np.zeros((size, size))
-    covariance[-6:, -6:] = joint.covariance
-    by_guide = motion_of_nail(joint.guide_from_nail)
+    covariance[-6:, -6:] = joint.pose.covariance
+    by_guide = joint.pose.mean.inverse().adjoint
     for k, (view, image) in enumerate(zip(views, source, strict=True)):
         own = slice(6 * k, 6 * k + 6)
         covariance[own, own] = view.guide_covariance
@@ -96,7 +94,7 @@ def set_up_of(views: tuple[WireView, ...], joint: FusedPose, source: tuple[int |
             # The image's pose has the guide's error, seen from the nail, with the sign turned round.
             covariance[own, -6:] = -view.guide_covariance @ by_guide.T @ joint.weights[image].T
             covariance[-6:, own] = covariance[own, -6:].T
-    return SetUp(views, joint.guide_from_nail, covariance)
+    return SetUp(views, joint.pose.mean, covariance)
 
 
 _REACHES_PX = (14.0, 8.0, 5.0, 4.0, 3.0)
@@ -171,7 +169,7 @@ def with_outline(set_up: SetUp, view: int, guide: GuidePart, nail: NailPart) -> 
     for reach_px in _REACHES_PX:
         now = set_up.moved(motion, set_up.covariance)
         chained = np.zeros((6, len(prior)))
-        chained[:, 6 * view : 6 * view + 6] = motion_of_nail(now.guide_from_nail)
+        chained[:, 6 * view : 6 * view + 6] = now.guide_from_nail.inverse().adjoint
         chained[:, -6:] = np.eye(6)
         told = _information(prepared, nail, now.camera_from_nail(view), reach_px)
         normal = prior + chained.T @ told.normal @ chained

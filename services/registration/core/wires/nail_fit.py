@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from services.registration.core.acceptance.image import fit_reasons
 from services.registration.core.acceptance.wires import BESIDE_WIRES, GUIDE_TILT, LAST_SHIFT, LAST_TURN, WIRES_LOST
-from services.registration.core.fusion.localise import LocalisedImage, usable_evidence
+from services.registration.core.fusion import LocalisedImage, usable_estimate
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts, conclude, unmirrored
 from services.registration.core.nail.fit import NailFit, measure_nail
@@ -50,7 +50,7 @@ def localise_behind_wires(
     known
         The nail where it was found by a fit that knows no wires, if it was.
     """
-    view = WireView(upright, calibration, guide.camera_from_guide, guide.covariance)
+    view = WireView(upright, calibration, guide.camera_from_guide, guide.pose.covariance)
     if known is not None:
         nail = _fitted(view, parts, known.camera_from_nail, _FITTED_PX)
     else:
@@ -170,7 +170,7 @@ def beside_wires(image: WiredImage, parts: Parts) -> WiredImage:
         return image
     if not GUIDE_TILT.is_met(tilt_of_guide_deg(found.result.guide, parts)):
         return image
-    known = found.result.nail if usable_evidence(found, parts) is not None else None
+    known = found.result.nail if usable_estimate(found, parts) is not None else None
     upright = unmirrored(image.pixels, calibration)
     result = localise_behind_wires(upright, calibration, parts, found.result.guide, known)
     if result is None:

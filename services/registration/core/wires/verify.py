@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.wires import NO_SHARED_HOLE, WIRE_AXIS_BOUND, WIRE_ENTRY_BOUND
 from services.registration.core.drill_clearance import AxisOffset, across_basis, angle_deg, axis_offset_mm
-from services.registration.core.fusion.agreement import disagreement
-from services.registration.core.fusion.fuse import fuse
-from services.registration.core.fusion.localise import LocalisedImage, usable_evidence
+from services.registration.core.estimation.joint import fuse
+from services.registration.core.fusion import Estimates, LocalisedImage, disagreement, usable_estimate
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
-from services.registration.core.pose_evidence import PoseEvidence
 from services.registration.core.wires.fit import WireFit, find_wire
 from services.registration.core.wires.guided_search import locate_guide_beside
 from services.registration.core.wires.image import WireView, prepare_view
@@ -220,19 +218,19 @@ def seen_set_up(images: tuple[WiredImage, ...], earlier: tuple[LocalisedImage, .
         Of the same set-up, in the order in which they were taken.
     """
     all_images = (*earlier, *(image.found for image in images))
-    evidence = {id(one): told for one in all_images if (told := usable_evidence(one, parts)) is not None}
-    used = tuple(one for one in all_images if id(one) in evidence)
+    estimates = {id(one): estimate for one in all_images if (estimate := usable_estimate(one, parts)) is not None}
+    used = tuple(one for one in all_images if id(one) in estimates)
     if not used:
         return SeenSetUp(None, why_no_holes(images, parts), ())
-    found = tuple(evidence[id(one)] for one in used)
+    found = tuple(estimates[id(one)] for one in used)
     against = _against(used, found, parts)
     if against is not None:
         return SeenSetUp(None, (against,), ())
     joint = fuse(found)
-    seen, reasons = _views(images, parts, joint.guide_from_nail)
+    seen, reasons = _views(images, parts, joint.pose.mean)
     if not seen:
         return SeenSetUp(None, reasons, ())
-    source = tuple(used.index(one.image) if id(one.image) in evidence else None for one in seen)
+    source = tuple(used.index(one.image) if id(one.image) in estimates else None for one in seen)
     set_up = set_up_of(tuple(one.view for one in seen), joint, source)
     return _outlined(set_up, source, seen, parts, reasons)
 
@@ -277,11 +275,11 @@ def _outlined(
     return SeenSetUp(set_up, reasons, tuple(one.image.name for one in seen))
 
 
-def _against(used: tuple[LocalisedImage, ...], evidence: tuple[PoseEvidence, ...], parts: Parts) -> Reason | None:
+def _against(used: tuple[LocalisedImage, ...], estimates: Estimates, parts: Parts) -> Reason | None:
     newest = used[-1].result
-    assert newest is not None  # `usable_evidence` needs one
+    assert newest is not None  # `usable_estimate` needs one
     assert newest.nail is not None
-    return disagreement(evidence, tuple(one.name for one in used), parts, newest.nail.camera_from_nail)
+    return disagreement(estimates, tuple(one.name for one in used), parts, newest.nail.camera_from_nail)
 
 
 def _view(image: WiredImage, parts: Parts, guide_from_nail: Transform[Guide, Nail]) -> WireView | Rejected:
@@ -293,7 +291,7 @@ def _view(image: WiredImage, parts: Parts, guide_from_nail: Transform[Guide, Nai
     guide = _guide(upright, calibration, result, parts, guide_from_nail)
     if isinstance(guide, Rejected):
         return guide
-    return WireView(upright, calibration, guide.value.camera_from_guide, guide.value.covariance)
+    return WireView(upright, calibration, guide.value.camera_from_guide, guide.value.pose.covariance)
 
 
 def _guide(

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.forward_model import (
     Detail,
     FitInput,
@@ -20,7 +21,6 @@ from services.registration.core.nail.imaging_chain import Scale, blurred_image
 from services.registration.core.nail.least_squares import ALL_PARAMETERS
 from services.registration.core.nail.noise import noise_correlation, whitening_filter
 from services.registration.core.nail.parameters import (
-    POSE_SIZE,
     Parameter,
     clipped_to_bounds,
     parameters_from_pose,

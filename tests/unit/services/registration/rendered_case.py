@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.localise import Parts
 from services.registration.core.nail.forward_model import Detail, FitInput, model_at
 from services.registration.core.nail.least_squares import Problem, problem_for
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.nail.parameters import POSE_SIZE, parameters_from_pose, prior_mean
+from services.registration.core.nail.parameters import parameters_from_pose, prior_mean
 from services.registration.core.nail.tilt_ambiguity import POSE_ONLY
 from services.registration.parts import parts_from_json
 from shared.equipment import USUAL_DRILL_DIAMETER_MM

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.pose_errors import PoseErrors
+from services.registration.core.estimation.pose_estimate import PoseErrors
 
 
 def errors_without_shape(image_covariance: NDArray[np.float64], model_loadings: NDArray[np.float64]) -> PoseErrors:

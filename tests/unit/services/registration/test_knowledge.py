@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
-from services.registration.core.head.place import HeadTrouble
+from services.registration.core.head_check import HeadTrouble
 from services.registration.frames import LocalisedFrame
 from services.registration.head_check import head_trouble
 from services.registration.knowledge import Knowledge
 from shared.parts.files import sha256_of
+from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, localised
 from tests.unit.services.registration.outside import BLANK, HOME, header
-from tests.unit.services.registration.test_fusion import AMBIGUOUS, localised
 from tests.unit.services.registration.test_plan_axes import frame
 
 AWAY = HOME.model_copy(update={"x_mm": 1.5})

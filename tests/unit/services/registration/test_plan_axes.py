@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.drill_clearance import AxisOffset
-from services.registration.core.fusion.localise import LocalisedImage
+from services.registration.core.fusion import LocalisedImage
 from services.registration.core.localise import Parts
 from services.registration.core.wires.verify import AxisComparison, WireVerification
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
@@ -21,9 +21,9 @@ from shared.messages.registration import LocalisationRecord, PlanReply, PlanRequ
 from shared.messages.robot import PlatformPoseMessage
 from shared.parts.files import sha256_of
 from shared.parts.hexapod_file import hexapod_from_json
+from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, PARTS, UNCERTAIN, localised
 from tests.unit.services.registration.outside import HOME, header, reference
 from tests.unit.services.registration.rendered_case import GUIDE_JSON, HEXAPOD_JSON, NAIL_JSON, RING_JSON
-from tests.unit.services.registration.test_fusion import AMBIGUOUS, PARTS, UNCERTAIN, localised
 
 TIMES = MeasuredTimes(1.0, 1.0, 1.0, 1.0)
 

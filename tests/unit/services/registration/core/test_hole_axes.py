@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.drill_clearance import across_basis
+from services.registration.core.estimation.image_points import Correspondences, refine_pose
+from services.registration.core.estimation.model_errors import model_covariance
+from services.registration.core.estimation.pose_estimate import PoseErrors, PoseEstimate
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import Parts, hole_estimates
 from services.registration.core.nail_estimate import NailEstimate
-from services.registration.core.pose import Correspondences, RigidPose, refine_pose
-from services.registration.core.pose_errors import MODEL_SD_MM, PoseErrors, model_covariance
+from services.registration.core.tuning import MODEL_ERRORS
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
@@ -33,7 +35,8 @@ def guide_fit(pose: Transform[Camera, Guide], covariance: NDArray[np.float64]) -
     part = guide_part()
     px = VIEW.camera.project(pose.points(part.balls.position_mm))
     count = len(part.balls)
-    return GuideFit(pose, covariance, np.ones(count, bool), px, np.full(count, 0.05), count, 0.05, 10)
+    estimate = PoseEstimate.of(pose, covariance)
+    return GuideFit(estimate, np.ones(count, bool), px, np.full(count, 0.05), count, 0.05, 10)
 
 
 def fit_errors(covariance: NDArray[np.float64]) -> PoseErrors:
@@ -60,11 +63,6 @@ def small_covariance(seed: int) -> NDArray[np.float64]:
     return np.asarray(scale @ root @ root.T @ scale)
 
 
-def moved(pose: Transform[Camera, Guide], step: NDArray[np.float64]) -> Transform[Camera, Guide]:
-    small: Transform[Guide, Guide] = Transform.from_rotvec(step[:3], step[3:])
-    return pose @ small
-
-
 def test_covariance_is_that_of_random_pose_errors() -> None:
     """Draw true poses around the estimated ones: the offsets of the true axis scatter as predicted."""
     rng = np.random.default_rng(1)
@@ -83,8 +81,7 @@ def test_covariance_is_that_of_random_pose_errors() -> None:
     across = across_basis(hole.axis_guide.direction)
     ends = np.stack(hole_surface_points(part, part.holes[0]))
     for guide_step, nail_step in zip(guide_steps, nail_steps, strict=True):
-        camera_from_nail = RigidPose(NAIL_POSE.rotation, NAIL_POSE.translation_mm).moved(nail_step)
-        true = moved(GUIDE_POSE, guide_step).inverse().points(camera_from_nail.points(ends))
+        true = GUIDE_POSE.moved(guide_step).inverse().points(NAIL_POSE.moved(nail_step).points(ends))
         drawn.append(((true - np.stack([hole.entry_guide_mm, hole.exit_guide_mm])) @ across.T).ravel())
     assert hole.offset is not None
     sample = np.cov(np.array(drawn).T)
@@ -109,7 +106,8 @@ def test_a_source_a_few_millimetres_off_costs_little_and_is_counted() -> None:
 def test_pose_refinement_reaches_the_truth_past_outliers() -> None:
     camera = PinholeCamera(VIEW.camera.intrinsic_matrix_px)
     body = np.random.default_rng(4).uniform(-25.0, 25.0, (20, 3))
-    true = RigidPose(Rotation.from_euler("xyz", [10, -8, 50], degrees=True).as_matrix(), np.array([3.0, 5.0, 640.0]))
+    turn = Rotation.from_euler("xyz", [10, -8, 50], degrees=True).as_matrix()
+    true: Transform[Camera, Guide] = Transform.from_rotation_translation(turn, [3.0, 5.0, 640.0])
     px = camera.project(true.points(body))
     px[:3] += 30.0
     start = true.moved(np.array([0.02, -0.03, 0.05, 1.0, -2.0, 6.0]))
@@ -125,7 +123,9 @@ def test_the_models_error_of_depth_grows_as_the_holes_get_closer() -> None:
     for hole_x_mm in ((15.0, -15.0), (10.0, -10.0), (0.0,)):
         covariance = model_covariance(nail_part(hole_x_mm=hole_x_mm), NAIL_POSE)
         deviations.append(float(np.sqrt(ray @ covariance[3:, 3:] @ ray)))
-    assert deviations == pytest.approx([MODEL_SD_MM * 740.0 / known for known in (30.0, 20.0, 12.0)], rel=0.01)
+    assert deviations == pytest.approx(
+        [MODEL_ERRORS.position_mm * 740.0 / known for known in (30.0, 20.0, 12.0)], rel=0.01
+    )
 
 
 def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
@@ -138,6 +138,6 @@ def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
         offset = hole_estimates(KNOWN_SOURCE, PARTS, fit, estimate)[0].offset
         assert offset is not None
         entry_sd_mm.append(offset.entry_sd_mm)
-    depth_sd_mm = MODEL_SD_MM * 740.0 / 30.0
+    depth_sd_mm = MODEL_ERRORS.position_mm * 740.0 / 30.0
     across_mm = depth_sd_mm * np.sin(np.radians(10.0))
     assert entry_sd_mm[1] ** 2 - entry_sd_mm[0] ** 2 == pytest.approx(across_mm**2, rel=0.05)

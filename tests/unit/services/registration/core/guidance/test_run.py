@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.c_arm_advice import advice
+from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guidance.nail_tracking import Look
 from services.registration.core.guidance.run import Arrival, Run
 from services.registration.core.guidance.tracking import Key, Margin, Origin, Sight, Track
@@ -24,8 +25,8 @@ def guide_at(x_mm: float) -> Transform[Camera, Guide]:
 
 
 def track(x_mm: float = 0.0) -> Track:
-    nail: Transform[Guide, Nail] = Transform.from_rotvec(np.zeros(3), np.zeros(3))
-    key = Key(nail, np.eye(6), Look(np.zeros(4), np.eye(6), 1.0))
+    nail: Transform[Guide, Nail] = Transform.identity()
+    key = Key(PoseEstimate.of(nail, np.eye(6)), Look(np.zeros(4), np.eye(6), 1.0))
     return Track(key, guide_at(x_mm), Margin(None, 0), 0)
 
 

@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.fusion.fuse import fuse
-from services.registration.core.fusion.localise import LocalisedImage
+from services.registration.core.estimation.joint import fuse
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.fusion import LocalisedImage
 from services.registration.core.guide.locate import locate_guide
-from services.registration.core.pose_evidence import PoseEvidence, motion_of_nail
 from services.registration.core.wires.guided_search import locate_guide_beside
 from services.registration.core.wires.image import WireView
 from services.registration.core.wires.joint_estimate import SetUp, set_up_of, with_outline
@@ -23,6 +23,8 @@ from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
 from shared.xray.detection import detect_balls
+from tests.unit.services.registration.core.test_fusion import PARTS as FUSION_PARTS
+from tests.unit.services.registration.core.test_fusion import localised
 from tests.unit.services.registration.core.wires.wire_scene import (
     ALONG_THE_GUIDE,
     GUIDE_COVARIANCE,
@@ -34,9 +36,6 @@ from tests.unit.services.registration.core.wires.wire_scene import (
 from tests.unit.services.registration.rendered_case import CAMERA_FROM_GUIDE, CAMERA_FROM_NAIL
 from tests.unit.services.registration.rendered_case import SIZE_PX as CASE_SIZE_PX
 from tests.unit.services.registration.rendered_case import rendered_parts as parts_of_the_case
-from tests.unit.services.registration.stated_errors import errors_without_shape
-from tests.unit.services.registration.test_fusion import PARTS as FUSION_PARTS
-from tests.unit.services.registration.test_fusion import localised
 from tests.unit.services.registration.xray_scene import Scene, calibration, guide_part, nail_part, render
 
 OBLIQUE = oblique(38.0)
@@ -65,7 +64,7 @@ def at_the_nail(set_up: SetUp, true_pose: Transform[Camera, Guide]) -> tuple[flo
     across /= np.linalg.norm(across)
     believed_nail = set_up.camera_from_nail(0)
     J = across @ believed_nail.rotation @ np.hstack([np.zeros((3, 3)), np.eye(3)])
-    chained = np.hstack([motion_of_nail(set_up.guide_from_nail), np.eye(6)])
+    chained = np.hstack([set_up.guide_from_nail.inverse().adjoint, np.eye(6)])
     sd_mm = float(np.sqrt(J @ chained @ set_up.covariance @ chained.T @ J))
     return abs(float(across @ (believed_nail.translation_mm - true.translation_mm))), sd_mm
 
@@ -148,18 +147,14 @@ def test_a_nail_that_is_nowhere_near_shows_no_outline() -> None:
 
 def test_what_an_image_said_of_the_nail_has_its_guides_error_in_it() -> None:
     guide_covariance = GUIDE_COVARIANCE
-    by_guide = motion_of_nail(GUIDE_FROM_NAIL)
-    evidence = PoseEvidence(
-        GUIDE_FROM_NAIL,
-        np.array([0.0, 0.0, 1.0]),
-        errors_without_shape(by_guide @ guide_covariance @ by_guide.T, np.zeros((6, 6))),
-    )
+    by_guide = GUIDE_FROM_NAIL.inverse().adjoint
+    estimate = PoseEstimate.of(GUIDE_FROM_NAIL, by_guide @ guide_covariance @ by_guide.T)
     view = blank_view()
-    set_up = set_up_of((view,), fuse((evidence,)), (0,))
+    set_up = set_up_of((view,), fuse((estimate,)), (0,))
     chained = np.hstack([by_guide, np.eye(6)])
     # all of the nail's error is the guide's: together they leave none in the image
     assert np.abs(chained @ set_up.covariance @ chained.T).max() < 1e-12
-    apart = set_up_of((view,), fuse((evidence,)), (None,))
+    apart = set_up_of((view,), fuse((estimate,)), (None,))
     assert np.abs(chained @ apart.covariance @ chained.T).max() > 1e-3
 
 

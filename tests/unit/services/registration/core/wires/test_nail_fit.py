@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.fusion.localise import LocalisedImage
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.fusion import LocalisedImage
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.pose_evidence import motion_between
 from services.registration.core.wires.guided_search import nail_beside_guide
 from services.registration.core.wires.nail_fit import (
     WiredImage,
@@ -44,7 +44,9 @@ PARTS = Parts(rendered_parts().ring, replace(guide_part(), body=()), nail_part()
 
 def guide_at(camera_from_guide: Transform[Camera, Guide]) -> GuideFit:
     used = np.ones(8, dtype=np.bool_)
-    return GuideFit(camera_from_guide, GUIDE_COVARIANCE, used, np.zeros((8, 2)), np.full(8, 0.05), 8, 0.05, 8)
+    return GuideFit(
+        PoseEstimate.of(camera_from_guide, GUIDE_COVARIANCE), used, np.zeros((8, 2)), np.full(8, 0.05), 8, 0.05, 8
+    )
 
 
 @lru_cache(maxsize=1)
@@ -63,7 +65,7 @@ def found(reasons: tuple[Reason, ...], guide: GuideFit | None) -> LocalisedImage
 def test_the_start_is_near_though_wires_cover_the_holes() -> None:
     start = nail_beside_guide(lateral_pixels(), calibration(SIZE_PX), PARTS.guide, PARTS.nail, LATERAL)
     assert isinstance(start, Accepted), start
-    off = motion_between(GUIDE_FROM_NAIL, LATERAL.inverse() @ start.value)
+    off = GUIDE_FROM_NAIL.motion_to(LATERAL.inverse() @ start.value)
     print(f"start off by {np.degrees(off[:3]).round(2)} degrees, {off[3:].round(2)} mm")
     assert float(np.linalg.norm(off[3:5])) < 1.5
     assert float(np.degrees(np.linalg.norm(off[:3]))) < 5.0
@@ -80,7 +82,7 @@ def test_wires_that_are_not_modelled_spoil_the_fit_and_modelled_ones_do_not() ->
     assert result.nail is not None, result.reasons
     assert result.nail.covariance is not None
     assert result.guide_from_nail is not None
-    off = motion_between(GUIDE_FROM_NAIL, result.guide_from_nail)
+    off = GUIDE_FROM_NAIL.motion_to(result.guide_from_nail)
     normalised = off / np.sqrt(np.diag(result.nail.covariance))
     print(f"off by {np.degrees(off[:3]).round(3)} degrees, {off[3:].round(3)} mm, normalised {normalised.round(2)}")
     assert float(np.linalg.norm(off[3:5])) < 0.1

@@ -1,12 +1,23 @@
-"""The first move: what tells a wrong head extension or a turned guide, and what must not be taken for one."""
+"""The guide's hold checked by the first image and by the first move: what is refused, and what must not be."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from services.registration.core.head.motion import MotionView, c_arm_stood_still, check_motion, seen_motion
-from services.registration.core.head.place import HeadTrouble
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.head_check import (
+    HeadRefused,
+    HeadTrouble,
+    MotionView,
+    c_arm_stood_still,
+    check_motion,
+    check_place,
+    observed_motion,
+)
 from shared.geometry.frames import Guide, Nail, Ring, RobotBase, RobotTop
-from shared.geometry.hexapod import ZERO_POSE, PlatformPose, base_from_top
+from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose, base_from_top
+from shared.geometry.hexapod_mount import MountPlace
 from shared.geometry.transform import Transform
 from shared.parts.hexapod_file import default_hexapod
 
@@ -32,8 +43,9 @@ def views(
         c_arm: Transform[Ring, Ring] = Transform.from_rotvec(np.radians([turned_deg, 0.0, 0.0]), np.zeros(3))
         slip: Transform[RobotBase, RobotBase] = Transform.from_rotvec(np.zeros(3), [0.0, slipped_mm, slipped_mm])
         guide = c_arm @ RING_FROM_BASE @ slip @ base_from_top(HEXAPOD, pose, HEXAPOD.pivot_mm) @ head
-        nail = c_arm @ ring_from_nail
-        made.append(MotionView(pose, guide, GUIDE_COVARIANCE, nail, NAIL_COVARIANCE, SOURCE_MM, SOURCE_COVARIANCE_MM2))
+        guide_estimate = PoseEstimate.of(guide, GUIDE_COVARIANCE)
+        nail_estimate = PoseEstimate.of(c_arm @ ring_from_nail, NAIL_COVARIANCE)
+        made.append(MotionView(pose, guide_estimate, nail_estimate, SOURCE_MM, SOURCE_COVARIANCE_MM2))
     return made[0], made[1]
 
 
@@ -93,9 +105,67 @@ def test_a_c_arm_that_was_turned_is_no_reference() -> None:
     assert c_arm_stood_still(*still)
     assert not c_arm_stood_still(*turned)
     for before, after in (still, turned):
-        motion = seen_motion(before, after)
+        motion = observed_motion(before, after)
         expected = base_from_top(HEXAPOD, LATER, HEXAPOD.pivot_mm) @ held((0.0, 0.0, 0.0))
         start = base_from_top(HEXAPOD, ZERO_POSE, HEXAPOD.pivot_mm) @ held((0.0, 0.0, 0.0))
-        np.testing.assert_allclose(motion.guide_from_later_guide.matrix, (start.inverse() @ expected).matrix, atol=1e-9)
-    spreads = [np.trace(seen_motion(*pair).covariance[3:, 3:]) for pair in (still, turned)]
+        np.testing.assert_allclose(motion.mean.matrix, (start.inverse() @ expected).matrix, atol=1e-9)
+    spreads = [np.trace(observed_motion(*pair).covariance[3:, 3:]) for pair in (still, turned)]
     assert spreads[1] > 3.0 * spreads[0], "the nail is the weaker reference"
+
+
+FIRST_POSE = PlatformPose(1.0, -2.0, 0.5, 3.0, -2.0, 4.0)
+SEEN_IN_FIRST_IMAGE: Transform[Guide, Nail] = Transform.from_rotvec(np.radians([2.0, -3.0, 1.5]), [2.0, -3.0, 105.0])
+
+
+def with_mount(off_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> HexapodPart:
+    """A robot whose file knows where the mount on the nail's head holds it; the nail is off from there."""
+    hexapod = default_hexapod()
+    true = (
+        base_from_top(hexapod, FIRST_POSE, hexapod.pivot_mm) @ hexapod.top_from_guide(ENTERED_MM) @ SEEN_IN_FIRST_IMAGE
+    )
+    designed: Transform[RobotBase, Nail] = Transform.from_rotation_translation(
+        true.rotation, true.translation_mm - off_mm
+    )
+    mount = MountPlace("nail_head", designed, np.array([3.0, 5.0, 5.0]), 10.0)
+    return replace(hexapod, mounts=(mount,))
+
+
+def checked(hexapod: HexapodPart, entered_mm: float = ENTERED_MM, mount: str = "nail_head") -> HeadRefused | None:
+    return check_place(hexapod, FIRST_POSE, entered_mm, SEEN_IN_FIRST_IMAGE, mount)
+
+
+def test_what_fits_the_mount_is_let_pass() -> None:
+    assert checked(with_mount()) is None
+    assert checked(with_mount((2.9, -4.9, 4.9))) is None
+
+
+@pytest.mark.parametrize(("entered_mm", "fitting"), [(50.0, "60 mm would fit"), (70.0, "60 mm would fit")])
+def test_an_extension_entered_10_mm_wrong_is_noticed_from_the_first_image(entered_mm: float, fitting: str) -> None:
+    refused = checked(with_mount(), entered_mm)
+    assert refused is not None
+    assert refused.code is HeadTrouble.HEAD_EXTENSION
+    assert f"{entered_mm - 60.0:+.1f}"[:3] in refused.message
+    assert f"entered as {entered_mm:g} mm, {fitting}" in refused.message
+    assert "(limit 3 mm)" in refused.message
+
+
+def test_a_mount_that_sits_elsewhere_is_told() -> None:
+    refused = checked(with_mount((0.0, 6.0, -7.0)))
+    assert refused is not None
+    assert refused.code is HeadTrouble.MOUNT_PLACE
+    assert "+6.0 mm along y (limit 5 mm), -7.0 mm along z (limit 5 mm)" in refused.message
+
+
+def test_of_a_mount_that_no_file_describes_only_directions_are_known() -> None:
+    assert checked(with_mount((0.0, 60.0, -70.0)), mount="bone") is None
+    assert checked(default_hexapod(), entered_mm=45.0) is None
+
+
+@pytest.mark.parametrize("turn_deg", [(0.0, 0.0, 180.0), (0.0, 0.0, 90.0), (180.0, 0.0, 0.0), (0.0, 35.0, 0.0)])
+def test_a_guide_on_turned_is_noticed_from_the_first_image(turn_deg: tuple[float, float, float]) -> None:
+    turned: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(turn_deg), np.zeros(3))
+    refused = check_place(default_hexapod(), FIRST_POSE, ENTERED_MM, turned @ SEEN_IN_FIRST_IMAGE, "bone")
+    assert refused is not None
+    assert refused.code is HeadTrouble.GUIDE_TURNED
+    assert "(limit 30°)" in refused.message
+    assert "put the guide on the head with its distal mark to the distal end" in refused.message

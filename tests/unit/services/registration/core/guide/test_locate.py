@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from services.registration.core.guide import search
 from services.registration.core.guide.locate import GuideFit, locate_guide, needed_balls
-from services.registration.core.guide.search import search_guide
-from services.registration.core.guide.vote import vote
+from services.registration.core.guide.search import search_guide, vote
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
@@ -20,6 +19,7 @@ from shared.geometry.parts import BallPattern, GuidePart, RingPart
 from shared.geometry.transform import Transform
 from shared.parts.files import guide_from_json
 from shared.xray.detection import detect_balls
+from shared.xray.pixel_scale import USUAL_PIXEL_MM
 from tests.unit.services.registration.xray_scene import Scene, calibration, pincushion, render
 
 SIZE_PX = 640
@@ -114,7 +114,7 @@ def test_found_from_thirteen_balls_and_predicted_errors_are_real(guide: GuidePar
         fit = fit_of(located(Scene(SIZE_PX, balls=balls_of(guide, true, shown)), guide, seed))
         assert not (fit.used & ~shown).any(), "a ball that is not there was measured"
         motion = (fit.camera_from_guide.inverse() @ true).rotation_vector_rad[:2]
-        squares.append(motion @ np.linalg.solve(fit.covariance[:2, :2], motion) / 2.0)
+        squares.append(motion @ np.linalg.solve(fit.pose.covariance[:2, :2], motion) / 2.0)
     print(f"squared normalised errors {np.round(squares, 2)}")
     assert 0.02 < np.mean(squares) < 4.0
 
@@ -176,7 +176,7 @@ def test_identity_survives_clutter_and_loss(guide: GuidePart) -> None:
         px = camera.project(pose.points(balls[shown])) + rng.normal(0.0, 0.1, (17, 2))
         discs = np.concatenate([px, rng.uniform(200.0, 820.0, (34, 2))])
         order = rng.permutation(len(discs))
-        best = search_guide(camera, balls, discs[order])[0]
+        best = search_guide(camera, balls, discs[order], USUAL_PIXEL_MM)[0]
         right = [order[d] < 17 and shown[order[d]] == b for b, d in zip(best.ball_index, best.disc_index, strict=True)]
         print(f"trial {trial}: {sum(right)} of {len(right)} discs named rightly")
         assert sum(right) >= 15
@@ -190,7 +190,7 @@ def test_no_ball_is_indispensable_to_the_search(guide: GuidePart) -> None:
     true = posed((25.0, 3.0, -4.0))
     for first in range(4):
         shown = np.setdiff1d(np.arange(28), np.arange(first, 28, 4))
-        best = search_guide(camera, balls, camera.project(true.points(balls[shown])))[0]
+        best = search_guide(camera, balls, camera.project(true.points(balls[shown])), USUAL_PIXEL_MM)[0]
         assert np.array_equal(best.ball_index, shown), f"every fourth ball missing from {first}"
 
 
@@ -210,7 +210,9 @@ def test_a_guide_of_which_half_is_covered_is_soon_found(guide: GuidePart, monkey
         shown = rng.permutation(28)[:14]
         px = camera.project(posed((40.0 * trial, 4.0, 3.0)).points(balls[shown])) + rng.normal(0.0, 0.1, (14, 2))
         tried.clear()
-        best, *rivals = search_guide(camera, balls, np.concatenate([px, rng.uniform(200.0, 820.0, (14, 2))]))
+        best, *rivals = search_guide(
+            camera, balls, np.concatenate([px, rng.uniform(200.0, 820.0, (14, 2))]), USUAL_PIXEL_MM
+        )
         print(f"trial {trial}: {len(tried)} pairs, {len(best)} balls, {max(map(len, rivals), default=0)} by the next")
         assert np.array_equal(shown[best.disc_index], best.ball_index)
         assert len(best) == 14

@@ -7,27 +7,32 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.fusion.fuse import fuse
-from services.registration.core.fusion.joint_errors import joint_covariance
-from services.registration.core.pose_errors import PoseErrors
-from services.registration.core.pose_evidence import PoseEvidence, motion_between
+from services.registration.core.estimation.joint import fuse, joint_covariance
+from services.registration.core.estimation.pose_estimate import PoseErrors
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.transform import Transform
-from tests.unit.services.registration.stated_evidence import POSE, evidence, shifted, told, with_errors
+from tests.unit.services.registration.core.estimation.stated_estimates import (
+    POSE,
+    Estimate,
+    evidence,
+    shifted,
+    told,
+    with_errors,
+)
 
 
 def test_images_from_one_direction_share_most_of_their_errors() -> None:
     same, apart = fuse((evidence(), evidence())), fuse((evidence(), evidence((0.0, 9.0))))
     alone = evidence().covariance
-    assert np.sqrt(same.covariance[0, 0] / alone[0, 0]) == pytest.approx(np.sqrt((1.0 + 0.7) / 2.0), abs=0.01)
-    assert np.sqrt(apart.covariance[0, 0] / alone[0, 0]) < 0.8
+    assert np.sqrt(same.pose.covariance[0, 0] / alone[0, 0]) == pytest.approx(np.sqrt((1.0 + 0.7) / 2.0), abs=0.01)
+    assert np.sqrt(apart.pose.covariance[0, 0] / alone[0, 0]) < 0.8
 
 
 def test_the_models_own_errors_hardly_average_out() -> None:
     only_model = tuple(
         with_errors(evidence((0.0, lean)), image_covariance=np.eye(6) * 1e-10) for lean in (0.0, 5.0, 10.0, 15.0)
     )
-    ratio = fuse(only_model).covariance[0, 0] / only_model[0].covariance[0, 0]
+    ratio = fuse(only_model).pose.covariance[0, 0] / only_model[0].covariance[0, 0]
     assert ratio == pytest.approx(0.5 + 0.5 / 4.0, abs=0.01)
 
 
@@ -50,17 +55,17 @@ def information_of(lean_deg: float, leant_deg: float, radius_sd: float) -> NDArr
     return np.asarray(looks_like.T @ block_diag(pose, np.array([[radius_sd**-2]])) @ looks_like)
 
 
-def of_unknown_radius(lean_deg: float, leant_deg: float, radius_sd: float) -> PoseEvidence:
+def of_unknown_radius(lean_deg: float, leant_deg: float, radius_sd: float) -> Estimate:
     """An image of a nail whose holes' radius is not known, as a fit to a linear model would tell of it."""
     information = information_of(lean_deg, leant_deg, radius_sd)
     spread = np.asarray(np.linalg.inv(information + np.diag(RADIUS)), dtype=np.float64)
     one = evidence((lean_deg, 0.0))
     by_model = np.vstack([one.errors.model_loadings, np.zeros(6)])
-    errors = PoseErrors(np.zeros(1), np.asarray(spread @ information @ spread), spread[:, 6:], by_model)
+    errors = PoseErrors(np.zeros(1), np.asarray(spread @ information @ spread), spread[:, 6:], by_model, one.errors.ray)
     return replace(one, errors=errors)
 
 
-def fitted(one: PoseEvidence, radius: float, error: NDArray[np.float64] = NO_ERROR) -> PoseEvidence:
+def fitted(one: Estimate, radius: float, error: NDArray[np.float64] = NO_ERROR) -> Estimate:
     """What the image says of a nail with such a radius when the fit errs by so much, shape (7,)."""
     error = error + radius * one.errors.shape_pull[:, 0]
     told = replace(one, errors=replace(one.errors, shape_deviations=np.array([radius - error[6]])))
@@ -68,7 +73,7 @@ def fitted(one: PoseEvidence, radius: float, error: NDArray[np.float64] = NO_ERR
 
 
 def lean_deg(pose: Transform[Guide, Nail]) -> float:
-    return float(np.degrees(motion_between(POSE, pose)[0]))
+    return float(np.degrees(POSE.motion_to(pose)[0]))
 
 
 def test_joint_estimate_is_that_of_all_pixels_at_once() -> None:
@@ -86,9 +91,9 @@ def test_joint_estimate_is_that_of_all_pixels_at_once() -> None:
         total, side = total + information, side + information @ seen
     joint = fuse(tuple(images))
     deviation = np.sqrt(np.diag(np.linalg.inv(total)))[:6]
-    found = motion_between(POSE, joint.guide_from_nail)
+    found = POSE.motion_to(joint.pose.mean)
     assert found / deviation == pytest.approx(np.linalg.solve(total, side)[:6] / deviation, abs=1e-4)
-    assert np.sqrt(np.diag(joint.covariance)) == pytest.approx(deviation, rel=0.01)
+    assert np.sqrt(np.diag(joint.pose.covariance)) == pytest.approx(deviation, rel=0.01)
 
 
 def test_a_radius_seen_from_both_sides_is_told_from_a_tilt() -> None:
@@ -96,13 +101,13 @@ def test_a_radius_seen_from_both_sides_is_told_from_a_tilt() -> None:
     there, back = of_unknown_radius(5.0, 0.2, 3.0), of_unknown_radius(-5.0, -0.1, 3.0)
     images = (fitted(there, 2.0), fitted(back, 2.0))
     joint = fuse(images)
-    alone = [lean_deg(one.guide_from_nail) for one in images]
-    print(f"alone {alone[0]:.3f} and {alone[1]:.3f} degrees, together {lean_deg(joint.guide_from_nail):.3f}")
+    alone = [lean_deg(one.mean) for one in images]
+    print(f"alone {alone[0]:.3f} and {alone[1]:.3f} degrees, together {lean_deg(joint.pose.mean):.3f}")
     assert min(abs(off) for off in alone) > 0.1
-    assert abs(lean_deg(joint.guide_from_nail)) < 0.4 * min(abs(off) for off in alone)
-    known = fuse((evidence((5.0, 0.0)), evidence((-5.0, 0.0)))).covariance[0, 0]
+    assert abs(lean_deg(joint.pose.mean)) < 0.4 * min(abs(off) for off in alone)
+    known = fuse((evidence((5.0, 0.0)), evidence((-5.0, 0.0)))).pose.covariance[0, 0]
     unknown = min(one.covariance[0, 0] for one in images)
-    assert known < joint.covariance[0, 0] < 0.75 * unknown
+    assert known < joint.pose.covariance[0, 0] < 0.75 * unknown
     # half a degree apart, by a radius of two standard deviations: no contradiction
     assert joint.chi_square < 5.0
 
@@ -110,15 +115,15 @@ def test_a_radius_seen_from_both_sides_is_told_from_a_tilt() -> None:
 def test_a_radius_seen_twice_from_one_side_stays_unknown() -> None:
     images = (of_unknown_radius(5.0, 0.2, 3.0), of_unknown_radius(5.5, 0.2, 3.0))
     joint = fuse(tuple(fitted(one, 2.0) for one in images))
-    assert lean_deg(joint.guide_from_nail) == pytest.approx(lean_deg(fitted(images[0], 2.0).guide_from_nail), rel=0.1)
-    assert joint.covariance[0, 0] > 0.85 * images[0].covariance[0, 0]
+    assert lean_deg(joint.pose.mean) == pytest.approx(lean_deg(fitted(images[0], 2.0).mean), rel=0.1)
+    assert joint.pose.covariance[0, 0] > 0.85 * images[0].covariance[0, 0]
 
 
 def test_images_that_find_different_nails_contradict_one_another() -> None:
     """The guide in the same place, and wider holes: they would move the joint pose where neither image has it."""
     sharp = (of_unknown_radius(5.0, 0.2, 0.3), of_unknown_radius(-5.0, -0.2, 0.3))
     images = tuple(with_errors(one, shape_deviations=np.array([d])) for one, d in zip(sharp, (3.0, -3.0), strict=True))
-    assert abs(lean_deg(fuse(images).guide_from_nail)) > 0.3
+    assert abs(lean_deg(fuse(images).pose.mean)) > 0.3
     reason = told(images)
     assert reason is not None
     assert "the holes' radius by 0.18 mm" in reason.message
@@ -132,10 +137,10 @@ def test_an_image_that_tells_nothing_of_the_shape_has_no_say_in_it() -> None:
     joint, other = (
         fuse((fitted(there, 2.0), with_errors(silent, shape_deviations=told))) for told in (RADIUS[:1], RADIUS[6:])
     )
-    assert other.guide_from_nail.matrix == pytest.approx(joint.guide_from_nail.matrix, abs=1e-6)
+    assert other.pose.mean.matrix == pytest.approx(joint.pose.mean.matrix, abs=1e-6)
     assert other.chi_square == pytest.approx(joint.chi_square)
     assert joint.degrees_of_freedom == 6
-    assert np.all(np.linalg.eigvalsh(joint.covariance) > 0.0)
+    assert np.all(np.linalg.eigvalsh(joint.pose.covariance) > 0.0)
 
 
 def test_two_images_from_one_side_count_little_more_than_one() -> None:
@@ -155,12 +160,12 @@ def test_errors_are_as_large_as_predicted_when_images_share_as_assumed() -> None
         of_unknown_radius(2.5, 0.08, 2.0),
         of_unknown_radius(-5.0, -0.2, 0.5),
     )
-    root = np.linalg.cholesky(joint_covariance(images))
+    root = np.linalg.cholesky(joint_covariance(tuple(image.errors for image in images)))
     normalised = []
     for _ in range(300):
         errors, radius = (root @ rng.standard_normal(21)).reshape(3, 7), float(rng.standard_normal())
         joint = fuse(tuple(fitted(image, radius, error) for image, error in zip(images, errors, strict=True)))
-        normalised.append(motion_between(POSE, joint.guide_from_nail) / np.sqrt(np.diag(joint.covariance)))
+        normalised.append(POSE.motion_to(joint.pose.mean) / np.sqrt(np.diag(joint.pose.covariance)))
     rms = np.sqrt(np.mean(np.square(normalised), axis=0))
     print(f"seed {seed}, normalised rms {np.round(rms, 2)}")
     assert np.all((rms > 0.88) & (rms < 1.12))

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.correlated_pose import CorrelatedFit, fit_with_shared_errors
-from services.registration.core.pose import Correspondences, RigidPose, refine_pose
+from services.registration.core.estimation.image_points import Correspondences, refine_pose
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
 from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.transform import Transform
 from shared.parts.files import guide_from_json
 
 CAMERA = PinholeCamera(np.array([[4400.0, 0.0, 512.0], [0.0, 4400.0, 512.0], [0.0, 0.0, 1.0]]))
-POSE = RigidPose(np.eye(3), np.array([5.0, -3.0, 640.0]))
+POSE: Transform[Camera, Guide] = Transform.from_rotation_translation(np.eye(3), [5.0, -3.0, 640.0])
 STATED_PX = 0.06
 SHARED_PX, SHARED_LENGTH_PX = 0.1, 80.0
 DRAWS = 200
@@ -31,11 +34,11 @@ def _seen(offset_px: NDArray[np.float64]) -> Correspondences:
     return Correspondences(BODY_MM, EXACT_PX + offset_px, np.full(len(BODY_MM), STATED_PX))
 
 
-def _fitted(seen: Correspondences, shared_px2: NDArray[np.float64]) -> CorrelatedFit:
+def _fitted(seen: Correspondences, shared_px2: NDArray[np.float64]) -> PoseEstimate[Camera, Guide]:
     return fit_with_shared_errors(CAMERA, refine_pose(CAMERA, POSE, seen), seen, shared_px2)
 
 
-def _error_mm(pose: RigidPose) -> NDArray[np.float64]:
+def _error_mm(pose: Transform[Camera, Guide]) -> NDArray[np.float64]:
     return np.asarray(pose.rotation.T @ (POSE.translation_mm - pose.translation_mm))
 
 
@@ -44,7 +47,7 @@ def test_predicted_errors_follow_the_residuals(true_px: float, lowest: float, hi
     rng, normalised = np.random.default_rng(31), []
     for _ in range(DRAWS):
         fit = _fitted(_seen(rng.normal(0.0, true_px, EXACT_PX.shape)), NOTHING_SHARED)
-        normalised.append(_error_mm(fit.pose) / np.sqrt(np.diag(fit.covariance)[3:]))
+        normalised.append(_error_mm(fit.mean) / np.sqrt(np.diag(fit.covariance)[3:]))
     rms = np.sqrt(np.mean(np.square(normalised), axis=0))
     print(f"{true_px} px instead of {STATED_PX} px: {rms}")
     assert np.all((rms > lowest) & (rms < highest))
@@ -58,7 +61,7 @@ def test_shared_errors_are_weighed_and_predicted() -> None:
         drawn = factor @ rng.normal(size=EXACT_PX.shape) + rng.normal(0.0, STATED_PX, EXACT_PX.shape)
         seen = _seen(drawn)
         fit = _fitted(seen, shared)
-        errors.append(_error_mm(fit.pose))
+        errors.append(_error_mm(fit.mean))
         as_if_independent.append(_error_mm(refine_pose(CAMERA, POSE, seen)))
         normalised.append(errors[-1] / np.sqrt(np.diag(fit.covariance)[3:]))
     ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(np.square(as_if_independent), axis=0))
@@ -73,7 +76,7 @@ def test_a_ball_beside_its_place_hardly_moves_the_pose() -> None:
     offset[4] = 1.5, -0.8
     robust = _fitted(_seen(offset), shared)
     predicted = np.sqrt(np.diag(robust.covariance)[3:])
-    moved = np.abs(_error_mm(robust.pose)) / predicted
+    moved = np.abs(_error_mm(robust.mean)) / predicted
     print(f"moved by {moved} of the predicted errors")
     assert np.all(moved < 0.2)
 
@@ -81,4 +84,4 @@ def test_a_ball_beside_its_place_hardly_moves_the_pose() -> None:
 def test_nothing_shared_is_the_plain_robust_fit() -> None:
     seen = _seen(np.random.default_rng(33).normal(0.0, STATED_PX, EXACT_PX.shape))
     plain, fit = refine_pose(CAMERA, POSE, seen), _fitted(seen, NOTHING_SHARED)
-    assert fit.pose.points(BODY_MM) == pytest.approx(plain.points(BODY_MM), abs=1e-3)
+    assert fit.mean.points(BODY_MM) == pytest.approx(plain.points(BODY_MM), abs=1e-3)

@@ -1,4 +1,7 @@
-"""The inner loop of fitting a rigid pose to image points, compiled: the guide's search runs it hundreds of times."""
+"""The inner loop of fitting a rigid pose to image points, compiled: the guide's search runs it hundreds of times.
+
+Poses are bare arrays here, because compiled loops take no objects; outside they are `Transform`.
+"""
 
 from typing import NamedTuple
 
@@ -6,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
+from services.registration.core.estimation.robust import cauchy_cost, cauchy_weight
 
 _SMALL_ANGLE_RAD = 1e-8
 _CONVERGED = 1e-9
 _LEAST_DAMPING, _FIRST_DAMPING, _DAMPING_FACTOR = 1e-12, 1e-3, 10.0
 _LEAST_CURVATURE = 1e-12
 
+# rotation, shape (3, 3), and translation in mm, shape (3,)
 Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
-class Seen(NamedTuple):
-    """Points of a body, shape (N, 3), and where they were seen, shape (N, 2).
+class Observed(NamedTuple):
+    """Points of a body, shape (N, 3), and where they were observed, shape (N, 2).
 
     `scale_px`, shape (N,): distances at which a point's weight has fallen to a half.
     """
@@ -39,8 +44,11 @@ def _turn(rotvec: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @compiled
-def moved_by(pose: Pose, step: NDArray[np.float64]) -> Pose:
-    """A pose after a small motion in the body's own frame: rotation vector (rad) and translation (mm), shape (6,)."""
+def _stepped(pose: Pose, step: NDArray[np.float64]) -> Pose:
+    """A pose after a step in the body's own frame: rotation vector (rad) and translation (mm), shape (6,).
+
+    Equal to `Transform.moved` to first order, which is all that steps of Levenberg-Marquardt need.
+    """
     rotation, translation_mm = pose
     return rotation @ _turn(step[:3]), translation_mm + rotation @ step[3:]
 
@@ -88,19 +96,18 @@ def _residual(
 
 
 @compiled
-def _cauchy_cost(intrinsic: NDArray[np.float64], pose: Pose, seen: Seen) -> float:
-    """Sum of ln(1 + (distance / scale)²)."""
+def _cost(intrinsic: NDArray[np.float64], pose: Pose, seen: Observed) -> float:
     cost, at_camera_mm = 0.0, np.empty(3)
     for n in range(seen.px.shape[0]):
         _place(pose, seen.body_mm[n], at_camera_mm)
         across, down = _residual(intrinsic, at_camera_mm, seen.px[n])
-        cost += np.log1p((across * across + down * down) / seen.scale_px[n] ** 2)
+        cost += cauchy_cost((across * across + down * down) / seen.scale_px[n] ** 2)
     return cost
 
 
 @compiled
 def _normal_equations(
-    intrinsic: NDArray[np.float64], pose: Pose, seen: Seen
+    intrinsic: NDArray[np.float64], pose: Pose, seen: Observed
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal matrix, shape (6, 6), and gradient, shape (6,), with Cauchy weights."""
     normal, gradient, row, at_camera_mm = np.zeros((6, 6)), np.zeros(6), np.empty(6), np.empty(3)
@@ -108,7 +115,7 @@ def _normal_equations(
         _place(pose, seen.body_mm[n], at_camera_mm)
         residual = _residual(intrinsic, at_camera_mm, seen.px[n])
         ratio = (residual[0] * residual[0] + residual[1] * residual[1]) / seen.scale_px[n] ** 2
-        weight = 1.0 / ((1.0 + ratio) * seen.scale_px[n] ** 2)
+        weight = cauchy_weight(ratio) / seen.scale_px[n] ** 2
         for axis in range(2):
             jacobian_row(intrinsic, pose[0], at_camera_mm, seen.body_mm[n], axis, row)
             for i in range(6):
@@ -119,8 +126,8 @@ def _normal_equations(
 
 
 @compiled
-def refined(intrinsic: NDArray[np.float64], start: Pose, seen: Seen, most_steps: int) -> Pose:
-    """Levenberg-Marquardt with Cauchy weights (see `pose.refine_pose`).
+def refined(intrinsic: NDArray[np.float64], start: Pose, seen: Observed, most_steps: int) -> Pose:
+    """Levenberg-Marquardt with Cauchy weights (see `image_points.refine_pose`).
 
     Parameters
     ----------
@@ -130,12 +137,12 @@ def refined(intrinsic: NDArray[np.float64], start: Pose, seen: Seen, most_steps:
         Rotation, shape (3, 3), and translation in mm, shape (3,).
     """
     pose, damping = start, _FIRST_DAMPING
-    cost = _cauchy_cost(intrinsic, pose, seen)
+    cost = _cost(intrinsic, pose, seen)
     normal, gradient = _normal_equations(intrinsic, pose, seen)
     for _ in range(most_steps):
         curvature = np.diag(normal) + _LEAST_CURVATURE
-        trial = moved_by(pose, np.linalg.solve(normal + damping * np.diag(curvature), gradient))
-        trial_cost = _cauchy_cost(intrinsic, trial, seen)
+        trial = _stepped(pose, np.linalg.solve(normal + damping * np.diag(curvature), gradient))
+        trial_cost = _cost(intrinsic, trial, seen)
         if trial_cost > cost:
             damping *= _DAMPING_FACTOR
             continue

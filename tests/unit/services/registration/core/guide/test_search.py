@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.guide.vote import vote
+from services.registration.core.guide.search import vote
 
 _DEPTH_MM = 600.0
 # Two balls that are taken for the pair of discs, and one that is looked for.

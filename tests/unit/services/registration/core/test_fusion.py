@@ -5,43 +5,35 @@ import pytest
 from scipy.linalg import block_diag
 
 from services.registration.core.c_arm_advice import c_arm_correction_deg
-from services.registration.core.fusion.agreement import leave_one_out
-from services.registration.core.fusion.fuse import fuse
-from services.registration.core.fusion.localise import LocalisedImage, fuse_localisations
+from services.registration.core.estimation.joint import fuse, leave_one_out
+from services.registration.core.estimation.model_errors import model_loadings
+from services.registration.core.fusion import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Parts, hole_estimates
 from services.registration.core.nail_estimate import NailEstimate
-from services.registration.core.pose_errors import model_loadings
-from services.registration.core.pose_evidence import PoseEvidence, motion_between, motion_of_nail, moved_by
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Reason, ReasonCode
-from shared.geometry.frames import Guide, Nail
+from shared.geometry.frames import Nail
 from shared.geometry.transform import Transform
-from tests.unit.services.registration.core.test_hole_axes import GUIDE_POSE, KNOWN_SOURCE, NAIL_POSE, guide_fit
-from tests.unit.services.registration.rendered_case import rendered_parts
-from tests.unit.services.registration.stated_errors import errors_without_shape
-from tests.unit.services.registration.stated_evidence import (
+from tests.unit.services.registration.core.estimation.stated_estimates import (
     DEPTH_SD_MM,
     POSE,
+    Estimate,
     across_mm,
     evidence,
     shifted,
     told,
 )
+from tests.unit.services.registration.core.test_hole_axes import GUIDE_POSE, KNOWN_SOURCE, NAIL_POSE, guide_fit
+from tests.unit.services.registration.rendered_case import rendered_parts
+from tests.unit.services.registration.stated_errors import errors_without_shape
 from tests.unit.services.registration.xray_scene import guide_part, nail_part
-
-
-def test_motions_of_the_guide_are_motions_of_the_nail() -> None:
-    motion = np.array([1e-5, -2e-5, 3e-5, 0.001, 0.002, -0.003])
-    step: Transform[Guide, Guide] = Transform.from_rotvec(motion[:3], motion[3:])
-    assert motion_between(POSE, step @ POSE) == pytest.approx(motion_of_nail(POSE) @ motion, abs=1e-7)
-    assert motion_between(POSE, moved_by(POSE, motion)) == pytest.approx(motion, abs=1e-12)
 
 
 def test_one_image_says_what_it_said() -> None:
     one = evidence()
     joint = fuse((one,))
-    assert joint.guide_from_nail.matrix == pytest.approx(POSE.matrix)
-    assert joint.covariance == pytest.approx(one.covariance)
+    assert joint.pose.mean.matrix == pytest.approx(POSE.matrix)
+    assert joint.pose.covariance == pytest.approx(one.covariance)
     assert joint.chi_square == pytest.approx(0.0)
     assert joint.degrees_of_freedom == 0
 
@@ -49,15 +41,15 @@ def test_one_image_says_what_it_said() -> None:
 def test_two_directions_show_the_depth() -> None:
     lateral, oblique = evidence(), evidence((38.0, 0.0))
     alone, joint = fuse((lateral,)), fuse((lateral, oblique))
-    assert np.sqrt(alone.covariance[5, 5]) == pytest.approx(DEPTH_SD_MM, rel=0.01)
+    assert np.sqrt(alone.pose.covariance[5, 5]) == pytest.approx(DEPTH_SD_MM, rel=0.01)
     # across the oblique ray the nail is known to 0.03 mm: seen from there, that is depth over the angle's sine
-    assert np.sqrt(joint.covariance[5, 5]) < 2.0 * 0.03 / np.sin(np.radians(38.0))
+    assert np.sqrt(joint.pose.covariance[5, 5]) < 2.0 * 0.03 / np.sin(np.radians(38.0))
     moved = shifted(lateral, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.8]))
-    found = fuse((moved, oblique)).guide_from_nail
-    assert abs(motion_between(POSE, found)[5]) < 0.05
+    found = fuse((moved, oblique)).pose.mean
+    assert abs(POSE.motion_to(found)[5]) < 0.05
 
 
-def message(images: tuple[PoseEvidence, ...]) -> str:
+def message(images: tuple[Estimate, ...]) -> str:
     reason = told(images)
     assert reason is not None
     assert reason.code is ReasonCode.IMAGES_DISAGREE
@@ -151,7 +143,7 @@ def test_good_images_are_joined_and_the_newest_is_shown() -> None:
     assert fused.shown == 1
     assert [share.used for share in fused.shares] == [True, True]
     assert fused.result.guide_from_nail is not None
-    between = motion_between(GUIDE_POSE.inverse() @ NAIL_POSE, fused.result.guide_from_nail)
+    between = (GUIDE_POSE.inverse() @ NAIL_POSE).motion_to(fused.result.guide_from_nail)
     assert between[3] == pytest.approx(0.01, abs=1e-3)
     assert 0.0 < fused.chi_square < fused.chi_square_limit
 

@@ -5,29 +5,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.estimation.image_points import Correspondences, refine_pose, residuals_px
+from services.registration.core.estimation.robust import inliers
 from services.registration.core.guide.identity import GuideIdentity
-from services.registration.core.pose import Correspondences, RigidPose, refine_pose, residuals_px
+from services.registration.core.tuning import GUIDE_MEASUREMENT
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
+from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import GuidePart, RingPart
+from shared.geometry.transform import Transform
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
 
-OUTLIER_SIGMAS = 4.0
-_SYSTEMATIC_PX = 0.06
 _REJECTION_ROUNDS = 4
-_MEDIAN_OF_RAYLEIGH = 1.1774
-# A ring's ball nearer than this share of a guide ball's radius cannot be told from it.
-_CONCENTRIC = 0.7
-_WIDE_DRIFT_PX, _DRIFT_PX = 1.0, 0.4
-# From so many discs a pose is good enough to look narrowly: looking widely first, it ended a twentieth of its
-# uncertainty elsewhere in the median of 120 own scenes, and at most 0.6 of it.
-_ENOUGH_NAMED = 12
 # 1000 mm from focal spot to detector in pixels of 0.235 mm.
 _USUAL_FOCAL_LENGTH_PX = 4255.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
-    """What measuring the balls takes.
+class GuideImage:
+    """What measuring the balls needs.
 
     Attributes: `usable` mask of the image; `ring_shadows` where the ring's balls are; `shrunk` measured over geometric
     radius of the guide's balls, which the display's curve makes smaller.
@@ -41,7 +36,9 @@ class Look:
     shrunk: float
 
 
-def ball_radius_px(calibration: CArmCalibration, guide: GuidePart, pose: RigidPose) -> NDArray[np.float64]:
+def ball_radius_px(
+    calibration: CArmCalibration, guide: GuidePart, pose: Transform[Camera, Guide]
+) -> NDArray[np.float64]:
     """Geometric radii of the balls' shadows, shape (N,)."""
     depth_mm = pose.points(guide.balls.position_mm)[:, 2]
     return np.asarray(0.5 * calibration.camera.focal_length_px * guide.balls.diameter_mm / depth_mm)
@@ -51,7 +48,7 @@ def shrinkage(
     calibration: CArmCalibration, guide: GuidePart, identity: GuideIdentity, disc_radius_px: NDArray[np.float64]
 ) -> float:
     """Measured over geometric radius of the discs that were identified: the display's curve makes shadows smaller."""
-    geometric = ball_radius_px(calibration, guide, identity.pose)[identity.ball_index]
+    geometric = ball_radius_px(calibration, guide, identity.camera_from_guide)[identity.ball_index]
     return float(np.clip(np.median(disc_radius_px[identity.disc_index] / geometric), 0.7, 1.1))
 
 
@@ -68,17 +65,21 @@ def ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
     return Discs(centre, radius)
 
 
-def measured_and_fitted(look: Look, identity: GuideIdentity) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
+def measured_and_fitted(
+    image: GuideImage, identity: GuideIdentity
+) -> tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]]:
     """Measure all balls where an identity puts them and fit the pose to them as if no error were shared.
 
-    A pose that rests on few discs is first mended by a wider look.
+    A pose that rests on few discs is first mended by a wider image.
     """
-    pose = identity.pose
-    if len(identity) < _ENOUGH_NAMED:
-        pose, seen, used = _measured_and_fitted(look, pose, _settings(look.calibration, _WIDE_DRIFT_PX))
+    pose = identity.camera_from_guide
+    if len(identity) < GUIDE_MEASUREMENT.enough_identified:
+        pose, seen, used = _measured_and_fitted(
+            image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.wide_drift_px)
+        )
         if np.count_nonzero(used) < 4:
             return pose, seen, used
-    return _measured_and_fitted(look, pose, _settings(look.calibration, _DRIFT_PX))
+    return _measured_and_fitted(image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.drift_px))
 
 
 def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSettings:
@@ -91,14 +92,14 @@ def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSetti
 
 
 def _measured_and_fitted(
-    look: Look, pose: RigidPose, settings: MeasurementSettings
-) -> tuple[RigidPose, Correspondences, NDArray[np.bool_]]:
+    image: GuideImage, pose: Transform[Camera, Guide], settings: MeasurementSettings
+) -> tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]]:
     """Measure, then fit and leave out outliers until none is left."""
-    camera = look.calibration.camera
-    balls, alone = _measured(look, pose, settings)
+    camera = image.calibration.camera
+    balls, alone = _measured(image, pose, settings)
     candidates = balls.seen & alone
-    seen = _correspondences(look.calibration, look.guide, balls)
-    doubt_px = np.hypot(seen.standard_deviation_px, _distortion_deviation(look.calibration, balls))
+    seen = _correspondences(image.calibration, image.guide, balls)
+    doubt_px = np.hypot(seen.standard_deviation_px, _distortion_deviation(image.calibration, balls))
     unsure = Correspondences(seen.body_mm, seen.ideal_px, doubt_px)
     used = candidates
     for _ in range(_REJECTION_ROUNDS):
@@ -106,28 +107,31 @@ def _measured_and_fitted(
             break
         pose = refine_pose(camera, pose, unsure.chosen(used))
         distance = np.linalg.norm(residuals_px(camera, pose, seen), axis=1)
-        scale = max(1.0, float(np.median(distance[used] / doubt_px[used])) / _MEDIAN_OF_RAYLEIGH)
-        inliers = candidates & (distance < OUTLIER_SIGMAS * scale * doubt_px)
-        if np.array_equal(inliers, used):
+        kept = candidates & inliers(
+            distance / doubt_px, used, GUIDE_MEASUREMENT.outlier_sigmas, least_spread=1.0, axes=2
+        )
+        if np.array_equal(kept, used):
             break
-        used = inliers
+        used = kept
     return pose, seen, used
 
 
-def _measured(look: Look, pose: RigidPose, settings: MeasurementSettings) -> tuple[BallMeasurements, NDArray[np.bool_]]:
+def _measured(
+    image: GuideImage, pose: Transform[Camera, Guide], settings: MeasurementSettings
+) -> tuple[BallMeasurements, NDArray[np.bool_]]:
     """Measurements of all balls, and whether no ball of the ring lies on them, shape (N,)."""
-    predicted = look.calibration.image_from_camera(pose.points(look.guide.balls.position_mm))
-    radius = look.shrunk * ball_radius_px(look.calibration, look.guide, pose)
-    ring = look.ring_shadows
-    balls = measure_balls(look.pixels, predicted, radius, ring.centre_px, ring.radius_px, settings, look.usable)
+    predicted = image.calibration.image_from_camera(pose.points(image.guide.balls.position_mm))
+    radius = image.shrunk * ball_radius_px(image.calibration, image.guide, pose)
+    ring = image.ring_shadows
+    balls = measure_balls(image.pixels, predicted, radius, ring.centre_px, ring.radius_px, settings, image.usable)
     apart = np.linalg.norm(predicted[:, None] - ring.centre_px[None], axis=-1)
-    return balls, (apart > _CONCENTRIC * radius[:, None]).all(axis=1)
+    return balls, (apart > GUIDE_MEASUREMENT.concentric_share * radius[:, None]).all(axis=1)
 
 
 def _correspondences(calibration: CArmCalibration, guide: GuidePart, balls: BallMeasurements) -> Correspondences:
     """Where balls were seen, with the standard deviations of their own errors: not those of the distortion."""
     centre = np.where(balls.seen[:, None], balls.centre_px, 0.0)
-    deviation = np.hypot(balls.standard_deviation_px, _SYSTEMATIC_PX)
+    deviation = np.hypot(balls.standard_deviation_px, GUIDE_MEASUREMENT.systematic_sd_px)
     return Correspondences(
         guide.balls.position_mm, calibration.distortion.undistort(centre), np.where(balls.seen, deviation, 1.0)
     )

@@ -10,14 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.pose import (
-    CAUCHY_SIGMAS,
+from services.registration.core.estimation.image_points import (
+    Body,
     Correspondences,
-    RigidPose,
     projection_jacobian,
     residuals_px,
 )
+from services.registration.core.estimation.pose_estimate import PoseErrors, PoseEstimate
+from services.registration.core.estimation.robust import robust_weight
+from services.registration.core.tuning import ROBUST_POINT_FIT
 from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera
+from shared.geometry.transform import Transform
 
 _ROUNDS = 20
 _CONVERGED_PX = 1e-4
@@ -25,14 +29,6 @@ _CONVERGED_PX = 1e-4
 _AS_STATED = 1.16
 _FREEDOM_OF_STATED = 4
 _LEAST_SLOPE = 0.1
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CorrelatedFit:
-    """A pose with its covariance, shape (6, 6), of the motions that `RigidPose.moved` takes."""
-
-    pose: RigidPose
-    covariance: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +51,8 @@ class _Normal:
 
 
 def fit_with_shared_errors(
-    camera: PinholeCamera, start: RigidPose, seen: Correspondences, shared_px2: NDArray[np.float64]
-) -> CorrelatedFit:
+    camera: PinholeCamera, start: Transform[Camera, Body], seen: Correspondences, shared_px2: NDArray[np.float64]
+) -> PoseEstimate[Camera, Body]:
     """Move a pose to where it explains the points best.
 
     Minimises the sum of Cauchy's loss of each point's own error and of the shared errors' square in units of their
@@ -65,7 +61,7 @@ def fit_with_shared_errors(
     Parameters
     ----------
     start
-        Near enough that all weights make sense: where `refine_pose` came to rest.
+        Near enough that all weights make sense: where `refine_pose` converged.
     seen
         Points and the standard deviations of their own errors.
     shared_px2
@@ -84,12 +80,13 @@ def fit_with_shared_errors(
         weight = _weights(own / seen.standard_deviation_px[:, None])
         if float(np.abs(J @ step).max()) < _CONVERGED_PX:
             break
-    return CorrelatedFit(pose, _covariance(projection_jacobian(camera, pose, seen.body_mm), seen, shared_px2, own))
+    covariance = _covariance(projection_jacobian(camera, pose, seen.body_mm), seen, shared_px2, own)
+    return PoseEstimate(pose, PoseErrors.unshared(covariance))
 
 
 def _weights(deviations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cauchy's weights, shape (N,), of errors over their standard deviations, shape (N, 2)."""
-    return np.asarray(1.0 / (1.0 + np.sum(deviations**2, axis=1) / CAUCHY_SIGMAS**2))
+    """Robust weights, shape (N,), of errors over their standard deviations, shape (N, 2)."""
+    return robust_weight(np.linalg.norm(deviations, axis=1), ROBUST_POINT_FIT.scale_sigmas)
 
 
 def _normal(jacobian: NDArray[np.float64], covariance_px2: NDArray[np.float64]) -> _Normal:
@@ -127,7 +124,7 @@ def _variance_factor(deviations: NDArray[np.float64], freedom: float) -> float:
     hardly more points than a pose needs.
     """
     weight = _weights(deviations)[:, None]
-    slopes = weight - 2.0 * (deviations / CAUCHY_SIGMAS * weight) ** 2
+    slopes = weight - 2.0 * (deviations / ROBUST_POINT_FIT.scale_sigmas * weight) ** 2
     slope = max(float(slopes.mean()), _LEAST_SLOPE)
     few = 1.0 + 6.0 / deviations.size * float(slopes.var()) / slope**2
     found = few**2 * float(np.sum((deviations * weight) ** 2)) / freedom / slope**2

@@ -1,0 +1,1 @@
+"""Poses and their errors: estimated from image points, transported, conditioned and fused."""

@@ -1,0 +1,186 @@
+"""A pose with its errors, sorted by what shares them with other estimates.
+
+An error is a small motion of the moving frame (see `Transform.exp`), rotation (rad) before translation (mm), shape
+(6,): the true transform is ``mean @ Transform.exp(error)``. Sorting matters as soon as a body is observed several
+times: noise averages out, the body's shape is the same in all images, and the model's own errors mostly are.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry.frames import Frame
+from shared.geometry.lines import read_only
+from shared.geometry.transform import Transform
+
+To = TypeVar("To", bound=Frame)
+From = TypeVar("From", bound=Frame)
+Other = TypeVar("Other", bound=Frame)
+
+POSE_SIZE = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseErrors:
+    """Covariance of a pose and the factors that its errors share with those of other estimates.
+
+    The nail's shape is described by how far radii and chamfers are from what its file states, each in standard
+    deviations of its prior. A fit estimates these `S` deviations with the pose, and errs in both together: holes
+    wider than estimated have tilted the nail.
+
+    Attributes
+    ----------
+    shape_deviations
+        As estimated, shape (S,).
+    image_covariance
+        Of the errors that come with the image, in the pose and then in the shape, shape (6 + S, 6 + S): the nail's fit
+        to its pixels and, where the pose is relative to the guide, the guide's balls and the C-arm's calibration. Part
+        is noise; the rest (bone texture, which ball lies on which edge) is the same in every image from the same
+        direction.
+    shape_pull
+        By how much pose and shape are off per deviation of the true shape, shape (6 + S, S): the prior draws a fit
+        towards the nail of the file.
+    model_loadings
+        The model's own errors in pose and shape, one standard deviation each, as columns, shape (6 + S, M): partly
+        common to all images.
+    ray
+        Unit direction in which the body was observed, in its own frame, shape (3,); None where the errors do not
+        depend on it.
+    """
+
+    shape_deviations: NDArray[np.float64]
+    image_covariance: NDArray[np.float64]
+    shape_pull: NDArray[np.float64]
+    model_loadings: NDArray[np.float64]
+    ray: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        shapes = len(self.shape_deviations)
+        size = POSE_SIZE + shapes
+        if self.image_covariance.shape != (size, size) or self.shape_pull.shape != (size, shapes):
+            raise ValueError(
+                f"expected a covariance of shape ({size}, {size}) and a pull of shape ({size}, {shapes}) "
+                f"beside {shapes} deviations of the nail's shape, got {self.image_covariance.shape} and "
+                f"{self.shape_pull.shape}"
+            )
+        for name in ("shape_deviations", "image_covariance", "shape_pull", "model_loadings"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        if self.ray is not None:
+            object.__setattr__(self, "ray", read_only(self.ray))
+
+    @staticmethod
+    def unshared(covariance: NDArray[np.float64]) -> "PoseErrors":
+        """Of the pose alone, shape (6, 6), independent of all other estimates."""
+        none = np.zeros((POSE_SIZE, 0))
+        return PoseErrors(np.zeros(0), covariance, none, none)
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Of the pose by all of its errors, shape (6, 6)."""
+        by_shape = self.shape_pull[:POSE_SIZE]
+        return np.asarray(self.own_covariance[:POSE_SIZE, :POSE_SIZE] + by_shape @ by_shape.T)
+
+    @property
+    def own_covariance(self) -> NDArray[np.float64]:
+        """Of pose and shape by all but the true shape's pull, shape (6 + S, 6 + S)."""
+        return np.asarray(self.image_covariance + self.model_loadings @ self.model_loadings.T)
+
+    def with_more(self, covariance: NDArray[np.float64]) -> "PoseErrors":
+        """With further errors of the pose that come with the image, shape (6, 6)."""
+        total = self.image_covariance.copy()
+        total[:POSE_SIZE, :POSE_SIZE] += covariance
+        return replace(self, image_covariance=total)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEstimate(Generic[To, From]):
+    """An estimated transform with its errors; products and inverses carry the errors along, to first order."""
+
+    mean: Transform[To, From]
+    errors: PoseErrors
+
+    @staticmethod
+    def of(mean: Transform[To, From], covariance: NDArray[np.float64]) -> "PoseEstimate[To, From]":
+        """Estimate whose errors, shape (6, 6), no other estimate shares."""
+        return PoseEstimate(mean, PoseErrors.unshared(covariance))
+
+    @staticmethod
+    def exact(mean: Transform[To, From]) -> "PoseEstimate[To, From]":
+        """Known without error."""
+        return PoseEstimate.of(mean, np.zeros((POSE_SIZE, POSE_SIZE)))
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Of a small motion of `From` in its own frame by all errors, shape (6, 6)."""
+        return self.errors.covariance
+
+    def inverse(self) -> "PoseEstimate[From, To]":
+        """The inverse transform; what its errors share with other estimates is not kept."""
+        adjoint = self.mean.adjoint
+        return PoseEstimate.of(self.mean.inverse(), adjoint @ self.covariance @ adjoint.T)
+
+    def __matmul__(self, other: "PoseEstimate[From, Other]") -> "PoseEstimate[To, Other]":
+        """Chain with an estimate that shares no error with this one; the right one's shared factors are kept."""
+        transport = other.mean.inverse().adjoint
+        transported = transport @ self.covariance @ transport.T
+        return PoseEstimate(self.mean @ other.mean, other.errors.with_more(transported))
+
+
+def weighted_mean(
+    first: PoseEstimate[To, From], second: PoseEstimate[To, From], shared: float
+) -> PoseEstimate[To, From]:
+    """Mean of two estimates of one pose, weighted as if independent, with its covariance under shared errors.
+
+    Parameters
+    ----------
+    shared
+        Correlation of the two estimates' errors, once each is whitened.
+    """
+    gain = np.linalg.solve(first.covariance + second.covariance, first.covariance).T
+    rest = np.eye(POSE_SIZE) - gain
+    both = shared * np.linalg.cholesky(first.covariance) @ np.linalg.cholesky(second.covariance).T
+    crossed = rest @ both @ gain.T
+    covariance = rest @ first.covariance @ rest.T + gain @ second.covariance @ gain.T + crossed + crossed.T
+    return PoseEstimate.of(first.mean.moved(gain @ first.mean.motion_to(second.mean)), covariance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conditioned:
+    """Errors given an observation of them.
+
+    Attributes
+    ----------
+    mean
+        Expected errors, shape (N,).
+    covariance
+        What is left uncertain, shape (N, N).
+    chi_square
+        Of the observation under the prior.
+    """
+
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    chi_square: float
+
+
+def condition(
+    prior: NDArray[np.float64],
+    observed: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    noise: NDArray[np.float64],
+) -> Conditioned:
+    """Condition errors of mean zero on ``observed = jacobian @ errors + noise``.
+
+    Parameters
+    ----------
+    prior
+        Covariance of the errors, shape (N, N).
+    observed, jacobian, noise
+        Shapes (M,), (M, N) and (M, M); the noise by its covariance.
+    """
+    spread = noise + jacobian @ prior @ jacobian.T
+    gain = np.linalg.solve(spread, jacobian @ prior).T
+    chi_square = float(observed @ np.linalg.solve(spread, observed))
+    return Conditioned(gain @ observed, prior - gain @ jacobian @ prior, chi_square)

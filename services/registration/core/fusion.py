@@ -1,0 +1,309 @@
+"""Several localised images of one set-up: which count, their joint estimate, and whether they agree.
+
+The guide must be in the same place on the bone in all of them; the C-arm may have moved. Depth is weak in one image and
+seen from another direction, so each image's estimate is weighted with its full covariance (`estimation/joint.py`). If
+the images contradict one another, the explanation names the odd image, or when the guide moved.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from services.registration.core.acceptance.image import uncertainty_reasons
+from services.registration.core.acceptance.images import IMAGES_CHI_SQUARE, chi_square_limit
+from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
+from services.registration.core.estimation.joint import fuse, leave_one_out
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.guide_from_nail import guide_from_nail_of
+from services.registration.core.hole_axes import HoleEstimate, holes_at
+from services.registration.core.localise import LocalisationResult, Parts
+from services.registration.core.nail.parameters import PRIOR, SHAPE_PARAMETERS, Parameter
+from services.registration.core.tuning import AGREEMENT
+from shared.errors import Reason, ReasonCode
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.transform import Transform
+
+Estimates = tuple[PoseEstimate[Guide, Nail], ...]
+
+# A lone image may not be certain enough: together with others it may be. All other reasons make it useless.
+_USABLE_THOUGH = frozenset({ReasonCode.UNCERTAINTY_TOO_LARGE})
+# Radii that separate one nail from another, by the names that people give them.
+_RADII = {
+    Parameter.HOLE_RADIUS_EXCESS_MM: "the holes' radius",
+    Parameter.NAIL_RADIUS_EXCESS_MM: "the nail's radius",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalisedImage:
+    """One image with what was found in it; calibration and result are None when the ring was not found.
+
+    Attributes
+    ----------
+    name
+        What it is called in sentences for people.
+    reasons
+        Why it was rejected.
+    """
+
+    name: str
+    calibration: CArmCalibration | None
+    result: LocalisationResult | None
+    reasons: tuple[Reason, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ImageShare:
+    """What became of one image.
+
+    Attributes
+    ----------
+    used
+        Whether the joint estimate rests on it.
+    chi_square
+        By how much the joint chi-square grew through it; about 9 when all is well. None when it was not used, or alone.
+    """
+
+    used: bool
+    chi_square: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FusedLocalisation:
+    """What several images say together.
+
+    Attributes
+    ----------
+    result
+        As if from one image: what belongs to an image (guide and nail in the camera's frame, tilts, the C-arm's
+        correction) is that of image `shown`, the newest that was used.
+    shown
+        Its index; the last image's when none was used.
+    chi_square, chi_square_limit, degrees_of_freedom
+        How well the images agree; zero for fewer than two.
+    """
+
+    result: LocalisationResult
+    shown: int
+    shares: tuple[ImageShare, ...]
+    chi_square: float
+    chi_square_limit: float
+    degrees_of_freedom: int
+
+
+def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> FusedLocalisation | None:
+    """Join the images of one set-up, in the order in which they were taken; None when no image can be used.
+
+    Used is every image that was accepted, or rejected for nothing but its own uncertainty.
+    """
+    estimates = {k: one for k, image in enumerate(images) if (one := usable_estimate(image, parts)) is not None}
+    if not estimates:
+        return None
+    used, found = tuple(estimates), tuple(estimates.values())
+    shown = used[-1]
+    newest = images[shown].result
+    assert newest is not None  # `usable_estimate` needs one
+    if len(used) == 1:
+        shares = tuple(ImageShare(k == shown, None) for k in range(len(images)))
+        return FusedLocalisation(newest, shown, shares, 0.0, 0.0, 0)
+    joint = fuse(found)
+    influence = dict(zip(used, leave_one_out(found), strict=True))
+    shares = tuple(ImageShare(k in influence, _share(influence.get(k))) for k in range(len(images)))
+    return FusedLocalisation(
+        _joint_result(images, used, found, parts, newest),
+        shown,
+        shares,
+        joint.chi_square,
+        chi_square_limit(joint.degrees_of_freedom),
+        joint.degrees_of_freedom,
+    )
+
+
+def usable_estimate(image: LocalisedImage, parts: Parts) -> PoseEstimate[Guide, Nail] | None:
+    """What an image says of `guide_from_nail`; None when it cannot be used."""
+    result, calibration = image.result, image.calibration
+    if calibration is None or result is None or result.guide is None or result.nail is None:
+        return None
+    if any(reason.code not in _USABLE_THOUGH for reason in image.reasons):
+        return None
+    return guide_from_nail_of(calibration, parts.guide, parts.nail, result.guide, result.nail)
+
+
+def _share(chi_square: np.float64 | None) -> float | None:
+    return None if chi_square is None else max(float(chi_square), 0.0)
+
+
+def _joint_result(
+    images: tuple[LocalisedImage, ...],
+    used: tuple[int, ...],
+    estimates: Estimates,
+    parts: Parts,
+    newest: LocalisationResult,
+) -> LocalisationResult:
+    """The joint estimate in the newest result's place; that one stays, refused, when the images disagree."""
+    assert newest.nail is not None  # `usable_estimate` needs one
+    camera_from_nail = newest.nail.camera_from_nail
+    against = disagreement(estimates, tuple(images[k].name for k in used), parts, camera_from_nail)
+    if against is not None:
+        return replace(newest, reasons=(against,))
+    joint = fuse(estimates)
+    holes = holes_at(parts.nail, parts.drill_diameter_mm, joint.pose.mean, joint.pose.covariance, camera_from_nail)
+    return replace(newest, reasons=uncertainty_reasons(holes), guide_from_nail=joint.pose.mean, holes=holes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Grouping:
+    """One way to explain a disagreement: images in two groups, by their indices; each group agrees in itself.
+
+    Attributes
+    ----------
+    chi_square
+        Sum of both groups' own.
+    """
+
+    first: tuple[int, ...]
+    second: tuple[int, ...]
+    chi_square: float
+
+    @property
+    def larger(self) -> tuple[int, ...]:
+        """The group of most images."""
+        return max(self.first, self.second, key=len)
+
+    @property
+    def smaller(self) -> tuple[int, ...]:
+        """The other group."""
+        return self.second if self.larger is self.first else self.first
+
+
+def disagreement(
+    estimates: Estimates,
+    names: tuple[str, ...],
+    parts: Parts,
+    camera_from_nail: Transform[Camera, Nail],
+) -> Reason | None:
+    """Why the images contradict one another, in the order in which they were taken; None when they agree.
+
+    Parameters
+    ----------
+    names
+        What the images are called in the sentence.
+    camera_from_nail
+        Of any of the images.
+    """
+    if len(estimates) < 2 or _agree(estimates, tuple(range(len(estimates)))):
+        return None
+    found = fuse(estimates)
+    quoted = IMAGES_CHI_SQUARE.quoted(found.chi_square, chi_square_limit(found.degrees_of_freedom))
+    grouping = min(_groupings(estimates), key=lambda g: g.chi_square, default=None)
+    parted = grouping or _Grouping((0,), tuple(range(1, len(estimates))), np.inf)
+    measured = (
+        f"{_difference(estimates, parted, parts, camera_from_nail)} (chi-square of "
+        f"{found.degrees_of_freedom} degrees of freedom: {quoted})"
+    )
+    return Reason(IMAGES_CHI_SQUARE.code, _explained(grouping, names, measured))
+
+
+def _explained(grouping: _Grouping | None, names: tuple[str, ...], measured: str) -> str:
+    if len(names) == 2:
+        return (
+            f"images {names[0]} and {names[1]} see the nail in different places from the guide: {measured}; the guide "
+            "moved on the bone between them or one of the two is wrong, and two images cannot tell which: check that "
+            "mount and guide are tight and take one more image"
+        )
+    if grouping is None:
+        return (
+            f"no images of the {len(names)} agree so well that the others stand out: {measured}; the guide is not held "
+            "firmly: tighten mount and guide and take all images again"
+        )
+    others = ", ".join(names[k] for k in grouping.larger)
+    if len(grouping.smaller) > 1:
+        between = names[grouping.first[-1]], names[grouping.second[0]]
+        return (
+            f"the guide moved on the bone between images {between[0]} and {between[1]}: {measured}, while the images "
+            "before agree and those after too; check that mount and guide are tight, and use only the images after it"
+        )
+    odd = grouping.smaller[0]
+    if 0 < odd < len(names) - 1:
+        return (
+            f"image {names[odd]} is the odd one: {measured} from images {others}, which agree before and after it; "
+            "leave it out"
+        )
+    when = "before all others" if odd == 0 else "after all others"
+    neighbour = names[1] if odd == 0 else names[odd - 1]
+    return (
+        f"image {names[odd]}, taken {when}, is the odd one: {measured} from images {others}, which agree; either it is "
+        f"wrong or the guide moved on the bone between it and image {neighbour}: check that mount and guide are tight "
+        "and take one more image"
+    )
+
+
+def _groupings(estimates: Estimates) -> Iterator[_Grouping]:
+    """Ways to part the images in time or to leave one out, after which each part agrees in itself."""
+    count = len(estimates)
+    if count < 3:
+        return
+    parts = [(tuple(range(k)), tuple(range(k, count))) for k in range(1, count)]
+    parts += [((k,), _without(count, k)) for k in range(1, count - 1)]
+    for first, second in parts:
+        if _agree(estimates, first) and _agree(estimates, second):
+            yield _Grouping(first, second, _chi_square(estimates, first) + _chi_square(estimates, second))
+
+
+def _agree(estimates: Estimates, chosen: tuple[int, ...]) -> bool:
+    found = fuse(tuple(estimates[k] for k in chosen))
+    return len(chosen) < 2 or found.chi_square <= chi_square_limit(found.degrees_of_freedom)
+
+
+def _chi_square(estimates: Estimates, chosen: tuple[int, ...]) -> float:
+    return fuse(tuple(estimates[k] for k in chosen)).chi_square
+
+
+def _without(count: int, left_out: int) -> tuple[int, ...]:
+    return tuple(k for k in range(count) if k != left_out)
+
+
+def _difference(
+    estimates: Estimates, grouping: _Grouping, parts: Parts, camera_from_nail: Transform[Camera, Nail]
+) -> str:
+    """How far the axes of both groups lie apart, at the hole where it is most, and how much their nails differ."""
+    first, second = (
+        holes_at(
+            parts.nail,
+            parts.drill_diameter_mm,
+            fuse(tuple(estimates[k] for k in group)).pose.mean,
+            None,
+            camera_from_nail,
+        )
+        for group in (grouping.first, grouping.second)
+    )
+    apart = [(_entry_apart_mm(a, b), a, b) for a, b in zip(first, second, strict=True)]
+    entry_mm, a, b = max(apart, key=lambda one: one[0])
+    depth_mm = abs(float((b.entry_guide_mm - a.entry_guide_mm) @ a.axis_guide.direction))
+    between_deg = angle_deg(a.axis_guide, b.axis_guide)
+    return (
+        f"the axis of hole '{a.id}' differs by {entry_mm:.2f} mm at its entry and {between_deg:.2f}°, "
+        f"its depth by {depth_mm:.2f} mm{_other_radii(estimates, grouping)}"
+    )
+
+
+def _other_radii(estimates: Estimates, grouping: _Grouping) -> str:
+    first, second = (
+        np.mean([estimates[k].errors.shape_deviations for k in group], axis=0)
+        for group in (grouping.first, grouping.second)
+    )
+    apart_mm = {
+        name: PRIOR[parameter][1] * abs(float(a - b))
+        for parameter, a, b in zip(SHAPE_PARAMETERS, first, second, strict=False)
+        if (name := _RADII.get(parameter)) is not None
+    }
+    return "".join(
+        f", {name} by {mm:.2f} mm" for name, mm in apart_mm.items() if mm >= AGREEMENT.radius_worth_reporting_mm
+    )
+
+
+def _entry_apart_mm(a: HoleEstimate, b: HoleEstimate) -> float:
+    offset = axis_offset_mm(a.axis_guide, b.axis_guide, a.entry_guide_mm, a.exit_guide_mm)
+    return float(np.linalg.norm(offset[:2]))

@@ -1,1 +1,0 @@
-"""Several images of one set-up: their joint estimate, and whether they agree."""

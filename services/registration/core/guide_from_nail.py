@@ -1,0 +1,107 @@
+"""The nail in the guide's frame from one image, with what guide, nail and C-arm calibration leave uncertain."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.drill_clearance import across_basis
+from services.registration.core.estimation.image_points import Correspondences, refine_pose
+from services.registration.core.estimation.model_errors import length_that_gives_depth_mm, ray_to
+from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.guide.locate import GuideFit, distortion_correlation_px
+from services.registration.core.nail_estimate import NailEstimate
+from shared.geometry.calibration import CArmCalibration
+from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Guide, Nail
+from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
+from shared.geometry.transform import Transform
+
+# Eight points describe a rim's circle with all its harmonics that a pose moves; their error only sets relative weights.
+_RIM_POINTS, _RIM_SD_PX = 8, 0.1
+
+
+def guide_from_nail_of(
+    calibration: CArmCalibration, guide: GuidePart, nail: NailPart, guide_fit: GuideFit, estimate: NailEstimate
+) -> PoseEstimate[Guide, Nail] | None:
+    """Estimate of `guide_from_nail` from one image; None for a method that does not know its errors."""
+    if estimate.errors is None:
+        return None
+    camera_from_nail = PoseEstimate(estimate.camera_from_nail, estimate.errors)
+    chained = guide_fit.pose.inverse() @ camera_from_nail
+    by_calibration = np.zeros((6, 6))
+    for other in _poses_for_other_sources(calibration, guide, nail, guide_fit, camera_from_nail.mean):
+        motion = chained.mean.motion_to(other)
+        by_calibration += np.outer(motion, motion)
+    depth = _depth_by_distortion(calibration, nail, camera_from_nail.mean)
+    by_calibration += np.outer(depth, depth)
+    return PoseEstimate(chained.mean, chained.errors.with_more(by_calibration))
+
+
+def _depth_by_distortion(
+    calibration: CArmCalibration, nail: NailPart, camera_from_nail: Transform[Camera, Nail]
+) -> NDArray[np.float64]:
+    """Motion of the nail, one standard deviation, by the distortion's error of the length from hole to hole; (6,).
+
+    Shifts that are common to the holes cancel: the guide's balls, which appear in the same place, have them too.
+    """
+    along = sorted((hole.axis.point_mm for hole in nail.holes), key=lambda point: float(point[0]))
+    px = calibration.image_from_camera(camera_from_nail.points(np.array([along[0], along[-1]])))
+    deviation = float(np.sqrt(np.sum(calibration.distortion.standard_deviation_at(px) ** 2)))
+    apart = float(np.linalg.norm(px[1] - px[0])) / distortion_correlation_px(calibration)
+    deviation *= np.sqrt(1.0 - np.exp(-0.5 * apart**2))
+    depth_mm = float(camera_from_nail.translation_mm[2])
+    of_length_mm = deviation * depth_mm / calibration.camera.focal_length_px
+    by_depth = depth_mm / length_that_gives_depth_mm(nail) * ray_to(camera_from_nail)
+    return np.concatenate([np.zeros(3), of_length_mm * by_depth])
+
+
+def _poses_for_other_sources(
+    calibration: CArmCalibration,
+    guide: GuidePart,
+    nail: NailPart,
+    guide_fit: GuideFit,
+    camera_from_nail: Transform[Camera, Nail],
+) -> tuple[Transform[Guide, Nail], ...]:
+    """What `guide_from_nail` would be if the focal spot lay one standard deviation elsewhere.
+
+    The image stays as it is: guide and nail are fitted again, to the same pixels, by the camera with the other source.
+    Of the nail the rims of its holes are taken, because they carry its pose.
+    """
+    rims = _rim_points(nail)
+    rims_px = calibration.camera.project(camera_from_nail.points(rims))
+    rims_seen = Correspondences(rims, rims_px, np.full(len(rims), _RIM_SD_PX))
+    camera_from_guide, used = guide_fit.camera_from_guide, guide_fit.used
+    balls = guide.balls.position_mm[used]
+    balls_px = calibration.camera.project(camera_from_guide.points(balls))
+    balls_seen = Correspondences(balls, balls_px, guide_fit.standard_deviation_px[used])
+    return tuple(
+        refine_pose(camera, camera_from_guide, balls_seen).inverse() @ refine_pose(camera, camera_from_nail, rims_seen)
+        for camera in _cameras_with_other_sources(calibration)
+    )
+
+
+def _cameras_with_other_sources(calibration: CArmCalibration) -> tuple[PinholeCamera, ...]:
+    """Cameras whose focal spot is moved by one standard deviation along the axes of its covariance.
+
+    The image plane stays where it is, at the ring: a shift across the beam moves the principal point, one along the
+    beam changes the focal length.
+    """
+    to_camera = calibration.camera_from_ring.rotation
+    values, vectors = np.linalg.eigh(to_camera @ calibration.source_covariance_mm2 @ to_camera.T)
+    px_per_mm = calibration.camera.focal_length_px / float(calibration.camera_from_ring.translation_mm[2])
+    cameras = []
+    for value, direction in zip(values, vectors.T, strict=True):
+        x, y, z = np.sqrt(max(float(value), 0.0)) * direction * px_per_mm
+        K = calibration.camera.intrinsic_matrix_px + np.array([[-z, 0.0, x], [0.0, -z, y], [0.0, 0.0, 0.0]])
+        cameras.append(PinholeCamera(K))
+    return tuple(cameras)
+
+
+def _rim_points(nail: NailPart) -> NDArray[np.float64]:
+    """Points on the circles where the holes meet the nail's surface, in the nail's frame, shape (K, 3), in mm."""
+    return np.concatenate([_rims_of(nail, hole) for hole in nail.holes])
+
+
+def _rims_of(nail: NailPart, hole: Hole) -> NDArray[np.float64]:
+    angle = 2.0 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(hole.axis.direction)
+    return np.concatenate([end + 0.5 * hole.diameter_mm * circle for end in hole_surface_points(nail, hole)])

@@ -1,1 +1,0 @@
-"""Whether the guide is held as the case says: by where it is, and by how it moved."""
