@@ -7,15 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry.calibration import Aperture
+from shared.xray.tuning import APERTURE_SEARCH
 
 FloatImage = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-_BORDER_STEP = 0.04
-_LEAST_BORDER = 0.01
-_CIRCLE_RESIDUAL_PX = 2.0
-_LEAST_ON_CIRCLE = 0.5
-_INSET_PX = 2
+# every second pixel is enough for a surround, in a quarter of the time
 _REDUCTION = 2
 
 
@@ -55,13 +52,13 @@ def find_usable_area(pixels: FloatImage) -> UsableArea:
     """
     small = np.ascontiguousarray(pixels[::_REDUCTION, ::_REDUCTION])
     inside = _not_surround(small)
-    if inside.mean() > 1.0 - _LEAST_BORDER:
+    if inside.mean() > 1.0 - APERTURE_SEARCH.least_surround:
         return UsableArea(np.ones(pixels.shape, dtype=bool), None)
     circle = _circle(_rim_points(inside) * _REDUCTION)
     if circle is None:
         rows, columns = pixels.shape
         grown = cv2.resize(inside.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST)
-        kernel = np.ones((2 * _INSET_PX + 3,) * 2, np.uint8)
+        kernel = np.ones((2 * APERTURE_SEARCH.inset_px + 3,) * 2, np.uint8)
         return UsableArea(cv2.erode(grown, kernel, borderValue=1) > 0, None)
     return UsableArea(_disc_mask(pixels.shape, circle), circle)
 
@@ -69,7 +66,7 @@ def find_usable_area(pixels: FloatImage) -> UsableArea:
 def _not_surround(pixels: FloatImage) -> Mask:
     """Largest bright region without the darkness that is joined to the image's border, holes filled."""
     low, high = np.percentile(pixels[::2, ::2], [0.5, 95.0])
-    dark = (pixels <= low + _BORDER_STEP * (high - low)).astype(np.uint8)
+    dark = (pixels <= low + APERTURE_SEARCH.dark_share * (high - low)).astype(np.uint8)
     regions, label = cv2.connectedComponents(dark, connectivity=4)
     kept = np.ones(regions, dtype=np.uint8)
     kept[np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])] = 0
@@ -101,8 +98,8 @@ def _circle(points: NDArray[np.float64]) -> Aperture | None:
         centre = solution[:2]
         radius = float(np.sqrt(max(solution[2] + centre @ centre, 0.0)))
         residual = np.abs(np.hypot(*(points - centre).T) - radius)
-        kept = points[residual < max(_CIRCLE_RESIDUAL_PX, float(np.quantile(residual, 0.6)))]
-    if np.mean(residual < _CIRCLE_RESIDUAL_PX) < _LEAST_ON_CIRCLE:
+        kept = points[residual < max(APERTURE_SEARCH.circle_residual_px, float(np.quantile(residual, 0.6)))]
+    if np.mean(residual < APERTURE_SEARCH.circle_residual_px) < APERTURE_SEARCH.least_on_circle:
         return None
     return Aperture((float(centre[0]), float(centre[1])), radius)
 
@@ -110,6 +107,6 @@ def _circle(points: NDArray[np.float64]) -> Aperture | None:
 def _disc_mask(shape: tuple[int, ...], circle: Aperture) -> Mask:
     """Pixels within the circle less its inset: between two columns in every row."""
     y, x = np.arange(shape[0]) - circle.centre_px[1], np.arange(shape[1]) - circle.centre_px[0]
-    half2 = (circle.radius_px - _INSET_PX) ** 2 - np.square(y)
+    half2 = (circle.radius_px - APERTURE_SEARCH.inset_px) ** 2 - np.square(y)
     half = np.where(half2 >= 0.0, np.sqrt(np.maximum(half2, 0.0)), -1.0)
     return np.asarray(np.abs(x)[None, :] <= half[:, None])

@@ -4,7 +4,7 @@ Nothing is assumed of the display's curve but that darker is denser: candidates 
 coefficient with a disc, which no monotone stretch of contrast changes much, and are then fitted one by one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
 from shared.two_cores import mapped, on_both_halves
+from shared.xray.disc_kernel import fit_constants
 from shared.xray.discs import Array, FloatImage, Mask
 from shared.xray.patch_fit import (
     FIT_CONTRAST,
@@ -23,16 +24,10 @@ from shared.xray.patch_fit import (
     FIT_Y,
     fit_each,
 )
+from shared.xray.pixel_scale import USUAL_PIXEL_MM, whole_pixels
+from shared.xray.pixel_scale import pixels as in_pixels
+from shared.xray.tuning import DISC_DETECTION
 
-_SCALE_STEP = 1.35
-_BLUR_PX = 1.5
-_BLUR_SD_PX = 0.8
-_MARGIN_PX = 3.0
-_DRIFT_PX = 1.5
-_RADIUS_TOLERANCE = 0.25
-_CONTRAST_TO_SD = 6.0
-_COARSE_RADIUS_PX = 1.6
-_FILL_PX = 15
 # Fewer are fitted sooner than handed to another core.
 _LEAST_SEEDS = 8
 _NOTHING_KNOWN: Array = np.zeros((0, 2))
@@ -52,17 +47,18 @@ class DetectionLimits:
         First candidates that are fitted, best first.
     """
 
-    correlation: float = 0.55
-    contrast_to_noise: float = 4.0
-    most: int = 400
+    correlation: float = field(default_factory=lambda: DISC_DETECTION.correlation)
+    contrast_to_noise: float = field(default_factory=lambda: DISC_DETECTION.contrast_to_noise)
+    most: int = field(default_factory=lambda: DISC_DETECTION.most_candidates)
 
 
 def detect_balls(
     pixels: FloatImage,
     usable: Mask,
     radius_range_px: tuple[float, float],
-    limits: DetectionLimits = DetectionLimits(),
+    limits: DetectionLimits | None = None,
     known_px: Array = _NOTHING_KNOWN,
+    pixel_mm: float = USUAL_PIXEL_MM,
 ) -> BallCandidates:
     """Find all dark discs of a range of radii.
 
@@ -78,40 +74,49 @@ def detect_balls(
         What counts as a ball; by default set for recall.
     known_px
         Centres of discs that need not be found, shape (N, 2).
+    pixel_mm
+        Pixel pitch at the detector.
 
     Returns
     -------
     BallCandidates
         Sorted by contrast to noise, largest first; none is identified yet.
     """
-    seeds, radii = _seeds(pixels, usable, radius_range_px, limits)
+    limits = limits or DetectionLimits()
+    places, radii = _first_candidates(pixels, usable, radius_range_px, limits, pixel_mm)
     if len(known_px):
-        distance, _ = cKDTree(known_px).query(seeds.reshape(-1, 2))
+        distance, _ = cKDTree(known_px).query(places.reshape(-1, 2))
         new = np.asarray(distance) > 0.6 * radius_range_px[0]
-        seeds, radii = seeds[new], radii[new]
-    drift, tolerance = np.full(len(radii), _DRIFT_PX), _RADIUS_TOLERANCE * radii
-    known = np.column_stack([seeds, drift, radii, tolerance])
-    blur = (_BLUR_PX, _BLUR_SD_PX)
+        places, radii = places[new], radii[new]
+    drift = np.full(len(radii), in_pixels(DISC_DETECTION.drift_detector_mm, pixel_mm))
+    known = np.column_stack([places, drift, radii, DISC_DETECTION.radius_tolerance * radii])
+    lengths_mm = DISC_DETECTION.blur_detector_mm, DISC_DETECTION.blur_sd_detector_mm, DISC_DETECTION.margin_detector_mm
+    blur_px, blur_sd_px, margin_px = (in_pixels(length_mm, pixel_mm) for length_mm in lengths_mm)
+    constants = fit_constants()
     halves = on_both_halves(
-        lambda part: fit_each(pixels, usable, known[part], blur, _MARGIN_PX, 1), len(known), _LEAST_SEEDS
+        lambda part: fit_each(pixels, usable, known[part], (blur_px, blur_sd_px), margin_px, 1, constants),
+        len(known),
+        _LEAST_SEEDS,
     )
     fits = np.concatenate(halves)
-    return _candidates(fits[_are_balls(fits, seeds, radius_range_px, limits)], 0.5 * radius_range_px[0])
+    return _candidates(fits[_are_balls(fits, places, radius_range_px, limits, pixel_mm)], 0.5 * radius_range_px[0])
 
 
-def _seeds(
-    pixels: FloatImage, usable: Mask, radius_range_px: tuple[float, float], limits: DetectionLimits
+def _first_candidates(
+    pixels: FloatImage, usable: Mask, radius_range_px: tuple[float, float], limits: DetectionLimits, pixel_mm: float
 ) -> tuple[Array, Array]:
     """Local maxima over place and scale: pixels (N, 2) and radii (N,)."""
     low, high = radius_range_px
-    count = max(1, int(np.ceil(np.log(high / low) / np.log(_SCALE_STEP))))
+    count = max(1, int(np.ceil(np.log(high / low) / np.log(DISC_DETECTION.scale_step))))
     radii = low * (high / low) ** ((np.arange(count) + 0.5) / count)
     # A coarser image shows the same discs in a fraction of the time; the fits that follow see the finest pixels.
-    step = max(1, int(low / _COARSE_RADIUS_PX))
+    step = max(1, int(low / DISC_DETECTION.coarse_radius_px))
     rows, columns = (side // step * step for side in pixels.shape)
     coarse_usable = np.ascontiguousarray(usable[:rows:step, :columns:step])
-    filled = _filled(_reduced(pixels, step), coarse_usable, _FILL_PX // step)
-    correlations = mapped(lambda radius: disc_correlation(filled, float(radius) / step, 1.0 / step), radii, 2)
+    filled = _filled(
+        _reduced(pixels, step), coarse_usable, whole_pixels(DISC_DETECTION.fill_detector_mm, pixel_mm) // step
+    )
+    correlations = mapped(lambda radius: disc_correlation(filled, float(radius) / step, 1.0 / step, pixel_mm), radii, 2)
     scores = np.stack(correlations)
     best = scores.max(axis=0)
     size = 2 * int(np.ceil(0.7 * low / step)) + 1
@@ -145,7 +150,9 @@ def _filled(pixels: FloatImage, usable: Mask, reach_px: int) -> FloatImage:
     return np.where(usable, pixels, np.where(inside > 1e-3, mean, level)).astype(np.float32)
 
 
-def disc_correlation(pixels: FloatImage, radius_px: float, scale: float = 1.0) -> FloatImage:
+def disc_correlation(
+    pixels: FloatImage, radius_px: float, scale: float = 1.0, pixel_mm: float = USUAL_PIXEL_MM
+) -> FloatImage:
     """Correlation coefficient of each pixel's surroundings with a dark disc, shape of the image, in [-1, 1].
 
     Parameters
@@ -156,8 +163,11 @@ def disc_correlation(pixels: FloatImage, radius_px: float, scale: float = 1.0) -
         Of the disc, in these pixels.
     scale
         Of these pixels: margin and blur are so many times what they are at full size.
+    pixel_mm
+        Pixel pitch at the detector, at full size.
     """
-    margin, blur = scale * _MARGIN_PX, scale * _BLUR_PX
+    margin = scale * in_pixels(DISC_DETECTION.margin_detector_mm, pixel_mm)
+    blur = scale * in_pixels(DISC_DETECTION.blur_detector_mm, pixel_mm)
     reach = int(np.ceil(radius_px + margin))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     distance = np.hypot(x, y)
@@ -178,17 +188,19 @@ def _filter(image: FloatImage, kernel: Array) -> FloatImage:
     return np.asarray(cv2.filter2D(image, cv2.CV_32F, kernel.astype(np.float32), borderType=cv2.BORDER_REPLICATE))
 
 
-def _are_balls(fits: Array, seeds: Array, radius_range_px: tuple[float, float], limits: DetectionLimits) -> Mask:
+def _are_balls(
+    fits: Array, places: Array, radius_range_px: tuple[float, float], limits: DetectionLimits, pixel_mm: float
+) -> Mask:
     """Which fits (see `fit_each`) are of something that looks like a ball, shape (N,)."""
     low, high = radius_range_px
     radius, contrast = fits[:, FIT_RADIUS], fits[:, FIT_CONTRAST]
-    moved = np.hypot(fits[:, FIT_X] - seeds[:, 0], fits[:, FIT_Y] - seeds[:, 1])
+    moved = np.hypot(fits[:, FIT_X] - places[:, 0], fits[:, FIT_Y] - places[:, 1])
     return np.asarray(
         (contrast > limits.contrast_to_noise * fits[:, FIT_NOISE])
-        & (contrast > _CONTRAST_TO_SD * fits[:, FIT_CONTRAST_SD])
-        & (radius > 0.5 * low)
-        & (radius < 1.3 * high)
-        & (moved < np.maximum(0.75 * radius, 2.0))
+        & (contrast > DISC_DETECTION.contrast_to_sd * fits[:, FIT_CONTRAST_SD])
+        & (radius > DISC_DETECTION.radius_low * low)
+        & (radius < DISC_DETECTION.radius_high * high)
+        & (moved < np.maximum(DISC_DETECTION.moved * radius, in_pixels(DISC_DETECTION.moved_detector_mm, pixel_mm)))
     )
 
 

@@ -1,18 +1,41 @@
 """Compiled inner loops of the disc fits: one group of discs at a time, damped Gauss-Newton, robust."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.compiled import compiled, compiled_fast
 from shared.xray.disc_model import BACKGROUND_TERMS, model_rows
-from shared.xray.disc_residuals import neighbours
+from shared.xray.disc_samples import neighbours
+from shared.xray.tuning import DISC_FITTING
 
 Array = NDArray[np.float64]
 
+# Guards of the descent: it has converged when the cost falls by less than a ten-thousandth, or steps have become
+# a thousand times shorter than Newton's.
 _MAX_DAMPING = 1e3
 _LEAST_GAIN = 1e-4
+
+
+class FitConstants(NamedTuple):
+    """What `DISC_FITTING` gives the compiled fits, which cannot read it themselves."""
+
+    huber: float
+    opacity: float
+    contrast: float
+    overlap: float
+    overlap_sd: float
+    curvature_precision: float
+    least_pixels: int
+    first_iterations: int
+    next_iterations: int
+
+
+def fit_constants() -> FitConstants:
+    """The tuned values of the fits as they are now."""
+    return FitConstants(*(getattr(DISC_FITTING, name) for name in FitConstants._fields))
 
 
 @compiled_fast
@@ -78,7 +101,7 @@ def solve_cholesky(normal: Array, gradient: Array, damping: float, step: Array) 
 
 @compiled_fast
 def clip_parameters(p: Array, mean: Array, discs: int) -> None:
-    """Keep radii and blur positive, and overlaps between sum and union of shadows."""
+    """Guard: keep radii and blur positive and within a patch, and overlaps between sum and union of shadows."""
     first = BACKGROUND_TERMS + 3 * discs
     for k in range(first, first + discs):
         p[k] = min(max(p[k], 0.4 * mean[k]), 1.6 * mean[k])
@@ -95,13 +118,14 @@ def _evaluate(
     mean: Array,
     precision: Array,
     discs: int,
+    opacity: float,
     normal: Array,
     gradient: Array,
     rows: Array,
     residual: Array,
 ) -> float:
     """Cost with priors at `p`; fills normal matrix, gradient and residuals."""
-    model_rows(samples, frame, p, discs, rows, residual)
+    model_rows(samples, frame, p, discs, opacity, rows, residual)
     for n in range(len(residual)):
         residual[n] = samples[n, 2] - residual[n]
     cost = normal_equations(rows, residual, weight, normal, gradient)
@@ -122,6 +146,7 @@ def levenberg(
     mean: Array,
     precision: Array,
     discs: int,
+    opacity: float,
     iterations: int,
     rows: Array,
     residual: Array,
@@ -131,7 +156,7 @@ def levenberg(
     normal, trial_normal = np.empty((size, size)), np.empty((size, size))
     gradient, trial_gradient = np.empty(size), np.empty(size)
     step, trial, trial_residual = np.zeros(size), np.empty(size), np.empty(len(residual))
-    cost = _evaluate(samples, weight, frame, p, mean, precision, discs, normal, gradient, rows, residual)
+    cost = _evaluate(samples, weight, frame, p, mean, precision, discs, opacity, normal, gradient, rows, residual)
     damping = 1e-3
     for _ in range(iterations):
         if not solve_cholesky(normal, gradient, damping, step):
@@ -140,7 +165,18 @@ def levenberg(
         trial[:] = p + step
         clip_parameters(trial, mean, discs)
         trial_cost = _evaluate(
-            samples, weight, frame, trial, mean, precision, discs, trial_normal, trial_gradient, rows, trial_residual
+            samples,
+            weight,
+            frame,
+            trial,
+            mean,
+            precision,
+            discs,
+            opacity,
+            trial_normal,
+            trial_gradient,
+            rows,
+            trial_residual,
         )
         if trial_cost < cost:
             gain = (cost - trial_cost) / (cost + 1e-12)
@@ -158,7 +194,7 @@ def levenberg(
 
 @compiled_fast
 def fit_group(
-    samples: Array, frame: Array, mean: Array, precision: Array, discs: int, passes: int, huber: float
+    samples: Array, frame: Array, mean: Array, precision: Array, discs: int, passes: int, fit: FitConstants
 ) -> tuple[Array, Array, Array, float, tuple[float, float]]:
     """Robust fit of one group.
 
@@ -174,8 +210,8 @@ def fit_group(
         Number of discs.
     passes
         Rounds of re-weighting.
-    huber
-        Residual, in standard deviations, beyond which a pixel counts less.
+    fit
+        Tuned values.
 
     Returns
     -------
@@ -186,16 +222,22 @@ def fit_group(
     p = mean.copy()
     count = len(samples)
     rows, residual = np.empty((len(p), count)), np.empty(count)
-    noise = 0.05
+    noise = 0.05  # of normalised grey values: it scales the priors' weight in the first descent only
     weight = np.full(count, 1.0 / noise**2)
-    normal = np.tril(levenberg(samples, weight, frame, p, mean, precision, discs, 12, rows, residual))
+    normal = np.tril(
+        levenberg(samples, weight, frame, p, mean, precision, discs, fit.opacity, fit.first_iterations, rows, residual)
+    )
     for _ in range(passes):
         for n in range(count):
             residual[n] = abs(residual[n])
         noise = max(1.4826 * np.median(residual), 1e-4)
         for n in range(count):
-            weight[n] = min(1.0, huber * noise / max(residual[n], 1e-12)) / noise**2
-        normal = np.tril(levenberg(samples, weight, frame, p, mean, precision, discs, 8, rows, residual))
+            weight[n] = min(1.0, fit.huber * noise / max(residual[n], 1e-12)) / noise**2
+        normal = np.tril(
+            levenberg(
+                samples, weight, frame, p, mean, precision, discs, fit.opacity, fit.next_iterations, rows, residual
+            )
+        )
     return p, normal, residual, noise, neighbours(samples, residual, 3.0 * noise)
 
 

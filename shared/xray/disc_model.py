@@ -17,10 +17,6 @@ from shared.compiled import compiled_fast
 Array = NDArray[np.float64]
 
 BACKGROUND_TERMS = 6
-# Part of the background's variation that a ball takes away. 2 to 3 mm of steel let 2 to 6 % of the light through, to
-# which scatter and glare add; on a display's curve (power 0.65) that is a fifth. The centres hardly depend on it
-# between 0.7 and 1.
-OPACITY = 0.8
 _ROOT_2 = math.sqrt(2.0)
 _ROOT_2PI = math.sqrt(2.0 * math.pi)
 # Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26: the complementary error function to 1.5e-7.
@@ -49,19 +45,20 @@ def edge(z: float, bell: float) -> float:
 
 
 @compiled_fast
-def model_rows(samples: Array, frame: Array, p: Array, discs: int, rows: Array, grey: Array) -> None:
+def model_rows(samples: Array, frame: Array, p: Array, discs: int, opacity: float, rows: Array, grey: Array) -> None:
     """Grey value of the model at each pixel, shape (N,), and its derivatives by the parameters, shape (parameters, N).
 
-    Rows of derivatives lie together in memory, so that what follows runs through them at full speed.
+    `opacity` is the share of the background's variation that a disc hides. Rows of derivatives lie together in memory,
+    for speed.
     """
     b = BACKGROUND_TERMS
     for k in range(discs):
-        _shades(samples, p, discs, k, rows)
+        _coverages(samples, p, discs, k, rows)
     slope = np.empty(len(samples))
-    _background(samples, frame, p, discs, rows, grey, slope)
+    _background(samples, frame, p, discs, opacity, rows, grey, slope)
     rows[-2, :], rows[-1, :] = 0.0, 0.0
     for k in range(discs):
-        _slopes(samples, p, discs, k, slope, rows)
+        _slopes(samples, p, discs, k, opacity, slope, rows)
     for k in range(discs):
         for n in range(len(samples)):
             grey[n] -= p[b + k] * rows[b + k, n]
@@ -69,29 +66,31 @@ def model_rows(samples: Array, frame: Array, p: Array, discs: int, rows: Array, 
 
 
 @compiled_fast
-def _background(samples: Array, frame: Array, p: Array, discs: int, rows: Array, grey: Array, slope: Array) -> None:
-    """Background as it is seen past the discs, its derivatives, and how it varies (`slope`); shades are in `rows`."""
+def _background(
+    samples: Array, frame: Array, p: Array, discs: int, opacity: float, rows: Array, grey: Array, slope: Array
+) -> None:
+    """Background past the discs, its derivatives, and how it varies (`slope`); coverages are in `rows`."""
     for n in range(len(samples)):
         u, v = (samples[n, 0] - frame[0]) / frame[2], (samples[n, 1] - frame[1]) / frame[2]
         slope[n] = p[1] * u + p[2] * v + p[3] * u * u + p[4] * u * v + p[5] * v * v
         past = 1.0
         for k in range(discs):
             past *= 1.0 - rows[BACKGROUND_TERMS + k, n]
-        seen = 1.0 - OPACITY * (1.0 - past)
+        seen = 1.0 - opacity * (1.0 - past)
         rows[0, n], rows[1, n], rows[2, n] = 1.0, u * seen, v * seen
         rows[3, n], rows[4, n], rows[5, n] = u * u * seen, u * v * seen, v * v * seen
         grey[n] = p[0] + slope[n] * seen
 
 
 @compiled_fast
-def _shades(samples: Array, p: Array, discs: int, k: int, rows: Array) -> None:
+def _coverages(samples: Array, p: Array, discs: int, k: int, rows: Array) -> None:
     """How much of each pixel disc `k` covers, in its row.
 
     Its rows for y and radius keep the distance from its centre and the bell of its edge for `_slopes`.
     """
     first, blur = BACKGROUND_TERMS + k, p[-1]
     x, y, radius = p[first + discs], p[first + 2 * discs], p[first + 3 * discs]
-    shade, distance, bell = rows[first], rows[first + 2 * discs], rows[first + 3 * discs]
+    covered, distance, bell = rows[first], rows[first + 2 * discs], rows[first + 3 * discs]
     # three short loops, which the compiler turns into vector instructions, where one long one stays as it is
     for n in range(len(samples)):
         dx, dy = samples[n, 0] - x, samples[n, 1] - y
@@ -99,14 +98,14 @@ def _shades(samples: Array, p: Array, discs: int, k: int, rows: Array) -> None:
     for n in range(len(samples)):
         bell[n] = bell_of((distance[n] - radius) / blur)
     for n in range(len(samples)):
-        shade[n] = edge((distance[n] - radius) / blur, bell[n])
+        covered[n] = edge((distance[n] - radius) / blur, bell[n])
 
 
 @compiled_fast
-def _slopes(samples: Array, p: Array, discs: int, k: int, slope: Array, rows: Array) -> None:
+def _slopes(samples: Array, p: Array, discs: int, k: int, opacity: float, slope: Array, rows: Array) -> None:
     """Derivatives by place and radius of disc `k`, and its share of that by the blur.
 
-    Rows are as `_shades` left them; `slope` is by how much the background differs from its constant, shape (N,).
+    Rows are as `_coverages` left them; `slope` is by how much the background differs from its constant, shape (N,).
     """
     b = BACKGROUND_TERMS
     x, y, radius, overlap, blur = p[b + discs + k], p[b + 2 * discs + k], p[b + 3 * discs + k], p[-2], p[-1]
@@ -118,7 +117,7 @@ def _slopes(samples: Array, p: Array, discs: int, k: int, slope: Array, rows: Ar
             if j != k:
                 past_others *= 1.0 - rows[b + j, n]
                 contrast -= overlap * max(min(p[b + k], p[b + j]), 0.0) * rows[b + j, n]
-        contrast += OPACITY * slope[n] * past_others
+        contrast += opacity * slope[n] * past_others
         along = -contrast * bell / (_ROOT_2PI * blur)
         rows[b + discs + k, n] = along * dx / distance
         rows[b + 2 * discs + k, n] = along * dy / distance
@@ -128,22 +127,22 @@ def _slopes(samples: Array, p: Array, discs: int, k: int, slope: Array, rows: Ar
 
 @compiled_fast
 def _overlaps(p: Array, discs: int, rows: Array, grey: Array) -> None:
-    """What overlaps take back of the summed shadows; turns the shades in `rows` into derivatives by contrast."""
+    """What overlaps take back of the summed shadows; turns the coverages in `rows` into derivatives by contrast."""
     b = BACKGROUND_TERMS
     overlap = p[-2]
     if discs == 1:
         for n in range(len(grey)):
             rows[b, n] = -rows[b, n]
         return
-    shade = np.empty(discs)
+    covered = np.empty(discs)
     for n in range(len(grey)):
         for k in range(discs):
-            shade[k] = rows[b + k, n]
-            rows[b + k, n] = -shade[k]
+            covered[k] = rows[b + k, n]
+            rows[b + k, n] = -covered[k]
         common = 0.0
         for k in range(discs):
             for j in range(k + 1, discs):
-                both = shade[k] * shade[j]
+                both = covered[k] * covered[j]
                 # Of two shadows the darker one stays: with overlap 1 the fainter one adds nothing.
                 fainter = k if p[b + k] < p[b + j] else j
                 if p[b + fainter] > 0.0:

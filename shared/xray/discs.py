@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.xray.disc_kernel import fit_constants
 from shared.xray.disc_model import BACKGROUND_TERMS
-from shared.xray.disc_residuals import darkest_spot
+from shared.xray.disc_samples import darkest_spot
 from shared.xray.patch_fit import fit_each, fit_patch
+from shared.xray.tuning import DISC_FITTING
 
 Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
@@ -79,7 +81,7 @@ def fit_discs(
     usable: Mask,
     priors: DiscPriors,
     within: tuple[Array, Array],
-    passes: int = 2,
+    passes: int | None = None,
     avoid: Array = NOTHING_TO_AVOID,
 ) -> DiscFit | None:
     """Fit a group of blurred discs on a curved background.
@@ -93,7 +95,7 @@ def fit_discs(
     within
         Circles whose pixels are used: centres and radii, shapes (M, 2) and (M,).
     passes
-        Rounds of re-weighting against pixels that belong to something else.
+        Rounds of re-weighting against pixels that belong to something else; as `DISC_FITTING` has it by default.
     avoid
         Circles (x, y, radius) whose pixels do not count, shape (M, 3): discs of other groups.
 
@@ -102,10 +104,11 @@ def fit_discs(
     DiscFit or None
         None when too few usable pixels are near.
     """
+    passes = DISC_FITTING.passes if passes is None else passes
     known = np.column_stack([priors.centre_px, priors.centre_sd_px, priors.radius_px, priors.radius_sd_px])
     blur = (float(priors.blur_px), float(priors.blur_sd_px))
     p, centre_covariance, contrast_sd, quality, residual = fit_patch(
-        pixels, usable, known, blur, np.column_stack(within), avoid, passes
+        pixels, usable, known, blur, np.column_stack(within), avoid, passes, fit_constants()
     )
     if not len(p):
         return None
@@ -135,4 +138,12 @@ def compile_fits() -> None:
     fit = fit_discs(pixels, np.ones(pixels.shape, bool), priors, (priors.centre_px, 9.0 * one))
     assert fit is not None, "a whole disc was given"
     darkest_spot(fit.residual, 3.0)
-    fit_each(pixels, np.ones(pixels.shape, bool), np.array([[12.0, 12.0, 1.0, 5.0, 1.0]]), (1.5, 0.8), 3.0, 1)
+    fit_each(
+        pixels,
+        np.ones(pixels.shape, bool),
+        np.array([[12.0, 12.0, 1.0, 5.0, 1.0]]),
+        (1.5, 0.8),
+        3.0,
+        1,
+        fit_constants(),
+    )

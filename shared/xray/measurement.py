@@ -1,6 +1,6 @@
 """Measure balls where they must be, together with the neighbours whose shadows touch theirs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,10 @@ from scipy.sparse.csgraph import connected_components
 from shared.two_cores import mapped
 from shared.xray.discs import Array, DiscFit, DiscPriors, FloatImage, Mask, fit_discs
 from shared.xray.hidden import Refit, noise_factor, usual_correlation, with_hidden
+from shared.xray.pixel_scale import USUAL_PIXEL_MM
+from shared.xray.pixel_scale import pixels as in_pixels
+from shared.xray.tuning import BALL_MEASURING
 
-_TOUCH_PX = 2.5
-_LOOSENING_PX = 0.75
-_KEEP_OUT_PX = 2.0
-_LARGEST_GROUP = 5
 # Fewer are done sooner than handed to another core.
 _LEAST_GROUPS = 4
 
@@ -35,14 +34,21 @@ class MeasurementSettings:
         Blur of edges and how well it is known.
     contrast_to_sd
         Least contrast over its standard deviation for a ball to count as seen.
+    pixel_mm
+        Pixel pitch at the detector.
     """
 
-    reach_px: float = 3.5
-    drift_px: float | Array = 1.0
-    radius_tolerance: float = 0.15
-    blur_px: float = 1.5
-    blur_sd_px: float = 0.8
-    contrast_to_sd: float = 4.0
+    reach_px: float = field(default_factory=lambda: _usual_px(BALL_MEASURING.reach_detector_mm))
+    drift_px: float | Array = field(default_factory=lambda: _usual_px(BALL_MEASURING.drift_detector_mm))
+    radius_tolerance: float = field(default_factory=lambda: BALL_MEASURING.radius_tolerance)
+    blur_px: float = field(default_factory=lambda: _usual_px(BALL_MEASURING.blur_detector_mm))
+    blur_sd_px: float = field(default_factory=lambda: _usual_px(BALL_MEASURING.blur_sd_detector_mm))
+    contrast_to_sd: float = field(default_factory=lambda: BALL_MEASURING.contrast_to_sd)
+    pixel_mm: float = USUAL_PIXEL_MM
+
+
+def _usual_px(length_mm: float) -> float:
+    return in_pixels(length_mm, USUAL_PIXEL_MM)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,12 +66,12 @@ class Discs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BallMeasurements:
-    """What was seen of each ball that was asked for, in the order of asking.
+    """Measurements of the predicted balls, in their order.
 
     Attributes
     ----------
     seen
-        Whether the ball was found, shape (N,); where False the other values mean nothing (NaN or what a fit said).
+        Whether the ball was found, shape (N,); where False the other values mean nothing (NaN or an unaccepted fit).
     centre_px
         Shape (N, 2).
     standard_deviation_px
@@ -89,7 +95,7 @@ class BallMeasurements:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Group:
-    """Discs that are fitted together: their indices, what is known of them, and how to fit them."""
+    """Discs that are fitted together: their indices, their priors, and their fit."""
 
     members: NDArray[np.int64]
     priors: DiscPriors
@@ -130,32 +136,36 @@ def measure_balls(
     usable = np.ones(pixels.shape, dtype=bool) if usable is None else usable
     predicted, neighbours = Discs(predicted_px, radius_px), Discs.none()
     if neighbours_px is not None and neighbour_radius_px is not None:
-        neighbours = _not_the_balls(Discs(neighbours_px, neighbour_radius_px), predicted)
+        neighbours = _not_the_balls(Discs(neighbours_px, neighbour_radius_px), predicted, settings.pixel_mm)
     count = len(radius_px)
     discs = Discs(
         np.concatenate([predicted_px, neighbours.centre_px]), np.concatenate([radius_px, neighbours.radius_px])
     )
     inside = _inside(usable, predicted)
-    near, drift_px = _near(discs, settings.reach_px), _drifts(settings, count, len(neighbours.radius_px))
+    keep_out_px = in_pixels(BALL_MEASURING.keep_out_detector_mm, settings.pixel_mm)
+    near, drift_px = _near(discs, settings.reach_px + keep_out_px), _drifts(settings, count, len(neighbours.radius_px))
     groups = []
-    for members in _groups(discs):
+    for members in _groups(discs, settings.pixel_mm):
         if inside[members[members < count]].any():
-            priors, others = _priors(discs, drift_px, members, settings), _others(discs, members, near)
+            priors, others = _priors(discs, drift_px, members, settings), _others(discs, members, near, keep_out_px)
             groups.append(_Group(members, priors, _fitting(pixels, usable, priors, settings.reach_px, others)))
     fits = mapped(lambda group: group.refit(group.priors), groups, _LEAST_GROUPS)
     fitted = [(group, fit) for group, fit in zip(groups, fits, strict=True) if fit is not None]
     correlation = usual_correlation([fit for _, fit in fitted])
-    wholes = mapped(lambda of: with_hidden(of[1], of[0].priors, correlation, of[0].refit), fitted, _LEAST_GROUPS)
+    wholes = mapped(
+        lambda of: with_hidden(of[1], of[0].priors, correlation, of[0].refit, settings.pixel_mm), fitted, _LEAST_GROUPS
+    )
     rows: dict[int, tuple[DiscFit, int]] = {}
     for (group, _), whole in zip(fitted, wholes, strict=True):
         rows.update({int(disc): (whole, place) for place, disc in enumerate(group.members)})
     return _measurements(predicted, inside, rows, settings, noise_factor(correlation))
 
 
-def _not_the_balls(neighbours: Discs, predicted: Discs) -> Discs:
+def _not_the_balls(neighbours: Discs, predicted: Discs, pixel_mm: float) -> Discs:
     """Neighbours that are not one of the predicted balls itself."""
     distance = np.hypot(*(neighbours.centre_px[:, None] - predicted.centre_px[None]).transpose(2, 0, 1))
-    near = np.maximum(0.6 * predicted.radius_px, 2.0)
+    least_px = in_pixels(BALL_MEASURING.same_disc_detector_mm, pixel_mm)
+    near = np.maximum(BALL_MEASURING.same_disc_radii * predicted.radius_px, least_px)
     own = (distance < near[None]).any(axis=1)
     return Discs(neighbours.centre_px[~own], neighbours.radius_px[~own])
 
@@ -171,17 +181,17 @@ def _inside(usable: Mask, discs: Discs) -> Mask:
     return np.asarray((there & usable[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)]).all(axis=1))
 
 
-def _groups(discs: Discs) -> list[NDArray[np.int64]]:
+def _groups(discs: Discs, pixel_mm: float) -> list[NDArray[np.int64]]:
     """Indices of discs that touch; chains of many are cut at their loosest contacts."""
     distance = np.hypot(*(discs.centre_px[:, None] - discs.centre_px[None]).transpose(2, 0, 1))
     gap = distance - discs.radius_px[:, None] - discs.radius_px[None]
-    reach = _TOUCH_PX
+    reach = in_pixels(BALL_MEASURING.touch_detector_mm, pixel_mm)
     while True:
         count, label = connected_components(coo_matrix(gap < reach), directed=False)
         sizes = np.bincount(label, minlength=count)
-        if sizes.max(initial=0) <= _LARGEST_GROUP:
+        if sizes.max(initial=0) <= BALL_MEASURING.largest_group:
             break
-        reach -= _LOOSENING_PX
+        reach -= in_pixels(BALL_MEASURING.loosening_detector_mm, pixel_mm)
     order = np.argsort(label, kind="stable")
     return [m.astype(np.int64) for m in np.split(order, np.cumsum(sizes)[:-1])]
 
@@ -193,7 +203,7 @@ def _drifts(settings: MeasurementSettings, balls: int, neighbours: int) -> Array
 
 
 def _priors(discs: Discs, drift_px: Array, members: NDArray[np.int64], settings: MeasurementSettings) -> DiscPriors:
-    """What is known of a group."""
+    """Priors of a group."""
     centre, radius = discs.centre_px[members], discs.radius_px[members]
     return DiscPriors(
         centre, drift_px[members], radius, settings.radius_tolerance * radius, settings.blur_px, settings.blur_sd_px
@@ -201,22 +211,22 @@ def _priors(discs: Discs, drift_px: Array, members: NDArray[np.int64], settings:
 
 
 def _fitting(pixels: FloatImage, usable: Mask, group: DiscPriors, reach_px: float, avoid: Array) -> Refit:
-    """How to fit the pixels around a group."""
+    """A fit of the pixels around a group."""
     place = group.centre_px, group.radius_px + reach_px
     return lambda priors: fit_discs(pixels, usable, priors, place, avoid=avoid)
 
 
 def _near(discs: Discs, reach_px: float) -> NDArray[np.bool_]:
-    """Pairs of discs of which one touches what is looked at around the other, shape (N, N)."""
+    """Pairs of discs of which one is within reach of the other's edge, shape (N, N)."""
     distance = np.hypot(*(discs.centre_px[:, None] - discs.centre_px[None]).transpose(2, 0, 1))
-    return np.asarray(distance < discs.radius_px[:, None] + discs.radius_px[None] + (reach_px + _KEEP_OUT_PX))
+    return np.asarray(distance < discs.radius_px[:, None] + discs.radius_px[None] + reach_px)
 
 
-def _others(discs: Discs, members: NDArray[np.int64], near: NDArray[np.bool_]) -> Array:
+def _others(discs: Discs, members: NDArray[np.int64], near: NDArray[np.bool_], keep_out_px: float) -> Array:
     """Circles around near discs of other groups: x, y, radius, shape (M, 3)."""
     of_others = np.asarray(near[members].any(axis=0))
     of_others[members] = False
-    return np.column_stack([discs.centre_px[of_others], discs.radius_px[of_others] + _KEEP_OUT_PX])
+    return np.column_stack([discs.centre_px[of_others], discs.radius_px[of_others] + keep_out_px])
 
 
 def _measurements(
@@ -237,5 +247,10 @@ def _measurements(
             overlapped[ball] = len(fit.radius_px) > 1
     deviation, radius, contrast, strength = values.T
     drift = np.hypot(*(centre - predicted.centre_px).T)
-    seen = inside & np.isfinite(deviation) & (strength > settings.contrast_to_sd) & (drift < 4.0 * settings.drift_px)
+    seen = (
+        inside
+        & np.isfinite(deviation)
+        & (strength > settings.contrast_to_sd)
+        & (drift < BALL_MEASURING.drift_sigmas * settings.drift_px)
+    )
     return BallMeasurements(seen, centre, deviation, radius, contrast, overlapped, factor)

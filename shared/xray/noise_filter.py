@@ -1,8 +1,8 @@
 """A filter against correlated noise: the detector blurs noise and edges alike, and undoing that makes edges count.
 
 An intensifier's noise is so correlated that its power at the highest frequencies is a hundredth of that at the lowest.
-To a least-squares fit that takes pixels for independent, an edge then tells much less than it could: after the filter,
-which makes the noise about white, the centres of balls are a fifth better.
+A least-squares fit that treats pixels as independent then underuses an edge: after the filter, which makes the noise
+about white, the centres of balls are a fifth more precise.
 """
 
 from typing import TypeVar
@@ -12,20 +12,13 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from shared.xray.tuning import NOISE_WHITENING
+
 Scalar = TypeVar("Scalar", bound=np.generic)
 
+# Size of the spectrum, and half of it: a power of two for the transform, long against the noise's correlation.
 _BLOCK_PX = 32
 _STEP_PX = 16
-_FLATTEST = 0.2
-_LEAST_BLOCKS = 20
-# Where the display has clipped more of a block than this, little of its noise is left, and that is not its own.
-_MOST_CLIPPED = 0.01
-_RING = 0.04
-# Below, the structure of bone outweighs the noise: the filter leaves these frequencies alone.
-_SLOW, _SLOW_END = 0.08, 0.16
-# Limits the gain at the highest frequencies to ten: beyond, the filter would show the grid of pixels.
-_LEAST_POWER = 0.01
-_REACH_PX = 8
 
 
 def noise_whitened(
@@ -45,7 +38,7 @@ def noise_whitened(
     high = np.clip(np.ceil(around_px.max(axis=0) + margin_px), 0, limit).astype(int)
     box = (slice(low[1], high[1]), slice(low[0], high[0]))
     blocks = _flat_blocks(pixels[box], usable[box])
-    if len(blocks) < _LEAST_BLOCKS:
+    if len(blocks) < NOISE_WHITENING.least_blocks:
         return pixels
     out = pixels.copy()
     filtered = cv2.filter2D(pixels[box], cv2.CV_32F, _kernel(_power(blocks)), borderType=cv2.BORDER_REFLECT)
@@ -58,14 +51,16 @@ def _flat_blocks(pixels: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDAr
     if min(pixels.shape) < _BLOCK_PX:
         return np.zeros((0, _BLOCK_PX, _BLOCK_PX))
     clipped = (pixels == pixels.max()) | (pixels == pixels.min())
-    telling = _blocks_of(usable).all(axis=(2, 3)) & (_blocks_of(clipped).mean(axis=(2, 3)) <= _MOST_CLIPPED)
-    blocks = _blocks_of(pixels)[telling].reshape(-1, _BLOCK_PX * _BLOCK_PX)
+    suitable = _blocks_of(usable).all(axis=(2, 3)) & (
+        _blocks_of(clipped).mean(axis=(2, 3)) <= NOISE_WHITENING.most_clipped
+    )
+    blocks = _blocks_of(pixels)[suitable].reshape(-1, _BLOCK_PX * _BLOCK_PX)
     # of large grey values, single precision would hold little but their mean
     blocks = blocks - blocks.mean(axis=1, keepdims=True, dtype=np.float64).astype(np.float32)
     basis = _quadratics()
     smooth = blocks @ basis.astype(np.float32)
     structure = np.einsum("kp,kp->k", blocks, blocks) - np.einsum("kt,kt->k", smooth, smooth)
-    flattest = np.argsort(structure)[: max(_LEAST_BLOCKS, int(_FLATTEST * len(blocks)))]
+    flattest = np.argsort(structure)[: max(NOISE_WHITENING.least_blocks, int(NOISE_WHITENING.flattest * len(blocks)))]
     chosen = blocks[flattest].astype(np.float64)
     return np.asarray(chosen - chosen @ basis @ basis.T).reshape(-1, _BLOCK_PX, _BLOCK_PX)
 
@@ -87,25 +82,25 @@ def _power(blocks: NDArray[np.float64]) -> NDArray[np.float64]:
     window = np.outer(np.hanning(_BLOCK_PX), np.hanning(_BLOCK_PX))
     spectrum = np.mean(np.abs(np.fft.rfft2(blocks * window)) ** 2, axis=0)
     frequency = _frequency()
-    ring = (frequency / _RING).astype(int)
+    ring = (frequency / NOISE_WHITENING.ring_width).astype(int)
     sums, counts = np.bincount(ring.ravel(), spectrum.ravel()), np.bincount(ring.ravel())
-    middle = (np.arange(len(counts)) + 0.5) * _RING
+    middle = (np.arange(len(counts)) + 0.5) * NOISE_WHITENING.ring_width
     filled = counts > 0
     by_ring = sums[filled] / counts[filled]
-    slow = (middle[filled] > _SLOW) & (middle[filled] < _SLOW_END)
+    slow = (middle[filled] > NOISE_WHITENING.slow) & (middle[filled] < NOISE_WHITENING.slow_end)
     relative = np.minimum(by_ring / by_ring[slow].mean(), 1.0)
     power = np.interp(frequency, middle[filled], relative)
-    power[frequency < _SLOW] = 1.0
+    power[frequency < NOISE_WHITENING.slow] = 1.0
     return np.asarray(power)
 
 
 def _kernel(power: NDArray[np.float64]) -> NDArray[np.float64]:
     """Short filter whose response is the inverse root of the power, gain one for slow variations."""
-    impulse = np.fft.fftshift(np.fft.irfft2((power + _LEAST_POWER) ** -0.5, (_BLOCK_PX, _BLOCK_PX)))
-    middle = _BLOCK_PX // 2
-    inner = impulse[middle - _REACH_PX : middle + _REACH_PX + 1, middle - _REACH_PX : middle + _REACH_PX + 1]
-    lags = np.arange(-_REACH_PX, _REACH_PX + 1)
-    distance = np.minimum(np.hypot(lags[:, None], lags[None, :]) / (_REACH_PX + 1), 1.0)
+    impulse = np.fft.fftshift(np.fft.irfft2((power + NOISE_WHITENING.least_power) ** -0.5, (_BLOCK_PX, _BLOCK_PX)))
+    middle, reach = _BLOCK_PX // 2, NOISE_WHITENING.kernel_reach_px
+    inner = impulse[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
+    lags = np.arange(-reach, reach + 1)
+    distance = np.minimum(np.hypot(lags[:, None], lags[None, :]) / (reach + 1), 1.0)
     inner = inner * np.cos(0.5 * np.pi * distance) ** 2
     return np.asarray(inner / inner.sum())
 

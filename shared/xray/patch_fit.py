@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.compiled import compiled
-from shared.xray.disc_kernel import fit_group, uncertainties
+from shared.xray.disc_kernel import FitConstants, fit_group, uncertainties
 from shared.xray.disc_model import BACKGROUND_TERMS
 from shared.xray.disc_samples import gather, normalise
 
@@ -14,20 +14,15 @@ Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-HUBER = 2.5
-START_CONTRAST = 1.5
-START_OVERLAP = 0.8
-OVERLAP_SD = 0.3
+# Guard: an inverse variance so small that it settles a parameter only where no pixel does.
 WEAK = 1e-4
-CURVATURE_PRECISION = 1.0
-LEAST_PIXELS = 30
 
 # Columns of what is known of discs before a fit.
 X, Y, CENTRE_SD, RADIUS, RADIUS_SD = 0, 1, 2, 3, 4
 
 
 @compiled
-def priors_vector(known: Array, blur: tuple[float, float], bright: float) -> tuple[Array, Array]:
+def priors_vector(known: Array, blur: tuple[float, float], bright: float, fit: FitConstants) -> tuple[Array, Array]:
     """Means and inverse variances in the kernel's order of parameters.
 
     Parameters
@@ -38,20 +33,22 @@ def priors_vector(known: Array, blur: tuple[float, float], bright: float) -> tup
         Blur of the edges and its deviation.
     bright
         Normalised grey value of the background.
+    fit
+        Tuned values.
     """
     discs, first = len(known), BACKGROUND_TERMS
     mean, precision = np.zeros(first + 4 * discs + 2), np.empty(first + 4 * discs + 2)
     mean[0] = bright
-    precision[:3], precision[3:first] = WEAK, CURVATURE_PRECISION
+    precision[:3], precision[3:first] = WEAK, fit.curvature_precision
     for k in range(discs):
         at = first + k
-        mean[at], precision[at] = START_CONTRAST, WEAK
+        mean[at], precision[at] = fit.contrast, WEAK
         for column in (X, Y):
             at += discs
             mean[at], precision[at] = known[k, column], known[k, CENTRE_SD] ** -2
         at += discs
         mean[at], precision[at] = known[k, RADIUS], known[k, RADIUS_SD] ** -2
-    mean[-2], precision[-2] = START_OVERLAP, OVERLAP_SD**-2
+    mean[-2], precision[-2] = fit.overlap, fit.overlap_sd**-2
     mean[-1], precision[-1] = blur[0], blur[1] ** -2
     return mean, precision
 
@@ -65,6 +62,7 @@ def fit_patch(
     reach_px: Array,
     avoid: Array,
     passes: int,
+    fit: FitConstants,
 ) -> tuple[Array, Array, Array, tuple[float, float, float], Array]:
     """Fit one group of discs to the pixels around them.
 
@@ -80,6 +78,8 @@ def fit_patch(
         Circles whose pixels do not count, shape (M, 3).
     passes
         Rounds of re-weighting.
+    fit
+        Tuned values.
 
     Returns
     -------
@@ -90,11 +90,11 @@ def fit_patch(
     """
     discs = len(known)
     samples = gather(pixels, usable, reach_px[:, :2], reach_px[:, 2], avoid)
-    if len(samples) < LEAST_PIXELS + 4 * discs:
+    if len(samples) < fit.least_pixels + 4 * discs:
         return np.empty(0), np.empty((0, 2, 2)), np.empty(0), (0.0, 0.0, 0.0), samples
     frame, bright, spread = normalise(samples)
-    mean, precision = priors_vector(known, blur, bright)
-    p, normal, residual, noise, beside = fit_group(samples, frame, mean, precision, discs, passes, HUBER)
+    mean, precision = priors_vector(known, blur, bright, fit)
+    p, normal, residual, noise, beside = fit_group(samples, frame, mean, precision, discs, passes, fit)
     centre_covariance, contrast_sd = uncertainties(normal, discs)
     for n in range(len(samples)):
         samples[n, 2] = spread * residual[n]
@@ -111,7 +111,13 @@ FIT_COLUMNS = 7
 
 @compiled
 def fit_each(
-    pixels: FloatImage, usable: Mask, known: Array, blur: tuple[float, float], margin_px: float, passes: int
+    pixels: FloatImage,
+    usable: Mask,
+    known: Array,
+    blur: tuple[float, float],
+    margin_px: float,
+    passes: int,
+    fit: FitConstants,
 ) -> Array:
     """Fit discs one by one, each with the pixels up to a margin around it.
 
@@ -131,7 +137,7 @@ def fit_each(
     for n in range(len(known)):
         reach_px[0, 0], reach_px[0, 1], reach_px[0, 2] = known[n, X], known[n, Y], known[n, RADIUS] + margin_px
         p, covariance, contrast_sd, quality, _ = fit_patch(
-            pixels, usable, known[n : n + 1], blur, reach_px, nothing, passes
+            pixels, usable, known[n : n + 1], blur, reach_px, nothing, passes, fit
         )
         if len(p) == 0:
             continue

@@ -22,7 +22,7 @@ def overlapping() -> Array:
 def modelled(p: Array, places: list[tuple[float, float]]) -> tuple[Array, Array]:
     samples = np.array([[x, y, 0.0] for x, y in places])
     rows, grey = np.empty((len(p), len(samples))), np.empty(len(samples))
-    model_rows(samples, FRAME, p, DISCS, rows, grey)
+    model_rows(samples, FRAME, p, DISCS, 0.8, rows, grey)
     return grey, rows
 
 

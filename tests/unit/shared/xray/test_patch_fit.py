@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from shared.xray.disc_kernel import fit_constants
 from shared.xray.disc_model import BACKGROUND_TERMS
 from shared.xray.discs import DiscPriors, fit_discs
 from shared.xray.patch_fit import FIT_CONTRAST, FIT_CONTRAST_SD, FIT_NOISE, FIT_RADIUS, FIT_SD, fit_each, priors_vector
@@ -20,7 +21,7 @@ def known() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
 def test_each_disc_is_fitted_as_a_group_of_one_is() -> None:
     pixels = image_of_discs(CENTRE, RADIUS, noise=0.004, seed=1, size_px=120)
     usable = np.ones(pixels.shape, bool)
-    found = fit_each(pixels, usable, known(), BLUR, 3.0, 1)
+    found = fit_each(pixels, usable, known(), BLUR, 3.0, 1, fit_constants())
     for k, row in enumerate(known()):
         priors = DiscPriors(row[None, :2], row[2:3], row[3:4], row[4:5], *BLUR)
         fit = fit_discs(pixels, usable, priors, (row[None, :2], row[3:4] + 3.0), passes=1)
@@ -38,13 +39,13 @@ def test_a_disc_without_usable_pixels_is_not_a_number() -> None:
     pixels = image_of_discs(CENTRE, RADIUS, noise=0.004, seed=2, size_px=120)
     usable = np.ones(pixels.shape, bool)
     usable[:, 65:] = False
-    found = fit_each(pixels, usable, known(), BLUR, 3.0, 1)
+    found = fit_each(pixels, usable, known(), BLUR, 3.0, 1, fit_constants())
     assert np.isfinite(found[0]).all()
     assert np.isnan(found[1]).all()
 
 
 def test_what_is_known_stands_where_the_kernel_looks_for_it() -> None:
-    mean, precision = priors_vector(known(), BLUR, 0.7)
+    mean, precision = priors_vector(known(), BLUR, 0.7, fit_constants())
     first = BACKGROUND_TERMS + 2
     assert mean[0] == 0.7
     assert mean[first:-2] == pytest.approx(known()[:, [0, 1, 3]].T.ravel())

@@ -12,7 +12,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.similarity_hypotheses import _counted
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
-from shared.xray.disc_residuals import darkest_spot
+from shared.xray.disc_samples import darkest_spot
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
 from shared.xray.patch_fit import fit_each, fit_patch
 from tests.unit.services.imaging.synthetic import Rendered, Scene, default_ring, render
