@@ -13,7 +13,7 @@ from distalock.arguments import EXIT_BAD_INPUT
 from distalock.image_files import images_in, read_image_file
 from distalock.locate import NominalOptions
 from distalock.outputs import require_writable, write_whole
-from services.imaging.core.quality import LEAST_IMAGES
+from services.imaging.core.tuning import QUALITY_CONTROL
 from services.imaging.service.quality_page import html_page
 from services.imaging.service.quality_report import Shot, examine, rejected_image, report_of
 from shared.errors import ImageUnreadable, InputError, Reason, ReasonCode
@@ -127,5 +127,6 @@ def _print(report: QaReport, out: Path) -> None:
     print(f"{report.verdict}: {len(accepted)} of {len(report.images)} images accepted; {out / PAGE_FILE}")
     for finding in report.findings:
         print(f"- {finding}")
-    if len(accepted) < LEAST_IMAGES:
-        print(f"- {len(accepted)} images tell nothing of single balls (at least {LEAST_IMAGES}); take more")
+    if len(accepted) < QUALITY_CONTROL.least_images:
+        needed = QUALITY_CONTROL.least_images
+        print(f"- {len(accepted)} images are too few to report single balls (at least {needed}); take more")

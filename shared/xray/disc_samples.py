@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.compiled import compiled
+from shared.compiled import compiled, compiled_fast
 
 Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]

@@ -55,6 +55,14 @@ def whole_pixels(length_mm: float, pixel_mm: float) -> int:
     return max(1, round(pixels(length_mm, pixel_mm)))
 
 
+def pixels_or_more(length_mm: float, pixel_mm: float) -> float:
+    """A length at the detector in pixels, not fewer than at the usual pitch, and not quantised.
+
+    Fits of balls need as many pixels however coarse these are; their surroundings follow the pitch continuously.
+    """
+    return pixels(length_mm, USUAL_PIXEL_MM) * max(1.0, USUAL_PIXEL_MM / pixel_mm)
+
+
 def pixels_of_each(lengths_mm: NDArray[np.float64], pixel_mm: float) -> NDArray[np.float64]:
     """The same as `pixels` for an array of lengths, of its shape."""
     return np.round(lengths_mm / quantised_pitch_mm(pixel_mm), _DECIMALS)

@@ -1,20 +1,22 @@
 """The image un-mirrored, and how the ring's balls are measured in it: settings, radii, measurement."""
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
+from services.imaging.core.tuning import RING_MEASUREMENT
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import UsableArea
 from shared.xray.discs import Array, FloatImage
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
+from shared.xray.pixel_scale import pixels_or_more
+from shared.xray.tuning import BALL_MEASURING
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """The image un-mirrored, with what was found in it.
+class UprightImage:
+    """An un-mirrored image with its usable area and its discs.
 
     Attributes
     ----------
@@ -26,6 +28,8 @@ class View:
         Dark discs that are not the ring's.
     margin
         Identified balls of this identity minus those of the best different one.
+    pixel_mm
+        Nominal pixel pitch at the detector.
     """
 
     pixels: FloatImage
@@ -33,6 +37,7 @@ class View:
     mirrored: bool
     others: BallCandidates
     margin: float
+    pixel_mm: float
 
     @property
     def centre_px(self) -> Array:
@@ -55,45 +60,33 @@ class View:
         )
 
 
-DRIFT_PX: Final = 0.35
-"""How far a ball may be from where a good estimate of the C-arm has placed it."""
-# Of a place's standard deviation: what is known before a measurement must not outweigh it, the less as it comes from
-# the same pixels.
-_DOUBTS = 4.0
-# Wider, and other things near balls that are not there are taken for them.
-_WIDEST_DRIFT_PX = 0.8
-_USUAL_PIXEL_MM = 0.235
-# 6 px bring centres to the Cramer-Rao limit, 4 px to 1.09 of it: surroundings settle the slope of the background. Wider
-# ones gain nothing, for there the background is no longer quadratic.
-_REACH_PX = 6.0
-_USUAL: Final = MeasurementSettings(reach_px=_REACH_PX)
-
-
-def look(drift_px: float, pixel_mm: float, contrast_to_sd: float = _USUAL.contrast_to_sd) -> MeasurementSettings:
-    """How to measure.
+def measurement_settings(drift_mm: float, pixel_mm: float, contrast_to_sd: float | None = None) -> MeasurementSettings:
+    """Settings of a measurement: blur has its size in millimetres, so finer pixels need wider surroundings.
 
     Parameters
     ----------
-    drift_px
-        How far balls may be from where they are expected, in pixels of the usual size.
+    drift_mm
+        Standard deviation of the predicted places, at the detector.
     pixel_mm
-        Size of a pixel near the detector.
+        Pixel pitch at the detector.
     contrast_to_sd
-        As `MeasurementSettings` has it.
+        As `MeasurementSettings` has it; None for its default.
     """
-    finer = max(1.0, _USUAL_PIXEL_MM / pixel_mm)
     return MeasurementSettings(
-        reach_px=_USUAL.reach_px * finer,
-        blur_px=_USUAL.blur_px * finer,
-        drift_px=drift_px * finer,
-        contrast_to_sd=contrast_to_sd,
+        reach_px=pixels_or_more(RING_MEASUREMENT.reach_detector_mm, pixel_mm),
+        blur_px=pixels_or_more(BALL_MEASURING.blur_detector_mm, pixel_mm),
+        drift_px=pixels_or_more(drift_mm, pixel_mm),
+        contrast_to_sd=BALL_MEASURING.contrast_to_sd if contrast_to_sd is None else contrast_to_sd,
+        pixel_mm=pixel_mm,
     )
 
 
-def look_widely(deviation_px: Array, pixel_mm: float) -> MeasurementSettings:
-    """How to measure balls whose places are known to some standard deviations, in pixels, shape (M,)."""
-    usual, widest = look(DRIFT_PX, pixel_mm), look(_WIDEST_DRIFT_PX, pixel_mm)
-    return replace(usual, drift_px=np.minimum(np.hypot(usual.drift_px, _DOUBTS * deviation_px), widest.drift_px))
+def settings_of_places(deviation_px: Array, pixel_mm: float) -> MeasurementSettings:
+    """Settings for balls whose places are predicted with some standard deviations, in pixels, shape (M,)."""
+    usual = measurement_settings(RING_MEASUREMENT.drift_detector_mm, pixel_mm)
+    widest_px = pixels_or_more(RING_MEASUREMENT.widest_drift_detector_mm, pixel_mm)
+    drift_px = np.hypot(usual.drift_px, RING_MEASUREMENT.prediction_sigmas * deviation_px)
+    return replace(usual, drift_px=np.minimum(drift_px, widest_px))
 
 
 def found_radii_px(discs: BallCandidates, ring: RingPart) -> Array:

@@ -10,14 +10,12 @@ import numpy as np
 
 from services.imaging.core.distortion_field import FieldSolution
 from services.imaging.core.joint_estimate import Gauge
+from services.imaging.core.tuning import DISTORTION_MODEL
 from shared.geometry.calibration import Aperture, BallCandidates, CArmCalibration
 from shared.geometry.camera import DisplacementField, PinholeCamera
 from shared.geometry.frames import Camera, Ring
 from shared.geometry.transform import Transform
 from shared.xray.discs import Array
-
-_NODES = 32
-_BEYOND = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,12 +36,12 @@ def field_on_grid(
     Nodes far outside the aperture take the value of the nearest place just outside it: there is nothing to measure
     there, and a cubic polynomial would run away.
     """
-    spacing = max(width_px, height_px) / _NODES
+    spacing = max(width_px, height_px) / DISTORTION_MODEL.nodes
     x = np.arange(-1, int(np.ceil(width_px / spacing)) + 2) * spacing
     y = np.arange(-1, int(np.ceil(height_px / spacing)) + 2) * spacing
     nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     if aperture is not None:
-        nodes = _drawn_in(nodes, np.array(aperture.centre_px), aperture.radius_px + _BEYOND * spacing)
+        nodes = _drawn_in(nodes, np.array(aperture.centre_px), aperture.radius_px + DISTORTION_MODEL.beyond * spacing)
     displacement, deviation = solution.predict(nodes)
     shape = (len(y), len(x))
     return DisplacementField(

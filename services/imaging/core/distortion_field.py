@@ -1,8 +1,10 @@
 """The smooth field from measured to ideal pixels: a polynomial plus a Gaussian process, solved with the source.
 
-Given the field's roughness everything is linear: displacement = polynomial + process + noise - slopes @ step, where
+Given the hyperparameters everything is linear: displacement = polynomial + process + noise - slopes @ step, where
 `step` corrects the assumed source. Generalised least squares yields coefficients and covariance (Rasmussen and
-Williams, Gaussian Processes for Machine Learning, 2006, section 2.7).
+Williams, Gaussian Processes for Machine Learning, 2006, section 2.7). The hyperparameters (amplitude and length of the
+process, noise) follow by restricted maximum likelihood (section 5.4): both axes have the same covariance and the same
+polynomial, so that one factor serves both.
 """
 
 from dataclasses import dataclass
@@ -13,14 +15,16 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.optimize import minimize
 
+from services.imaging.core.tuning import DISTORTION_MODEL
+
 Array = NDArray[np.float64]
 
 SOURCE_TERMS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class FieldPrior:
-    """Roughness of the distortion.
+class Hyperparameters:
+    """Hyperparameters of the distortion.
 
     Attributes
     ----------
@@ -68,7 +72,7 @@ class LinearSystem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldSolution:
-    """Generalised least squares of a `LinearSystem` under a `FieldPrior`.
+    """Generalised least squares of a `LinearSystem` under a `Hyperparameters`.
 
     Attributes
     ----------
@@ -79,7 +83,7 @@ class FieldSolution:
     """
 
     system: LinearSystem
-    prior: FieldPrior
+    prior: Hyperparameters
     factor: tuple[Array, bool]
     whitened_design: Array
     coefficients: Array
@@ -151,7 +155,7 @@ def correlation(distance_px: Array, length_px: float) -> Array:
     return np.asarray(np.exp(-0.5 * np.square(distance_px / length_px)))
 
 
-def solve_field(system: LinearSystem, prior: FieldPrior) -> FieldSolution:
+def solve_field(system: LinearSystem, prior: Hyperparameters) -> FieldSolution:
     """Generalised least squares of both axes and the source together."""
     design = _design(system, prior.order)
     count = design.shape[1]
@@ -185,39 +189,39 @@ def _design(system: LinearSystem, order: int) -> Array:
     return design
 
 
+# First steps of the logarithms of amplitude, length and noise: factors of two or so. The range is a guard.
 _SIMPLEX = np.diag([1.0, -0.7, 0.5])
 _LOG_RANGE = (-7.0, 4.0)
-_LENGTH_RANGE = (0.25, 4.0)
-_NOISE_RANGE = (0.2, 20.0)
-_TOLERANCE = 0.1
 
 
-def most_likely_prior(system: LinearSystem, start: FieldPrior, evaluations: int) -> FieldPrior:
-    """Roughness by restricted maximum likelihood, searched from `start` with so many evaluations at most."""
+def most_likely_hyperparameters(system: LinearSystem, start: Hyperparameters, evaluations: int) -> Hyperparameters:
+    """Maximise the restricted likelihood from `start`, with so many evaluations at most."""
     likelihood = RestrictedLikelihood(system, start.order)
 
-    def prior_of(x: Array) -> FieldPrior:
+    def hyperparameters_of(x: Array) -> Hyperparameters:
         amplitude, length, factor = np.exp(np.clip(x, *_LOG_RANGE))
-        length_px = float(np.clip(length, *_LENGTH_RANGE)) * system.half_size_px
-        return FieldPrior(start.order, float(amplitude), length_px, float(np.clip(factor, *_NOISE_RANGE)))
+        length_px = float(np.clip(length, *DISTORTION_MODEL.length_range)) * system.half_size_px
+        return Hyperparameters(
+            start.order, float(amplitude), length_px, float(np.clip(factor, *DISTORTION_MODEL.noise_range))
+        )
 
     first = np.log([start.amplitude_px, start.length_px / system.half_size_px, start.noise_factor])
     result = minimize(  # type: ignore[call-overload]  # the stubs refuse a simplex beside tolerances
-        lambda x: -likelihood.of(prior_of(np.asarray(x, dtype=np.float64))),
+        lambda x: -likelihood.of(hyperparameters_of(np.asarray(x, dtype=np.float64))),
         first,
         method="Nelder-Mead",
         options={
             "maxfev": evaluations,
-            "xatol": _TOLERANCE,
-            "fatol": _TOLERANCE,
+            "xatol": DISTORTION_MODEL.log_tolerance,
+            "fatol": DISTORTION_MODEL.log_tolerance,
             "initial_simplex": first + np.concatenate([np.zeros((1, 3)), _SIMPLEX]),
         },
     )
-    return prior_of(np.asarray(result.x, dtype=np.float64))
+    return hyperparameters_of(np.asarray(result.x, dtype=np.float64))
 
 
 class RestrictedLikelihood:
-    """Log-likelihood of a system's roughness, up to a constant; what does not depend on it is worked out once."""
+    """Log-likelihood of hyperparameters, up to a constant; what does not depend on them is computed once."""
 
     def __init__(self, system: LinearSystem, order: int) -> None:
         measured = system.measured_px
@@ -225,13 +229,13 @@ class RestrictedLikelihood:
         self._terms = basis.shape[1]
         self._distance = distances_px(measured, measured)
         self._variance = np.square(system.deviation_px)
-        # Polynomial, source's slopes along x and y, targets along x and y: all that the factor has to be divided into.
+        # Polynomial, source's slopes along x and y, targets along x and y: all that is whitened by the factor.
         self._columns = np.asfortranarray(
             np.concatenate([basis, -system.slopes[:, 0], -system.slopes[:, 1], system.target_px], axis=1)
         )
         self._prior_mean, self._prior_weight = system.source_prior[0], system.source_prior[1] ** -2
 
-    def of(self, prior: FieldPrior) -> float:
+    def of(self, prior: Hyperparameters) -> float:
         """Log-likelihood; minus infinity where the covariance is not positive to rounding."""
         variance = prior.amplitude_px**2 * correlation(self._distance, prior.length_px)
         variance[np.diag_indices(len(variance))] += prior.noise_factor**2 * self._variance

@@ -1,8 +1,8 @@
-"""Tell which disc of an image is which ball of the ring: any rotation, mirrored or not, with others and gaps.
+"""Identify the ring's balls among the discs of an image: any rotation, mirrored or not, with others and gaps.
 
-Pairs of discs are laid on pairs of balls of one plate. Each such guess is scored in its neighbourhood, where distortion
-is little more than a similarity; the best guesses are grown outwards while a polynomial learns the distortion, and the
-number of balls explained in the end decides. The second-best different guess gives the margin.
+Pairs of discs are matched with pairs of balls of one plate. Each such hypothesis is scored in its neighbourhood, where
+distortion is little more than a similarity. The best ones are grown outwards while a polynomial learns the distortion;
+the one that explains most balls is accepted, and the second-best different one gives the margin.
 """
 
 from dataclasses import dataclass
@@ -11,37 +11,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from services.imaging.core.nominal import NominalGeometry
-from services.imaging.core.similarity_hypotheses import Array, Ints, Seeds, make_seeds
+from services.imaging.core.similarity_hypotheses import Array, Hypotheses, Ints, similarity_hypotheses
+from services.imaging.core.tuning import IDENTIFICATION
 from shared.geometry.calibration import BallCandidates
 from shared.geometry.parts import RingPart
 from shared.xray.assignment import nearest_to_each
+from shared.xray.pixel_scale import pixels
 
 _NONE = -1
-_GROWN_SEEDS = 32
-# Log of measured over nominal radius: bright air swallows the rim of small balls, nothing makes shadows much larger.
-_SIZE_RANGE = (-0.85, 0.40)
-
-
-@dataclass(frozen=True, slots=True)
-class GrowthStep:
-    """One step of growing: balls within `radius_mm` of the seed, a polynomial of `order`, matches within `reach_px`."""
-
-    radius_mm: float
-    order: int
-    reach_px: float
-
-
-_GROWTH = (
-    GrowthStep(45.0, 1, 7.0),
-    GrowthStep(60.0, 1, 7.0),
-    GrowthStep(75.0, 2, 6.0),
-    GrowthStep(95.0, 2, 6.0),
-    GrowthStep(120.0, 3, 6.0),
-    GrowthStep(400.0, 3, 5.0),
-    GrowthStep(400.0, 3, 3.0),
-    GrowthStep(400.0, 3, 2.5),
-)
-_HIGHEST_ORDER = max(step.order for step in _GROWTH)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,14 +65,18 @@ def identify_ring(candidates: BallCandidates, ring: RingPart, nominal: NominalGe
     Returns
     -------
     RingIdentity or None
-        The best identity and how many balls the second-best explains; None when no guess explains eight balls.
+        The best identity and how many balls the second-best explains; None when no hypothesis explains eight balls.
     """
-    if len(candidates.radius_px) < 8:
+    if len(candidates.radius_px) < IDENTIFICATION.least_discs:
         return None
     constellation = Constellation.of(ring, nominal)
-    seeds = make_seeds(candidates, constellation.flat_mm, constellation.plate, nominal.ring_scale_px_per_mm)
-    matcher = _Matcher(candidates, constellation)
-    grown = [g for i in range(min(len(seeds), _GROWN_SEEDS)) if (g := _grow(seeds, i, matcher)) is not None]
+    hypotheses = similarity_hypotheses(
+        candidates, constellation.flat_mm, constellation.plate, nominal.ring_scale_px_per_mm
+    )
+    matcher = _Matcher(candidates, constellation, nominal.pixel_mm)
+    grown = [
+        g for i in range(min(len(hypotheses), IDENTIFICATION.grown)) if (g := _grow(hypotheses, i, matcher)) is not None
+    ]
     if not grown:
         return None
     best = max(grown, key=lambda g: g.count)
@@ -141,14 +122,16 @@ class Constellation:
 class _Matcher:
     """Nearest candidates of about the right size."""
 
-    def __init__(self, candidates: BallCandidates, constellation: Constellation) -> None:
+    def __init__(self, candidates: BallCandidates, constellation: Constellation, pixel_mm: float) -> None:
         self.centre_px = candidates.centre_px
         self.constellation = constellation
+        self.pixel_mm = pixel_mm
         self._radius = candidates.radius_px
         self._tree = cKDTree(candidates.centre_px)
-        # of every order that a step may afford: all steps of all guesses use them
+        # of every order that a step may afford: all steps of all hypotheses use them
         flat_mm, height = constellation.flat_mm, constellation.height
-        self.bases = {order: warp_basis(flat_mm, height, order) for order in range(1, _HIGHEST_ORDER + 1)}
+        highest = max(step.order for step in IDENTIFICATION.steps)
+        self.bases = {order: warp_basis(flat_mm, height, order) for order in range(1, highest + 1)}
 
     def match(self, predicted_px: Array, balls: Ints, reach_px: float) -> tuple[Ints, Ints]:
         """Pairs (ball, candidate), one to one."""
@@ -156,28 +139,28 @@ class _Matcher:
         found = np.isfinite(distance)
         ball, candidate, distance = balls[found], index[found], distance[found]
         ratio = np.log(self._radius[candidate] / self.constellation.radius_px[ball])
-        fits = (ratio > _SIZE_RANGE[0]) & (ratio < _SIZE_RANGE[1])
+        fits = (ratio > IDENTIFICATION.smallest_log_radius) & (ratio < IDENTIFICATION.largest_log_radius)
         ball, candidate, distance = ball[fits], candidate[fits], distance[fits]
         keep = nearest_to_each(candidate, distance)
         return ball[keep], candidate[keep]
 
 
-def _grow(seeds: Seeds, index: int, matcher: _Matcher) -> _Grown | None:
+def _grow(hypotheses: Hypotheses, index: int, matcher: _Matcher) -> _Grown | None:
     flat = matcher.constellation.flat_mm
-    predicted = seeds.predict(index, flat)
-    from_seed = np.hypot(*(flat - flat[seeds.anchor[index]]).T)
+    predicted = hypotheses.predict(index, flat)
+    from_anchor = np.hypot(*(flat - flat[hypotheses.anchor[index]]).T)
     ball = candidate = np.zeros(0, dtype=np.int64)
-    for step in _GROWTH:
-        near = np.flatnonzero(from_seed < step.radius_mm)
-        ball, candidate = matcher.match(predicted, near, step.reach_px)
+    for step in IDENTIFICATION.steps:
+        near = np.flatnonzero(from_anchor < step.radius_mm)
+        ball, candidate = matcher.match(predicted, near, pixels(step.reach_detector_mm, matcher.pixel_mm))
         basis = matcher.bases[_affordable(step.order, len(ball))]
-        if len(ball) < max(6, basis.shape[1] + 1):
+        if len(ball) < max(IDENTIFICATION.least_matches, basis.shape[1] + 1):
             return None
         coefficients, *_ = np.linalg.lstsq(basis[ball], matcher.centre_px[candidate], rcond=None)
         predicted = basis @ coefficients
     matches = np.full(len(flat), _NONE, dtype=np.int64)
     matches[ball] = candidate
-    return _Grown(bool(seeds.mirrored[index]), matches, len(ball))
+    return _Grown(bool(hypotheses.mirrored[index]), matches, len(ball))
 
 
 def _affordable(order: int, matches: int) -> int:

@@ -2,7 +2,7 @@
 
 The ring's plane z = 0 is the ideal image plane: a ball at (p, z) appears there, seen from the source s at height S, at
 q = s + (p - s) S / (S + z). What leads from measured pixels to that plane is one smooth field (see `field_model`),
-whatever tilt and distortion it is made of. Two plates at different heights tell source and field apart.
+whatever tilt and distortion it is made of. Two plates at different heights separate source and field.
 """
 
 from dataclasses import dataclass
@@ -11,22 +11,20 @@ import numpy as np
 
 from services.imaging.core.distortion_field import (
     Array,
-    FieldPrior,
     FieldSolution,
+    Hyperparameters,
     LinearSystem,
-    most_likely_prior,
+    most_likely_hyperparameters,
     solve_field,
 )
+from services.imaging.core.tuning import DISTORTION_MODEL, OUTLIER_REJECTION
 from shared.xray.discs import Mask
+from shared.xray.pixel_scale import pixels
 
-_ORDER = 3
-_CREDIBLE_PX, _VAGUE_PX = 1.2, 0.3
-_OUTLIER = 4.0
-_STEP_MM = 1e-2
+# Guards: the problem is almost linear, so that two or three steps reach a hundredth of a millimetre, and its slopes are
+# the same over a millimetre.
+_CONVERGED_MM = 1e-2
 _NEWTON_STEPS = 10
-_LEAST_BALLS = 20
-_LEAST_DEVIATION_PX = 0.02
-_ROUGH_SEARCH, _SEARCH, _NEXT_SEARCH = 20, 40, 15
 _SLOPE_STEP_MM = (0.1, 0.1, 1.0)
 
 
@@ -41,6 +39,11 @@ class Gauge:
     def pixels(self, plane_mm: Array) -> Array:
         """Ideal pixels, shape (N, 2), of points of the plane, shape (N, 2)."""
         return np.asarray(self.scale_px_per_mm * plane_mm @ self.rotation.T + self.offset_px)
+
+    @property
+    def pixel_mm(self) -> float:
+        """Pixel pitch at the ring's plate."""
+        return 1.0 / self.scale_px_per_mm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,14 +106,16 @@ class JointEstimate:
         return float(np.sqrt(np.mean(np.square(self.solution.fit_residual_px()))))
 
     def credible(self) -> Mask:
-        """Which of the used observations lie where the others say, shape (used,).
+        """Which of the used observations lie where the others predict them, shape (used,).
 
-        A ball that is hardly there is measured badly, has little weight and does not disagree; but a place a pixel and
-        more away from the ball's own is something else.
+        A faint ball is measured badly, has little weight and is no outlier; but a disc more than a pixel away from the
+        ball's predicted place is something else.
         """
+        credible_px = pixels(OUTLIER_REJECTION.credible_detector_mm, self.gauge.pixel_mm)
+        uncertain_px = pixels(OUTLIER_REJECTION.uncertain_detector_mm, self.gauge.pixel_mm)
         residual, _ = self.solution.left_out()
         _, of_the_field = self.solution.predict(self.solution.system.measured_px)
-        return np.asarray((np.hypot(*residual.T) < _CREDIBLE_PX) | (of_the_field > _VAGUE_PX))
+        return np.asarray((np.hypot(*residual.T) < credible_px) | (of_the_field > uncertain_px))
 
     def left_out_rms_px(self) -> float:
         """Rms per axis of the residuals with each ball left out of the fit that predicts it."""
@@ -129,7 +134,7 @@ def estimate_jointly(
     start_mm: Array,
     nominal: NominalSource,
     gauge: Gauge,
-    roughness: FieldPrior | None = None,
+    start: Hyperparameters | None = None,
 ) -> JointEstimate:
     """Estimate source and distortion; balls that disagree with all the rest are left out.
 
@@ -140,55 +145,60 @@ def estimate_jointly(
     start_mm
         First guess of the focal spot in the ring's frame, shape (3,).
     nominal
-        What the C-arm says of it.
+        Its nominal position and how well that is known.
     gauge
         What ideal pixels are.
-    roughness
-        Where to start looking for the roughness, from an earlier estimate.
+    start
+        Hyperparameters from which the search starts, of an earlier estimate.
 
     Returns
     -------
     JointEstimate
-        With the roughness that makes the observations most likely.
+        With the hyperparameters that make the observations most likely.
     """
     used = np.ones(len(observations.deviation_px), dtype=bool)
     system = _linearised(observations, start_mm, nominal, gauge)
-    # A first estimate only says where to measure: half a search is enough for it.
-    evaluations = _ROUGH_SEARCH if roughness is None else _SEARCH
-    prior = most_likely_prior(system, roughness or _first_prior(system), evaluations)
+    # A first estimate only predicts where to measure: half a search is enough for it.
+    evaluations = DISTORTION_MODEL.first_evaluations if start is None else DISTORTION_MODEL.evaluations
+    found = most_likely_hyperparameters(system, start or _first_hyperparameters(system, gauge), evaluations)
     source = start_mm
     while True:
         chosen = observations.select(used)
-        source, solution = _converged(chosen, source, nominal, gauge, prior)
+        source, solution = _converged(chosen, source, nominal, gauge, found)
         bad = _disagreeing(solution)
-        if not bad.any() or np.count_nonzero(used) - np.count_nonzero(bad) < _LEAST_BALLS:
+        if not bad.any() or np.count_nonzero(used) - np.count_nonzero(bad) < OUTLIER_REJECTION.least_balls:
             return JointEstimate(source, gauge, used, solution)
         used[np.flatnonzero(used)[bad]] = False
         system = _linearised(observations.select(used), source, nominal, gauge)
-        prior = most_likely_prior(system, prior, _NEXT_SEARCH)
+        found = most_likely_hyperparameters(system, found, DISTORTION_MODEL.next_evaluations)
 
 
-def _first_prior(system: LinearSystem) -> FieldPrior:
-    return FieldPrior(_ORDER, 0.5, system.half_size_px, 1.5)
+def _first_hyperparameters(system: LinearSystem, gauge: Gauge) -> Hyperparameters:
+    return Hyperparameters(
+        order=DISTORTION_MODEL.order,
+        amplitude_px=pixels(DISTORTION_MODEL.amplitude_detector_mm, gauge.pixel_mm),
+        length_px=DISTORTION_MODEL.length * system.half_size_px,
+        noise_factor=DISTORTION_MODEL.noise_factor,
+    )
 
 
 def _converged(
-    observations: Observations, source: Array, nominal: NominalSource, gauge: Gauge, prior: FieldPrior
+    observations: Observations, source: Array, nominal: NominalSource, gauge: Gauge, prior: Hyperparameters
 ) -> tuple[Array, FieldSolution]:
-    """Newton steps of the source at a given roughness: the problem is almost linear, two or three suffice."""
+    """Newton steps of the source at given hyperparameters: the problem is almost linear, two or three suffice."""
     for _ in range(_NEWTON_STEPS):
         solution = solve_field(_linearised(observations, source, nominal, gauge), prior)
         source = source + solution.step_mm
-        if float(np.abs(solution.step_mm).max()) < _STEP_MM:
+        if float(np.abs(solution.step_mm).max()) < _CONVERGED_MM:
             break
     return source, solution
 
 
 def _disagreeing(solution: FieldSolution) -> Mask:
-    """The worst balls, when left-out residuals are too large to be noise; the rest is looked at again without them."""
+    """The worst balls, when left-out residuals are too large to be noise; the rest is fitted again without them."""
     residual, deviation = solution.left_out()
     size = np.abs(residual / deviation[:, None]).max(axis=1)
-    return np.asarray(size > max(_OUTLIER, 0.6 * float(size.max())))
+    return np.asarray(size > max(OUTLIER_REJECTION.sigmas, OUTLIER_REJECTION.share_of_worst * float(size.max())))
 
 
 def _linearised(observations: Observations, source: Array, nominal: NominalSource, gauge: Gauge) -> LinearSystem:
@@ -202,9 +212,10 @@ def _linearised(observations: Observations, source: Array, nominal: NominalSourc
         axis=-1,
     )
     low, high = measured.min(axis=0), measured.max(axis=0)
+    least_px = pixels(OUTLIER_REJECTION.least_deviation_detector_mm, gauge.pixel_mm)
     return LinearSystem(
         measured_px=measured,
-        deviation_px=np.maximum(observations.deviation_px, _LEAST_DEVIATION_PX),
+        deviation_px=np.maximum(observations.deviation_px, least_px),
         centre_px=0.5 * (low + high),
         half_size_px=float(0.5 * (high - low).max()),
         target_px=ideal - measured,

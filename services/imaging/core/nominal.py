@@ -1,14 +1,12 @@
-"""What the C-arm says of itself: a start for the search, wrong by up to ten per cent."""
+"""Nominal values of the C-arm: a start for the search, wrong by up to ten per cent."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.imaging.core.tuning import NOMINAL_VALUES
 from shared.geometry.parts import RingPart
-
-# The plate next to the detector sits about this far from the image plane (housing, anti-scatter grid).
-_RING_TO_IMAGE_PLANE = 0.025
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +27,12 @@ class NominalGeometry:
     @property
     def source_to_ring_mm(self) -> float:
         """Focal spot to the ring's plate next to the detector."""
-        return self.source_to_detector_mm * (1.0 - _RING_TO_IMAGE_PLANE)
+        return self.source_to_detector_mm * (1.0 - NOMINAL_VALUES.ring_to_image_plane)
 
     @property
     def ring_scale_px_per_mm(self) -> float:
         """Pixels per millimetre in the ring's plane z = 0."""
-        return 1.0 / ((1.0 - _RING_TO_IMAGE_PLANE) * self.pixel_mm)
+        return 1.0 / ((1.0 - NOMINAL_VALUES.ring_to_image_plane) * self.pixel_mm)
 
     def ball_radius_range_px(self, ring: RingPart) -> tuple[float, float]:
         """Nominal radius of the smallest and of the largest shadow of the ring's balls."""

@@ -1,13 +1,13 @@
-"""What quality control measures in ring images: each ball's residuals, the distortion, and what is amiss over all."""
+"""What quality control measures in ring images: each ball's residuals over all images, and the distortion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.imaging.core.ball_measurement import found_radii_px, look, usual_radii_px
+from services.imaging.core.ball_measurement import found_radii_px, measurement_settings, usual_radii_px
+from services.imaging.core.tuning import QUALITY_CONTROL
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import usable_pixels
@@ -16,13 +16,6 @@ from shared.xray.measurement import measure_balls
 Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 
-SHIFT_LIMIT_MM: Final = 0.05
-SHIFT_SIGMAS: Final = 5.0
-SEEN_LIMIT: Final = 0.5
-LEAST_IMAGES: Final = 3
-# A ball that calibration left out, but that is there: as far off as a damaged ring has it, and no doubt that it is one.
-_DRIFT_PX = 0.6
-_CLEARLY_THERE = 8.0
 _GRID = np.stack(np.meshgrid(np.linspace(-80.0, 80.0, 9), np.linspace(-80.0, 80.0, 9)), axis=-1).reshape(-1, 2)
 
 
@@ -81,7 +74,7 @@ def residuals_of(calibration: CArmCalibration, ring: RingPart, pixels: FloatImag
 def _every_ball(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage) -> tuple[Array, Array]:
     """Centres of the ring's balls and their deviations, NaN where not seen, shapes (balls, 2) and (balls,).
 
-    A ball that disagrees with all the rest takes no part in the calibration; here it is what is looked for.
+    An outlier takes no part in the calibration, but quality control measures it: it may be a displaced ball.
     """
     balls = calibration.balls
     named = balls.ring_index != NOT_OF_THE_RING
@@ -97,7 +90,7 @@ def _every_ball(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage
         radius[missing],
         np.concatenate([balls.centre_px[~named], centre[index]]),
         np.concatenate([balls.radius_px[~named], radius[index]]),
-        look(_DRIFT_PX, calibration.pixel_mm, _CLEARLY_THERE),
+        measurement_settings(QUALITY_CONTROL.drift_detector_mm, calibration.pixel_mm, QUALITY_CONTROL.contrast_to_sd),
         usable_pixels(upright, calibration.aperture),
     )
     centre[missing[again.seen]] = again.centre_px[again.seen]
@@ -111,11 +104,11 @@ def ball_statistics(measured: Sequence[Residuals], ball: int) -> BallStatistics:
     deviation = np.array([m.deviation_mm[ball] for m in measured])
     there = np.isfinite(deviation)
     count = int(there.sum())
-    rarely = len(measured) >= LEAST_IMAGES and count < SEEN_LIMIT * len(measured)
+    rarely = len(measured) >= QUALITY_CONTROL.least_images and count < QUALITY_CONTROL.least_seen * len(measured)
     if count == 0:
         return BallStatistics(0, (0.0, 0.0), 0.0, 0.0, moved=False, rarely_seen=rarely)
     shift = np.median(residual[there], axis=0)
-    # A median of Gaussians scatters 1.25 times as much as their mean; it does not mind the one image with a cover.
+    # A median of Gaussians scatters 1.25 times as much as their mean; one image with a covered ball does not move it.
     error = 1.25 * float(np.sqrt(np.median(np.square(deviation[there])) / count))
     length = float(np.hypot(*shift))
     return BallStatistics(
@@ -123,7 +116,9 @@ def ball_statistics(measured: Sequence[Residuals], ball: int) -> BallStatistics:
         shift_mm=(float(shift[0]), float(shift[1])),
         rms_mm=float(np.sqrt(np.mean(np.square(residual[there])))),
         sigmas=length / error,
-        moved=count >= LEAST_IMAGES and length > SHIFT_LIMIT_MM and length > SHIFT_SIGMAS * error,
+        moved=count >= QUALITY_CONTROL.least_images
+        and length > QUALITY_CONTROL.shift_mm
+        and length > QUALITY_CONTROL.shift_sigmas * error,
         rarely_seen=rarely,
     )
 

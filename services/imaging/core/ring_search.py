@@ -1,24 +1,27 @@
-"""From pixels to the ring's balls by name: detect, identify, and say why when it fails."""
+"""From pixels to the ring's identified balls, or the reasons why there are none."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.imaging.core.ball_measurement import View
-from services.imaging.core.checks import CLIPPED_SUSPECT, clipped_fraction, saturated_reason
+from services.imaging.core.acceptance import (
+    CLIPPED_WITHOUT_RING,
+    INVERTED,
+    RING_BALLS_IDENTIFIED,
+    RING_SHARE_IDENTIFIED,
+    SECOND_IDENTITY,
+)
+from services.imaging.core.ball_measurement import UprightImage
+from services.imaging.core.checks import balls_needed, clipped_reason
 from services.imaging.core.identification import RingIdentity, identify_ring
 from services.imaging.core.nominal import NominalGeometry
-from shared.errors import Reason, ReasonCode, Rejected
+from services.imaging.core.tuning import RING_DETECTION
+from shared.errors import Reason, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, Aperture, BallCandidates
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import UsableArea
 from shared.xray.detection import detect_balls
 from shared.xray.discs import Array, FloatImage
-
-_RADIUS_TOLERANCE = 0.2
-_LEAST_FRACTION = 0.2
-_LEAST_BALLS = 16
-_RUNNER_UP_LIMIT = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +48,7 @@ def find_ring(pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: Nom
     pixels, area
         Image as received, darker is denser, and its usable area.
     ring, nominal
-        What to look for, and nominal C-arm values.
+        The ring to find, and nominal C-arm values.
 
     Returns
     -------
@@ -70,14 +73,14 @@ class _Search:
 
 
 def _search(pixels: FloatImage, area: UsableArea, ring: RingPart, nominal: NominalGeometry) -> _Search:
-    candidates = detect_balls(pixels, area.mask, searched_radii_px(ring, nominal))
+    candidates = detect_balls(pixels, area.mask, searched_radii_px(ring, nominal), pixel_mm=nominal.pixel_mm)
     return _Search(candidates, identify_ring(candidates, ring, nominal))
 
 
 def searched_radii_px(ring: RingPart, nominal: NominalGeometry) -> tuple[float, float]:
-    """Least and largest radius of discs that are looked for."""
+    """Least and largest radius of discs that are sought."""
     low, high = nominal.ball_radius_range_px(ring)
-    return low * (1.0 - _RADIUS_TOLERANCE), high * (1.0 + _RADIUS_TOLERANCE)
+    return low * (1.0 - RING_DETECTION.radius_tolerance), high * (1.0 + RING_DETECTION.radius_tolerance)
 
 
 def _inverted(pixels: FloatImage, area: UsableArea) -> FloatImage:
@@ -86,7 +89,7 @@ def _inverted(pixels: FloatImage, area: UsableArea) -> FloatImage:
 
 
 def _needed(ring: RingPart) -> int:
-    return max(_LEAST_BALLS, int(np.ceil(_LEAST_FRACTION * len(ring.balls))))
+    return max(int(RING_BALLS_IDENTIFIED.limit), balls_needed(RING_SHARE_IDENTIFIED, ring))
 
 
 def is_enough(identity: RingIdentity, ring: RingPart) -> bool:
@@ -96,40 +99,35 @@ def is_enough(identity: RingIdentity, ring: RingPart) -> bool:
 
 def is_ambiguous(identity: RingIdentity) -> bool:
     """Whether a different identity explains nearly as many."""
-    return identity.runner_up > _RUNNER_UP_LIMIT * identity.identified
+    return not SECOND_IDENTITY.is_met(_runner_up_percent(identity))
+
+
+def _runner_up_percent(identity: RingIdentity) -> float:
+    return 100.0 * identity.runner_up / identity.identified
 
 
 def _ambiguous_reason(identity: RingIdentity) -> Reason:
-    limit = int(_RUNNER_UP_LIMIT * identity.identified)
-    return Reason(
-        ReasonCode.RING_AMBIGUOUS,
-        f"one way to name the ring's balls explains {identity.identified}, a different one {identity.runner_up} "
-        f"(limit {limit}); check that the ring's file fits this ring, uncover more of it and take another image",
+    share = SECOND_IDENTITY.printed(_runner_up_percent(identity))
+    return SECOND_IDENTITY.reason(
+        f"one identity explains {identity.identified} of the ring's balls, another one {identity.runner_up} ({share})"
     )
 
 
 def _inverted_reason(identity: RingIdentity) -> Reason:
-    return Reason(
-        ReasonCode.IMAGE_UNUSABLE,
-        f"{identity.identified} of the ring's balls are brighter than their surroundings (limit 0): the image is "
-        "inverted and carries no tag that says so; switch the C-arm's display to dark metal and send it again",
+    return INVERTED.reason(
+        f"{identity.identified} of the ring's balls are brighter than their surroundings: the image is inverted and "
+        "carries no tag that marks it as such"
     )
 
 
 def _not_found_reasons(found: _Search, pixels: FloatImage, area: UsableArea, ring: RingPart) -> tuple[Reason, ...]:
     explained = 0 if found.identity is None else found.identity.identified
-    reasons = [
-        Reason(
-            ReasonCode.RING_NOT_FOUND,
-            f"of {len(found.candidates.radius_px)} dark discs at most {explained} fit the ring's pattern of "
-            f"{len(ring.balls)} balls (at least {_needed(ring)}); check that the ring is mounted, that its file is the "
-            "right one and that the nominal C-arm values are within 10 %",
-        )
-    ]
-    clipped = clipped_fraction(pixels, area.mask)
-    if clipped > CLIPPED_SUSPECT:
-        reasons.append(saturated_reason(clipped, CLIPPED_SUSPECT))
-    return tuple(reasons)
+    not_found = replace(RING_BALLS_IDENTIFIED, limit=_needed(ring)).reason(
+        f"of {len(found.candidates.radius_px)} dark discs at most {explained} fit the ring's pattern of "
+        f"{len(ring.balls)} balls"
+    )
+    clipped = clipped_reason(pixels[area.mask], CLIPPED_WITHOUT_RING)
+    return (not_found,) if clipped is None else (not_found, clipped)
 
 
 def upright_discs(found: FoundRing, columns: int) -> BallCandidates:
@@ -142,8 +140,10 @@ def upright_discs(found: FoundRing, columns: int) -> BallCandidates:
     return replace(candidates, centre_px=centre, ring_index=index)
 
 
-def view_of(pixels: FloatImage, area: UsableArea, identity: RingIdentity, discs: BallCandidates) -> View:
-    """Turn the image so that it obeys physics: a mirrored one is reflected, column x becomes W - 1 - x.
+def upright_image(
+    pixels: FloatImage, area: UsableArea, identity: RingIdentity, discs: BallCandidates, pixel_mm: float
+) -> UprightImage:
+    """Un-mirror the image: in a mirrored one, column x becomes W - 1 - x.
 
     Parameters
     ----------
@@ -151,11 +151,14 @@ def view_of(pixels: FloatImage, area: UsableArea, identity: RingIdentity, discs:
         As received.
     discs
         As `upright_discs` makes them.
+    pixel_mm
+        Nominal pixel pitch at the detector.
     """
     if identity.mirrored:
         pixels, area = np.ascontiguousarray(pixels[:, ::-1]), _mirrored(area)
     others = discs.select(discs.ring_index == NOT_OF_THE_RING)
-    return View(pixels, area, identity.mirrored, others, float(identity.identified - identity.runner_up))
+    margin = float(identity.identified - identity.runner_up)
+    return UprightImage(pixels, area, identity.mirrored, others, margin, pixel_mm)
 
 
 def _upright(places_px: Array, columns: int) -> Array:

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.imaging.core.ball_measurement import DRIFT_PX, View, found_radii_px, look, usual_radii_px
+from services.imaging.core.ball_measurement import UprightImage, found_radii_px, measurement_settings, usual_radii_px
 from services.imaging.core.calibration import Start, calibrate_image, calibrate_there
 from services.imaging.core.checks import unusable_reason
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.ring_search import searched_radii_px
+from services.imaging.core.tuning import RING_DETECTION, RING_MEASUREMENT, RING_TRACKING
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates, CArmCalibration
 from shared.geometry.parts import RingPart
@@ -16,13 +17,10 @@ from shared.xray.aperture import find_usable_area
 from shared.xray.detection import DetectionLimits, detect_balls
 from shared.xray.discs import Array, FloatImage
 from shared.xray.measurement import Discs
+from shared.xray.pixel_scale import USUAL_PIXEL_MM
+from shared.xray.pixel_scale import pixels as pixels_at_detector
 
-_LEAST_OF_BEFORE = 0.75
-_LARGER_RESIDUAL = 2.0
-_RESIDUAL_FLOOR_PX = 0.05
-_BESIDE_PX = 3.0
 _ROSE = np.stack([np.cos(np.arange(8) * np.pi / 4.0), np.sin(np.arange(8) * np.pi / 4.0)], axis=1)
-_OTHERS = DetectionLimits(most=150)
 
 
 def calibrate_next(
@@ -30,8 +28,8 @@ def calibrate_next(
 ) -> Accepted[CArmCalibration] | Rejected:
     """Calibrate an image that may show the ring where an earlier image showed it.
 
-    The balls are measured where they were. What comes of it is taken when three quarters of the balls are there
-    again and fit one C-arm as well as before; it rests on this image's measurements alone. Else the ring is searched.
+    The balls are measured where they were. The result is accepted when three quarters of the balls are there again
+    and fit one C-arm as well as before; it depends on this image's measurements alone. Else the ring is searched.
 
     Parameters
     ----------
@@ -48,16 +46,19 @@ def calibrate_next(
 
 
 def _as_good(now: CArmCalibration, before: CArmCalibration) -> bool:
-    limit = _LARGER_RESIDUAL * max(before.distortion_residual_px, _RESIDUAL_FLOOR_PX)
-    return now.balls_found >= _LEAST_OF_BEFORE * before.balls_found and now.distortion_residual_px <= limit
+    floor_px = pixels_at_detector(RING_TRACKING.residual_floor_detector_mm, before.pixel_mm)
+    limit = RING_TRACKING.residual_growth * max(before.distortion_residual_px, floor_px)
+    return (
+        now.balls_found >= RING_TRACKING.least_balls_kept * before.balls_found and now.distortion_residual_px <= limit
+    )
 
 
 def _followed(
     pixels: FloatImage, ring: RingPart, nominal: NominalGeometry, before: CArmCalibration
 ) -> Accepted[CArmCalibration] | Rejected | None:
-    """What comes of looking where the ring was; None when a glance shows that it is no longer there."""
+    """Calibration at the ring's earlier place; None when a quick test shows that it is no longer there."""
     upright = np.ascontiguousarray(pixels[:, ::-1] if before.mirrored else pixels, dtype=np.float32)
-    if not still_dark(upright, before.balls):
+    if not still_dark(upright, before.balls, nominal.pixel_mm):
         return None
     area = find_usable_area(upright)
     if (unusable := unusable_reason(upright, area.mask)) is not None:
@@ -66,23 +67,32 @@ def _followed(
         before.image_from_camera(before.camera_from_ring.points(ring.balls.position_mm)), _radii_before(ring, before)
     )
     radii = searched_radii_px(ring, nominal)
-    others = detect_balls(upright, area.mask, radii, _OTHERS, expected.centre_px)
-    view = View(upright, area, before.mirrored, others, before.runner_up_margin)
+    others = detect_balls(
+        upright,
+        area.mask,
+        radii,
+        DetectionLimits(most=RING_DETECTION.most_others),
+        expected.centre_px,
+        nominal.pixel_mm,
+    )
+    image = UprightImage(upright, area, before.mirrored, others, before.runner_up_margin, nominal.pixel_mm)
     start = Start(before.camera_from_ring.inverse().translation_mm)
-    return calibrate_there(view, expected, look(DRIFT_PX, nominal.pixel_mm), ring, nominal, start)
+    settings = measurement_settings(RING_MEASUREMENT.drift_detector_mm, nominal.pixel_mm)
+    return calibrate_there(image, expected, settings, ring, nominal, start)
 
 
-def still_dark(pixels: FloatImage, balls: BallCandidates) -> bool:
+def still_dark(pixels: FloatImage, balls: BallCandidates, pixel_mm: float = USUAL_PIXEL_MM) -> bool:
     """Whether most places of the ring's balls are darker than what is around them.
 
-    Elsewhere that is a matter of chance: half of them. Whether a ball is there is for the measurement to say, which
-    takes a hundred times as long.
+    Elsewhere that holds for half of them by chance. Only the measurement, which takes a hundred times as long,
+    determines whether a ball is there.
     """
     named = balls.ring_index != NOT_OF_THE_RING
-    centre, reach = balls.centre_px[named], balls.radius_px[named] + _BESIDE_PX
+    beside_px = pixels_at_detector(RING_TRACKING.beside_detector_mm, pixel_mm)
+    centre, reach = balls.centre_px[named], balls.radius_px[named] + beside_px
     around = centre[:, None] + reach[:, None, None] * _ROSE
     beside = _grey(pixels, around).mean(axis=1)
-    return bool(np.mean(_grey(pixels, centre[:, None] + _ROSE).mean(axis=1) < beside) > _LEAST_OF_BEFORE)
+    return bool(np.mean(_grey(pixels, centre[:, None] + _ROSE).mean(axis=1) < beside) > RING_TRACKING.least_balls_kept)
 
 
 def _grey(pixels: FloatImage, places_px: Array) -> FloatImage:
@@ -98,8 +108,6 @@ def _radii_before(ring: RingPart, before: CArmCalibration) -> Array:
     return np.where(np.isfinite(found_px), found_px, usual_radii_px(found_px, ring))
 
 
-SHIFT_LIMIT_MM = 1.0
-TURN_LIMIT_DEG = 0.5
 _GRID_MM = np.stack(np.meshgrid(np.linspace(-60.0, 60.0, 7), np.linspace(-60.0, 60.0, 7)), axis=-1).reshape(-1, 2)
 
 
@@ -119,7 +127,7 @@ class RingShift:
     @property
     def beyond_limits(self) -> bool:
         """Whether that is more than a C-arm that returns to an angle explains."""
-        return self.translation_mm > SHIFT_LIMIT_MM or abs(self.turn_deg) > TURN_LIMIT_DEG
+        return self.translation_mm > RING_TRACKING.shift_limit_mm or abs(self.turn_deg) > RING_TRACKING.turn_limit_deg
 
 
 def ring_shift(now: CArmCalibration, before: CArmCalibration) -> RingShift | None:

@@ -1,4 +1,4 @@
-"""First guesses of where the ring lies in the image: pairs of discs laid on pairs of balls."""
+"""Similarities from the ring to the image: pairs of discs are matched with pairs of balls and scored."""
 
 from dataclasses import dataclass
 
@@ -6,30 +6,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from services.imaging.core.tuning import HYPOTHESIS_SEARCH
 from shared.compiled import compiled
 from shared.geometry.calibration import BallCandidates
 from shared.two_cores import on_both_halves
+from shared.xray.pixel_scale import pixels
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Complexes = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
-_LONGEST_MM = 48.0
-_SHORTEST_MM = 12.0
-_SCALE_TOLERANCE = 0.18
-_IMAGE_PAIRS = 90
-_CLEAREST = 220
-_NEIGHBOURHOOD_MM = 45.0
-_REACH_PX = 7.0
-_FEW = 6
-_KEPT = 4000
 # Fewer are scored sooner than handed to another core.
-_LEAST_GUESSES = 5000
+_LEAST_ON_TWO_CORES = 5000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seeds:
+class Hypotheses:
     """Similarities from the flat ring to the image, best first, written as complex numbers.
 
     `pixel = factor * flat + offset`, with the flat pattern's y negated first where `mirrored`.
@@ -41,7 +34,7 @@ class Seeds:
     mirrored
         Shape (S,).
     anchor
-        The ball from which the guess was made, shape (S,): there it is most exact.
+        The ball from which the hypothesis was made, shape (S,): there it is most exact.
     """
 
     factor: Complexes
@@ -52,9 +45,9 @@ class Seeds:
     def __len__(self) -> int:
         return len(self.factor)
 
-    def select(self, which: Ints) -> "Seeds":
+    def select(self, which: Ints) -> "Hypotheses":
         """Those of an index array."""
-        return Seeds(self.factor[which], self.offset[which], self.mirrored[which], self.anchor[which])
+        return Hypotheses(self.factor[which], self.offset[which], self.mirrored[which], self.anchor[which])
 
     def predict(self, index: int, flat_mm: Array) -> Array:
         """Pixels, shape (M, 2), of points of the flat pattern, shape (M, 2)."""
@@ -68,8 +61,10 @@ def _complex(points: Array) -> Complexes:
     return np.asarray(points[:, 0] + 1j * points[:, 1])
 
 
-def make_seeds(candidates: BallCandidates, flat_mm: Array, plate: Ints, scale_px_per_mm: float) -> Seeds:
-    """Lay pairs of discs on pairs of balls of one plate and score each guess in its neighbourhood.
+def similarity_hypotheses(
+    candidates: BallCandidates, flat_mm: Array, plate: Ints, scale_px_per_mm: float
+) -> Hypotheses:
+    """Match pairs of discs with pairs of balls of one plate and score each hypothesis in its neighbourhood.
 
     Parameters
     ----------
@@ -82,41 +77,42 @@ def make_seeds(candidates: BallCandidates, flat_mm: Array, plate: Ints, scale_px
 
     Returns
     -------
-    Seeds
-        Distinct guesses, best first.
+    Hypotheses
+        Distinct hypotheses, best first.
     """
     discs = _complex(candidates.centre_px)
     balls = _complex(flat_mm)
-    disc_pairs = _disc_pairs(candidates.centre_px[:_CLEAREST], scale_px_per_mm)
+    disc_pairs = _disc_pairs(candidates.centre_px[: HYPOTHESIS_SEARCH.clearest], scale_px_per_mm)
     ball_pairs = _ball_pairs(flat_mm, plate)
     parts = [
-        _guesses(discs, disc_pairs, np.conj(balls) if mirrored else balls, ball_pairs, scale_px_per_mm)
+        _similarities(discs, disc_pairs, np.conj(balls) if mirrored else balls, ball_pairs, scale_px_per_mm)
         for mirrored in (False, True)
     ]
     factor, offset = (np.concatenate([p[i] for p in parts]) for i in range(2))
     pair = np.concatenate([p[2] for p in parts])
     mirrored = np.repeat([False, True], [len(p[0]) for p in parts])
-    seeds = Seeds(factor, offset, mirrored, ball_pairs[pair, 0])
-    return _distinct(_scored(seeds, candidates, flat_mm), scale_px_per_mm)
+    hypotheses = Hypotheses(factor, offset, mirrored, ball_pairs[pair, 0])
+    reach_px = pixels(HYPOTHESIS_SEARCH.reach_detector_mm, 1.0 / scale_px_per_mm)
+    return _distinct(_scored(hypotheses, candidates, flat_mm, reach_px), scale_px_per_mm)
 
 
 def _disc_pairs(centre_px: Array, scale: float) -> Ints:
     """Pairs of neighbouring discs from all over the image, those of the clearest discs first, shape (P, 2)."""
     tree = cKDTree(centre_px)
-    pairs = tree.query_pairs(_LONGEST_MM * scale, output_type="ndarray").astype(np.int64)
+    pairs = tree.query_pairs(HYPOTHESIS_SEARCH.longest_mm * scale, output_type="ndarray").astype(np.int64)
     length = np.hypot(*(centre_px[pairs[:, 0]] - centre_px[pairs[:, 1]]).T)
-    pairs = pairs[length > 1.5 * _SHORTEST_MM * scale]
+    pairs = pairs[length > HYPOTHESIS_SEARCH.shortest_mm * scale]
     order = np.argsort(pairs.max(axis=1), kind="stable")
     pairs = pairs[order]
-    # Every disc in a few pairs only: a clear disc that is not of the ring must not use up all guesses.
+    # Every disc in a few pairs only: a clear disc that is not of the ring must not use up all pairs.
     used = np.zeros(len(centre_px), dtype=np.int64)
     kept: list[int] = []
     for index, (a, b) in enumerate(pairs):
-        if used[a] < 3 and used[b] < 3:
+        if max(used[a], used[b]) < HYPOTHESIS_SEARCH.pairs_of_a_disc:
             used[a] += 1
             used[b] += 1
             kept.append(index)
-        if len(kept) == _IMAGE_PAIRS:
+        if len(kept) == HYPOTHESIS_SEARCH.image_pairs:
             break
     return np.asarray(pairs[kept])
 
@@ -124,37 +120,39 @@ def _disc_pairs(centre_px: Array, scale: float) -> Ints:
 def _ball_pairs(flat_mm: Array, plate: Ints) -> Ints:
     """Ordered pairs of balls of one plate, shape (Q, 2)."""
     tree = cKDTree(flat_mm)
-    pairs = tree.query_pairs(_LONGEST_MM * (1.0 + _SCALE_TOLERANCE), output_type="ndarray").astype(np.int64)
+    pairs = tree.query_pairs(
+        HYPOTHESIS_SEARCH.longest_mm * (1.0 + HYPOTHESIS_SEARCH.scale_tolerance), output_type="ndarray"
+    ).astype(np.int64)
     pairs = pairs[plate[pairs[:, 0]] == plate[pairs[:, 1]]]
     return np.concatenate([pairs, pairs[:, ::-1]])
 
 
-def _guesses(
+def _similarities(
     discs: Complexes, disc_pairs: Ints, balls: Complexes, ball_pairs: Ints, scale: float
 ) -> tuple[Complexes, Complexes, Ints]:
     """Similarities of all pairs of pairs whose scale is about right: factor, offset and ball pair, shape (S,) each."""
     from_disc, to_disc = discs[disc_pairs].T
     from_ball, to_ball = balls[ball_pairs].T
     factor = (to_disc - from_disc)[:, None] / (to_ball - from_ball)[None]
-    right = np.abs(np.log(np.abs(factor) / scale)) < _SCALE_TOLERANCE
+    right = np.abs(np.log(np.abs(factor) / scale)) < HYPOTHESIS_SEARCH.scale_tolerance
     rows, columns = np.nonzero(right)
     chosen = factor[rows, columns]
     return chosen, from_disc[rows] - chosen * from_ball[columns], columns.astype(np.int64)
 
 
-def _scored(seeds: Seeds, candidates: BallCandidates, flat_mm: Array) -> Seeds:
-    """Count discs close to the predicted balls of each guess's neighbourhood; keep the best guesses, best first."""
-    occupied, low_px = _occupied(candidates.centre_px)
-    balls, neighbours, offset = _complex(flat_mm), _neighbours(flat_mm), seeds.offset - complex(*low_px)
+def _scored(hypotheses: Hypotheses, candidates: BallCandidates, flat_mm: Array, reach_px: float) -> Hypotheses:
+    """Count discs near the balls that each hypothesis predicts; keep the best hypotheses, best first."""
+    occupied, low_px = _occupied(candidates.centre_px, reach_px)
+    balls, neighbours, offset = _complex(flat_mm), _neighbours(flat_mm), hypotheses.offset - complex(*low_px)
 
     def counted(part: slice) -> tuple[Ints, Ints]:
-        of_part = seeds.factor[part], offset[part], seeds.mirrored[part], seeds.anchor[part]
+        of_part = hypotheses.factor[part], offset[part], hypotheses.mirrored[part], hypotheses.anchor[part]
         return _counted(*of_part, balls, neighbours, occupied)
 
-    halves = on_both_halves(counted, len(seeds), _LEAST_GUESSES)
+    halves = on_both_halves(counted, len(hypotheses), _LEAST_ON_TWO_CORES)
     inside, hit = (np.concatenate(counts) for counts in zip(*halves, strict=True))
-    score = (hit - float(occupied.mean()) * inside) / np.sqrt(np.maximum(inside, _FEW))
-    return seeds.select(np.argsort(-score, kind="stable")[:_KEPT])
+    score = (hit - float(occupied.mean()) * inside) / np.sqrt(np.maximum(inside, HYPOTHESIS_SEARCH.least_counted))
+    return hypotheses.select(np.argsort(-score, kind="stable")[: HYPOTHESIS_SEARCH.kept])
 
 
 @compiled
@@ -167,41 +165,41 @@ def _counted(
     neighbours: Ints,
     occupied: Mask,
 ) -> tuple[Ints, Ints]:
-    """How many balls of each guess's neighbourhood lie on the map, and at how many of them is a disc, shape (S,) each.
+    """How many balls around each hypothesis's anchor lie on the map, and how many of these on a disc, shape (S,) each.
 
-    Offsets are from the map's corner. On 100,000 guesses this is where identification spent its time in numpy.
+    Offsets are from the map's corner. Compiled: with numpy, 100,000 hypotheses took most of identification's time.
     """
     rows, columns = occupied.shape
     inside, hit = np.zeros(len(factor), dtype=np.int64), np.zeros(len(factor), dtype=np.int64)
-    for guess in range(len(factor)):
-        a, b = factor[guess].real, factor[guess].imag
-        x0, y0, sign = offset[guess].real, offset[guess].imag, -1.0 if mirrored[guess] else 1.0
-        for ball in neighbours[anchor[guess]]:
+    for hypothesis in range(len(factor)):
+        a, b = factor[hypothesis].real, factor[hypothesis].imag
+        x0, y0, sign = offset[hypothesis].real, offset[hypothesis].imag, -1.0 if mirrored[hypothesis] else 1.0
+        for ball in neighbours[anchor[hypothesis]]:
             if ball < 0:
                 break
             x, y = balls[ball].real, sign * balls[ball].imag
             column, row = x0 + a * x - b * y, y0 + a * y + b * x
             if 0.0 <= column < columns and 0.0 <= row < rows:
-                inside[guess] += 1
+                inside[hypothesis] += 1
                 if occupied[int(row), int(column)]:
-                    hit[guess] += 1
+                    hit[hypothesis] += 1
     return inside, hit
 
 
 def _neighbours(flat_mm: Array) -> Ints:
     """Balls around each ball, shape (M, most), filled up with -1: no ball."""
     distance = np.hypot(*(flat_mm[:, None] - flat_mm[None]).transpose(2, 0, 1))
-    near = distance < _NEIGHBOURHOOD_MM
+    near = distance < HYPOTHESIS_SEARCH.neighbourhood_mm
     order = np.argsort(~near, axis=1, kind="stable")[:, : int(near.sum(axis=1).max())]
     return np.asarray(np.where(np.take_along_axis(near, order, axis=1), order, -1))
 
 
-def _occupied(centre_px: Array) -> tuple[Mask, Array]:
+def _occupied(centre_px: Array, reach_px: float) -> tuple[Mask, Array]:
     """A map of the region where there are discs, true near them, and the pixel of its corner."""
-    low = centre_px.min(axis=0) - 2.0 * _REACH_PX
-    size = np.ceil(np.ptp(centre_px, axis=0) + 4.0 * _REACH_PX).astype(np.int64) + 1
+    low = centre_px.min(axis=0) - 2.0 * reach_px
+    size = np.ceil(np.ptp(centre_px, axis=0) + 4.0 * reach_px).astype(np.int64) + 1
     occupied = np.zeros((size[1], size[0]), dtype=bool)
-    reach = int(_REACH_PX)
+    reach = int(reach_px)
     dy, dx = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     disc = dx**2 + dy**2 <= reach**2
     at = np.round(centre_px - low).astype(np.int64)
@@ -209,16 +207,17 @@ def _occupied(centre_px: Array) -> tuple[Mask, Array]:
     return occupied, low
 
 
-def _distinct(seeds: Seeds, scale: float) -> Seeds:
-    """Drop guesses that say nearly the same as a better one."""
+def _distinct(hypotheses: Hypotheses, scale: float) -> Hypotheses:
+    """Drop hypotheses that nearly equal a better one."""
+    cell_px = HYPOTHESIS_SEARCH.same_offset_mm * scale
     key = np.stack(
         [
-            seeds.mirrored.astype(np.int64),
-            np.round(np.angle(seeds.factor) / 0.08).astype(np.int64),
-            np.round(seeds.offset.real / (6.0 * scale)).astype(np.int64),
-            np.round(seeds.offset.imag / (6.0 * scale)).astype(np.int64),
+            hypotheses.mirrored.astype(np.int64),
+            np.round(np.angle(hypotheses.factor) / HYPOTHESIS_SEARCH.same_angle_rad).astype(np.int64),
+            np.round(hypotheses.offset.real / cell_px).astype(np.int64),
+            np.round(hypotheses.offset.imag / cell_px).astype(np.int64),
         ],
         axis=1,
     )
     _, first = np.unique(key, axis=0, return_index=True)
-    return seeds.select(np.sort(first))
+    return hypotheses.select(np.sort(first))

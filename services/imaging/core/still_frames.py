@@ -1,23 +1,19 @@
-"""Average frames as long as nothing moves: noise goes down, and what moved is said instead of smeared.
+"""Average frames as long as nothing moves: noise goes down, and motion is detected instead of smeared.
 
-Two frames differ by their noise, by the brightness control's gain, and where something moved. Means over blocks tell
-the last from the first: noise hardly shows there, a ball's edge that moved by half a pixel does.
+Two frames differ by their noise, by the brightness control's gain, and where something moved. Means over blocks
+separate motion from noise: noise hardly changes them, a ball's edge that moved by half a pixel does.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-FloatImage = NDArray[np.float32]
+from services.imaging.core.tuning import STILL_FRAMES
 
-_BLOCK_PX = 6
-_NOISE_LIMIT = 6.0
-_CORRELATED = 3.0
-_SPAN_LIMIT = 0.006
-_TEXT_BLOCKS = 0.004
+FloatImage = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +30,9 @@ class MotionLimits:
         Frames after which an average is complete.
     """
 
-    moved_blocks: float = _TEXT_BLOCKS
-    least_frames: int = 3
-    most_frames: int = 64
+    moved_blocks: float = field(default_factory=lambda: STILL_FRAMES.moved_blocks)
+    least_frames: int = field(default_factory=lambda: STILL_FRAMES.least_frames)
+    most_frames: int = field(default_factory=lambda: STILL_FRAMES.most_frames)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,9 +63,9 @@ def moved_part(frame: FloatImage, reference: FloatImage) -> float:
     noise = 1.4826 * float(np.median(np.abs(np.diff(difference, axis=1)))) / np.sqrt(2.0)
     low, high = np.percentile(reference[::4, ::4], [1.0, 99.0])
     size = np.abs(_blocks(difference))
-    # The middle of the blocks tells how noisy they are, unless most of them moved: then their pixels' noise does.
-    usual = min(1.4826 * float(np.median(size)), _CORRELATED * noise / _BLOCK_PX)
-    return float(np.mean(size > _NOISE_LIMIT * usual + _SPAN_LIMIT * float(high - low)))
+    # The median of the blocks estimates their noise, unless most of them moved: then the noise of their pixels does.
+    usual = min(1.4826 * float(np.median(size)), STILL_FRAMES.correlated * noise / STILL_FRAMES.block_px)
+    return float(np.mean(size > STILL_FRAMES.noise_sigmas * usual + STILL_FRAMES.span * float(high - low)))
 
 
 def _gain(frame: FloatImage, reference: FloatImage) -> np.float32:
@@ -81,11 +77,11 @@ def _gain(frame: FloatImage, reference: FloatImage) -> np.float32:
 
 
 def _blocks(image: FloatImage) -> FloatImage:
-    rows, columns = (max(side // _BLOCK_PX, 1) for side in image.shape)
+    rows, columns = (max(side // STILL_FRAMES.block_px, 1) for side in image.shape)
     return np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def still_runs(frames: Iterable[FloatImage], limits: MotionLimits = MotionLimits()) -> Iterator[StillRun]:
+def still_runs(frames: Iterable[FloatImage], limits: MotionLimits | None = None) -> Iterator[StillRun]:
     """Cut a sequence of frames where something moves, and average each piece.
 
     Yields
@@ -94,6 +90,7 @@ def still_runs(frames: Iterable[FloatImage], limits: MotionLimits = MotionLimits
         Every piece, also those shorter than `least_frames`. One that reaches `most_frames` is yielded at once; frames
         that still show the same are then left out.
     """
+    limits = limits or MotionLimits()
     total: NDArray[np.float64] = np.zeros((0, 0))
     count = 0
     for frame in frames:
@@ -115,6 +112,6 @@ def _differs(frame: FloatImage, mean: FloatImage, limits: MotionLimits) -> bool:
     return frame.shape != mean.shape or moved_part(frame, mean) > limits.moved_blocks
 
 
-def longest_still_run(frames: Iterable[FloatImage], limits: MotionLimits = MotionLimits()) -> StillRun | None:
+def longest_still_run(frames: Iterable[FloatImage], limits: MotionLimits | None = None) -> StillRun | None:
     """The longest piece in which nothing moved; None when there is no frame."""
     return max(still_runs(frames, limits), key=lambda run: run.frames, default=None)

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from services.imaging.core.ring_tracking import SHIFT_LIMIT_MM, TURN_LIMIT_DEG, RingShift, ring_shift
+from services.imaging.core.ring_tracking import RingShift, ring_shift
+from services.imaging.core.tuning import RING_TRACKING
 from services.imaging.devices.position_store import PositionStore
 from shared.geometry.calibration import CArmCalibration
 
@@ -60,8 +61,9 @@ class CArmMemory:
 
 def _sentence(shift: RingShift, angles_deg: Angles) -> str:
     primary, secondary = angles_deg
+    limits = f"{RING_TRACKING.shift_limit_mm:g} mm, {RING_TRACKING.turn_limit_deg:g} deg"
     return (
         f"the ring sits {shift.translation_mm:.1f} mm and {shift.turn_deg:+.1f} deg from where it sat when the C-arm "
-        f"stood at {primary:.0f}/{secondary:.0f} deg before (limits {SHIFT_LIMIT_MM:g} mm, {TURN_LIMIT_DEG:g} deg); "
+        f"stood at {primary:.0f}/{secondary:.0f} deg before (limits {limits}); "
         "check that it is fastened, and take new images if it moved within the case"
     )

@@ -7,7 +7,7 @@ from html import escape
 import cv2
 import numpy as np
 
-from services.imaging.core.quality import SHIFT_LIMIT_MM
+from services.imaging.core.tuning import QUALITY_CONTROL
 from services.imaging.service.quality_report import Measured
 from shared.geometry.calibration import NOT_OF_THE_RING
 from shared.geometry.parts import RingPart
@@ -98,10 +98,10 @@ def ball_map(report: QaReport, ring: RingPart) -> str:
             shapes.append(
                 f'<text x="{x + 2.5:.2f}" y="{y - 2:.2f}" font-size="5" fill="{_BAD}">{escape(ball.id)}</text>'
             )
-    bar = _ARROWS * SHIFT_LIMIT_MM
+    bar = _ARROWS * QUALITY_CONTROL.shift_mm
     shapes.append(
         f'<path d="M{-reach + 4:.1f} {reach - 5:.1f}h{bar:.1f}" stroke="{_INK}" stroke-width="1"/>'
-        f'<text x="{-reach + 4:.1f}" y="{reach - 8:.1f}" font-size="5">{SHIFT_LIMIT_MM:g} mm (limit)</text>'
+        f'<text x="{-reach + 4:.1f}" y="{reach - 8:.1f}" font-size="5">{QUALITY_CONTROL.shift_mm:g} mm (limit)</text>'
     )
     return _svg(shapes, (-reach, -reach, 2.0 * reach, 2.0 * reach))
 

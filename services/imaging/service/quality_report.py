@@ -1,9 +1,8 @@
-"""The quality report: from calibrated images to what a person should look at."""
+"""The quality report: from calibrated images to findings for a person to check."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,22 +10,18 @@ from numpy.typing import NDArray
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.quality import (
-    SEEN_LIMIT,
-    SHIFT_LIMIT_MM,
     Residuals,
     ball_statistics,
     mean_distortion,
     residuals_of,
 )
+from services.imaging.core.tuning import QUALITY_CONTROL
 from shared.errors import Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.messages.base import ReasonMessage, vector3
 from shared.messages.qa import QaBall, QaDrift, QaImage, QaReport
 from shared.runtime.lifecycle import software_version
-
-SOURCE_DRIFT_LIMIT_MM: Final = 3.0
-DISTORTION_DRIFT_LIMIT_PX: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,21 +156,23 @@ def _shift(ball: QaBall, other: QaBall) -> tuple[float, float]:
 
 
 def findings(images: Sequence[QaImage], balls: Sequence[QaBall], drift: QaDrift | None) -> tuple[str, ...]:
-    """What a person should look at, each with what was measured, the limit and the remedy."""
+    """Findings, each with what was measured, the limit and the remedy."""
     found = [f"{i.name} was refused: {i.reasons[0].message}" for i in images if i.verdict == "rejected" and i.reasons]
+    limits = QUALITY_CONTROL
     accepted = sum(i.verdict == "accepted" for i in images)
     for ball in balls:
         if not ball.flagged:
             continue
-        if ball.seen < SEEN_LIMIT * accepted:
+        if ball.seen < QUALITY_CONTROL.least_seen * accepted:
             found.append(
-                f"ball {ball.id} was seen in {ball.seen} of {accepted} images (at least {SEEN_LIMIT:.0%}); "
-                "look whether it is lost or always covered"
+                f"ball {ball.id} was seen in {ball.seen} of {accepted} images (at least {limits.least_seen:.0%}); "
+                "check whether it is lost or always covered"
             )
         else:
             found.append(
                 f"ball {ball.id} is {np.hypot(ball.shift_x_mm, ball.shift_y_mm):.3f} mm from where the ring's file "
-                f"puts it (limit {SHIFT_LIMIT_MM:g} mm, {ball.sigmas:.0f} standard errors); measure or replace the ring"
+                f"puts it (limit {limits.shift_mm:g} mm, {ball.sigmas:.0f} standard errors); "
+                "measure or replace the ring"
             )
     return (*found, *_drift_findings(drift))
 
@@ -185,19 +182,20 @@ def _drift_findings(drift: QaDrift | None) -> tuple[str, ...]:
         return ()
     found = []
     across = float(np.hypot(*drift.source_mm[:2]))
-    if across > SOURCE_DRIFT_LIMIT_MM:
+    if across > QUALITY_CONTROL.source_drift_mm:
         found.append(
-            f"the focal spot moved {across:.1f} mm across since {drift.since} (limit {SOURCE_DRIFT_LIMIT_MM:g} mm at "
-            "the same angle of the C-arm); the ring may have been mounted anew, else have the C-arm serviced"
+            f"the focal spot moved {across:.1f} mm across since {drift.since} (limit "
+            f"{QUALITY_CONTROL.source_drift_mm:g} mm at the same angle of the C-arm); "
+            "the ring may have been mounted anew, else have the C-arm serviced"
         )
-    if drift.distortion_rms_px > DISTORTION_DRIFT_LIMIT_PX:
+    if drift.distortion_rms_px > QUALITY_CONTROL.distortion_drift_px:
         found.append(
             f"the distortion changed by {drift.distortion_rms_px:.2f} px rms since {drift.since} (limit "
-            f"{DISTORTION_DRIFT_LIMIT_PX:g} px); was the C-arm at the same angle?"
+            f"{QUALITY_CONTROL.distortion_drift_px:g} px); was the C-arm at the same angle?"
         )
-    if drift.worst_ball_mm > 2.0 * SHIFT_LIMIT_MM:
+    if drift.worst_ball_mm > QUALITY_CONTROL.worst_ball_mm:
         found.append(
             f"ball {drift.worst_ball} moved {drift.worst_ball_mm:.3f} mm since {drift.since} (limit "
-            f"{2.0 * SHIFT_LIMIT_MM:g} mm); check the ring"
+            f"{QUALITY_CONTROL.worst_ball_mm:g} mm); check the ring"
         )
     return tuple(found)

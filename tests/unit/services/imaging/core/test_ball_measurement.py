@@ -1,15 +1,15 @@
-"""How balls are looked at, by the size of the pixels."""
+"""Settings of a measurement by the pitch of the pixels, and radii of the ring's balls."""
 
 import numpy as np
 import pytest
 
-from services.imaging.core.ball_measurement import found_radii_px, look, usual_radii_px
+from services.imaging.core.ball_measurement import found_radii_px, measurement_settings, usual_radii_px
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates
 from tests.unit.services.imaging.synthetic import default_ring
 
 
 def test_finer_pixels_need_wider_surroundings() -> None:
-    usual, fine = look(0.4, 0.235), look(0.4, 0.1175)
+    usual, fine = measurement_settings(0.094, 0.235), measurement_settings(0.094, 0.1175)
     assert fine.reach_px == pytest.approx(2.0 * usual.reach_px)
     assert fine.blur_px == pytest.approx(2.0 * usual.blur_px)
     assert usual.drift_px == 0.4
@@ -17,11 +17,13 @@ def test_finer_pixels_need_wider_surroundings() -> None:
 
 
 def test_coarser_pixels_do_not_need_narrower_ones() -> None:
-    assert look(0.4, 0.4) == look(0.4, 0.235)
+    coarse, usual = measurement_settings(0.094, 0.4), measurement_settings(0.094, 0.235)
+    assert (coarse.reach_px, coarse.blur_px, coarse.drift_px) == (usual.reach_px, usual.blur_px, usual.drift_px)
 
 
-def test_how_clear_a_ball_must_be_can_be_said() -> None:
-    assert look(0.4, 0.2).contrast_to_sd < look(0.4, 0.2, 8.0).contrast_to_sd == 8.0
+def test_the_least_contrast_of_a_ball_can_be_chosen() -> None:
+    usual, clear = measurement_settings(0.094, 0.2), measurement_settings(0.094, 0.2, 8.0)
+    assert usual.contrast_to_sd < clear.contrast_to_sd == 8.0
 
 
 RING = default_ring()

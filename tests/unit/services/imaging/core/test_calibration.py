@@ -5,16 +5,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.imaging.core.ball_measurement import DRIFT_PX, View
+from services.imaging.core.ball_measurement import UprightImage
 from services.imaging.core.calibration import calibrate_image, compile_core
 from services.imaging.core.motion_blur import _moments
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.core.similarity_hypotheses import _counted
+from services.imaging.core.tuning import RING_MEASUREMENT
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.xray.disc_samples import darkest_spot
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
 from shared.xray.patch_fit import fit_each, fit_patch
+from shared.xray.pixel_scale import USUAL_PIXEL_MM, pixels
 from tests.unit.services.imaging.synthetic import Rendered, Scene, default_ring, render
 
 PX_PER_MM = 4.37
@@ -177,20 +179,21 @@ def test_burnt_in_text_and_the_apertures_border_are_no_balls(grey: float) -> Non
     assert np.abs(source_error_mm(outcome.value, rendered)).max() < 1.0
 
 
-def test_balls_are_looked_for_more_widely_where_the_discs_place_them_badly(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks: list[NDArray[np.float64]] = []
-    measure = View.measure
+def test_the_search_for_balls_widens_where_the_discs_predict_them_badly(monkeypatch: pytest.MonkeyPatch) -> None:
+    drifts: list[NDArray[np.float64]] = []
+    measure = UprightImage.measure
 
-    def recorded(view: View, expected: Discs, settings: MeasurementSettings) -> BallMeasurements:
-        looks.append(np.asarray(settings.drift_px))
-        return measure(view, expected, settings)
+    def recorded(image: UprightImage, expected: Discs, settings: MeasurementSettings) -> BallMeasurements:
+        drifts.append(np.asarray(settings.drift_px))
+        return measure(image, expected, settings)
 
-    monkeypatch.setattr(View, "measure", recorded)
+    monkeypatch.setattr(UprightImage, "measure", recorded)
     for noise in (0.005, 0.14):
         accepted(Scene(seed=204, present=0.6, noise=noise))
-    clear_px, faint_px = looks
-    assert np.median(clear_px) < 1.2 * DRIFT_PX
-    assert np.median(faint_px) > 1.5 * DRIFT_PX
+    clear_px, faint_px = drifts
+    usual_px = pixels(RING_MEASUREMENT.drift_detector_mm, USUAL_PIXEL_MM)
+    assert np.median(clear_px) < 1.2 * usual_px
+    assert np.median(faint_px) > 1.5 * usual_px
 
 
 def test_every_compiled_function_that_images_go_through_is_compiled() -> None:

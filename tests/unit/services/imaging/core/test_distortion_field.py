@@ -1,4 +1,4 @@
-"""How rough the distortion is, against the textbook and against draws of known roughness."""
+"""Hyperparameters of the distortion, against the textbook and against draws with known ones."""
 
 from dataclasses import replace
 
@@ -7,19 +7,19 @@ import pytest
 from numpy.typing import NDArray
 
 from services.imaging.core.distortion_field import (
-    FieldPrior,
+    Hyperparameters,
     LinearSystem,
     RestrictedLikelihood,
     correlation,
     distances_px,
-    most_likely_prior,
+    most_likely_hyperparameters,
     polynomial,
 )
 
 Array = NDArray[np.float64]
 
 ORDER = 2
-PRIOR = FieldPrior(ORDER, 2.0, 180.0, 1.4)
+PRIOR = Hyperparameters(ORDER, 2.0, 180.0, 1.4)
 
 
 def system_of(rng: np.random.Generator, count: int = 40) -> LinearSystem:
@@ -34,13 +34,13 @@ def system_of(rng: np.random.Generator, count: int = 40) -> LinearSystem:
     )
 
 
-def covariance_of(system: LinearSystem, prior: FieldPrior) -> Array:
+def covariance_of(system: LinearSystem, prior: Hyperparameters) -> Array:
     distance = distances_px(system.measured_px, system.measured_px)
     noise = np.diag(np.square(prior.noise_factor * system.deviation_px))
     return np.asarray(prior.amplitude_px**2 * correlation(distance, prior.length_px) + noise)
 
 
-def marginal(system: LinearSystem, prior: FieldPrior) -> float:
+def marginal(system: LinearSystem, prior: Hyperparameters) -> float:
     """Log-density of the targets under a very wide prior of the polynomial: the restricted one but for a constant."""
     basis = polynomial(system.measured_px, system.centre_px, system.half_size_px, prior.order)
     nothing = np.zeros_like(basis)
@@ -62,14 +62,14 @@ def test_likelihood_is_that_of_the_targets_with_the_linear_part_integrated_out()
         assert likelihood.of(other) - likelihood.of(PRIOR) == pytest.approx(wanted, abs=1e-2)
 
 
-def test_noise_and_roughness_of_draws_are_found() -> None:
+def test_the_hyperparameters_of_draws_are_found() -> None:
     found = []
     for seed in range(8):
         rng = np.random.default_rng([9, seed])
         system = system_of(rng, 90)
         root = np.linalg.cholesky(covariance_of(system, PRIOR))
         drawn = replace(system, target_px=root @ rng.normal(size=(90, 2)))
-        best = most_likely_prior(drawn, FieldPrior(ORDER, 0.5, 300.0, 1.0), 60)
+        best = most_likely_hyperparameters(drawn, Hyperparameters(ORDER, 0.5, 300.0, 1.0), 60)
         found.append(np.log([best.amplitude_px, best.length_px, best.noise_factor]))
     middle = np.exp(np.median(found, axis=0))
     assert middle == pytest.approx([PRIOR.amplitude_px, PRIOR.length_px, PRIOR.noise_factor], rel=0.25)

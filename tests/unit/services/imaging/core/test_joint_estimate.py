@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from services.imaging.core.calibration import similarity_near
-from services.imaging.core.distortion_field import FieldPrior, correlation, distances_px, polynomial
+from services.imaging.core.distortion_field import Hyperparameters, correlation, distances_px, polynomial
 from services.imaging.core.joint_estimate import (
     JointEstimate,
     NominalSource,
@@ -91,4 +91,4 @@ def test_polynomial_and_kernel_have_the_right_shape_and_value() -> None:
     falling = correlation(distances_px(np.array([[0.0, 0.0]]), np.array([[0.0, 0.0], [600.0, 800.0]])), 50.0)
     assert falling[0, 0] == pytest.approx(1.0)
     assert falling[0, 1] < 1e-6
-    assert FieldPrior(3, 1.0, 2.0, 1.0).order == 3
+    assert Hyperparameters(3, 1.0, 2.0, 1.0).order == 3
