@@ -1,7 +1,5 @@
 """Checks of an image and of its calibration against the criteria of `acceptance.py`."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from services.imaging.core.acceptance import (
@@ -19,7 +17,7 @@ from services.imaging.core.camera_model import SourceAndField
 from services.imaging.core.motion_blur import motion_blur_px
 from services.imaging.core.tuning import DISTORTION_MODEL
 from shared.acceptance import Criterion
-from shared.errors import Reason
+from shared.errors import Reason, ReasonCode
 from shared.geometry.parts import RingPart
 from shared.xray.discs import FloatImage, Mask
 from shared.xray.measurement import BallMeasurements, Discs
@@ -38,36 +36,35 @@ def unusable_reason(pixels: FloatImage, usable: Mask) -> Reason | None:
     """
     rows, columns = pixels.shape
     if not IMAGE_SIDE.is_met(min(rows, columns)):
-        return IMAGE_SIDE.reason(f"the image has {columns} x {rows} pixels")
+        return IMAGE_SIDE.reason(f"the image has {columns} x {rows} pixels (at least {IMAGE_SIDE.limit} each way)")
     if not np.isfinite(pixels).all():
-        return NOT_FINITE.reason(NOT_FINITE.observed)
+        return NOT_FINITE.reason()
     values = pixels[usable]
     levels = len(np.unique(values[:: max(1, len(values) // _SAMPLE)]))
     if not GREY_LEVELS.is_met(levels):
-        return GREY_LEVELS.reason(f"the image has only {levels} different grey values")
+        return GREY_LEVELS.reason(f"the image has only {levels} different grey values (at least {GREY_LEVELS.limit})")
     return clipped_reason(values, CLIPPED)
 
 
-def clipped_reason(values: FloatImage, criterion: Criterion) -> Reason | None:
+def clipped_reason(values: FloatImage, criterion: Criterion[ReasonCode]) -> Reason | None:
     """Refuse usable pixels, shape (N,), of which too many have the brightest or the darkest grey value."""
-    percent = 100.0 * float(np.mean((values == values.max()) | (values == values.min())))
-    if criterion.is_met(percent):
+    clipped = float(np.mean((values == values.max()) | (values == values.min())))
+    if criterion.is_met(clipped):
         return None
-    return criterion.reason(f"{criterion.printed(percent)} of the image is clipped to pure black or white")
+    return criterion.reason(f"pure black or white covers {criterion.quoted(clipped)} of the image")
 
 
-def balls_needed(criterion: Criterion, ring: RingPart) -> int:
-    """Balls that a criterion in per cent of the ring's balls demands."""
-    return int(np.ceil(0.01 * criterion.limit * len(ring.balls)))
+def balls_needed(share: Criterion[ReasonCode], ring: RingPart) -> int:
+    """Balls that a criterion demands which limits their share."""
+    return int(np.ceil(share.limit.value * len(ring.balls)))
 
 
 def too_few_reason(measured: BallMeasurements, ring: RingPart) -> Reason | None:
     """Refuse when too few of the ring's balls could be measured to separate source and distortion."""
-    in_balls = replace(BALLS_MEASURED, limit=balls_needed(BALLS_MEASURED, ring), unit="balls")
-    count = int(np.count_nonzero(measured.seen))
-    if in_balls.is_met(count):
+    count, needed = int(np.count_nonzero(measured.seen)), balls_needed(BALLS_MEASURED, ring)
+    if count >= needed:
         return None
-    return in_balls.reason(f"{count} of the ring's {len(ring.balls)} balls could be measured")
+    return BALLS_MEASURED.reason(f"{count} of the ring's {len(ring.balls)} balls could be measured (at least {needed})")
 
 
 def calibration_reasons(
@@ -83,7 +80,7 @@ def motion_reason(image: UprightImage, measured: BallMeasurements, expected: Dis
     alone = ~measured.overlapped
     centre = np.where(measured.seen[:, None], measured.centre_px, expected.centre_px)
     smear_px = motion_blur_px(image.pixels, centre[alone], expected.radius_px[alone], image.pixel_mm)
-    return None if SMEAR.is_met(smear_px) else SMEAR.reason(f"the balls are smeared over {SMEAR.printed(smear_px)}")
+    return None if SMEAR.is_met(smear_px) else SMEAR.reason(f"the balls are smeared over {SMEAR.quoted(smear_px)}")
 
 
 def _extrapolation_reason(image: UprightImage, model: SourceAndField) -> Reason | None:
@@ -92,8 +89,8 @@ def _extrapolation_reason(image: UprightImage, model: SourceAndField) -> Reason 
     if CENTRAL_DEVIATION.is_met(central_px) and SOURCE_DEVIATION.is_met(source_mm):
         return None
     return SOURCE_DEVIATION.reason(
-        f"the ring's balls leave the image's middle uncertain by {CENTRAL_DEVIATION.printed(central_px)} "
-        f"({CENTRAL_DEVIATION.printed_limit}) and the focal spot by {SOURCE_DEVIATION.printed(source_mm)}"
+        f"the ring's balls leave the image's middle uncertain by {CENTRAL_DEVIATION.quoted(central_px)} "
+        f"and the focal spot by {SOURCE_DEVIATION.quoted(source_mm)}"
     )
 
 

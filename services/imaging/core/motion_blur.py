@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from services.imaging.core.tuning import MOTION_BLUR
+from shared.compiled import compiled
 from shared.xray.discs import Array, FloatImage
 from shared.xray.pixel_scale import USUAL_PIXEL_MM
 from shared.xray.pixel_scale import pixels as in_pixels

@@ -89,7 +89,7 @@ def _inverted(pixels: FloatImage, area: UsableArea) -> FloatImage:
 
 
 def _needed(ring: RingPart) -> int:
-    return max(int(RING_BALLS_IDENTIFIED.limit), balls_needed(RING_SHARE_IDENTIFIED, ring))
+    return max(int(RING_BALLS_IDENTIFIED.limit.value), balls_needed(RING_SHARE_IDENTIFIED, ring))
 
 
 def is_enough(identity: RingIdentity, ring: RingPart) -> bool:
@@ -99,17 +99,17 @@ def is_enough(identity: RingIdentity, ring: RingPart) -> bool:
 
 def is_ambiguous(identity: RingIdentity) -> bool:
     """Whether a different identity explains nearly as many."""
-    return not SECOND_IDENTITY.is_met(_runner_up_percent(identity))
+    return not SECOND_IDENTITY.is_met(_runner_up_share(identity))
 
 
-def _runner_up_percent(identity: RingIdentity) -> float:
-    return 100.0 * identity.runner_up / identity.identified
+def _runner_up_share(identity: RingIdentity) -> float:
+    return identity.runner_up / identity.identified
 
 
 def _ambiguous_reason(identity: RingIdentity) -> Reason:
-    share = SECOND_IDENTITY.printed(_runner_up_percent(identity))
+    share = SECOND_IDENTITY.quoted(_runner_up_share(identity))
     return SECOND_IDENTITY.reason(
-        f"one identity explains {identity.identified} of the ring's balls, another one {identity.runner_up} ({share})"
+        f"one identity explains {identity.identified} of the ring's balls, another one {identity.runner_up}: {share}"
     )
 
 
@@ -122,9 +122,9 @@ def _inverted_reason(identity: RingIdentity) -> Reason:
 
 def _not_found_reasons(found: _Search, pixels: FloatImage, area: UsableArea, ring: RingPart) -> tuple[Reason, ...]:
     explained = 0 if found.identity is None else found.identity.identified
-    not_found = replace(RING_BALLS_IDENTIFIED, limit=_needed(ring)).reason(
+    not_found = RING_BALLS_IDENTIFIED.reason(
         f"of {len(found.candidates.radius_px)} dark discs at most {explained} fit the ring's pattern of "
-        f"{len(ring.balls)} balls"
+        f"{len(ring.balls)} balls (at least {_needed(ring)})"
     )
     clipped = clipped_reason(pixels[area.mask], CLIPPED_WITHOUT_RING)
     return (not_found,) if clipped is None else (not_found, clipped)
