@@ -7,21 +7,25 @@ nothing to do. Returns 1 when an axis was accepted though it is off, or an image
 """
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from benchmarks.accuracy.capture import Capture, capture_of
 from benchmarks.accuracy.report import methods_table
 from benchmarks.baselines.methods import Compared, Outcome, peer_seconds, run_model, run_paper, run_paper_rule
-from benchmarks.common.places import INDEPENDENT_IMAGES
+from benchmarks.data.independent_images import (
+    Expected,
+    ListedImage,
+    Truth,
+    independent_folder,
+    listed_images,
+    nearest_pose,
+)
 from distalock.arguments import OneLineParser, writable_file
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
@@ -29,47 +33,6 @@ from services.registration.parts import parts_from_json
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.frames import Nail, Ring
 from shared.geometry.transform import Transform
-
-DEFAULT_FOLDER = INDEPENDENT_IMAGES
-
-
-Expected = Literal["accept", "reject", "either"]
-
-
-class _File(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-
-class _Nominal(_File):
-    source_to_detector_mm: float
-    pixel_mm: float
-
-
-class _Entry(_File):
-    image: str
-    truth: str
-    nail: str
-    nominal: _Nominal
-    tilt_deg: float
-    expect: Expected
-
-
-class _Manifest(_File):
-    ring: str
-    guide: str
-    images: tuple[_Entry, ...]
-
-
-class _HoleTruth(_File):
-    id: str
-    entry_point_guide_mm: tuple[float, float, float]
-    axis_guide: tuple[float, float, float]
-
-
-class _Truth(_File):
-    camera_from_ring: list[list[float]]
-    camera_from_nail: list[list[float]] | None
-    holes: tuple[_HoleTruth, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,21 +58,20 @@ class ImageRow:
 
 def image_rows(folder: Path, only: str = "") -> list[ImageRow]:
     """All methods on the images whose names contain some text."""
-    manifest = TypeAdapter(_Manifest).validate_json((folder / "manifest.json").read_bytes())
     rows = []
-    for entry in manifest.images:
-        if only in entry.image:
-            rows.append(_row(folder, manifest, entry))
+    for image in listed_images(folder):
+        if only in image.name:
+            rows.append(_row(image))
             print(_line(rows[-1]), flush=True)
     return rows
 
 
-def _row(folder: Path, manifest: _Manifest, entry: _Entry) -> ImageRow:
-    names = (manifest.ring, manifest.guide, entry.nail)
-    ring, guide, nail = ((folder / name).read_bytes() for name in names)
+def _row(image: ListedImage) -> ImageRow:
+    entry, truth = image.entry, image.truth()
+    ring, guide, nail = (file.read_bytes() for file in (image.ring, image.guide, image.nail))
+    names = (image.ring.name, image.guide.name, image.nail.name)
     parts = parts_from_json(ring, guide, nail, USUAL_DRILL_DIAMETER_MM, names)
-    truth = TypeAdapter(_Truth).validate_json((folder / entry.truth).read_bytes())
-    pixels = read_image((folder / entry.image).read_bytes(), entry.image).pixels
+    pixels = read_image(image.path.read_bytes(), image.name).pixels
     holes = [KnownHole(h.id, np.array(h.entry_point_guide_mm), np.array(h.axis_guide)) for h in truth.holes]
     nominal = NominalGeometry(entry.nominal.source_to_detector_mm, entry.nominal.pixel_mm)
     run = run_model(pixels, nominal, parts, holes)
@@ -123,17 +85,10 @@ def _row(folder: Path, manifest: _Manifest, entry: _Entry) -> ImageRow:
     return ImageRow(entry.image, entry.tilt_deg, entry.expect, by_method, captured, peer_seconds(pixels))
 
 
-def _ring_from_nail(truth: _Truth) -> Transform[Ring, Nail]:
+def _ring_from_nail(truth: Truth) -> Transform[Ring, Nail]:
     assert truth.camera_from_nail is not None
-    return Transform.from_matrix(_rigid(np.linalg.inv(truth.camera_from_ring) @ np.array(truth.camera_from_nail)))
-
-
-def _rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The nearest pose: the files' matrices are rounded to six digits."""
-    left, _, right = np.linalg.svd(matrix[:3, :3])
-    pose = matrix.copy()
-    pose[:3, :3] = left @ right
-    return pose
+    ring_from_nail = np.linalg.inv(truth.camera_from_ring) @ np.array(truth.camera_from_nail)
+    return Transform.from_matrix(nearest_pose(ring_from_nail.tolist()))
 
 
 def _line(row: ImageRow) -> str:
@@ -184,9 +139,9 @@ def main(arguments: Sequence[str] = ()) -> int:
     parser.add_argument("--only", default="", help="images whose names contain this")
     parser.add_argument("--report", type=writable_file, help="file for the tables too")
     given = parser.parse_args(list(arguments))
-    folder = Path(os.environ.get("DISTALOCK_FLUOROSCOPY", DEFAULT_FOLDER))
-    if not (folder / "manifest.json").is_file():
-        print(f"no images in {folder}; name their folder in DISTALOCK_FLUOROSCOPY")
+    folder = independent_folder()
+    if folder is None:
+        print("the independent images are not here; name their folder in DISTALOCK_FLUOROSCOPY")
         return 0
     rows = image_rows(folder, given.only)
     text = report(rows)

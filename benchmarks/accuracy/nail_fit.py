@@ -7,18 +7,25 @@ pose moved at random. Prints the error of every image, over its predicted standa
 """
 
 import argparse
-import json
-import os
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-from benchmarks.common.places import INDEPENDENT_IMAGES
+from benchmarks.data.independent_images import (
+    BallTruth,
+    Display,
+    Entry,
+    ListedImage,
+    Truth,
+    independent_folder,
+    listed_images,
+    nearest_pose,
+)
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from shared.errors import Rejected
@@ -30,7 +37,6 @@ from shared.geometry.parts import NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 from shared.parts.files import guide_from_json, nail_from_json, ring_from_json
 
-DEFAULT_FOLDER = INDEPENDENT_IMAGES
 _NODE_SPACING_PX = 32.0
 _SIDE_PX = 1024
 
@@ -47,47 +53,45 @@ class Case:
     camera_from_nail: Transform[Camera, Nail]
 
 
-def load_case(folder: Path, manifest: dict[str, str], entry: dict[str, object]) -> Case:
-    """Read an image as rendered (the display's turn and mirror undone), and what is true of it."""
-    truth = json.loads((folder / str(entry["truth"])).read_text())
-    image = cv2.imread(str(folder / str(entry["image"])), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise FileNotFoundError(f"{folder / str(entry['image'])} is not an image that can be read")
-    pixels = _as_rendered(np.asarray(image, dtype=np.float32), entry["display"])
-    ring = ring_from_json((folder / manifest["ring"]).read_bytes())
-    guide = guide_from_json((folder / manifest["guide"]).read_bytes())
-    camera_from_guide: Transform[Camera, Guide] = Transform(_pose(truth["camera_from_guide"]).rigid)
+def load_case(image: ListedImage) -> Case:
+    """Read an image as rendered (the display's rotation and mirror undone), and its truth."""
+    truth = image.truth()
+    assert truth.camera_from_guide is not None
+    assert truth.camera_from_nail is not None
+    shown = cv2.imread(str(image.path), cv2.IMREAD_UNCHANGED)
+    if shown is None:
+        raise FileNotFoundError(f"{image.path} is not an image that can be read")
+    pixels = _as_rendered(np.asarray(shown, dtype=np.float32), image.entry.display)
+    ring, guide = ring_from_json(image.ring.read_bytes()), guide_from_json(image.guide.read_bytes())
+    camera_from_guide: Transform[Camera, Guide] = Transform(_pose(truth.camera_from_guide).rigid)
     return Case(
-        str(entry["image"]),
+        image.name,
         pixels,
-        _calibration(truth, _distortion(pixels.shape, truth, entry)),
-        nail_from_json((folder / str(entry["nail"])).read_bytes()),
+        _calibration(truth, _distortion(pixels.shape, truth, image.entry)),
+        nail_from_json(image.nail.read_bytes()),
         Occluders(PlacedGuide(guide, camera_from_guide), ring),
-        _pose(truth["camera_from_nail"]),
+        _pose(truth.camera_from_nail),
     )
 
 
-def _as_rendered(image: NDArray[np.float32], display: object) -> NDArray[np.float32]:
-    assert isinstance(display, dict)
-    turned = np.rot90(image, -int(display.get("rot90", 0)))
-    return np.ascontiguousarray(turned[:, ::-1] if display.get("flip") else turned, dtype=np.float32)
+def _as_rendered(image: NDArray[np.float32], display: Display) -> NDArray[np.float32]:
+    turned = np.rot90(image, -display.rot90)
+    return np.ascontiguousarray(turned[:, ::-1] if display.flip else turned, dtype=np.float32)
 
 
 def _pose(matrix: list[list[float]]) -> Transform[Camera, Nail]:
     """Pose from a matrix that was rounded to six digits."""
-    m = np.array(matrix)
-    left, _, right = np.linalg.svd(m[:3, :3])
-    return Transform.from_rotation_translation(left @ right, m[:3, 3])
+    return Transform.from_matrix(nearest_pose(matrix))
 
 
-def _calibration(truth: dict[str, list[list[float]]], distortion: DisplacementField) -> CArmCalibration:
+def _calibration(truth: Truth, distortion: DisplacementField) -> CArmCalibration:
     none = np.zeros(0)
-    camera_from_ring: Transform[Camera, Ring] = Transform(_pose(truth["camera_from_ring"]).rigid)
+    camera_from_ring: Transform[Camera, Ring] = Transform(_pose(truth.camera_from_ring).rigid)
     return CArmCalibration(
         width_px=_SIDE_PX,
         height_px=_SIDE_PX,
         mirrored=False,
-        camera=PinholeCamera(np.array(truth["intrinsic_matrix_px"])),
+        camera=PinholeCamera(np.array(truth.intrinsic_matrix_px)),
         camera_from_ring=camera_from_ring,
         distortion=distortion,
         source_covariance_mm2=np.eye(3),
@@ -100,17 +104,15 @@ def _calibration(truth: dict[str, list[list[float]]], distortion: DisplacementFi
     )
 
 
-def _distortion(
-    shape: tuple[int, ...], truth: dict[str, list[dict[str, list[float]]]], entry: dict[str, object]
-) -> DisplacementField:
-    if entry["flat_panel"]:
+def _distortion(shape: tuple[int, ...], truth: Truth, entry: Entry) -> DisplacementField:
+    if entry.flat_panel:
         return DisplacementField.zero(shape[1], shape[0])
-    return _true_distortion(truth["balls"], max(shape))
+    return _true_distortion(truth.balls, max(shape))
 
 
-def _true_distortion(balls: list[dict[str, list[float]]], side: int) -> DisplacementField:
-    measured = np.array([ball["image_px"] for ball in balls])
-    ideal = np.array([ball["undistorted_px"] for ball in balls])
+def _true_distortion(balls: Sequence[BallTruth], side: int) -> DisplacementField:
+    measured = np.array([ball.image_px for ball in balls])
+    ideal = np.array([ball.undistorted_px for ball in balls])
     smooth = RBFInterpolator(measured, ideal - measured, kernel="thin_plate_spline", smoothing=1e-4, degree=2)
     nodes = np.arange(-2, side / _NODE_SPACING_PX + 3) * _NODE_SPACING_PX
     x, y = np.meshgrid(nodes, nodes)
@@ -160,16 +162,14 @@ def main() -> int:
     parser.add_argument("--start-deg", type=float, default=3.0)
     parser.add_argument("--start-mm", type=float, default=1.0)
     options = parser.parse_args()
-    folder = Path(os.environ.get("DISTALOCK_FLUOROSCOPY", DEFAULT_FOLDER))
-    if not (folder / "manifest.json").is_file():
-        print(f"no images in {folder}; name their folder in DISTALOCK_FLUOROSCOPY")
+    folder = independent_folder()
+    if folder is None:
+        print("the independent images are not here; name their folder in DISTALOCK_FLUOROSCOPY")
         return 0
-    manifest = json.loads((folder / "manifest.json").read_text())
-    wanted = [e for e in manifest["images"] if (e["image"] in options.images) or not options.images]
     rng = np.random.default_rng(options.seed)
     rows = []
-    for entry in (e for e in wanted if e["expect"] == "accept"):
-        case = load_case(folder, manifest, entry)
+    for image in (i for i in listed_images(folder, options.images) if i.entry.expect == "accept"):
+        case = load_case(image)
         turn, shift = rng.normal(size=3) * options.start_deg, rng.normal(size=3) * [1.0, 1.0, 3.0] * options.start_mm
         rows.append(run(case, case.camera_from_nail @ Transform[Nail, Nail].from_rotvec(np.radians(turn), shift)))
     table = np.array([row for row in rows if row is not None])

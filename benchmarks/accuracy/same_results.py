@@ -23,6 +23,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.data.independent_images import ListedImage, listed_images
 from benchmarks.scenes.random_scenes import scene_of_seed
 from benchmarks.scenes.varied_parts import write_parts
 from distalock.locate import NominalOptions, locate_image, read_parts
@@ -98,7 +99,7 @@ def _write_scene(folder: Path, seed: int) -> dict[str, Any]:
 
 def write_results(folders: Sequence[Path], results: Path) -> int:
     """Localise every image of the folders' manifests, one JSON line each."""
-    jobs = [(folder, entry) for folder in folders for entry in _entries(folder)]
+    jobs = [image for folder in folders for image in listed_images(folder)]
     with ProcessPoolExecutor(PROCESSES, initializer=_one_thread) as pool, results.open("w") as lines:
         for line in pool.map(_located, jobs):
             lines.write(json.dumps(line) + "\n")
@@ -106,16 +107,9 @@ def write_results(folders: Sequence[Path], results: Path) -> int:
     return 0
 
 
-def _entries(folder: Path) -> list[dict[str, Any]]:
-    manifest = json.loads((folder / "manifest.json").read_text())
-    shared = {kind: manifest[kind] for kind in ("ring", "guide") if kind in manifest}
-    return [shared | entry for entry in manifest["images"]]
-
-
-def _located(job: tuple[Path, dict[str, Any]]) -> dict[str, Any]:
-    folder, entry = job
-    parts = read_parts(*(folder / entry[kind] for kind in ("ring", "guide", "nail")))
-    message = locate_image(folder / entry["image"], parts, NominalOptions(**entry["nominal"])).message
+def _located(listed: ListedImage) -> dict[str, Any]:
+    parts = read_parts(listed.ring, listed.guide, listed.nail)
+    message = locate_image(listed.path, parts, NominalOptions(**listed.entry.nominal.model_dump())).message
     holes = {
         hole.id: {
             "entry_mm": hole.entry_point_guide_mm,
@@ -127,7 +121,7 @@ def _located(job: tuple[Path, dict[str, Any]]) -> dict[str, Any]:
     }
     codes = [str(reason.code) for reason in message.reasons]
     messages = [reason.message for reason in message.reasons]
-    image = f"{folder.name}/{entry['image']}"
+    image = f"{listed.folder.name}/{listed.name}"
     return {"image": image, "verdict": message.verdict, "codes": codes, "messages": messages, "holes": holes}
 
 

@@ -6,8 +6,6 @@ where rays through true pixels pass the truth at the height of the nail, and by 
 nail turns.
 """
 
-import json
-import os
 import sys
 import time
 from dataclasses import dataclass
@@ -17,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.common.places import INDEPENDENT_IMAGES
+from benchmarks.data.independent_images import ListedImage, Truth, independent_folder, listed_images
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from shared.errors import Rejected
@@ -44,47 +42,35 @@ class Row:
     seconds: float
 
 
-def default_folder() -> Path | None:
-    """Where the independent images are, or None."""
-    named = os.environ.get("DISTALOCK_FLUOROSCOPY")
-    folder = Path(named) if named else INDEPENDENT_IMAGES
-    return folder if (folder / "manifest.json").is_file() else None
-
-
-def calibrate(folder: Path, entry: dict[str, object]) -> Row:
-    """Calibrate one image of the manifest and compare with its truth."""
-    truth = json.loads((folder / str(entry["truth"])).read_text())
-    ring = ring_from_json((folder / "ring.json").read_bytes())
-    pixels = cv2.imread(str(folder / str(entry["image"])), cv2.IMREAD_UNCHANGED)
+def calibrate(image: ListedImage) -> Row:
+    """Calibrate one image and compare with its truth."""
+    ring = ring_from_json(image.ring.read_bytes())
+    pixels = cv2.imread(str(image.path), cv2.IMREAD_UNCHANGED)
     assert pixels is not None
-    nominal = entry["nominal"]
-    assert isinstance(nominal, dict)
+    nominal = NominalGeometry(**image.entry.nominal.model_dump())
     started = time.process_time()
-    outcome = calibrate_image(
-        pixels.astype(np.float32), ring, NominalGeometry(nominal["source_to_detector_mm"], nominal["pixel_mm"])
-    )
+    outcome = calibrate_image(pixels.astype(np.float32), ring, nominal)
     seconds = time.process_time() - started
     if isinstance(outcome, Rejected):
         nothing = np.zeros(0)
-        return Row(str(entry["image"]), outcome.reasons[0].code, 0, nothing, nothing, nothing, nothing, seconds)
-    return _compared(outcome.value, truth, entry, ring.balls.position_mm, seconds)
+        return Row(image.name, outcome.reasons[0].code, 0, nothing, nothing, nothing, nothing, seconds)
+    return _compared(outcome.value, image, ring.balls.position_mm, seconds)
 
 
-def _compared(
-    calibration: CArmCalibration, truth: dict[str, object], entry: dict[str, object], balls_mm: Array, seconds: float
-) -> Row:
-    pose = np.array(truth["camera_from_ring"])
+def _compared(calibration: CArmCalibration, image: ListedImage, balls_mm: Array, seconds: float) -> Row:
+    truth = image.truth()
+    pose = np.array(truth.camera_from_ring)
     source = -pose[:3, :3].T @ pose[:3, 3]
     estimated = calibration.camera_from_ring.inverse().translation_mm
     error = estimated - source
-    pixel = _displayed(truth, entry, calibration)
+    pixel = _displayed(truth, image, calibration)
     inside = np.hypot(*(pixel - 0.5 * (calibration.width_px - 1)).T) < CENTRAL_PX
     rays = calibration.rays_camera(pixel[inside]) @ calibration.camera_from_ring.rotation
     true_rays = balls_mm[inside] - source
     at_nail = _at(estimated, rays, NAIL_MM) - _at(source, true_rays, NAIL_MM)
     at_guide = _at(estimated, rays, GUIDE_MM) - _at(source, true_rays, GUIDE_MM)
     return Row(
-        image=str(entry["image"]),
+        image=image.name,
         refusal="",
         balls_found=calibration.balls_found,
         source_error_mm=error,
@@ -95,16 +81,13 @@ def _compared(
     )
 
 
-def _displayed(truth: dict[str, object], entry: dict[str, object], calibration: CArmCalibration) -> Array:
+def _displayed(truth: Truth, image: ListedImage, calibration: CArmCalibration) -> Array:
     """True pixels of the ring's balls in the un-mirrored image as received, shape (N, 2)."""
-    balls = truth["balls"]
-    assert isinstance(balls, list)
-    x, y = np.array([b["image_px"] for b in balls if str(b["id"]).startswith("R")]).T
-    display = entry["display"]
-    assert isinstance(display, dict)
+    x, y = np.array([ball.image_px for ball in truth.balls if ball.id.startswith("R")]).T
+    display = image.entry.display
     last = calibration.width_px - 1
-    x = last - x if display.get("flip") else x
-    for _ in range(int(display.get("rot90", 0))):
+    x = last - x if display.flip else x
+    for _ in range(display.rot90):
         x, y = y, last - x
     return np.stack([last - x if calibration.mirrored else x, y], axis=1)
 
@@ -115,14 +98,14 @@ def _at(source: Array, rays: Array, z_mm: float) -> Array:
 
 
 def main(folder: Path | None = None) -> int:
-    folder = folder or default_folder()
+    folder = folder or independent_folder()
     if folder is None:
         print("calibration: left out, there is no folder of independent images; set DISTALOCK_FLUOROSCOPY to one")
         return 0
     rows = []
     print("image      balls  source error mm       normalised          nail mm  axis deg  CPU s")
-    for entry in json.loads((folder / "manifest.json").read_text())["images"]:
-        row = calibrate(folder, entry)
+    for image in listed_images(folder):
+        row = calibrate(image)
         rows.append(row)
         if row.refusal:
             print(f"{row.image:10} refused: {row.refusal}")

@@ -1,22 +1,21 @@
 """Calibration of X-ray images that other software rendered; skipped where they are not at hand."""
 
-import json
-
 import numpy as np
 import pytest
 
-from benchmarks.imaging.independent_calibration import Row, calibrate, default_folder
+from benchmarks.data.independent_images import independent_folder, listed_images
+from benchmarks.imaging.independent_calibration import Row, calibrate
 
 SAMPLE = (0, 6, 7, 9, 16, 27)
-FOLDER = default_folder()
+FOLDER = independent_folder()
 pytestmark = pytest.mark.skipif(FOLDER is None, reason="the independent X-ray images are not here")
 
 
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
     assert FOLDER is not None
-    entries = json.loads((FOLDER / "manifest.json").read_text())["images"]
-    return [calibrate(FOLDER, entries[i]) for i in SAMPLE]
+    images = listed_images(FOLDER)
+    return [calibrate(images[i]) for i in SAMPLE]
 
 
 def test_every_image_is_calibrated(rows: list[Row]) -> None:

@@ -5,27 +5,24 @@ The limits are 1.5 times what was measured when they were set, over the 28 image
 degrees; error over predicted standard uncertainty 1.05 and 1.09 rms.
 """
 
-import json
-import os
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.data.independent_images import independent_folder, listed_images
 from distalock.locate import NominalOptions, locate_image, read_parts
 from shared.messages.registration import Method
 
-FOLDER = Path(os.environ.get("DISTALOCK_FLUOROSCOPY", Path(__file__).parents[4] / "shared" / "fluoroscopy"))
-MANIFEST = FOLDER / "manifest.json"
+FOLDER = independent_folder()
 pytestmark = [
-    pytest.mark.skipif(not MANIFEST.is_file(), reason=f"no fluoroscopy images in {FOLDER}"),
+    pytest.mark.skipif(FOLDER is None, reason="the independent X-ray images are not here"),
     pytest.mark.slow,
 ]
-ENTRIES = {entry["image"]: entry for entry in json.loads(MANIFEST.read_text())["images"]} if MANIFEST.is_file() else {}
-GOOD = [name for name, entry in ENTRIES.items() if entry["expect"] == "accept"]
+IMAGES = {image.name: image for image in listed_images(FOLDER)} if FOLDER is not None else {}
+GOOD = [name for name, image in IMAGES.items() if image.entry.expect == "accept"]
 REFUSED = {
     "dev08.png": ["nail_not_found"],
     "dev09.png": ["guide_not_found"],
@@ -49,14 +46,14 @@ class Located:
 
 @cache
 def located(name: str, method: Method = "model") -> Located:
-    entry = ENTRIES[name]
-    parts = read_parts(FOLDER / "ring.json", FOLDER / "guide.json", FOLDER / entry["nail"])
-    message = locate_image(FOLDER / name, parts, NominalOptions(**entry["nominal"]), method).message
-    truth = {hole["id"]: hole for hole in json.loads((FOLDER / entry["truth"]).read_text())["holes"]}
+    image = IMAGES[name]
+    parts = read_parts(image.ring, image.guide, image.nail)
+    message = locate_image(image.path, parts, NominalOptions(**image.entry.nominal.model_dump()), method).message
+    truth = {hole.id: hole for hole in image.truth().holes}
     errors = []
     for hole in message.holes or ():
-        axis, found = np.array(truth[hole.id]["axis_guide"]), np.array(hole.axis_guide)
-        apart = np.array(hole.entry_point_guide_mm) - truth[hole.id]["entry_point_guide_mm"]
+        axis, found = np.array(truth[hole.id].axis_guide), np.array(hole.axis_guide)
+        apart = np.array(hole.entry_point_guide_mm) - truth[hole.id].entry_point_guide_mm
         across_mm = float(np.linalg.norm(apart - axis * (apart @ axis)))
         turned_deg = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, found)), axis @ found)))
         predicted = hole.standard_uncertainty
@@ -67,7 +64,7 @@ def located(name: str, method: Method = "model") -> Located:
 
 def test_the_manifest_has_the_images_that_are_tested() -> None:
     assert len(GOOD) == 28
-    assert ENTRIES.keys() == {*GOOD, *REFUSED, WIRED}
+    assert IMAGES.keys() == {*GOOD, *REFUSED, WIRED}
 
 
 @pytest.mark.parametrize("name", [*GOOD, WIRED])

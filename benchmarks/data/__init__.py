@@ -1,0 +1,1 @@
+"""Images that are read from folders, with their manifest and truth."""
