@@ -18,10 +18,15 @@ from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.received_image import Acquisition
 from services.registration.core.fusion import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Parts, localise
-from services.registration.measure import Localiser, timed_localisation
 from services.registration.overlay import overlay_png
 from services.registration.parts import parts_from_json
-from services.registration.report import MeasuredTimes, message_of_several, uncalibrated_message
+from services.registration.report import (
+    Localiser,
+    MeasuredTimes,
+    message_of_several,
+    timed_localisation,
+    uncalibrated_message,
+)
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Accepted, ImageUnreadable, InputError, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration

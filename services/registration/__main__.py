@@ -5,9 +5,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from services.registration.knowledge import Knowledge
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
+from services.registration.state import RegistrationState
 from shared.bus.port import Bus
 from shared.runtime.lifecycle import Runtime, service_main
 
@@ -15,8 +15,8 @@ from shared.runtime.lifecycle import Runtime, service_main
 @contextmanager
 def compose(settings: RegistrationSettings, bus: Bus, runtime: Runtime) -> Iterator[None]:
     """Build the service and run it for as long as the context lasts."""
-    knowledge = Knowledge(runtime.boot_epoch, settings.kept_images, settings.image_delay_s, time.monotonic)
-    with RegistrationService(bus, runtime, settings, knowledge).running():
+    state = RegistrationState(runtime.boot_epoch, settings.kept_images, settings.image_delay_s, time.monotonic)
+    with RegistrationService(bus, runtime, settings, state).running():
         yield
 
 

@@ -1,4 +1,4 @@
-"""Images as registration holds them: as they arrived, with what was found in them, and the last few of those."""
+"""Images as registration keeps them, with the case and the robot's pose under which they were made."""
 
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -8,14 +8,18 @@ from numpy.typing import NDArray
 
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.parts import parts_from_json
-from services.registration.robot_pose import same_place
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import HexapodPart
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import FrameHeader
 from shared.messages.registration import LocalisationRecord
-from shared.messages.robot import RobotState
+from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState
 from shared.parts.hexapod_file import hexapod_from_json
+
+AT_REST = (MotionState.LOCKED, MotionState.STOPPED)
+# A locked robot's encoders repeat to a micrometre; more than this means that it was moved.
+POSE_TOLERANCE_MM = 0.01
+POSE_TOLERANCE_DEG = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +54,7 @@ class ReceivedFrame:
     epoch
         Registration epoch that began with it.
     robot
-        State of the robot when it was exposed; None when it was not known, or not at rest long enough to tell.
+        State of the robot when it was exposed; None when it was not known, or not at rest for long enough.
     """
 
     header: FrameHeader
@@ -61,7 +65,7 @@ class ReceivedFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisedFrame:
-    """An image with all that was found in it; calibration and result are None when the ring was not found."""
+    """An image with what was found in it; calibration and result are None when the ring was not found."""
 
     frame: ReceivedFrame
     case: OpenCase
@@ -143,3 +147,21 @@ def same_stand(a: LocalisedFrame, b: LocalisedFrame) -> bool:
 def set_up_of(case: OpenCase | None) -> tuple[str | None, int] | None:
     """Names a set-up: the case and its revision; None without a case."""
     return None if case is None else (case.context.case_id, case.context.revision)
+
+
+def pose_at_rest(robot: RobotState | None) -> PlatformPoseMessage | None:
+    """Where the robot stands; None when that is not known or it is not at rest."""
+    return robot.pose if robot is not None and robot.state in AT_REST else None
+
+
+def moved_by(a: PlatformPoseMessage, b: PlatformPoseMessage) -> tuple[float, float]:
+    """Greatest difference of two poses along an axis, in mm, and about one, in degrees."""
+    apart_mm = max(abs(a.x_mm - b.x_mm), abs(a.y_mm - b.y_mm), abs(a.z_mm - b.z_mm))
+    apart_deg = max(abs(a.u_deg - b.u_deg), abs(a.v_deg - b.v_deg), abs(a.w_deg - b.w_deg))
+    return apart_mm, apart_deg
+
+
+def same_place(a: PlatformPoseMessage, b: PlatformPoseMessage) -> bool:
+    """Whether two poses are the same as far as encoders can tell."""
+    apart_mm, apart_deg = moved_by(a, b)
+    return apart_mm <= POSE_TOLERANCE_MM and apart_deg <= POSE_TOLERANCE_DEG

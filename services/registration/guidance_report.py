@@ -79,11 +79,11 @@ class PictureTurn:
         """The guide may have been moved: the next view is compared with later ones only."""
         self._seen = None
 
-    def positioner_turn(self, angles: CArmAngles, told: Advice) -> PositionerTurn | None:
+    def positioner_turn(self, angles: CArmAngles, advice: Advice) -> PositionerTurn | None:
         """The correction in the C-arm's own angles; None as long as the picture's turn is not known."""
         if self.turn_rad is None:
             return None
-        then = angles_after(angles, told.correction, self.turn_rad)
+        then = angles_after(angles, advice.correction, self.turn_rad)
         return PositionerTurn(
             orbital=then.orbital_deg - angles.orbital_deg,
             angular=then.angular_deg - angles.angular_deg,
@@ -98,22 +98,22 @@ def _apart(first_rad: float, second_rad: float) -> float:
 
 
 def guidance_message(sight: Sight, facts: FrameFacts, picture: PictureTurn) -> Guidance:
-    """One frame's word; its view is noted in `picture` when it has angles and a guide."""
+    """The message of one frame; its view is noted in `picture` when it has angles and a guide."""
     if facts.angles is not None and facts.ring_turn_rad is not None and sight.camera_from_guide is not None:
         picture.note(AngledView(facts.angles, sight.camera_from_guide), facts.ring_turn_rad)
-    told, margin = sight.advice, sight.margin
-    turn = None if told is None or facts.angles is None else picture.positioner_turn(facts.angles, told)
+    advice, margin = sight.advice, sight.margin
+    turn = None if advice is None or facts.angles is None else picture.positioner_turn(facts.angles, advice)
     return Guidance(
-        verdict="rejected" if told is None else "accepted",
+        verdict="rejected" if advice is None else "accepted",
         reasons=tuple(ReasonMessage.of(reason) for reason in sight.reasons),
         origin=sight.origin.value,
         image=facts.image,
         case_id=facts.case_id,
         case_revision=facts.case_revision,
-        holes=None if told is None else tuple(_hole(tilt) for tilt in told.tilts),
-        c_arm_correction_deg=None if told is None else _correction(told),
+        holes=None if advice is None else tuple(_hole(tilt) for tilt in advice.tilts),
+        c_arm_correction_deg=None if advice is None else _correction(advice),
         positioner_turn_deg=turn,
-        standard_uncertainty_deg=None if told is None else _uncertainty(told),
+        standard_uncertainty_deg=None if advice is None else _uncertainty(advice),
         mirror_check=None if margin is None else _mirror_check(margin),
         skipped=facts.skipped,
         elapsed_ms=facts.elapsed_ms,
@@ -129,12 +129,12 @@ def _hole(tilt: HoleTilt) -> GuidedHole:
     )
 
 
-def _correction(told: Advice) -> CArmCorrection:
-    return CArmCorrection(about_image_x=told.correction.about_x_deg, about_image_y=told.correction.about_y_deg)
+def _correction(advice: Advice) -> CArmCorrection:
+    return CArmCorrection(about_image_x=advice.correction.about_x_deg, about_image_y=advice.correction.about_y_deg)
 
 
-def _uncertainty(told: Advice) -> GuidanceUncertainty:
-    return GuidanceUncertainty(about_image_x=told.about_x_sd_deg, about_image_y=told.about_y_sd_deg)
+def _uncertainty(advice: Advice) -> GuidanceUncertainty:
+    return GuidanceUncertainty(about_image_x=advice.about_x_sd_deg, about_image_y=advice.about_y_sd_deg)
 
 
 def _mirror_check(margin: Margin) -> MirrorCheck:

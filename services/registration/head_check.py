@@ -4,7 +4,7 @@ from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.head_check import HeadRefused, HeadTrouble, MotionView, check_motion, check_place
 from services.registration.core.localise import LocalisationResult
 from services.registration.frames import LocalisedFrame
-from services.registration.knowledge import Knowledge
+from services.registration.state import RegistrationState
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.robot import PlatformPoseMessage
@@ -15,10 +15,10 @@ _NOT_SEEN = (
 )
 
 
-def head_trouble(newest: LocalisedFrame, knowledge: Knowledge) -> HeadRefused | None:
+def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> HeadRefused | None:
     """Why the guide seems to be held otherwise than the case says; None when nothing speaks against it."""
     # an image of a verification may show no nail, or was not accepted by itself: then one beside it must speak
-    candidates = (newest, *knowledge.accepted_beside(newest, ()))
+    candidates = (newest, *state.accepted_beside(newest, ()))
     view = next((view for one in reversed(candidates) if (view := _view(one)) is not None), None)
     if view is None:
         return HeadRefused(HeadTrouble.NOT_SEEN, _NOT_SEEN)
@@ -26,7 +26,7 @@ def head_trouble(newest: LocalisedFrame, knowledge: Knowledge) -> HeadRefused | 
     extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
     guide_from_nail = view.ring_from_guide.mean.inverse() @ view.ring_from_nail.mean
     refused = check_place(hexapod, view.pose, extension_mm, guide_from_nail, case.context.mount)
-    for earlier in knowledge.accepted_elsewhere(newest):
+    for earlier in state.accepted_elsewhere(newest):
         before = _view(earlier)
         if refused is None and before is not None:
             refused = check_motion(hexapod, extension_mm, before, view)

@@ -23,11 +23,10 @@ from services.registration.core.guidance.tracking import (
     localised_sight,
 )
 from services.registration.core.localise import Parts
-from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, set_up_of
+from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest, same_place, set_up_of
 from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message, ring_turn_rad
-from services.registration.knowledge import Knowledge
-from services.registration.robot_pose import pose_at_rest, same_place
 from services.registration.settings import RegistrationSettings
+from services.registration.state import RegistrationState
 from shared.bus.port import Bus
 from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
@@ -48,7 +47,7 @@ class LiveGuidance:
 
     Parameters
     ----------
-    bus, runtime, settings, knowledge
+    bus, runtime, settings, state
         As the service has them.
     clock_s
         Monotonic clock.
@@ -59,12 +58,12 @@ class LiveGuidance:
         bus: Bus,
         runtime: Runtime,
         settings: RegistrationSettings,
-        knowledge: Knowledge,
+        state: RegistrationState,
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._runtime, self._settings, self._knowledge = runtime, settings, knowledge
+        self._runtime, self._settings, self._state = runtime, settings, state
         self._clock_s = clock_s
-        # Not retained: a word that is delivered later would look like one of a frame that is there now.
+        # Not retained: a message that is delivered later would look like that of the present frame.
         self._publisher = bus.publisher(runtime.keys.guidance)
         self._frames: LatestSlot[CalibrationMessage] = LatestSlot()
         self._lock = threading.Lock()
@@ -143,7 +142,7 @@ class LiveGuidance:
     def _run_of(self, case: OpenCase) -> Run | None:
         """The run of the present set-up, which begins with it; None for a set-up that has been left."""
         setup = set_up_of(case)
-        if setup != set_up_of(self._knowledge.case):
+        if setup != set_up_of(self._state.case):
             return None
         if self._setup != setup:
             self._setup = setup
@@ -174,8 +173,8 @@ class LiveGuidance:
 
     def _follow(self, message: CalibrationMessage) -> None:
         began_s = self._clock_s()
-        case = self._knowledge.wait_for_case(message.case_id or "", message.case_revision, _CASE_S)
-        frame = self._knowledge.wait_for_frame(message.image.sha256, _PIXELS_S)
+        case = self._state.wait_for_case(message.case_id or "", message.case_revision, _CASE_S)
+        frame = self._state.wait_for_frame(message.image.sha256, _PIXELS_S)
         if case is None or frame is None:
             self._unseen += 1  # the set-up has changed, or newer frames have pushed this one out
             return
@@ -184,7 +183,7 @@ class LiveGuidance:
             if run is None:
                 self._unseen += 1
                 return
-            if not _stands_still(self._robot_pose, self._knowledge.robot):
+            if not _stands_still(self._robot_pose, self._state.robot):
                 run.track = None  # the guide was moved against the nail
             start = run.start()
         calibration = None if message.values is None else message.values.calibration()
@@ -206,7 +205,7 @@ class LiveGuidance:
         ring_turn: float | None,
         elapsed_ms: float,
     ) -> None:
-        """Say it. For who holds the lock since it was judged to be news: else an older word could follow a newer."""
+        """Publish; the caller holds the lock since it found the frame new, so that no older message follows a newer."""
         header = frame.header
         primary, secondary = header.positioner_primary_angle_deg, header.positioner_secondary_angle_deg
         angles = None if primary is None or secondary is None else CArmAngles(primary, secondary)

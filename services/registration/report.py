@@ -1,12 +1,17 @@
 """Core values to messages: what `locate` prints and what the bus carries."""
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.fusion import FusedLocalisation
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.localise import LocalisationResult
+from services.registration.core.localise import LocalisationResult, Parts, Step, localise
 from services.registration.core.nail_estimate import NailEstimate
 from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
@@ -25,6 +30,8 @@ from shared.messages.registration import (
     StandardUncertainty,
     Timing,
 )
+
+Localiser = Callable[[NDArray[np.float32], CArmCalibration, Parts, Callable[[Step], None]], LocalisationResult]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +56,8 @@ def message_of_several(
     """The joint localisation of several images, accepted or rejected; `fused` is None when none could be used."""
     agreement = fusion_message(fused, messages)
     if fused is None:
-        told = zip(names, messages, strict=True)
-        reasons = tuple(_named(name, reason) for name, message in told for reason in message.reasons)
+        named = zip(names, messages, strict=True)
+        reasons = tuple(_named(name, reason) for name, message in named for reason in message.reasons)
         return LocalisationOfSeveral(**dict(messages[-1]) | {"reasons": reasons}, fusion=agreement)
     result = fused.result
     joint = {
@@ -115,10 +122,38 @@ def localisation_message(
     )
 
 
+def timed_localisation(
+    pixels: NDArray[np.float32],
+    calibration: CArmCalibration,
+    parts: Parts,
+    image_sha256: str,
+    ring_ms: float,
+    method: tuple[Method, Localiser] = ("model", localise),
+    clock_s: Callable[[], float] = time.perf_counter,
+) -> tuple[LocalisationResult, Localisation]:
+    """Localise in an image as received, and its message with the time each step took.
+
+    Parameters
+    ----------
+    ring_ms
+        Duration of the calibration, which came before.
+    method
+        Its name in the message, and the function that localises.
+    """
+    ends: dict[Step, float] = {}
+    start = clock_s()
+    name, localise_by = method
+    result = localise_by(pixels, calibration, parts, lambda step: ends.update({step: clock_s()}))
+    guide_ms = 1e3 * (ends[Step.GUIDE] - start)
+    nail_ms = 1e3 * (ends[Step.NAIL] - ends[Step.GUIDE])
+    times = MeasuredTimes(ring_ms + 1e3 * (clock_s() - start), ring_ms, guide_ms, nail_ms)
+    return result, localisation_message(result, calibration, image_sha256, times, name)
+
+
 def uncalibrated_message(
     reasons: tuple[Reason, ...], method: Method, image_sha256: str, times: MeasuredTimes
 ) -> Localisation:
-    """The rejection of an image whose ring was not found: nothing else can be told of it."""
+    """The rejection of an image whose ring was not found: nothing else is known of it."""
     return Localisation(
         verdict="rejected",
         reasons=tuple(ReasonMessage.of(reason) for reason in reasons),

@@ -7,16 +7,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from services.registration.core.localise import LocalisationResult
-from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
-from services.registration.knowledge import Knowledge
+from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest
 from services.registration.live import LiveGuidance
-from services.registration.measure import timed_localisation
 from services.registration.overlay import overlay_png
-from services.registration.plan_axes import another_set_up, verified_name
-from services.registration.planning import answer_plan_request
-from services.registration.report import MeasuredTimes, uncalibrated_message
-from services.registration.robot_pose import pose_at_rest
+from services.registration.planning import another_set_up, answer_plan_request, verified_name
+from services.registration.report import MeasuredTimes, timed_localisation, uncalibrated_message
 from services.registration.settings import RegistrationSettings
+from services.registration.state import RegistrationState
 from services.registration.verification import VerifiedImage, verification_message, verified_images
 from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import BusError, InputError, Reason
@@ -37,14 +34,14 @@ from shared.runtime.latest import BoundedQueue
 from shared.runtime.lifecycle import Runtime, software_version
 
 _WAIT_S = 0.2
-_VOUCH_EVERY_S = 0.2
+_EPOCH_EVERY_S = 0.2
 _CASE_TIMEOUT_S = 2.0
 _OVERTAKEN_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Located:
-    """What one image said, before it becomes a record."""
+    """Estimates from one image, before they become a record."""
 
     calibration: CArmCalibration | None
     result: LocalisationResult | None
@@ -60,22 +57,22 @@ class RegistrationService:
         Where to publish, and what the process gives every service.
     settings
         Limits.
-    knowledge
-        Where everything that is heard is kept.
+    state
+        Case, robot and images as they were received.
     """
 
-    def __init__(self, bus: Bus, runtime: Runtime, settings: RegistrationSettings, knowledge: Knowledge) -> None:
+    def __init__(self, bus: Bus, runtime: Runtime, settings: RegistrationSettings, state: RegistrationState) -> None:
         self._bus = bus
         self._runtime = runtime
         self._settings = settings
-        self._knowledge = knowledge
+        self._state = state
         self._jobs: BoundedQueue[CalibrationMessage] = BoundedQueue(settings.queue_length)
         self._localisations = bus.retained_publisher(runtime.keys.localisation)
         self._plans = bus.retained_publisher(runtime.keys.plan)
-        # Not retained: a value that is delivered later would look as if somebody vouched for it now.
+        # Not retained: a value that is delivered later would look as if it were confirmed now.
         self._epochs = bus.publisher(runtime.keys.registration_epoch)
         self._left = threading.Event()
-        self._guidance = LiveGuidance(bus, runtime, settings, knowledge)
+        self._guidance = LiveGuidance(bus, runtime, settings, state)
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -87,9 +84,9 @@ class RegistrationService:
             worker.start()
             stack.callback(worker.join, 5.0)
             stack.callback(self._jobs.close)
-            vouching = threading.Thread(target=self._vouch, name="epoch", daemon=True)
-            vouching.start()
-            stack.callback(vouching.join, 5.0)
+            epochs = threading.Thread(target=self._publish_epochs, name="epoch", daemon=True)
+            epochs.start()
+            stack.callback(epochs.join, 5.0)
             stack.callback(self._left.set)
             for declared in (
                 bus.subscribe_retained(keys.robot_state, self._on_robot),
@@ -103,29 +100,29 @@ class RegistrationService:
             yield
 
     def _on_robot(self, sample: Sample) -> None:
-        self._knowledge.note_robot(decode(RobotState, sample.payload))
+        self._state.note_robot(decode(RobotState, sample.payload))
 
     def _on_case(self, sample: Sample) -> None:
         context = decode(CaseContext, sample.payload)
         if context.case_id is None:
-            self._knowledge.open_case(None)
+            self._state.open_case(None)
             self._runtime.ready()
             return
         try:
-            self._knowledge.open_case(OpenCase.of(context))
+            self._state.open_case(OpenCase.of(context))
         except InputError as error:
-            self._knowledge.open_case(None)
+            self._state.open_case(None)
             self._runtime.degraded(f"case '{context.case_id}' cannot be used: {error}; correct the file in the case")
             return
         self._runtime.ready()
 
     def _on_frame(self, sample: Sample) -> None:
         header = decode(FrameHeader, sample.attachment)
-        self._knowledge.note_frame(header, header.pixels(sample.payload))
+        self._state.note_frame(header, header.pixels(sample.payload))
 
     def _on_calibration(self, sample: Sample) -> None:
         message = decode(CalibrationMessage, sample.payload)
-        self._knowledge.note_announced(message.image.sha256)
+        self._state.note_announced(message.image.sha256)
         if message.case_id is None or self._guidance.takes(message):
             return
         if not self._jobs.put(message):
@@ -137,7 +134,7 @@ class RegistrationService:
             )
 
     def _on_plan_request(self, query: Query) -> Answer:
-        reply = answer_plan_request(decode(PlanRequest, query.payload), self._knowledge)
+        reply = answer_plan_request(decode(PlanRequest, query.payload), self._state)
         if reply.plan is not None:
             # published before it is answered: the robot must know a plan before anyone can approve it
             self._plans.put(encode(reply.plan))
@@ -146,8 +143,8 @@ class RegistrationService:
 
     def _on_verification_request(self, query: Query) -> Answer:
         request = decode(VerificationRequest, query.payload)
-        found = [self._knowledge.localised(sha256) for sha256 in request.image_sha256]
-        case = self._knowledge.case
+        found = [self._state.localised(sha256) for sha256 in request.image_sha256]
+        case = self._state.case
         known = [f for f in found if f is not None and case is not None and f.case.context == case.context]
         if case is None or case.context.case_id != request.case_id or len(known) < len(found):
             missing = len(found) - len(known)
@@ -159,23 +156,23 @@ class RegistrationService:
         against = _not_one_set_up(known)
         if against is not None:
             return Answer(encode(against))
-        earlier = self._knowledge.accepted_beside(known[0], request.image_sha256)
+        earlier = self._state.accepted_beside(known[0], request.image_sha256)
         images, before = (tuple(_verified_image(frame) for frame in frames) for frames in (known, earlier))
         verified = verified_images(images, case.parts, before)
-        self._knowledge.note_verified(request.image_sha256, verified)
+        self._state.note_verified(request.image_sha256, verified)
         verification = verification_message(images, verified)
         return Answer(encode(VerificationReply(verification=verification)))
 
-    def _vouch(self) -> None:
-        """Say which epoch is the newest: at once when it changes, and steadily, so that silence means nobody knows."""
+    def _publish_epochs(self) -> None:
+        """Publish the newest epoch: at every change, and steadily: silence then means that nothing is confirmed."""
         epoch, sequence = None, 0
         try:
             while not self._left.is_set():
-                epoch = self._knowledge.wait_for_another_epoch(epoch, _VOUCH_EVERY_S)
-                word = RegistrationEpoch(
-                    boot_epoch=self._knowledge.boot_epoch, sequence=sequence, registration_epoch=epoch
+                epoch = self._state.wait_for_another_epoch(epoch, _EPOCH_EVERY_S)
+                message = RegistrationEpoch(
+                    boot_epoch=self._state.boot_epoch, sequence=sequence, registration_epoch=epoch
                 )
-                self._epochs.put(encode(word))
+                self._epochs.put(encode(message))
                 sequence += 1
         except BusError as error:
             self._runtime.fail(f"the registration epoch cannot be published, so nothing may move: {error}")
@@ -194,7 +191,7 @@ class RegistrationService:
 
     def _localise(self, job: CalibrationMessage) -> None:
         assert job.case_id is not None  # `_on_calibration` queues no others
-        case = self._knowledge.wait_for_case(job.case_id, job.case_revision, _CASE_TIMEOUT_S)
+        case = self._state.wait_for_case(job.case_id, job.case_revision, _CASE_TIMEOUT_S)
         if case is None or job.ring_sha256 not in (None, case.parts.ring.sha256):
             self._runtime.log.warning(
                 "image not localised: its case's set-up is not the present one",
@@ -204,11 +201,11 @@ class RegistrationService:
             )
             return
         # pixels travel on a key of their own and may be overtaken by the much smaller calibration
-        frame = self._knowledge.wait_for_frame(job.image.sha256, _OVERTAKEN_S) or self._fetched(job.image.sha256)
+        frame = self._state.wait_for_frame(job.image.sha256, _OVERTAKEN_S) or self._fetched(job.image.sha256)
         located = _located(frame, job, case)
         record = self._record(frame, job, case, located)
         localised = LocalisedFrame(frame, case, record, located.calibration, located.result)
-        self._knowledge.note_localised(localised)
+        self._state.note_localised(localised)
         self._localisations.put(encode(record))
         self._guidance.note_localised(localised)
         self._runtime.log.info(
@@ -227,7 +224,7 @@ class RegistrationService:
         except BusError as error:
             raise BusError(f"the pixels of image {sha256[:12]} were missed and cannot be fetched: {error}") from error
         header = decode(FrameHeader, answer.attachment)
-        return self._knowledge.note_fetched_frame(header, header.pixels(answer.payload))
+        return self._state.note_fetched_frame(header, header.pixels(answer.payload))
 
     def _record(
         self, frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase, located: _Located

@@ -158,8 +158,8 @@ class LocalisationRecord(Message):
     Attributes
     ----------
     registration_epoch
-        Names the newest state of knowledge: ``{boot epoch of registration}.{counter}``. It changes with every new image
-        and every change of the case's set-up; anything that quotes an older epoch is stale and moves nothing.
+        Names the newest state of registration: ``{boot epoch of registration}.{counter}``. It changes with every new
+        image and every change of the case's set-up; anything that quotes an older epoch is stale and moves nothing.
     robot_pose
         Platform pose when the image arrived; None when the robot was unknown or moving, and then no plan can be made.
     """
@@ -180,10 +180,10 @@ class LocalisationRecord(Message):
 
 
 class RegistrationEpoch(Message):
-    """Names the newest state of knowledge, and vouches for it: published at every change, and five times a second.
+    """Names the newest state of registration, and confirms it: published at every change, and five times a second.
 
-    A `LocalisationRecord` tells of a new image only once that image was understood, seconds later. Until then a plan
-    from the image before must not move anything, nor when nobody vouches any more.
+    A `LocalisationRecord` reports a new image only once it has been localised, seconds later. Until then no plan from
+    the image before may move anything, nor when the newest state is no longer confirmed.
     """
 
     schema_name: Literal["distalock/registration-epoch/1"] = Field("distalock/registration-epoch/1", alias="schema")

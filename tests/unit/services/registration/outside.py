@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.registration.knowledge import Knowledge
+from services.registration.state import RegistrationState
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.errors import ReasonCode
@@ -52,7 +52,7 @@ class Outside:
     """The other services, as far as registration sees them."""
 
     bus: Bus
-    knowledge: Knowledge
+    state: RegistrationState
     records: "queue.Queue[LocalisationRecord]"
     plans: "queue.Queue[Plan]"
     clock: Clock
@@ -88,7 +88,7 @@ class Outside:
             hexapod_sha256=hexapod_from_json(HEXAPOD_JSON.encode()).sha256,
         )
         self.bus.retained_publisher(KEYS.robot_state).put(encode(message))
-        eventually(lambda: self.knowledge.robot == message)
+        eventually(lambda: self.state.robot == message)
 
     def frame(self, name: str, pixels: np.ndarray[tuple[int, ...], np.dtype[np.float32]] = BLANK) -> None:
         payload = np.ascontiguousarray(pixels, dtype="<f4").tobytes()

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.knowledge import Knowledge
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
+from services.registration.state import RegistrationState
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Bus
 from shared.errors import ReasonCode
@@ -38,7 +38,7 @@ class CArm:
     bus: Bus
     words: "queue.Queue[Guidance]"
     records: "queue.Queue[LocalisationRecord]"
-    knowledge: Knowledge
+    state: RegistrationState
     sequence: int = 0
 
     def shows(self, pixels: NDArray[np.float32], calibration: CArmCalibration | None, at_s: float) -> int:
@@ -94,7 +94,7 @@ class CArm:
             hexapod_sha256=sha256_of(HEXAPOD_JSON.encode()),
         )
         self.bus.retained_publisher(KEYS.robot_state).put(encode(state))
-        eventually(lambda: self.knowledge.robot == state)
+        eventually(lambda: self.state.robot == state)
 
     def next_word(self) -> Guidance:
         return self.words.get(timeout=PATIENCE_S)
@@ -105,15 +105,15 @@ def c_arm() -> Iterator[CArm]:
     router = MemoryRouter()
     # on a busy machine frames that come one after another may be a second apart
     settings = RegistrationSettings(live_check_every_s=600.0, live_interval_s=4.0)
-    knowledge = Knowledge("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
+    state = RegistrationState("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
     with router.open() as bus:
-        seen = CArm(bus, queue.Queue(), queue.Queue(), knowledge)
+        seen = CArm(bus, queue.Queue(), queue.Queue(), state)
         bus.subscribe(KEYS.guidance, lambda s: seen.words.put(decode(Guidance, s.payload)))
         bus.subscribe(KEYS.localisation, lambda s: seen.records.put(decode(LocalisationRecord, s.payload)))
         bus.retained_publisher(KEYS.case_context).put(encode(context()))
         with (
             open_service("registration", settings, lambda _: router.open()) as (own, runtime),
-            RegistrationService(own, runtime, settings, knowledge).running(),
+            RegistrationService(own, runtime, settings, state).running(),
         ):
             yield seen
             runtime.stop.set()

@@ -8,10 +8,10 @@ import pytest
 
 from services.registration.core.localise import LocalisationResult
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
-from services.registration.knowledge import Knowledge
 from services.registration.live import LiveGuidance
 from services.registration.report import localisation_message
 from services.registration.settings import RegistrationSettings
+from services.registration.state import RegistrationState
 from shared.bus.memory_bus import MemoryRouter
 from shared.errors import Reason, ReasonCode
 from shared.messages.base import decode
@@ -26,7 +26,7 @@ from tests.unit.services.registration.rendered_case import (
     RING_JSON,
     turned_nail,
 )
-from tests.unit.services.registration.test_plan_axes import TIMES
+from tests.unit.services.registration.test_planning import TIMES
 
 
 @dataclass
@@ -34,14 +34,14 @@ class Lone:
     """Guidance alone, handed images and what a full localisation found in them."""
 
     guidance: LiveGuidance
-    knowledge: Knowledge
+    state: RegistrationState
     words: "queue.Queue[Guidance]"
 
     def arrives(self, name: str, at_s: float, revision: int = 1) -> None:
         """An image with its pixels and its calibration."""
         pixels, calibration = still_picture()
         head = header(name).model_copy(update={"received_at_ns": int(1e9 * at_s), "case_revision": revision})
-        self.knowledge.note_frame(head, pixels)
+        self.state.note_frame(head, pixels)
         self.guidance.takes(
             CalibrationMessage(
                 image=reference(name).model_copy(update={"received_at_ns": int(1e9 * at_s)}),
@@ -83,14 +83,14 @@ class Lone:
 @pytest.fixture
 def lone() -> Iterator[Lone]:
     router, settings = MemoryRouter(), RegistrationSettings(live_check_every_s=600.0)
-    knowledge = Knowledge("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
-    knowledge.open_case(OpenCase.of(context()))
+    state = RegistrationState("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
+    state.open_case(OpenCase.of(context()))
     words: queue.Queue[Guidance] = queue.Queue()
     with router.open() as bus, open_service("registration", settings, lambda _: router.open()) as (own, runtime):
         bus.subscribe(KEYS.guidance, lambda s: words.put(decode(Guidance, s.payload)))
-        guidance = LiveGuidance(own, runtime, settings, knowledge)
+        guidance = LiveGuidance(own, runtime, settings, state)
         with guidance.running():
-            yield Lone(guidance, knowledge, words)
+            yield Lone(guidance, state, words)
         runtime.stop.set()
 
 
@@ -131,7 +131,7 @@ def test_an_image_that_was_followed_and_cannot_be_localised_takes_its_word_back(
 
 def test_a_localisation_of_a_set_up_that_was_left_begins_nothing(lone: Lone) -> None:
     lone.arrives("a", 10.0)
-    lone.knowledge.open_case(OpenCase.of(context(revision=2)))
+    lone.state.open_case(OpenCase.of(context(revision=2)))
     lone.localised("a", found_in_full())
     lone.arrives("b", 10.1, revision=2)
     word = lone.next_word()

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.registration.knowledge import Knowledge
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
+from services.registration.state import RegistrationState
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Answer
 from shared.errors import NoReply, ReasonCode
@@ -35,14 +35,14 @@ def outside() -> Iterator[Outside]:
     router = MemoryRouter()
     settings = RegistrationSettings(frame_timeout_s=5.0)
     clock = Clock()
-    knowledge = Knowledge("registration-1", settings.kept_images, settings.image_delay_s, lambda: clock.now_s)
+    state = RegistrationState("registration-1", settings.kept_images, settings.image_delay_s, lambda: clock.now_s)
     with router.open() as bus:
-        known = Outside(bus, knowledge, queue.Queue(), queue.Queue(), clock)
+        known = Outside(bus, state, queue.Queue(), queue.Queue(), clock)
         bus.subscribe(KEYS.localisation, lambda s: known.records.put(decode(LocalisationRecord, s.payload)))
         bus.subscribe(KEYS.plan, lambda s: known.plans.put(decode(Plan, s.payload)))
         with (
             open_service("registration", settings, lambda _: router.open()) as (own, runtime),
-            RegistrationService(own, runtime, settings, knowledge).running(),
+            RegistrationService(own, runtime, settings, state).running(),
         ):
             yield known
             runtime.stop.set()
@@ -185,14 +185,14 @@ def test_the_epoch_changes_before_any_image_is_understood(outside: Outside) -> N
     outside.frame("one")
     seen = next_epoch(opened)
     outside.open_case(revision=2)
-    assert next_epoch(seen) == outside.knowledge.epoch
+    assert next_epoch(seen) == outside.state.epoch
 
 
 def test_an_image_whose_pixels_were_missed_begins_an_epoch_as_well(outside: Outside) -> None:
-    before = outside.knowledge.epoch
+    before = outside.state.epoch
     outside.calibrated("missed", None)
-    eventually(lambda: outside.knowledge.epoch != before)
-    assert outside.knowledge.newest_sha256 == sha256_of(b"missed")
+    eventually(lambda: outside.state.epoch != before)
+    assert outside.state.newest_sha256 == sha256_of(b"missed")
 
 
 def test_an_image_of_an_older_set_up_is_not_localised(outside: Outside) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from services.registration.core.localise import LocalisationResult, Step, localise
-from services.registration.measure import timed_localisation
 from services.registration.overlay import GUIDE, NAIL, overlay_png
+from services.registration.report import timed_localisation
 from shared.errors import ReasonCode
 from shared.geometry.lines import angle_between_rad
 from tests.unit.services.registration.rendered_case import (

@@ -1,4 +1,4 @@
-"""What registration knows: the open case, the robot, the newest images and what they said. Safe for several threads."""
+"""State of registration: the open case, the robot, the newest images and their localisations. Thread-safe."""
 
 import threading
 from collections import OrderedDict
@@ -8,16 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.wires.verify import WireVerification
-from services.registration.frames import LocalisedFrame, LocalisedFrames, OpenCase, ReceivedFrame, set_up_of
-from services.registration.robot_pose import pose_at_rest, same_place
+from services.registration.frames import (
+    LocalisedFrame,
+    LocalisedFrames,
+    OpenCase,
+    ReceivedFrame,
+    pose_at_rest,
+    same_place,
+    set_up_of,
+)
 from shared.messages.imaging import FrameHeader
 from shared.messages.robot import RobotState
 
 _MOST_ANNOUNCED = 256
 
 
-class Knowledge:
-    """Remembers the newest of everything.
+class RegistrationState:
+    """The newest of everything that was received or localised.
 
     Parameters
     ----------
@@ -113,12 +120,12 @@ class Knowledge:
             return case if case is not None and set_up_of(case) == (case_id, revision) else None
 
     def note_localised(self, localised: LocalisedFrame) -> None:
-        """Note what an image said."""
+        """Keep a localised image."""
         with self._changed:
             self._localised.note(localised)
 
     def localised(self, sha256: str) -> LocalisedFrame | None:
-        """What a kept image said, or None."""
+        """A kept image with its localisation, or None."""
         with self._changed:
             return self._localised.get(sha256)
 

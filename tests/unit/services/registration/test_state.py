@@ -5,21 +5,21 @@ from dataclasses import replace
 from services.registration.core.head_check import HeadTrouble
 from services.registration.frames import LocalisedFrame
 from services.registration.head_check import head_trouble
-from services.registration.knowledge import Knowledge
+from services.registration.state import RegistrationState
 from shared.parts.files import sha256_of
 from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, localised
 from tests.unit.services.registration.outside import BLANK, HOME, header
-from tests.unit.services.registration.test_plan_axes import frame
+from tests.unit.services.registration.test_planning import frame
 
 AWAY = HOME.model_copy(update={"x_mm": 1.5})
 JITTER = HOME.model_copy(update={"x_mm": 0.0004})
 
 
-def knowing(*frames: LocalisedFrame, kept: int = 10) -> Knowledge:
-    knowledge = Knowledge("registration-1", kept, 0.5, lambda: 0.0)
+def knowing(*frames: LocalisedFrame, kept: int = 10) -> RegistrationState:
+    state = RegistrationState("registration-1", kept, 0.5, lambda: 0.0)
     for one in frames:
-        knowledge.note_localised(one)
-    return knowledge
+        state.note_localised(one)
+    return state
 
 
 def names(frames: tuple[LocalisedFrame, ...]) -> list[str]:
@@ -29,47 +29,47 @@ def names(frames: tuple[LocalisedFrame, ...]) -> list[str]:
 
 def test_images_beside_another_are_accepted_ones_with_the_robot_as_far_as_encoders_can_tell_in_one_place() -> None:
     newest = frame(localised("e"))
-    knowledge = knowing(
+    state = knowing(
         frame(localised("a"), JITTER),
         frame(localised("b"), AWAY),
         frame(localised("c", 0.0, 1.0, AMBIGUOUS)),
         frame(localised("d"), None),
         newest,
     )
-    assert names(knowledge.accepted_beside(newest, (newest.record.image.sha256,))) == ["a"]
-    assert names(knowledge.accepted_elsewhere(newest)) == ["b"]
+    assert names(state.accepted_beside(newest, (newest.record.image.sha256,))) == ["a"]
+    assert names(state.accepted_elsewhere(newest)) == ["b"]
 
 
 def test_the_last_accepted_image_of_each_place_outlives_a_run() -> None:
     run = [frame(localised(name), AWAY) for name in "cdefgh"]
-    knowledge = knowing(frame(localised("a")), frame(localised("b")), *run, kept=3)
-    assert names(knowledge.accepted_elsewhere(run[-1])) == ["b"]
-    assert knowledge.localised(sha256_of(b"h")) is run[-1]
-    assert knowledge.localised(sha256_of(b"c")) is None
+    state = knowing(frame(localised("a")), frame(localised("b")), *run, kept=3)
+    assert names(state.accepted_elsewhere(run[-1])) == ["b"]
+    assert state.localised(sha256_of(b"h")) is run[-1]
+    assert state.localised(sha256_of(b"c")) is None
 
 
 def test_pixels_that_come_late_are_not_the_newest() -> None:
-    knowledge = knowing()
+    state = knowing()
     late, newer = header("late"), header("newer")
-    knowledge.note_announced(late.sha256)
-    announced = knowledge.epoch
-    knowledge.note_announced(newer.sha256)
-    knowledge.note_frame(newer, BLANK)
-    now = knowledge.epoch
-    fetched = knowledge.note_fetched_frame(late, BLANK)
+    state.note_announced(late.sha256)
+    announced = state.epoch
+    state.note_announced(newer.sha256)
+    state.note_frame(newer, BLANK)
+    now = state.epoch
+    fetched = state.note_fetched_frame(late, BLANK)
     assert (fetched.epoch, fetched.robot) == (announced, None)
-    assert (knowledge.epoch, knowledge.newest_sha256) == (now, newer.sha256)
+    assert (state.epoch, state.newest_sha256) == (now, newer.sha256)
     assert now != announced
 
 
 def test_pixels_of_the_newest_image_belong_to_the_epoch_that_its_announcement_began() -> None:
-    knowledge = knowing()
-    knowledge.note_announced(header("one").sha256)
-    epoch = knowledge.epoch
-    assert knowledge.note_frame(header("one"), BLANK).epoch == epoch == knowledge.epoch
-    knowledge.note_announced(header("one").sha256)
-    assert knowledge.epoch == epoch
-    assert knowledge.note_frame(header("two"), BLANK).epoch == knowledge.epoch != epoch
+    state = knowing()
+    state.note_announced(header("one").sha256)
+    epoch = state.epoch
+    assert state.note_frame(header("one"), BLANK).epoch == epoch == state.epoch
+    state.note_announced(header("one").sha256)
+    assert state.epoch == epoch
+    assert state.note_frame(header("two"), BLANK).epoch == state.epoch != epoch
 
 
 def test_a_head_that_no_image_shows_is_not_taken_to_be_right() -> None:

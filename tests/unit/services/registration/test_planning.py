@@ -10,9 +10,9 @@ from services.registration.core.fusion import LocalisedImage
 from services.registration.core.localise import Parts
 from services.registration.core.wires.verify import AxisComparison, WireVerification
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
-from services.registration.knowledge import Knowledge
-from services.registration.plan_axes import PlanAxes, axes_for
+from services.registration.planning import PlanAxes, axes_for
 from services.registration.report import MeasuredTimes, localisation_message
+from services.registration.state import RegistrationState
 from shared.errors import Reason, ReasonCode
 from shared.geometry.lines import Line
 from shared.messages.base import ReasonMessage
@@ -66,16 +66,16 @@ def frame(
 
 
 def asked(newest: LocalisedFrame, *earlier: LocalisedFrame, knows: tuple[LocalisedFrame, ...] | None = None) -> object:
-    knowledge = Knowledge("registration-1", 10, 0.5, lambda: 0.0)
+    state = RegistrationState("registration-1", 10, 0.5, lambda: 0.0)
     for one in (*earlier, newest) if knows is None else knows:
-        knowledge.note_localised(one)
+        state.note_localised(one)
     request = PlanRequest(
         case_id="case-1",
         image_sha256=newest.record.image.sha256,
         hole_ids=("distal",),
         earlier_image_sha256=tuple(one.record.image.sha256 for one in earlier),
     )
-    return axes_for(request, newest, knowledge)
+    return axes_for(request, newest, state)
 
 
 def refusal(answer: object) -> PlanReply:
@@ -169,15 +169,15 @@ def verified(*reasons: Reason, used: tuple[str, ...] = ("a", "oblique")) -> Wire
 
 
 def asked_after(verification: WireVerification, *names: str, newest: str = "a") -> object:
-    knowledge = Knowledge("registration-1", 10, 0.5, lambda: 0.0)
-    knowledge.note_verified((sha256_of(b"a"), sha256_of(b"oblique")), verification)
+    state = RegistrationState("registration-1", 10, 0.5, lambda: 0.0)
+    state.note_verified((sha256_of(b"a"), sha256_of(b"oblique")), verification)
     request = PlanRequest(
         case_id="case-1",
         image_sha256=sha256_of(newest.encode()),
         hole_ids=("distal",),
         verified_image_sha256=tuple(sha256_of(name.encode()) for name in names),
     )
-    return axes_for(request, frame(localised(newest)), knowledge)
+    return axes_for(request, frame(localised(newest)), state)
 
 
 def test_a_verification_brings_the_wires_onto_the_holes() -> None:
