@@ -13,7 +13,7 @@ from services.imaging.devices.position_store import PositionStore
 from services.imaging.devices.source import ImageSource
 from services.imaging.devices.video_source import Region, VideoSettings, VideoSource
 from services.imaging.service import Defaults, ImagingService
-from services.imaging.service.quality_desk import QualityDesk
+from services.imaging.service.quality_handler import QualityHandler
 from services.imaging.settings import ImagingSettings
 from shared.bus.port import Bus
 from shared.runtime.lifecycle import Runtime, service_main
@@ -26,7 +26,7 @@ def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[N
     store = ImageStore(settings.state_dir / "images")
     defaults = Defaults(settings.default_source_to_detector_mm, settings.default_pixel_mm)
     memory = CArmMemory(PositionStore(settings.state_dir / "c-arm-positions"))
-    quality = QualityDesk(store, settings.state_dir / "qa", lambda: datetime.now(UTC))
+    quality = QualityHandler(store, settings.state_dir / "qa", lambda: datetime.now(UTC))
     service = ImagingService(bus, runtime, store, memory, quality, defaults)
     with service.running(), ExitStack() as stack:
         places = [stack.enter_context(s.receiving(service.take)) for s in sources(settings, runtime.log)]

@@ -10,7 +10,7 @@ from sqlalchemy.exc import DBAPIError
 
 from services.ui_api.app import make_app, openapi_document, routed_app
 from services.ui_api.core.chain import ChainBroken
-from services.ui_api.desks.clock import Clock
+from services.ui_api.handlers.clock import Clock
 from services.ui_api.record.database import existing_database
 from services.ui_api.record.verify import verify_record
 from services.ui_api.server import listening_socket, serving

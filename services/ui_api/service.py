@@ -1,4 +1,4 @@
-"""The gateway's desks, put together on one bus and one case record; no HTTP and no mathematics."""
+"""The gateway's handlers, assembled on one bus and one case record; no HTTP and no mathematics."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.fluoroscopy import RunLimits
-from services.ui_api.desks.cases import CaseDesk
-from services.ui_api.desks.clock import Clock
-from services.ui_api.desks.commands import CommandDesk
-from services.ui_api.desks.context import ContextDesk
-from services.ui_api.desks.feed import Feed
-from services.ui_api.desks.images import ImageDesk
-from services.ui_api.desks.inbox import Inbox
-from services.ui_api.desks.leases import Leases
-from services.ui_api.desks.live import LiveDesk
-from services.ui_api.desks.planning import PlanningDesk
-from services.ui_api.desks.quality import QualityDesk
-from services.ui_api.desks.robot_view import RobotView
-from services.ui_api.desks.stop import StopDesk, record_stop
-from services.ui_api.desks.verification import VerificationDesk
+from services.ui_api.handlers.cases import CaseHandler
+from services.ui_api.handlers.clock import Clock
+from services.ui_api.handlers.commands import CommandHandler
+from services.ui_api.handlers.context import ContextHandler
+from services.ui_api.handlers.feed import Feed
+from services.ui_api.handlers.images import ImageHandler
+from services.ui_api.handlers.inbox import Inbox
+from services.ui_api.handlers.leases import Leases
+from services.ui_api.handlers.live import LiveHandler
+from services.ui_api.handlers.planning import PlanningHandler
+from services.ui_api.handlers.quality import QualityHandler
+from services.ui_api.handlers.robot_view import RobotView
+from services.ui_api.handlers.stop import StopHandler, record_stop
+from services.ui_api.handlers.verification import VerificationHandler
 from services.ui_api.record.database import open_database, sole_gateway
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.settings import UiApiSettings
@@ -36,17 +36,17 @@ class Gateway:
 
     record: CaseRecord
     view: RobotView
-    stops: StopDesk
+    stops: StopHandler
     leases: Leases
-    commands: CommandDesk
-    cases: CaseDesk
-    planning: PlanningDesk
-    verifications: VerificationDesk
-    quality: QualityDesk
-    images: ImageDesk
+    commands: CommandHandler
+    cases: CaseHandler
+    planning: PlanningHandler
+    verifications: VerificationHandler
+    quality: QualityHandler
+    images: ImageHandler
     inbox: Inbox
     feed: Feed
-    live: LiveDesk
+    live: LiveHandler
     clock: Clock
     link_up: Callable[[], bool]
 
@@ -82,13 +82,13 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
 
 def _assemble(
     bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clock, record: CaseRecord
-) -> tuple[Gateway, ContextDesk]:
+) -> tuple[Gateway, ContextHandler]:
     keys = runtime.keys
     view = RobotView(clock, settings.robot_state_stale_after_s)
-    stops = StopDesk(bus, keys, f"gateway-{runtime.boot_epoch[:12]}")
+    stops = StopHandler(bus, keys, f"gateway-{runtime.boot_epoch[:12]}")
     leases = Leases(clock, settings.lease_s, lambda _: _stop_for_lapse(record, stops))
-    commands = CommandDesk(bus, keys, record, view, stops, leases, clock)
-    context = ContextDesk(bus, keys, record)
+    commands = CommandHandler(bus, keys, record, view, stops, leases, clock)
+    context = ContextHandler(bus, keys, record)
     limits = RunLimits(settings.run_interval_s, settings.run_calibrations)
     feed = Feed()
     record.listen(lambda _: feed.wake())
@@ -98,19 +98,19 @@ def _assemble(
         stops=stops,
         leases=leases,
         commands=commands,
-        cases=CaseDesk(record, context.announce),
-        planning=PlanningDesk(bus, keys, record, view, commands),
-        verifications=VerificationDesk(bus, keys, record),
-        quality=QualityDesk(bus, keys, record),
-        images=ImageDesk(bus, keys, record, settings.images()),
+        cases=CaseHandler(record, context.announce),
+        planning=PlanningHandler(bus, keys, record, view, commands),
+        verifications=VerificationHandler(bus, keys, record),
+        quality=QualityHandler(bus, keys, record),
+        images=ImageHandler(bus, keys, record, settings.images()),
         inbox=Inbox(bus, keys, record, view, commands, runtime.log, limits),
         feed=feed,
-        live=LiveDesk(bus, keys, clock),
+        live=LiveHandler(bus, keys, clock),
         clock=clock,
         link_up=bus.presence().link_up,
     )
     return gateway, context
 
 
-def _stop_for_lapse(record: CaseRecord, stops: StopDesk) -> None:
+def _stop_for_lapse(record: CaseRecord, stops: StopHandler) -> None:
     record_stop(record, stops.stop(LEASE_LAPSED), LEASE_LAPSED, "gateway")

@@ -15,7 +15,7 @@ from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.received_image import ReceivedImage
 from services.imaging.devices.source import Refused
 from services.imaging.service.headers import Arrival, Defaults, angles_deg, frame_header
-from services.imaging.service.quality_desk import QualityDesk
+from services.imaging.service.quality_handler import QualityHandler
 from services.imaging.service.wire import Outcome, calibration_message, wire_pixels
 from shared.bus.keys import Keys
 from shared.bus.port import Answer, Bus, Query, Sample
@@ -69,7 +69,7 @@ class ImagingService:
         runtime: Runtime,
         store: ImageStore,
         memory: CArmMemory,
-        quality: QualityDesk,
+        quality: QualityHandler,
         defaults: Defaults,
     ) -> None:
         self._runtime = runtime

@@ -13,7 +13,7 @@ from services.ui_api.core.ledger import Ledger
 from services.ui_api.record.codec import decoded, entry_of_row
 from services.ui_api.record.database import WRITES
 from services.ui_api.record.tables import ANSWERS, DOCUMENTS, EVENTS
-from services.ui_api.record.unit import Answer, RememberedAnswer, Unit
+from services.ui_api.record.unit_of_work import Answer, RememberedAnswer, UnitOfWork
 
 PAGE = 500
 
@@ -43,14 +43,14 @@ class CaseRecord:
         self._listeners.append(listener)
 
     @contextmanager
-    def write(self) -> Iterator[Unit]:
+    def write(self) -> Iterator[UnitOfWork]:
         """One transaction. Within it the ledger does not change: decide, then append.
 
-        What `Unit.after_commit` was given is done when the transaction is on the disk, after the lock is released.
+        Functions given to `UnitOfWork.after_commit` run once the transaction is on the disk and the lock is released.
         """
         with self._writer:
             with self._engine.connect().execution_options(**{WRITES: True}) as connection, connection.begin():
-                unit = Unit(connection, self.ledger.head_sequence, self._head_sha256, self._clock_ns())
+                unit = UnitOfWork(connection, self.ledger.head_sequence, self._head_sha256, self._clock_ns())
                 yield unit
             self._head_sha256 = unit.head_sha256
             for event in unit.events:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from services.ui_api.core.event_data import Step
-from services.ui_api.desks.cases import SetupRequest
+from services.ui_api.handlers.cases import SetupRequest
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.messages.base import Identifier, Sha256
 from shared.messages.cases import Bone, DrillDiameter, HeadExtension, Mount, Side
@@ -52,7 +52,7 @@ class CaseBody(Body):
     opened_by: PersonName = "unnamed"
 
     def request(self) -> SetupRequest:
-        """As the case desk takes it."""
+        """As the case handler takes it."""
         return _setup_request(self)
 
 
@@ -75,7 +75,7 @@ class CasePatch(Body):
     why: Why = ""
 
     def request(self) -> SetupRequest:
-        """As the case desk takes it."""
+        """As the case handler takes it."""
         return _setup_request(self)
 
 

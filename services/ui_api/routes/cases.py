@@ -4,9 +4,9 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
 
-from services.ui_api.desks.cases import StepRequest
-from services.ui_api.desks.refusals import RefusalKind, Refused
-from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.handlers.cases import StepRequest
+from services.ui_api.handlers.refusals import RefusalKind, Refused
+from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import CaseBody, CasePatch, StepBody
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
@@ -23,7 +23,7 @@ def open_case(
 ) -> Response:
     """Open a case; one at a time in this room."""
 
-    def act(unit: Unit) -> Answer:
+    def act(unit: UnitOfWork) -> Answer:
         case_id = gateway.cases.open_case(unit, body.request(), body.opened_by)
         return json_answer(201, _preview(unit, gateway, case_id), location=f"/api/v1/cases/{case_id}")
 
@@ -76,7 +76,7 @@ def record_step(
 ) -> Response:
     """Record what people did with their hands; `finished` and `abandoned` close the case."""
 
-    def act(unit: Unit) -> Answer:
+    def act(unit: UnitOfWork) -> Answer:
         step = StepRequest(body.as_step(), tuple(body.hole_ids), body.done_by, body.why)
         gateway.cases.record_step(unit, case_id, step)
         return json_answer(201, _preview(unit, gateway, case_id))
@@ -84,7 +84,7 @@ def record_step(
     return idempotency.once(keyed(request, key, body), act)
 
 
-def _preview(unit: Unit, gateway: Gateway, case_id: str) -> CaseView:
+def _preview(unit: UnitOfWork, gateway: Gateway, case_id: str) -> CaseView:
     """The case as it will be once the transaction is on the disk."""
     return CaseView.of(gateway.record.ledger.case_after(case_id, unit.events))
 

@@ -56,7 +56,7 @@ def metrics(request: Request, gateway: TheGateway) -> Response:
 
 def _checks(gateway: Gateway) -> dict[str, str]:
     checks = {"bus": _OK if gateway.link_up() else "no router is connected"}
-    for service, alive in gateway.inbox.attendance.alive.items():
+    for service, alive in gateway.inbox.presence.alive.items():
         checks[service] = _OK if alive else "the service is not on the bus"
     checks["database"] = _database(gateway)
     return checks

@@ -18,9 +18,9 @@ from fastapi import Header, Request
 from pydantic import BaseModel
 from starlette.responses import Response
 
-from services.ui_api.desks.refusals import invalid
+from services.ui_api.handlers.refusals import invalid
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, problem_of
 from shared.errors import DistalockError
 
@@ -67,11 +67,11 @@ class Idempotency:
         self._waiting: Counter[str] = Counter()
         self._locks: dict[str, threading.Lock] = {}
 
-    def once(self, request: Keyed, act: Callable[[Unit], Answer]) -> Response:
+    def once(self, request: Keyed, act: Callable[[UnitOfWork], Answer]) -> Response:
         """Do something that needs only the record."""
         return self.once_after(request, lambda: None, lambda unit, _: act(unit))
 
-    def once_after(self, request: Keyed, ask: Callable[[], T], act: Callable[[Unit, T], Answer]) -> Response:
+    def once_after(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Response:
         """Ask another service first, outside the transaction, then record and answer within one."""
         with self._alone(request.key):
             known = self._record.remembered(request.key)
@@ -84,7 +84,7 @@ class Idempotency:
                 return _response(known.answer)
             return _response(self._first_time(request, ask, act))
 
-    def _first_time(self, request: Keyed, ask: Callable[[], T], act: Callable[[Unit, T], Answer]) -> Answer:
+    def _first_time(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Answer:
         try:
             asked = ask()
             with self._record.write() as unit:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Path, Query, Response
 
 from services.ui_api.core.event_data import ImageReceived
-from services.ui_api.desks.images import ImageDesk
+from services.ui_api.handlers.images import ImageHandler
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.views import ImageView
@@ -48,7 +48,7 @@ def read_image(image_id: ImageId, gateway: TheGateway) -> ImageView:
     return ImageView.of(known.case, known.image, gateway.images.header(known.image))
 
 
-def _draw(images: ImageDesk, image_id: str, view: PngView) -> bytes:
+def _draw(images: ImageHandler, image_id: str, view: PngView) -> bytes:
     match view:
         case "raw":
             return images.raw_png(image_id)

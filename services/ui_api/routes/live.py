@@ -6,7 +6,7 @@ from urllib.parse import urlsplit
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect, status
 
-from services.ui_api.desks.live import HeardGuidance, LiveDesk, LiveFrame
+from services.ui_api.handlers.live import HeardGuidance, LiveFrame, LiveHandler
 from services.ui_api.routes.result_views import GuidanceView, age_s
 from services.ui_api.routes.views import View
 from services.ui_api.service import Gateway
@@ -61,7 +61,7 @@ def _same_origin(socket: WebSocket) -> bool:
     return origin is None or urlsplit(origin).netloc == socket.headers.get("host")
 
 
-async def _send_on(socket: WebSocket, live: LiveDesk, news: asyncio.Event, leaving: "asyncio.Task[None]") -> None:
+async def _send_on(socket: WebSocket, live: LiveHandler, news: asyncio.Event, leaving: "asyncio.Task[None]") -> None:
     shown: tuple[LiveFrame | None, HeardGuidance | None] = (None, None)
     while not (live.feed.closed or leaving.done()):
         news.clear()
@@ -77,7 +77,9 @@ async def _send_on(socket: WebSocket, live: LiveDesk, news: asyncio.Event, leavi
             await news.wait()
 
 
-def _view(live: LiveDesk, frame: LiveFrame, heard: HeardGuidance | None, picture: Literal["image/jpeg"] | None) -> str:
+def _view(
+    live: LiveHandler, frame: LiveFrame, heard: HeardGuidance | None, picture: Literal["image/jpeg"] | None
+) -> str:
     header = frame.header
     view = LiveView(
         image=header.sha256,
@@ -91,7 +93,7 @@ def _view(live: LiveDesk, frame: LiveFrame, heard: HeardGuidance | None, picture
     return view.model_dump_json(by_alias=True)
 
 
-def _guidance(live: LiveDesk, header: FrameHeader, heard: HeardGuidance) -> GuidanceView:
+def _guidance(live: LiveHandler, header: FrameHeader, heard: HeardGuidance) -> GuidanceView:
     """The word beside a picture: of the same case's set-up as the picture, or stale."""
     return GuidanceView.of(heard.guidance, live.heard_s_ago(heard), header.sha256, header.case_revision)
 

@@ -4,8 +4,8 @@ from fastapi import APIRouter
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import LocalisationReceived
-from services.ui_api.desks.planning import localisation_of, localisation_staleness
-from services.ui_api.desks.refusals import unknown
+from services.ui_api.handlers.planning import localisation_of, localisation_staleness
+from services.ui_api.handlers.refusals import unknown
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.result_views import AlignmentView, GuidanceView, HoleTilt, LocalisationView, age_s

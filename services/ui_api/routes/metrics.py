@@ -36,7 +36,7 @@ class Metrics:
         self._events.set(gateway.record.ledger.head_sequence)
         self._robot_age.set(float("nan") if age_s is None else age_s)
         self._pending.set(len(gateway.record.ledger.pending_operations()))
-        for service, alive in gateway.inbox.attendance.alive.items():
+        for service, alive in gateway.inbox.presence.alive.items():
             self._alive.labels(service).set(float(alive))
 
 

@@ -3,9 +3,9 @@
 from fastapi import APIRouter, Request, Response
 
 from services.ui_api.core.operations import Operation
-from services.ui_api.desks.planning import MotionRequest
-from services.ui_api.desks.refusals import conflict, unknown
-from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.handlers.planning import MotionRequest
+from services.ui_api.handlers.refusals import conflict, unknown
+from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import MotionBody
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
@@ -27,7 +27,7 @@ def begin_motion(
 ) -> Response:
     """Begin the motion of an approved plan; the operation tells how it ends."""
 
-    def act(unit: Unit) -> Answer:
+    def act(unit: UnitOfWork) -> Answer:
         wanted = MotionRequest(body.plan, body.hold_to_move, body.requested_by)
         return accepted(gateway.planning.begin_motion(unit, gateway.cases.case(case_id), wanted))
 

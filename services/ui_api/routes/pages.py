@@ -7,7 +7,7 @@ from typing import Annotated, Generic, TypeVar
 from fastapi import Query
 from pydantic import BaseModel
 
-from services.ui_api.desks.refusals import RefusalKind, Refused
+from services.ui_api.handlers.refusals import RefusalKind, Refused
 
 T = TypeVar("T")
 V = TypeVar("V")

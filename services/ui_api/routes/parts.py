@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Response
 
-from services.ui_api.desks.refusals import unknown
+from services.ui_api.handlers.refusals import unknown
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256
 from shared.parts.catalogue import PartKind, catalogue, catalogue_entry

@@ -5,9 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Request, Response
 
 from services.ui_api.core.case import Case, PlanEntry
-from services.ui_api.desks.planning import PlanBasis, plan_of
-from services.ui_api.desks.refusals import RefusalKind, Refused
-from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.handlers.planning import PlanBasis, plan_of
+from services.ui_api.handlers.refusals import RefusalKind, Refused
+from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import ApprovalBody, PlanBody
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
@@ -38,7 +38,7 @@ def make_plan(
     def ask() -> PlanReply:
         return gateway.planning.ask_for_plan(gateway.cases.case(case_id), basis, hole_ids)
 
-    def act(unit: Unit, reply: PlanReply) -> Answer:
+    def act(unit: UnitOfWork, reply: PlanReply) -> Answer:
         number = gateway.planning.keep_plan(unit, case_id, body.localisation, hole_ids, reply)
         if number is None or reply.plan is None:
             status = 422 if reply.code in _CODES_OF_BAD_REQUESTS else 409
@@ -81,7 +81,7 @@ def approve_plan(
 ) -> Response:
     """Approve exactly the plan that was read."""
 
-    def act(unit: Unit) -> Answer:
+    def act(unit: UnitOfWork) -> Answer:
         case = gateway.cases.case(case_id)
         _require_match(plan_of(case, number), if_match)
         approved = gateway.planning.approve(unit, case, number, body.approved_by)

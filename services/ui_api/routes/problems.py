@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
-from services.ui_api.desks.refusals import RefusalKind, Refused
+from services.ui_api.handlers.refusals import RefusalKind, Refused
 from shared.errors import BusUnavailable, DistalockError, InputError, NoReply
 from shared.messages.base import MessageInvalid
 

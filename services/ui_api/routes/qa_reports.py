@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Request, Response
 
 from services.ui_api.core.event_data import QaReported
-from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import QaBody
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
@@ -37,7 +37,7 @@ def report(
     def ask() -> QaReply:
         return gateway.quality.ask(gateway.cases.case(case_id), images)
 
-    def act(unit: Unit, reply: QaReply) -> Answer:
+    def act(unit: UnitOfWork, reply: QaReply) -> Answer:
         if reply.report is None:
             return problem_answer(problem(409, reply.code or "no_report", reply.message, request.url.path))
         number = gateway.quality.keep(unit, case_id, images, reply.report, reply.page)

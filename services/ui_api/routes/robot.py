@@ -5,9 +5,9 @@ from concurrent.futures import Executor
 
 from fastapi import APIRouter, Request, Response
 
-from services.ui_api.desks.commands import PlainVerb
-from services.ui_api.desks.stop import record_stop
-from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.handlers.commands import PlainVerb
+from services.ui_api.handlers.stop import record_stop
+from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import CommandBody
 from services.ui_api.routes.idempotency import Idempotency, IdempotencyKey, Keyed, keyed
@@ -26,15 +26,15 @@ _ANONYMOUS = CommandBody()
 def read_robot(gateway: TheGateway) -> RobotView:
     """The robot as last seen, its age, and whether it says that it is simulated."""
     seen = gateway.view.newest()
-    attendance = gateway.inbox.attendance
+    presence = gateway.inbox.presence
     return RobotView(
         state=None if seen is None else seen.state,
         age_s=gateway.view.age_s(),
         validity=gateway.view.validity(),
-        service_alive=attendance.alive["robot"],
+        service_alive=presence.alive["robot"],
         simulated=None if seen is None else says_simulated(seen.state.controller_identity),
-        image_source=attendance.image_source,
-        image_source_simulated=says_simulated(attendance.image_source),
+        image_source=presence.image_source,
+        image_source_simulated=says_simulated(presence.image_source),
     )
 
 
@@ -90,7 +90,7 @@ def reset(
 
 
 def _begin(request: Keyed, body: CommandBody, gateway: Gateway, idempotency: Idempotency, verb: PlainVerb) -> Response:
-    def act(unit: Unit) -> Answer:
+    def act(unit: UnitOfWork) -> Answer:
         return accepted(gateway.commands.begin_plain(unit, verb, body.requested_by))
 
     return idempotency.once(request, act)

@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Request, Response
 
 from services.ui_api.core.event_data import VerificationMade
-from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import VerificationBody
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
@@ -30,7 +30,7 @@ def verify(
     def ask() -> VerificationReply:
         return gateway.verifications.ask(gateway.cases.case(case_id), images)
 
-    def act(unit: Unit, reply: VerificationReply) -> Answer:
+    def act(unit: UnitOfWork, reply: VerificationReply) -> Answer:
         number = gateway.verifications.keep(unit, case_id, images, reply)
         if number is None or reply.verification is None:
             return problem_answer(problem(409, reply.code or "no_verification", reply.message, request.url.path))

@@ -11,8 +11,8 @@ import pytest
 from benchmarks.robot.guide_calibration import IMAGES, calibration_poses, numerical_result
 from benchmarks.robot.guide_rooms import EXTENSION_MM, made_head, rendered_images, room_with_head
 from distalock.__main__ import main
-from services.ui_api.desks.head_calibration import calibrated_hexapod
-from services.ui_api.desks.parts import resolve_part
+from services.ui_api.handlers.head_calibration import calibrated_hexapod
+from services.ui_api.handlers.parts import resolve_part
 from shared.parts.hexapod_file import default_hexapod, hexapod_from_json
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]

@@ -17,7 +17,7 @@ from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
 from services.imaging.service import Defaults, ImagingService
-from services.imaging.service.quality_desk import QualityDesk
+from services.imaging.service.quality_handler import QualityHandler
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Bus, Sample
@@ -69,7 +69,7 @@ def room_of(store: ImageStore, positions: Path, memory: CArmMemory | None = None
         status = StatusReporter(bus.retained_publisher(KEYS.status("imaging")), "imaging", "epoch-1", "0")
         log: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("test")
         runtime = Runtime("imaging", "epoch-1", KEYS, log, status)
-        quality = QualityDesk(store, positions / "qa", lambda: datetime(2026, 1, 2, tzinfo=UTC))
+        quality = QualityHandler(store, positions / "qa", lambda: datetime(2026, 1, 2, tzinfo=UTC))
         service = ImagingService(
             bus, runtime, store, memory or CArmMemory(PositionStore(positions)), quality, Defaults(1000.0, 0.235)
         )

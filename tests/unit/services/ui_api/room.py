@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 
 from services.ui_api.app import make_app
-from services.ui_api.desks.clock import Clock
+from services.ui_api.handlers.clock import Clock
 from services.ui_api.server import listening_socket, serving
 from services.ui_api.service import Gateway, open_gateway
 from services.ui_api.settings import UiApiSettings

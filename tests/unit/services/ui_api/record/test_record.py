@@ -17,7 +17,7 @@ from services.ui_api.core.events import Event, EventDraft, EventKind
 from services.ui_api.record.database import existing_database, open_database, sqlite_url
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.tables import METADATA
-from services.ui_api.record.unit import Answer
+from services.ui_api.record.unit_of_work import Answer
 from services.ui_api.record.verify import verify_record
 from shared.errors import ConfigurationError
 from tests.unit.services.ui_api import samples

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from services.ui_api.desks.refusals import Refused, conflict
+from services.ui_api.handlers.refusals import Refused, conflict
 from services.ui_api.record.database import open_database, sqlite_url
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.unit import Answer, Unit
+from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.idempotency import Idempotency, Keyed
 from shared.errors import NoReply
 from tests.unit.services.ui_api.fakes import PATIENCE_S
@@ -19,7 +19,7 @@ _REQUEST = Keyed("key", "a" * 64, "/api/v1/cases")
 _OTHER = Keyed("key", "b" * 64, "/api/v1/cases")
 
 
-class Desk:
+class Handler:
     """Counts what is asked of it; `ask` waits while `hold` is clear."""
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Desk:
         self.hold.wait(PATIENCE_S)
         return self.asked
 
-    def act(self, unit: Unit, asked: int) -> Answer:
+    def act(self, unit: UnitOfWork, asked: int) -> Answer:
         del unit
         self.done += 1
         return Answer(201, f'{{"asked":{asked}}}', {"content-type": "application/json", "etag": '"x"'})
@@ -48,50 +48,50 @@ def idempotency(tmp_path: Path) -> Idempotency:
 
 
 def test_a_repeat_gets_the_same_answer_with_its_headers(idempotency: Idempotency) -> None:
-    desk = Desk()
-    first, second = (idempotency.once_after(_REQUEST, desk.ask, desk.act) for _ in range(2))
+    handler = Handler()
+    first, second = (idempotency.once_after(_REQUEST, handler.ask, handler.act) for _ in range(2))
     assert (first.status_code, first.body, first.headers) == (second.status_code, second.body, second.headers)
     assert second.headers["etag"] == '"x"'
-    assert (desk.asked, desk.done) == (1, 1)
+    assert (handler.asked, handler.done) == (1, 1)
 
 
 def test_another_request_under_the_same_key_is_refused(idempotency: Idempotency) -> None:
-    desk = Desk()
-    idempotency.once_after(_REQUEST, desk.ask, desk.act)
+    handler = Handler()
+    idempotency.once_after(_REQUEST, handler.ask, handler.act)
     with pytest.raises(Refused, match="the key 'key' was used for another request"):
-        idempotency.once_after(_OTHER, desk.ask, desk.act)
-    assert desk.done == 1
+        idempotency.once_after(_OTHER, handler.ask, handler.act)
+    assert handler.done == 1
 
 
 def test_a_second_request_waits_for_the_first_and_gets_its_answer(idempotency: Idempotency) -> None:
-    desk = Desk()
-    desk.hold.clear()
+    handler = Handler()
+    handler.hold.clear()
     bodies: list[bytes] = []
 
     def request() -> None:
-        bodies.append(bytes(idempotency.once_after(_REQUEST, desk.ask, desk.act).body))
+        bodies.append(bytes(idempotency.once_after(_REQUEST, handler.ask, handler.act).body))
 
     first, second = threading.Thread(target=request), threading.Thread(target=request)
     first.start()
-    assert desk.entered.wait(PATIENCE_S)
-    desk.entered.clear()
+    assert handler.entered.wait(PATIENCE_S)
+    handler.entered.clear()
     second.start()
-    assert not desk.entered.wait(0.2), "the second request was not held back"
-    desk.hold.set()
+    assert not handler.entered.wait(0.2), "the second request was not held back"
+    handler.hold.set()
     first.join(PATIENCE_S)
     second.join(PATIENCE_S)
-    assert (desk.asked, bodies[0]) == (1, bodies[1])
+    assert (handler.asked, bodies[0]) == (1, bodies[1])
 
 
 def test_requests_under_other_keys_do_not_wait(idempotency: Idempotency) -> None:
-    desk, other = Desk(), Desk()
-    desk.hold.clear()
-    slow = threading.Thread(target=idempotency.once_after, args=(_REQUEST, desk.ask, desk.act))
+    handler, other = Handler(), Handler()
+    handler.hold.clear()
+    slow = threading.Thread(target=idempotency.once_after, args=(_REQUEST, handler.ask, handler.act))
     slow.start()
-    assert desk.entered.wait(PATIENCE_S)
+    assert handler.entered.wait(PATIENCE_S)
     idempotency.once_after(Keyed("other", "a" * 64, "/"), other.ask, other.act)
     assert other.done == 1
-    desk.hold.set()
+    handler.hold.set()
     slow.join(PATIENCE_S)
 
 
@@ -102,10 +102,10 @@ def test_a_refusal_is_remembered_and_a_failure_is_not(idempotency: Idempotency) 
 
         return ask
 
-    desk = Desk()
+    handler = Handler()
     with pytest.raises(NoReply, match="nobody answers"):
-        idempotency.once_after(_REQUEST, fails(NoReply("nobody answers")), desk.act)
-    refused = idempotency.once_after(_REQUEST, fails(conflict("not_now", "not now")), desk.act)
+        idempotency.once_after(_REQUEST, fails(NoReply("nobody answers")), handler.act)
+    refused = idempotency.once_after(_REQUEST, fails(conflict("not_now", "not now")), handler.act)
     assert refused.status_code == 409
-    again = idempotency.once_after(_REQUEST, desk.ask, desk.act)
-    assert (again.status_code, again.body, desk.done) == (409, refused.body, 0)
+    again = idempotency.once_after(_REQUEST, handler.ask, handler.act)
+    assert (again.status_code, again.body, handler.done) == (409, refused.body, 0)

@@ -93,7 +93,7 @@ def test_readyz_tells_what_is_missing(room: Room) -> None:
     assert ready.status_code == 200, ready.text
     assert set(ready.json()["checks"]) == {"bus", "imaging", "registration", "robot", "database"}
     room.router.cut()
-    room.log.wait_for(lambda: not any(room.gateway.inbox.attendance.alive.values()))
+    room.log.wait_for(lambda: not any(room.gateway.inbox.presence.alive.values()))
     missing = room.client.get("/readyz")
     assert (missing.status_code, missing.json()["code"]) == (503, "not_ready")
     assert missing.json()["checks"]["bus"] == "no router is connected"

@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from services.ui_api.core.events import EventKind
-from services.ui_api.desks.planning import MotionRequest
+from services.ui_api.handlers.planning import MotionRequest
 from shared.messages.robot import MotionState, StopLatch
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import Room

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.ui_api.desks.clock import Clock
-from services.ui_api.desks.feed import Feed
+from services.ui_api.handlers.clock import Clock
+from services.ui_api.handlers.feed import Feed
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Sample
 from shared.messages.base import decode
@@ -43,7 +43,7 @@ class HeardGuidance:
     heard_at_s: float
 
 
-class LiveDesk:
+class LiveHandler:
     """Keeps the newest frame and the newest guidance; `feed` wakes those who watch."""
 
     def __init__(self, bus: Bus, keys: Keys, clock: Clock) -> None:

@@ -3,9 +3,9 @@
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import QaReported
 from services.ui_api.core.events import EventDraft
-from services.ui_api.desks.refusals import conflict, unknown
+from services.ui_api.handlers.refusals import conflict, unknown
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.unit import Unit
+from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.messages.base import decode, encode
@@ -15,7 +15,7 @@ from shared.messages.qa import QaReply, QaReport, QaRequest
 QA_TIMEOUT_S = 60.0
 
 
-class QualityDesk:
+class QualityHandler:
     """Asks imaging, and keeps what it answers."""
 
     def __init__(self, bus: Bus, keys: Keys, record: CaseRecord) -> None:
@@ -31,7 +31,7 @@ class QualityDesk:
         request = QaRequest(case_id=case.case_id, image_sha256=images)
         return decode(QaReply, self._bus.query(self._keys.qa_request, encode(request), QA_TIMEOUT_S).payload)
 
-    def keep(self, unit: Unit, case_id: str, images: tuple[str, ...], report: QaReport, page: str) -> int:
+    def keep(self, unit: UnitOfWork, case_id: str, images: tuple[str, ...], report: QaReport, page: str) -> int:
         """Record a report; its number."""
         number = len(self._record.ledger.cases[case_id].qa_reports) + 1
         document, shown = unit.put_document(encode(report)), unit.put_document(page.encode())

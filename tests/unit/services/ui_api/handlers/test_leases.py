@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.ui_api.desks.clock import Clock
-from services.ui_api.desks.leases import Leases
+from services.ui_api.handlers.clock import Clock
+from services.ui_api.handlers.leases import Leases
 
 PATIENCE_S = 60.0
 

@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable
 
-from services.ui_api.desks.clock import Clock
+from services.ui_api.handlers.clock import Clock
 
 
 class Leases:

@@ -7,12 +7,12 @@ from services.ui_api.core.event_data import LocalisationReceived, PlanApproved, 
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.procedure import Stage
-from services.ui_api.desks.cases import require_known_holes
-from services.ui_api.desks.commands import CommandDesk, Move
-from services.ui_api.desks.refusals import RefusalKind, Refused, conflict, unknown
-from services.ui_api.desks.robot_view import RobotView
+from services.ui_api.handlers.cases import require_known_holes
+from services.ui_api.handlers.commands import CommandHandler, Move
+from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, unknown
+from services.ui_api.handlers.robot_view import RobotView
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.unit import Unit
+from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.messages.base import decode, encode
@@ -56,10 +56,10 @@ class PlanBasis:
         return tuple(sorted(set(self.others) - {self.localisation}))
 
 
-class PlanningDesk:
+class PlanningHandler:
     """From an accepted localisation to a motion, one checked step after another."""
 
-    def __init__(self, bus: Bus, keys: Keys, record: CaseRecord, view: RobotView, commands: CommandDesk) -> None:
+    def __init__(self, bus: Bus, keys: Keys, record: CaseRecord, view: RobotView, commands: CommandHandler) -> None:
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._commands = view, commands
 
@@ -83,7 +83,7 @@ class PlanningDesk:
         return reply
 
     def keep_plan(
-        self, unit: Unit, case_id: str, localisation: int, hole_ids: tuple[str, ...], reply: PlanReply
+        self, unit: UnitOfWork, case_id: str, localisation: int, hole_ids: tuple[str, ...], reply: PlanReply
     ) -> int | None:
         """Record registration's answer; the new plan's number, or None when there is no plan."""
         plan = reply.plan
@@ -101,7 +101,7 @@ class PlanningDesk:
         """A plan as registration made it."""
         return decode(Plan, self._record.document(entry.made.plan_sha256))
 
-    def approve(self, unit: Unit, case: Case, number: int, approved_by: str) -> PlanApproved:
+    def approve(self, unit: UnitOfWork, case: Case, number: int, approved_by: str) -> PlanApproved:
         """Record a surgeon's consent; the caller has compared the hash that was quoted. Raises `Refused`."""
         entry = plan_of(case, number)
         _require_open(case)
@@ -112,7 +112,7 @@ class PlanningDesk:
         unit.append(EventDraft(approved, case.case_id, approved_by))
         return approved
 
-    def begin_motion(self, unit: Unit, case: Case, request: MotionRequest) -> Operation:
+    def begin_motion(self, unit: UnitOfWork, case: Case, request: MotionRequest) -> Operation:
         """Record and send the motion of an approved plan; raises `Refused`."""
         entry = plan_of(case, request.plan_number)
         _require_open(case)

@@ -30,7 +30,7 @@ class RememberedAnswer:
     answer: Answer
 
 
-class Unit:
+class UnitOfWork:
     """What may be done within one transaction. `CaseRecord.write` makes it and commits it."""
 
     def __init__(self, connection: Connection, head_sequence: int, head_sha256: str, now_ns: int) -> None:

@@ -5,8 +5,8 @@ from enum import StrEnum
 
 from services.ui_api.core.operations import RobotSaying
 from services.ui_api.core.robot_event_data import RobotChanged
-from services.ui_api.desks.clock import Clock
-from services.ui_api.desks.refusals import RefusalKind, Refused
+from services.ui_api.handlers.clock import Clock
+from services.ui_api.handlers.refusals import RefusalKind, Refused
 from shared.messages.robot import MotionState, RobotState, StopLatch
 
 IN_MOTION = frozenset({MotionState.MOVING, MotionState.REFERENCING})

@@ -1,4 +1,4 @@
-"""Refusals of the gateway: raised at a desk, so that the transaction under way is taken back, and told to the client.
+"""Refusals of the gateway: a handler raises them, the transaction is rolled back, and the client gets the reason.
 
 `RefusalKind` says what sort of refusal it is without speaking HTTP; `routes.problems` gives each kind its status.
 """

@@ -3,9 +3,9 @@
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import VerificationMade, VerificationRefused
 from services.ui_api.core.events import EventDraft
-from services.ui_api.desks.refusals import conflict, unknown
+from services.ui_api.handlers.refusals import conflict, unknown
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.unit import Unit
+from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.messages.base import decode, encode
@@ -14,7 +14,7 @@ from shared.messages.registration import Verification, VerificationReply, Verifi
 VERIFICATION_TIMEOUT_S = 60.0
 
 
-class VerificationDesk:
+class VerificationHandler:
     """Asks registration, and keeps what it answers."""
 
     def __init__(self, bus: Bus, keys: Keys, record: CaseRecord) -> None:
@@ -31,7 +31,7 @@ class VerificationDesk:
         answer = self._bus.query(self._keys.verification_request, encode(request), VERIFICATION_TIMEOUT_S)
         return decode(VerificationReply, answer.payload)
 
-    def keep(self, unit: Unit, case_id: str, images: tuple[str, ...], reply: VerificationReply) -> int | None:
+    def keep(self, unit: UnitOfWork, case_id: str, images: tuple[str, ...], reply: VerificationReply) -> int | None:
         """Record registration's answer; the verification's number, or None when there is none."""
         made = reply.verification
         if made is None:

@@ -8,11 +8,11 @@ from services.ui_api.core.case import STEPS_THAT_CHANGE_THE_SETUP, Case
 from services.ui_api.core.event_data import CaseOpened, CaseSetup, PartUse, SetupChanged, Step, StepRecorded
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
-from services.ui_api.desks.head_calibration import calibrated_hexapod, is_head_calibration
-from services.ui_api.desks.parts import JsonObject, PartFile, resolve_part
-from services.ui_api.desks.refusals import conflict, invalid, unknown
+from services.ui_api.handlers.head_calibration import calibrated_hexapod, is_head_calibration
+from services.ui_api.handlers.parts import JsonObject, PartFile, resolve_part
+from services.ui_api.handlers.refusals import conflict, invalid, unknown
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.unit import Unit
+from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.parts.catalogue import PartKind
 
 
@@ -44,7 +44,7 @@ class StepRequest:
     why: str
 
 
-class CaseDesk:
+class CaseHandler:
     """Decides about cases within a unit of work. `announce` tells the bus afterwards."""
 
     def __init__(self, record: CaseRecord, announce: Callable[[], None]) -> None:
@@ -58,7 +58,7 @@ class CaseDesk:
             raise unknown("case", case_id, "GET /cases lists them")
         return case
 
-    def open_case(self, unit: Unit, request: SetupRequest, who: str) -> str:
+    def open_case(self, unit: UnitOfWork, request: SetupRequest, who: str) -> str:
         """Open a case and return its id; raises `Refused` or `PartFileInvalid`."""
         already = self._record.ledger.open_case()
         if already is not None:
@@ -71,7 +71,7 @@ class CaseDesk:
         unit.after_commit(self._announce)
         return case_id
 
-    def change_setup(self, unit: Unit, case_id: str, request: SetupRequest, who: str, why: str) -> None:
+    def change_setup(self, unit: UnitOfWork, case_id: str, request: SetupRequest, who: str, why: str) -> None:
         """Change the set-up of an open case: its revision counts up, and older results become stale."""
         case = self.case(case_id)
         _require_hands_off(case, "its set-up cannot be changed")
@@ -81,7 +81,7 @@ class CaseDesk:
         unit.append(EventDraft(SetupChanged(case.revision + 1, setup), case_id, who, why))
         unit.after_commit(self._announce)
 
-    def record_step(self, unit: Unit, case_id: str, request: StepRequest) -> None:
+    def record_step(self, unit: UnitOfWork, case_id: str, request: StepRequest) -> None:
         """Record a step. One out of order needs a reason, because what was done is a fact all the same."""
         case = self.case(case_id)
         _require_hands_off(case, f"step '{request.step}' cannot be recorded")
@@ -116,7 +116,7 @@ def _require_hands_off(case: Case, consequence: str) -> None:
         raise conflict("robot_moving", f"the robot is moving: {consequence} until it has ended, or was stopped")
 
 
-def _new_setup(unit: Unit, request: SetupRequest) -> CaseSetup:
+def _new_setup(unit: UnitOfWork, request: SetupRequest) -> CaseSetup:
     required: dict[str, object] = {
         "side": request.side,
         "bone": request.bone,
@@ -132,7 +132,7 @@ def _new_setup(unit: Unit, request: SetupRequest) -> CaseSetup:
     return _changed_setup(unit, empty, request)
 
 
-def _changed_setup(unit: Unit, setup: CaseSetup, request: SetupRequest) -> CaseSetup:
+def _changed_setup(unit: UnitOfWork, setup: CaseSetup, request: SetupRequest) -> CaseSetup:
     """The set-up with what the request says put in; new part files are validated, then stored."""
     given: Mapping[PartKind, str | JsonObject | None] = {
         "ring": request.ring,

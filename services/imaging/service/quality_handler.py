@@ -19,7 +19,7 @@ from shared.messages.qa import QaReply, QaReport, QaRequest
 _SHOWN_DIGITS = 12
 
 
-class QualityDesk:
+class QualityHandler:
     """Makes reports.
 
     Parameters

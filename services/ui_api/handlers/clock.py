@@ -1,4 +1,4 @@
-"""The clocks that desks are given, so that tests can hand in their own."""
+"""The clocks that handlers are given, so that tests can hand in their own."""
 
 import time
 from collections.abc import Callable

@@ -3,8 +3,8 @@
 import json
 from dataclasses import replace
 
-from services.ui_api.desks.parts import JsonObject, PartFile, resolve_part
-from services.ui_api.desks.refusals import invalid
+from services.ui_api.handlers.parts import JsonObject, PartFile, resolve_part
+from services.ui_api.handlers.refusals import invalid
 from shared.parts.guide_calibration_file import guide_calibration_from_json
 from shared.parts.hexapod_file import hexapod_from_json, hexapod_json_with_head
 

@@ -15,13 +15,13 @@ from services.ui_api.core.robot_event_data import (
     OperationRequested,
     OperationStatus,
 )
-from services.ui_api.desks.clock import Clock
-from services.ui_api.desks.leases import Leases
-from services.ui_api.desks.refusals import conflict
-from services.ui_api.desks.robot_view import RobotView, saying_of
-from services.ui_api.desks.stop import StopDesk
+from services.ui_api.handlers.clock import Clock
+from services.ui_api.handlers.leases import Leases
+from services.ui_api.handlers.refusals import conflict
+from services.ui_api.handlers.robot_view import RobotView, saying_of
+from services.ui_api.handlers.stop import StopHandler
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.unit import Unit
+from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.errors import BusError
@@ -61,11 +61,18 @@ class _Waiting:
     stops_before: int
 
 
-class CommandDesk:
+class CommandHandler:
     """Sends commands in the order in which they were recorded, one at a time, never twice."""
 
     def __init__(
-        self, bus: Bus, keys: Keys, record: CaseRecord, view: RobotView, stops: StopDesk, leases: Leases, clock: Clock
+        self,
+        bus: Bus,
+        keys: Keys,
+        record: CaseRecord,
+        view: RobotView,
+        stops: StopHandler,
+        leases: Leases,
+        clock: Clock,
     ) -> None:
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._stops, self._leases, self._clock = view, stops, leases, clock
@@ -77,7 +84,7 @@ class CommandDesk:
         """Wait for the command that is being sent; those behind it are not sent any more."""
         self._sender.shutdown(wait=True, cancel_futures=True)
 
-    def begin_move(self, unit: Unit, case_id: str, who: str, move: Move) -> Operation:
+    def begin_move(self, unit: UnitOfWork, case_id: str, who: str, move: Move) -> Operation:
         """Record a motion, to be sent when the transaction is on the disk; raises `Refused`."""
         self._refuse_while_pending()
         state = self._view.current()
@@ -86,7 +93,7 @@ class CommandDesk:
         requested = _requested(envelope, "move", state, move)
         return self._begin(unit, EventDraft(requested, case_id, who), encode(command))
 
-    def begin_plain(self, unit: Unit, verb: PlainVerb, who: str) -> Operation:
+    def begin_plain(self, unit: UnitOfWork, verb: PlainVerb, who: str) -> Operation:
         """Record a command without a plan, to be sent when the transaction is on the disk; raises `Refused`."""
         if verb in VERBS_WITH_A_MOTION:
             self._refuse_while_pending()
@@ -130,7 +137,7 @@ class CommandDesk:
             issued_at_ns=self._clock.unix_ns(),
         )
 
-    def _begin(self, unit: Unit, draft: EventDraft, payload: bytes) -> Operation:
+    def _begin(self, unit: UnitOfWork, draft: EventDraft, payload: bytes) -> Operation:
         requested = draft.data
         assert isinstance(requested, OperationRequested)
         event = unit.append(draft)

@@ -13,11 +13,11 @@ from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageCalibrated, ImageReceived, LocalisationReceived, PresenceChanged
 from services.ui_api.core.events import EventData, EventDraft
 from services.ui_api.core.fluoroscopy import FluoroscopyRun, RunLimits
-from services.ui_api.desks.commands import CommandDesk
-from services.ui_api.desks.images import FRAME_TIMEOUT_S
-from services.ui_api.desks.robot_view import RobotView, change_of
+from services.ui_api.handlers.commands import CommandHandler
+from services.ui_api.handlers.images import FRAME_TIMEOUT_S
+from services.ui_api.handlers.robot_view import RobotView, change_of
 from services.ui_api.record.record import CaseRecord
-from services.ui_api.record.unit import Unit
+from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Sample
 from shared.errors import NoReply
@@ -34,7 +34,7 @@ _QUEUE_SIZE = 4096
 
 
 @dataclass(slots=True)
-class Attendance:
+class ServicePresence:
     """Which services hold their liveliness token now, and which image source was heard of last."""
 
     alive: dict[ServiceName, bool]
@@ -50,7 +50,7 @@ class Inbox:
         keys: Keys,
         record: CaseRecord,
         view: RobotView,
-        commands: CommandDesk,
+        commands: CommandHandler,
         log: Log,
         limits: RunLimits,
     ) -> None:
@@ -61,7 +61,7 @@ class Inbox:
         self._idle_s = limits.interval_s
         self._ended = False
         self._thread = threading.Thread(target=self._work, name="inbox", daemon=True)
-        self.attendance = Attendance(dict.fromkeys(WATCHED_SERVICES, False))
+        self.presence = ServicePresence(dict.fromkeys(WATCHED_SERVICES, False))
 
     def start(self) -> None:
         """Begin to listen and to record."""
@@ -120,8 +120,8 @@ class Inbox:
 
     def _presence_of(self, service: ServiceName) -> Callable[[str, bool], None]:
         def changed(_: str, alive: bool) -> None:  # noqa: FBT001 - the bus port's signature
-            if self.attendance.alive[service] is not alive:
-                self.attendance.alive[service] = alive
+            if self.presence.alive[service] is not alive:
+                self.presence.alive[service] = alive
                 self._put(lambda: self._append_to_open_case(PresenceChanged(service, alive), service))
 
         return changed
@@ -133,7 +133,7 @@ class Inbox:
 
     def _frame(self, attachment: bytes) -> None:
         header = decode(FrameHeader, attachment)
-        self.attendance.image_source = f"{header.manufacturer} {header.model_name}".strip()
+        self.presence.image_source = f"{header.manufacturer} {header.model_name}".strip()
         reference = ImageReference(
             sha256=header.sha256,
             sop_instance_uid=header.sop_instance_uid,
@@ -202,7 +202,12 @@ class Inbox:
             return None
 
     def _keep_image(
-        self, unit: Unit, case_id: str | None, revision: int, reference: ImageReference, header: FrameHeader | None
+        self,
+        unit: UnitOfWork,
+        case_id: str | None,
+        revision: int,
+        reference: ImageReference,
+        header: FrameHeader | None,
     ) -> None:
         """Record an image once."""
         case = self._record.ledger.cases.get(case_id or "")
@@ -220,7 +225,7 @@ def _has_image(case: Case, reference: ImageReference) -> bool:
     return any((i.image_sha256, i.received_at_ns) == wanted for i in case.images)
 
 
-def _keep_overlay(unit: Unit, message: LocalisationRecord) -> str | None:
+def _keep_overlay(unit: UnitOfWork, message: LocalisationRecord) -> str | None:
     if message.overlay_png_base64 is None:
         return None
     return unit.put_document(base64.b64decode(message.overlay_png_base64, validate=True), "image/png")

@@ -10,7 +10,7 @@ from shared.messages.base import encode
 from shared.messages.cases import CaseContext
 
 
-class ContextDesk:
+class ContextHandler:
     """Publishes `CaseContext`. Whoever calls `announce` last has published the newest set-up, in whatever order."""
 
     def __init__(self, bus: Bus, keys: Keys, record: CaseRecord) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from services.ui_api.core.event_data import PartUse
-from services.ui_api.desks.refusals import invalid
+from services.ui_api.handlers.refusals import invalid
 from shared.errors import PartFileInvalid
 from shared.parts.catalogue import PartKind, catalogue_entry, catalogue_names, schema_of
 from shared.parts.files import guide_from_json, nail_from_json, ring_from_json, sha256_of

@@ -24,7 +24,7 @@ class StopOutcome:
     message: str
 
 
-class StopDesk:
+class StopHandler:
     """Sends stops. `count` lets a command that is still waiting to be sent see that a stop came in between."""
 
     def __init__(self, bus: Bus, keys: Keys, client: str) -> None:

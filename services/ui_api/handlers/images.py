@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageReceived
-from services.ui_api.desks.refusals import RefusalKind, Refused, conflict, unknown
+from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, unknown
 from services.ui_api.record.record import CaseRecord
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
@@ -29,7 +29,7 @@ class KnownImage:
     case: Case
 
 
-class ImageDesk:
+class ImageHandler:
     """Finds images in the record and fetches what the record does not hold.
 
     Parameters
