@@ -19,6 +19,7 @@ from distalock.arguments import (
     add_scenario_arguments,
     controller_url,
     existing_file,
+    length_mm,
     named_path,
     parser_of,
     part_file,
@@ -28,6 +29,7 @@ from distalock.arguments import (
 )
 from distalock.bench import ALL, BENCHMARKS, print_list, run_benchmarks
 from distalock.inputs import require_inputs
+from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.errors import InputError
 
 _PORTS = (
@@ -86,6 +88,13 @@ def _verify_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="IMAGE",
         help="from before the wires, with the guide in the same place: wires cover the holes",
+    )
+    parser.add_argument(
+        "--wire-mm",
+        type=length_mm(0.5, 6.0),
+        default=USUAL_WIRE_DIAMETER_MM,
+        metavar="MM",
+        help=f"diameter of the wires, 0.5 to 6 mm (default {USUAL_WIRE_DIAMETER_MM:g})",
     )
     add_image_arguments(parser)
     add_drill_argument(parser)

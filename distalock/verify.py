@@ -9,6 +9,7 @@ from distalock.image_files import read_image_file, require_different
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, located, read_parts
 from services.registration.core.localise import Parts
 from services.registration.verification import VerifiedImage, verification_message, verified_images
+from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.errors import InputError
 from shared.messages.base import encode
 from shared.messages.registration import Verification
@@ -17,7 +18,11 @@ MOST_IMAGES = 2
 
 
 def verify_images(
-    images: tuple[Path, ...], parts: Parts, nominal: NominalOptions, before: tuple[Path, ...] = ()
+    images: tuple[Path, ...],
+    parts: Parts,
+    nominal: NominalOptions,
+    before: tuple[Path, ...] = (),
+    wire_diameter_mm: float = USUAL_WIRE_DIAMETER_MM,
 ) -> Verification:
     """Verify the wires in one image file or two of the same set-up.
 
@@ -25,6 +30,8 @@ def verify_images(
     ----------
     before
         Images of the same set-up from before the wires were inserted.
+    wire_diameter_mm
+        Diameter of the wires in use.
 
     Raises
     ------
@@ -39,7 +46,7 @@ def verify_images(
         for file, one in zip(files, found, strict=True)
     )
     earlier, wired = given[: len(before)], given[len(before) :]
-    return verification_message(wired, verified_images(wired, parts, earlier))
+    return verification_message(wired, verified_images(wired, parts, earlier, wire_diameter_mm))
 
 
 def _require_few(images: tuple[Path, ...]) -> None:
@@ -57,7 +64,7 @@ def run(given: argparse.Namespace) -> int:
         _require_few(images)
         parts = read_parts(given.ring, given.guide, given.nail, given.drill_mm)
         nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
-        message = verify_images(images, parts, nominal, tuple(given.before))
+        message = verify_images(images, parts, nominal, tuple(given.before), given.wire_mm)
     except InputError as error:
         print(f"distalock verify: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT

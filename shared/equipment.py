@@ -4,3 +4,5 @@ from typing import Final
 
 # Of the drills for 5 mm interlocking screws.
 USUAL_DRILL_DIAMETER_MM: Final = 4.0
+# K-wires through the guide's holes.
+USUAL_WIRE_DIAMETER_MM: Final = 2.0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from services.registration.core.subpixel import vertex_step
+from services.registration.core.subpixel import subpixel_offset
 from shared.geometry.calibration import CArmCalibration
 
 _GRID_PX = 8
@@ -109,7 +109,7 @@ def _edges(
     outward = np.stack([dx[found], dy[found]], axis=-1) / np.maximum(size[found], 1e-9)[:, None]
     place = np.stack([columns, rows], axis=-1).astype(np.float64)
     before, here, after = (_sampled(size, place + k * outward) for k in (-1.0, 0.0, 1.0))
-    place = place + vertex_step(before, here, after)[:, None] * outward
+    place = place + subpixel_offset(before, here, after)[:, None] * outward
     return place, outward.astype(np.float64), size[found].astype(np.float64)
 
 

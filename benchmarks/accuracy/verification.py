@@ -23,16 +23,16 @@ from services.registration.core.acceptance.image import AXIS_BOUND, ENTRY_BOUND
 from services.registration.core.drill_clearance import across_basis
 from services.registration.core.fusion import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.wires.nail_fit import WiredImage, beside_wires
+from services.registration.core.wires.nail_fit import ImageWithWires, relocalise_with_wires
 from services.registration.core.wires.verify import (
     AxisComparison,
     WireVerification,
-    verify_seen,
+    verify_relocalised,
 )
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line, unit
 from shared.geometry.transform import Transform
-from simulation.room.drilling import insert_wire
+from simulation.room.drilling import WIRE_DIAMETER_MM, insert_wire
 from simulation.scenario.placement_sampling import aligned_guide
 from simulation.world.poses import bone_from_guide, mapped, starting_state, world_at
 
@@ -104,7 +104,7 @@ def outcomes_of_seed(seed: int) -> tuple[Outcome, ...]:
     turned = wired.turned(side * oblique, generator.normal(0.0, 2.0))
     second = turned.centred_towards_the_guide(generator.uniform(0.2, 0.5)).seen(2)
     elsewhere = _slipped(bare, seed).turned(*about_lateral).seen(3)
-    lateral_image, oblique_image = (_beside_wires(wired, str(k + 1), one) for k, one in enumerate((first, second)))
+    lateral_image, oblique_image = (_relocalised(wired, str(k + 1), one) for k, one in enumerate((first, second)))
     pair = (lateral_image, oblique_image)
     looks = ((lateral_image,), ()), (pair, ()), (pair, (before,)), (pair, (elsewhere,))
     outcomes = tuple(_outcome(wired, images, earlier) for images, earlier in looks)
@@ -147,13 +147,15 @@ def _slipped(set_up: SetUp, seed: int) -> SetUp:
     return replace(set_up, state=replace(set_up.state, platform=set_up.state.platform @ head @ slip @ head.inverse()))
 
 
-def _beside_wires(set_up: SetUp, name: str, seen: SeenImage) -> WiredImage:
-    return beside_wires(WiredImage(seen.shot.pixels.astype(np.float32), _localised(name, seen)), set_up.parts)
+def _relocalised(set_up: SetUp, name: str, seen: SeenImage) -> ImageWithWires:
+    return relocalise_with_wires(
+        ImageWithWires(seen.shot.pixels.astype(np.float32), _localised(name, seen)), set_up.parts, WIRE_DIAMETER_MM
+    )
 
 
-def _outcome(set_up: SetUp, images: tuple[WiredImage, ...], earlier: tuple[SeenImage, ...]) -> Outcome:
+def _outcome(set_up: SetUp, images: tuple[ImageWithWires, ...], earlier: tuple[SeenImage, ...]) -> Outcome:
     before = tuple(_localised("before", one) for one in earlier if not one.reasons)
-    verified = verify_seen(images, before, set_up.parts)
+    verified = verify_relocalised(images, before, set_up.parts, WIRE_DIAMETER_MM)
     return Outcome(tuple(reason.code.value for reason in verified.reasons), _errors(set_up, verified))
 
 

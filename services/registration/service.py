@@ -158,7 +158,7 @@ class RegistrationService:
             return Answer(encode(against))
         earlier = self._state.accepted_beside(known[0], request.image_sha256)
         images, before = (tuple(_verified_image(frame) for frame in frames) for frames in (known, earlier))
-        verified = verified_images(images, case.parts, before)
+        verified = verified_images(images, case.parts, before, self._settings.wire_diameter_mm)
         self._state.note_verified(request.image_sha256, verified)
         verification = verification_message(images, verified)
         return Answer(encode(VerificationReply(verification=verification)))

@@ -4,6 +4,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.runtime.settings import ServiceSettings
 
 
@@ -25,6 +26,9 @@ class RegistrationSettings(ServiceSettings):
     )
     frame_timeout_s: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
         5.0, description="How long imaging may take to hand over the pixels of an image that was missed."
+    )
+    wire_diameter_mm: Annotated[float, Field(gt=0.0, le=6.0)] = Field(
+        USUAL_WIRE_DIAMETER_MM, description="Diameter of the K-wires that are used through the guide."
     )
     live_interval_s: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
         0.5,

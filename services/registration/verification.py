@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from services.registration.core.fusion import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
-from services.registration.core.wires.nail_fit import WiredImage
+from services.registration.core.wires.nail_fit import ImageWithWires
 from services.registration.core.wires.verify import AxisComparison, WireVerification, verify_images
 from services.registration.report import standard_uncertainty
+from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage
@@ -41,19 +42,22 @@ class VerifiedImage:
 
 
 def verified_images(
-    images: tuple[VerifiedImage, ...], parts: Parts, earlier: tuple[VerifiedImage, ...] = ()
+    images: tuple[VerifiedImage, ...],
+    parts: Parts,
+    earlier: tuple[VerifiedImage, ...] = (),
+    wire_diameter_mm: float = USUAL_WIRE_DIAMETER_MM,
 ) -> WireVerification:
     """Compare the wires in one image or two of the same set-up with the nail's hole axes.
 
-    An image in which the guide was not found is left out; its reasons are told when the others do not suffice.
+    An image in which the guide was not found is left out; its reasons are reported when the others do not suffice.
 
     Parameters
     ----------
     earlier
         Images with the guide in the same place, from before the wires were inserted: wires cover the holes.
     """
-    wired = tuple(WiredImage(image.pixels, image.localised()) for image in images)
-    return verify_images(wired, tuple(image.localised() for image in earlier), parts)
+    wired = tuple(ImageWithWires(image.pixels, image.localised()) for image in images)
+    return verify_images(wired, tuple(image.localised() for image in earlier), parts, wire_diameter_mm)
 
 
 def verification_message(images: tuple[VerifiedImage, ...], verified: WireVerification) -> Verification:

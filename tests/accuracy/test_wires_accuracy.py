@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.drill_clearance import axis_offset_mm
-from services.registration.core.wires.image import WireView
+from services.registration.core.wires.image import RegisteredImage
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.core.wires.wire_scene import (
@@ -32,14 +32,14 @@ def random_wires(rng: np.random.Generator) -> Wired:
     return Wired({name: np.concatenate([place, rng.normal(0.0, 1.2, 2)]) for name, place in at_guide.items()})
 
 
-def believed(rng: np.random.Generator, view: WireView) -> WireView:
+def believed(rng: np.random.Generator, view: RegisteredImage) -> RegisteredImage:
     """The view with the guide's pose as wrong as its covariance says."""
     error = rng.multivariate_normal(np.zeros(6), GUIDE_COVARIANCE)
     wrong: Transform[Guide, Guide] = Transform.from_rotvec(error[:3], error[3:])
-    return WireView(view.pixels, view.calibration, view.camera_from_guide @ wrong, view.guide_covariance)
+    return RegisteredImage(view.pixels, view.calibration, view.camera_from_guide @ wrong, view.guide_covariance)
 
 
-def lateral_view(rng: np.random.Generator, wires: Wired, tip_mm: float) -> WireView:
+def lateral_view(rng: np.random.Generator, wires: Wired, tip_mm: float) -> RegisteredImage:
     place = (float(rng.uniform(-8.0, 8.0)), float(rng.uniform(-8.0, 8.0)), 625.0)
     faced: Transform[Camera, Guide] = posed_guide(float(rng.uniform(-180.0, 180.0)), place)
     leaning: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(rng.normal(0.0, 1.5, 3)), np.zeros(3))

@@ -773,6 +773,326 @@ GUIDE_MEASUREMENT: Final = GuideMeasurement()
 HEAD_ERRORS: Final = HeadErrors()
 
 
+# Wires
+
+_WIRE_SCENES: Final = (
+    "by inspection on seeded scenes with wires of `distalock bench verification` (seeds from 8000) and of "
+    "`tests/accuracy/test_wires_accuracy.py`; docs/decisions/0013-wires.md"
+)
+_ON_WIRES: Final = fitted(_WIRE_SCENES)
+
+
+@dataclass(frozen=True, slots=True)
+class WirePrior:
+    """Prior of a wire through a hole of the guide, before any image is evaluated."""
+
+    protrusion_mm: float = tuned(40.0, "mm", "expected length of wire on the surgeon's side of the guide", _ON_WIRES)
+    protrusion_sd_mm: float = tuned(25.0, "mm", "standard deviation of that length", _ON_WIRES)
+    least_play_sd_mm: float = tuned(
+        0.05,
+        "mm",
+        "least standard deviation of the wire's place in the guide's bore",
+        derived("keeps the prior proper where the wire fills the bore"),
+    )
+    bore_half_length_mm: float = tuned(
+        10.0,
+        "mm",
+        "half length of the bore of a guide whose file describes no body",
+        fitted("by inspection; no guide of the catalogue lacks a body"),
+    )
+    stopped_tip_sd_mm: float = tuned(
+        6.0, "mm", "standard deviation of the tip of a wire that met the nail about its near surface", _ON_WIRES
+    )
+    passed_tip_mm: float = tuned(
+        30.0,
+        "mm",
+        "expected tip beyond the nail's near surface of a wire that passed",
+        derived("between the nail's far surface and the far cortex"),
+    )
+    passed_tip_sd_mm: float = tuned(10.0, "mm", "standard deviation of that tip", _ON_WIRES)
+    bending_mm: float = tuned(0.3, "mm", "interference that a wire bends by to pass the nail", _ON_WIRES)
+
+
+WIRE_PRIOR: Final = WirePrior()
+
+
+@dataclass(frozen=True, slots=True)
+class WireVisibility:
+    """Which pixels of an image can show a wire."""
+
+    blur_detector_mm: float = tuned(
+        0.282, "mm", "standard deviation of the smoothing before derivatives are taken", _ON_WIRES
+    )
+    border_detector_mm: float = tuned(
+        1.41, "mm", "margin of the image's border and aperture", derived("five standard deviations of the smoothing")
+    )
+    margin_detector_mm: float = tuned(0.47, "mm", "margin around the nail and the balls", _ON_WIRES)
+    metal_grid_detector_mm: float = tuned(
+        0.47, "mm", "spacing of the rays that are traced through the nail", derived("the margin around the nail")
+    )
+    least_metal_mm: float = tuned(0.4, "mm", "path through the nail beyond which it hides a wire", _ON_WIRES)
+    metal_grey_percentile: float = tuned(
+        20.0, "%", "percentile of the nail's pixels that is taken as the grey value of metal", _ON_WIRES
+    )
+    saturated_range: float = tuned(
+        0.004,
+        "1",
+        "distance from white, over the image's range, within which a pixel is saturated",
+        derived("one level of an 8-bit display"),
+    )
+    saturated_fraction: float = tuned(
+        0.25, "1", "fraction of saturated pixels in a neighbourhood beyond which it hides a wire", _ON_WIRES
+    )
+    saturated_neighbourhood_detector_mm: float = tuned(1.645, "mm", "width of that neighbourhood", _ON_WIRES)
+    beside_saturated_mm: float = tuned(
+        1.5,
+        "mm",
+        "distance from saturated places, at the guide's depth, that hides a wire",
+        derived("more than a wire's radius: one of 2 mm that borders on white is hidden whole"),
+    )
+
+
+WIRE_VISIBILITY: Final = WireVisibility()
+
+
+@dataclass(frozen=True, slots=True)
+class WireOutline:
+    """Outline of a wire in an image and its match to edges."""
+
+    section_spacing_detector_mm: float = tuned(
+        0.3525,
+        "mm",
+        "spacing of the wire's cross-sections",
+        fitted(
+            "dev10 and dev11: with coarser sampling the log-likelihood of one place varied by 2 to 3; "
+            "docs/decisions/0013-wires.md"
+        ),
+    )
+    fewest_sections: int = tuned(12, "1", "least number of cross-sections of a wire seen end on", _ON_WIRES)
+    most_sections: int = tuned(
+        500,
+        "1",
+        "largest number of cross-sections",
+        derived("three quarters of an image 1000 pixels wide; bounds the time"),
+    )
+    cap_points: int = tuned(
+        24, "1", "outline points of a cap", derived("about one per pixel of half a wire's circumference")
+    )
+    mask_clearance_detector_mm: float = tuned(
+        0.29375,
+        "mm",
+        "distance from the mask at which an edge is no longer dimmed by it",
+        derived("about one standard deviation of the smoothing"),
+    )
+    least_strength: tuple[float, float] = tuned(
+        (3.5, 4.5),
+        "1",
+        "slope over the texture's from which an edge counts, and from which it counts whole",
+        _ON_WIRES,
+    )
+    least_darkness: tuple[float, float] = tuned(
+        (0.35, 0.45),
+        "1",
+        "darkness inside, over the nail's, from which an edge counts, and from which it counts whole",
+        _ON_WIRES,
+    )
+    inside_radii: float = tuned(0.7, "radii", "where the grey value inside an edge is sampled", _ON_WIRES)
+    outside_radii: float = tuned(0.6, "radii", "where the grey value outside an edge is sampled", _ON_WIRES)
+
+
+WIRE_OUTLINE: Final = WireOutline()
+
+
+@dataclass(frozen=True, slots=True)
+class WireStarts:
+    """Grid of axes from which the fit of a wire starts."""
+
+    reach_mm: float = tuned(8.0, "mm", "largest offset from the guide hole's axis at the nail", _ON_WIRES)
+    step_mm: float = tuned(
+        0.8, "mm", "spacing of the grid", derived("less than twice the reach of an edge, 0.5 mm at the nail")
+    )
+    reach_detector_mm: float = tuned(0.705, "mm", "largest distance of an edge from the outline", _ON_WIRES)
+    other_tips_mm: tuple[float, float] = tuned(
+        (-10.0, 10.0), "mm", "further tips that are tried with the best axes", _ON_WIRES
+    )
+    sections: int = tuned(40, "1", "cross-sections of a wire during the search", _ON_WIRES)
+    candidates: int = tuned(40, "1", "axes that are tried with further tips", _ON_WIRES)
+    starts: int = tuned(5, "1", "starts of the fit", _ON_WIRES)
+    apart_mm: float = tuned(
+        1.0, "mm", "least distance of two starts at the nail", derived("more than the grid's spacing")
+    )
+    missing_penalty: float = tuned(
+        0.5, "1", "cost of visible outline without an edge, over the gain by an edge", _ON_WIRES
+    )
+
+
+WIRE_STARTS: Final = WireStarts()
+
+
+@dataclass(frozen=True, slots=True)
+class WireFitting:
+    """Robust least squares of a wire's axis on edges near its outline."""
+
+    reaches_detector_mm: tuple[float, ...] = tuned(
+        (1.41, 1.41, 1.175, 0.94, 0.705, 0.705, 0.5875, 0.5875, 0.5875, 0.5875),
+        "mm",
+        "largest distance of an edge from the outline, per iteration",
+        _ON_WIRES,
+    )
+    radius_sd_detector_mm: float = tuned(
+        0.0705,
+        "mm",
+        "standard deviation of the wire's apparent radius in an image",
+        _ON_WIRES,
+    )
+    edge_sd_detector_mm: float = tuned(0.08225, "mm", "standard deviation of an edge point", _ON_WIRES)
+    edge_correlation_detector_mm: float = tuned(
+        0.94, "mm", "length of outline with one independent edge point", _ON_WIRES
+    )
+    robust_detector_mm: float = tuned(0.282, "mm", "scale of the Cauchy cost of an edge point", _ON_WIRES)
+    found_gain: float = tuned(2.0, "1", "log-likelihood of an edge on the outline, per correlation length", _ON_WIRES)
+    missing_gain: float = tuned(-1.3, "1", "log-likelihood of no edge, per correlation length", _ON_WIRES)
+    found_scale_detector_mm: float = tuned(
+        0.1175, "mm", "residual at which that log-likelihood has fallen by log 2", _ON_WIRES
+    )
+    found_within_detector_mm: float = tuned(
+        0.235,
+        "mm",
+        "residual within which outline counts as found",
+        derived("three standard deviations of an edge point"),
+    )
+    same_optimum_mm: float = tuned(
+        0.15,
+        "mm",
+        "difference of offsets below which two fits have the same optimum",
+        _ON_WIRES,
+    )
+    optimum_temper: float = tuned(
+        0.7,
+        "1",
+        "factor on log-likelihood differences between optima, for correlated edge points",
+        fitted(
+            "with 0.5, predicted errors exceeded those of seeded wires and the pair dev10, dev11 was rejected "
+            "(commit 8947a41)"
+        ),
+    )
+    scan_sigmas: float = tuned(
+        2.5, "standard deviations", "reach of the scan along the least certain direction", _ON_WIRES
+    )
+    scan_steps: int = tuned(21, "1", "places of that scan", derived("a quarter of a standard deviation apart"))
+
+
+WIRE_FITTING: Final = WireFitting()
+
+
+@dataclass(frozen=True, slots=True)
+class NailOutlineMatching:
+    """The nail's two edges in an image and their match."""
+
+    proximal_of_holes_mm: float = tuned(30.0, "mm", "length of nail proximal of its holes that is used", _ON_WIRES)
+    step_mm: float = tuned(
+        0.5, "mm", "spacing of outline points along the nail", derived("half the correlation length of edge points")
+    )
+    blur_detector_mm: float = tuned(0.282, "mm", "standard deviation of the smoothing", _ON_WIRES)
+    beside_detector_mm: float = tuned(
+        1.175,
+        "mm",
+        "distance from the edge at which its step is measured",
+        derived("four standard deviations of the smoothing"),
+    )
+    least_step: tuple[float, float] = tuned(
+        (0.3, 0.4),
+        "1",
+        "step over the median one from which an edge counts, and from which it counts whole",
+        _ON_WIRES,
+    )
+    reaches_detector_mm: tuple[float, ...] = tuned(
+        (3.29, 1.88, 1.175, 0.94, 0.705),
+        "mm",
+        "largest distance of an edge from the outline, per iteration",
+        _ON_WIRES,
+    )
+    edge_sd_detector_mm: float = tuned(0.0705, "mm", "standard deviation of an edge point", _ON_WIRES)
+    edge_correlation_detector_mm: float = tuned(
+        1.41, "mm", "length of outline with one independent edge point", _ON_WIRES
+    )
+    robust_detector_mm: float = tuned(0.235, "mm", "scale of the Cauchy cost of an edge point", _ON_WIRES)
+    both_edges_sd_detector_mm: float = tuned(
+        0.1645,
+        "mm",
+        "standard deviation of the common shift of both edges outwards",
+        fitted(f"{_WIRE_SCENES}; the display's curve moves both edges alike"),
+    )
+    one_edge_sd_detector_mm: float = tuned(
+        0.03525,
+        "mm",
+        "standard deviation of the shift of one edge",
+        fitted(f"{_WIRE_SCENES}; what lies beside an edge moves it"),
+    )
+
+
+NAIL_OUTLINE_MATCHING: Final = NailOutlineMatching()
+
+
+@dataclass(frozen=True, slots=True)
+class NailWithWires:
+    """Alternating fit of nail and wires in an image along the holes."""
+
+    rough_margin_detector_mm: float = tuned(
+        1.175, "mm", "margin around a roughly placed nail that hides wires", _ON_WIRES
+    )
+    rough_rounds: int = tuned(3, "1", "rounds of the alternation from a roughly placed nail", _ON_WIRES)
+    fitted_rounds: int = tuned(2, "1", "rounds of the alternation from a fitted nail", _ON_WIRES)
+    masked_beside_wire_mm: float = tuned(0.35, "mm", "margin around a wire that is masked in the nail's fit", _ON_WIRES)
+    masked_end_sigmas: float = tuned(
+        2.0, "standard deviations", "margin at a wire's ends that is masked", derived("95 %")
+    )
+    converged_deg: float = tuned(
+        0.3, "°", "rotation of the nail in one round below which the alternation has converged", _ON_WIRES
+    )
+    converged_mm: float = tuned(0.1, "mm", "shift of the nail across its holes below which it has", _ON_WIRES)
+
+
+NAIL_WITH_WIRES: Final = NailWithWires()
+
+
+@dataclass(frozen=True, slots=True)
+class NailNearGuideAxes:
+    """Search for the nail's holes near where the guide's holes point."""
+
+    reach_mm: float = tuned(
+        18.0,
+        "mm",
+        "largest distance of the nail's holes from the guide's axes",
+        _ON_WIRES,
+    )
+    bands: int = tuned(6, "1", "bands of the nail's width that are tried", _ON_WIRES)
+    least_darkness: float = tuned(0.06, "1", "least darkness of a band, over the image's range", _ON_WIRES)
+    edge_length_weight: float = tuned(
+        0.2, "1", "weight of a band's length over its width against the openness of its holes", _ON_WIRES
+    )
+
+
+NAIL_NEAR_GUIDE_AXES: Final = NailNearGuideAxes()
+
+
+@dataclass(frozen=True, slots=True)
+class GuideGivenNail:
+    """Identification of the guide's balls by where each hypothesis places the nail."""
+
+    proximal_of_holes_mm: float = tuned(30.0, "mm", "length of nail proximal of its holes that is used", _ON_WIRES)
+    step_mm: float = tuned(1.0, "mm", "spacing of the places along the nail", _ON_WIRES)
+    inside_radii: float = tuned(0.6, "radii", "distance from the axis at which metal is expected", _ON_WIRES)
+    outside_radii: float = tuned(1.6, "radii", "distance from the axis at which no metal is expected", _ON_WIRES)
+    least_contrast: float = tuned(0.25, "1", "least difference of the two, over the image's range", _ON_WIRES)
+    dark_percentile: float = tuned(2.0, "%", "percentile of the image that is taken as dark", _ON_WIRES)
+    light_percentile: float = tuned(90.0, "%", "percentile of the image that is taken as light", _ON_WIRES)
+    fewest_places: int = tuned(20, "1", "least number of visible places", derived("10 mm of nail, both sides"))
+
+
+GUIDE_GIVEN_NAIL: Final = GuideGivenNail()
+
+
 SETTINGS: Final = (
     NAIL_BAND_SEARCH,
     NAIL_HOLE_SEARCH,
@@ -798,4 +1118,13 @@ SETTINGS: Final = (
     GUIDE_IDENTIFICATION,
     GUIDE_MEASUREMENT,
     HEAD_ERRORS,
+    WIRE_PRIOR,
+    WIRE_VISIBILITY,
+    WIRE_OUTLINE,
+    WIRE_STARTS,
+    WIRE_FITTING,
+    NAIL_OUTLINE_MATCHING,
+    NAIL_WITH_WIRES,
+    NAIL_NEAR_GUIDE_AXES,
+    GUIDE_GIVEN_NAIL,
 )

@@ -1,4 +1,4 @@
-"""One X-ray image prepared for measuring K-wires: its slopes, and where the view on a wire is free."""
+"""An X-ray image prepared for measuring K-wires: its gradient, and where a wire would be visible."""
 
 from dataclasses import dataclass
 
@@ -6,26 +6,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.subpixel import between_pixels
+from services.registration.core.subpixel import sample_bilinear
+from services.registration.core.tuning import WIRE_VISIBILITY
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
+from shared.xray.pixel_scale import pixels, whole_pixels
 
-_GRID_STEP_PX = 2
-_METAL_MM = 0.4
-MARGIN_PX = 2.0
-_BORDER_PX = 6.0
-_BLUR_PX = 1.2
+# Median over the scale parameter of a Rayleigh distribution: the norm of two normal slopes has that distribution.
 _MEDIAN_OF_RAYLEIGH = 1.1774
-# The display burns out where this share of the pixels around is within so much of its range of the brightest.
-_BURNT_SHARE, _BURNT_AROUND_PX, _BURNT_WITHIN = 0.25, 7, 0.004
-_BESIDE_BURNT_MM = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WireView:
-    """An image with wires, and where the guide is in it.
+class RegisteredImage:
+    """An X-ray image registered to the guide.
 
     Attributes
     ----------
@@ -42,103 +37,104 @@ class WireView:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PreparedView:
-    """A view with what the wire fit reads from it.
+class GradientImage:
+    """A registered image with its gradient and the mask of where a wire would be visible.
 
     Attributes
     ----------
     smooth, slope_x, slope_y
         Lightly smoothed image and its derivatives, per pixel, shape (height, width).
-    free
-        0 where nail, balls, the image's border or a burnt-out display hide a wire, else 1, shape (height, width).
+    visible
+        0 where nail, balls, the image's border or a saturated display hide a wire, else 1, shape (height, width).
     noise
-        Robust spread of the slope in the free part of the image (texture and noise).
+        Robust standard deviation of the slope where a wire would be visible (texture and noise).
     metal_grey
         Grey value of the nail's metal.
-    rotation, translation_mm
-        `camera_from_guide`, taken apart once because a fit uses it thousands of times.
     """
 
-    view: WireView
+    registered: RegisteredImage
     smooth: NDArray[np.float32]
     slope_x: NDArray[np.float32]
     slope_y: NDArray[np.float32]
-    free: NDArray[np.float32]
+    visible: NDArray[np.float32]
     noise: float
     metal_grey: float
-    rotation: NDArray[np.float64]
-    translation_mm: NDArray[np.float64]
 
-    def camera_points_mm(self, points_guide_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the guide's frame, shape (..., 3), in the camera's."""
-        return points_guide_mm @ self.rotation.T + self.translation_mm
+    def visible_at(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Interpolated visibility at points, shape (..., 2): from 0 to 1, shape (...)."""
+        return sample_bilinear(self.visible, points_px)
 
-    def free_share(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How free the view is at points, shape (..., 2), between the pixels about them: from 0 to 1, shape (...)."""
-        return between_pixels(self.free, points_px)
-
-    def grey(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    def grey_at(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Grey values of the smoothed image at points, shape (..., 2); shape (...)."""
-        return between_pixels(self.smooth, points_px)
+        return sample_bilinear(self.smooth, points_px)
 
     def outward_slope(self, points_px: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArray[np.float64]:
         """Slope along directions, shape (M, S, 2), at points, shape (M, S, 2); positive where it gets brighter."""
-        along_x, along_y = (between_pixels(slope, points_px) for slope in (self.slope_x, self.slope_y))
+        along_x, along_y = (sample_bilinear(slope, points_px) for slope in (self.slope_x, self.slope_y))
         return along_x * outward[..., 0] + along_y * outward[..., 1]
 
+    def length_px(self, length_detector_mm: float) -> float:
+        """A length at the detector in pixels of this image."""
+        return pixels(length_detector_mm, self.registered.calibration.pixel_mm)
 
-def prepare_view(
-    view: WireView,
+
+def gradient_image(
+    registered: RegisteredImage,
     guide: GuidePart,
     nail: NailPart,
     guide_from_nail: Transform[Guide, Nail],
-    margin_px: float = MARGIN_PX,
-) -> PreparedView:
-    """Mask what hides the wires (the nail where it is not open, balls, the border, white) and take the image's slopes.
+    margin_detector_mm: float | None = None,
+) -> GradientImage:
+    """Mask what hides wires (the nail outside its holes, balls, border, saturation) and compute the image's gradient.
 
     Parameters
     ----------
-    margin_px
-        How far around the nail the mask reaches: as far as its place is uncertain.
+    margin_detector_mm
+        Margin of the mask around the nail: as large as the nail's place is uncertain; by default that of a fitted nail.
     """
-    smooth = np.asarray(cv2.GaussianBlur(view.pixels.astype(np.float32), (0, 0), _BLUR_PX), dtype=np.float32)
+    calibration = registered.calibration
+    margin_mm = WIRE_VISIBILITY.margin_detector_mm if margin_detector_mm is None else margin_detector_mm
+    smooth = smoothed(registered, WIRE_VISIBILITY.blur_detector_mm)
     slope_x = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=0.125), dtype=np.float32)
     slope_y = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=0.125), dtype=np.float32)
-    pose = view.camera_from_guide
-    metal = _metal(view, nail, pose @ guide_from_nail, margin_px)
-    bright = in_border(view.calibration)
-    free = bright & ~metal & ~balls_mask(view, guide) & ~burnt_out(view)
-    steepness = np.hypot(slope_x[free], slope_y[free])
+    camera_from_nail = registered.camera_from_guide @ guide_from_nail
+    metal = _metal(calibration, nail, camera_from_nail, pixels(margin_mm, calibration.pixel_mm))
+    shown = shown_pixels(calibration)
+    visible = shown & ~metal & ~balls_mask(registered, guide) & ~saturated(registered)
+    steepness = np.hypot(slope_x[visible], slope_y[visible])
     noise = float(np.median(steepness)) / _MEDIAN_OF_RAYLEIGH if steepness.size else 1.0
-    metal_grey = float(np.percentile(smooth[metal & bright], 20)) if (metal & bright).any() else 0.0
-    return PreparedView(
-        view,
-        smooth,
-        slope_x,
-        slope_y,
-        free.astype(np.float32),
-        max(noise, 1e-12),
-        metal_grey,
-        pose.rotation,
-        pose.translation_mm,
+    dark = smooth[metal & shown]
+    return GradientImage(
+        registered=registered,
+        smooth=smooth,
+        slope_x=slope_x,
+        slope_y=slope_y,
+        visible=visible.astype(np.float32),
+        noise=max(noise, 1e-12),  # divides the slopes
+        metal_grey=float(np.percentile(dark, WIRE_VISIBILITY.metal_grey_percentile)) if dark.size else 0.0,
     )
 
 
+def smoothed(registered: RegisteredImage, blur_detector_mm: float) -> NDArray[np.float32]:
+    """The image after a Gaussian blur, shape (height, width)."""
+    blur_px = pixels(blur_detector_mm, registered.calibration.pixel_mm)
+    return np.asarray(cv2.GaussianBlur(registered.pixels.astype(np.float32), (0, 0), blur_px), dtype=np.float32)
+
+
 def _metal(
-    view: WireView, nail: NailPart, camera_from_nail: Transform[Camera, Nail], margin_px: float
+    calibration: CArmCalibration, nail: NailPart, camera_from_nail: Transform[Camera, Nail], margin_px: float
 ) -> NDArray[np.bool_]:
-    calibration = view.calibration
-    x = np.arange(0, calibration.width_px + _GRID_STEP_PX, _GRID_STEP_PX, dtype=np.float64)
-    y = np.arange(0, calibration.height_px + _GRID_STEP_PX, _GRID_STEP_PX, dtype=np.float64)
+    """Where the nail, dilated by a margin, hides a wire, shape (height, width)."""
+    step = whole_pixels(WIRE_VISIBILITY.metal_grid_detector_mm, calibration.pixel_mm)
+    x = np.arange(0, calibration.width_px + step, step, dtype=np.float64)
+    y = np.arange(0, calibration.height_px + step, step, dtype=np.float64)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     length_mm = metal_length_mm(calibration.rays_camera(grid), nail, camera_from_nail)
     columns, rows = np.meshgrid(
         *(np.arange(n, dtype=np.float32) for n in (calibration.width_px, calibration.height_px))
     )
-    full = cv2.remap(length_mm.astype(np.float32), columns / _GRID_STEP_PX, rows / _GRID_STEP_PX, cv2.INTER_LINEAR)
-    size = 2 * int(np.ceil(margin_px)) + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    return np.asarray(cv2.dilate((full > _METAL_MM).astype(np.uint8), kernel) > 0)
+    full = cv2.remap(length_mm.astype(np.float32), columns / step, rows / step, cv2.INTER_LINEAR)
+    return _dilated(full > WIRE_VISIBILITY.least_metal_mm, int(np.ceil(margin_px)))
 
 
 def metal_length_mm(
@@ -172,36 +168,44 @@ def _inside(
     return np.where(hit, (-b - root) / a, 0.0), np.where(hit, (-b + root) / a, -1.0)
 
 
-def balls_mask(view: WireView, guide: GuidePart) -> NDArray[np.bool_]:
-    """Where balls of guide and ring hide what is behind them, shape (height, width)."""
-    calibration = view.calibration
+def balls_mask(registered: RegisteredImage, guide: GuidePart) -> NDArray[np.bool_]:
+    """Where balls of guide and ring, with a margin, hide what is behind them, shape (height, width)."""
+    calibration = registered.calibration
     mask = np.zeros((calibration.height_px, calibration.width_px), dtype=np.uint8)
-    in_camera_mm = view.camera_from_guide.points(guide.balls.position_mm)
+    in_camera_mm = registered.camera_from_guide.points(guide.balls.position_mm)
     guide_px = calibration.image_from_camera(in_camera_mm)
     radii_px = 0.5 * guide.balls.diameter_mm * calibration.camera.focal_length_px / in_camera_mm[:, 2]
     ring = calibration.balls.ring_index != NOT_OF_THE_RING
     centres = np.concatenate([guide_px, calibration.balls.centre_px[ring]])
     radii = np.concatenate([radii_px, calibration.balls.radius_px[ring]])
+    margin_px = pixels(WIRE_VISIBILITY.margin_detector_mm, calibration.pixel_mm)
     for (x, y), radius in zip(centres, radii, strict=True):
-        cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius + MARGIN_PX)), 1, thickness=-1)
+        cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius + margin_px)), 1, thickness=-1)
     return np.asarray(mask > 0)
 
 
-def burnt_out(view: WireView) -> NDArray[np.bool_]:
-    """Where the display has burnt out, or a wire on white would be seen narrower than it is, shape (height, width).
+def saturated(registered: RegisteredImage) -> NDArray[np.bool_]:
+    """Where the display is saturated, or a wire beside white would appear too narrow, shape (height, width).
 
     There a wire seems to thin out and to end, long before its end.
     """
-    darkest, brightest = float(view.pixels.min()), float(view.pixels.max())
-    white = (view.pixels >= brightest - _BURNT_WITHIN * (brightest - darkest)).astype(np.float32)
-    share = cv2.blur(white, (_BURNT_AROUND_PX, _BURNT_AROUND_PX))
-    depth_mm = float(view.camera_from_guide.translation_mm[2])
-    reach = int(np.ceil(_BESIDE_BURNT_MM * view.calibration.camera.focal_length_px / depth_mm))
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    return np.asarray(cv2.dilate((share > _BURNT_SHARE).astype(np.uint8), kernel) > 0)
+    image, calibration = registered.pixels, registered.calibration
+    darkest, brightest = float(image.min()), float(image.max())
+    white = (image >= brightest - WIRE_VISIBILITY.saturated_range * (brightest - darkest)).astype(np.float32)
+    width_px = whole_pixels(WIRE_VISIBILITY.saturated_neighbourhood_detector_mm, calibration.pixel_mm)
+    fraction = cv2.blur(white, (width_px, width_px))
+    depth_mm = float(registered.camera_from_guide.translation_mm[2])
+    reach_px = WIRE_VISIBILITY.beside_saturated_mm * calibration.camera.focal_length_px / depth_mm
+    return _dilated(fraction > WIRE_VISIBILITY.saturated_fraction, int(np.ceil(reach_px)))
 
 
-def in_border(calibration: CArmCalibration) -> NDArray[np.bool_]:
-    """Where the image shows something, away from its border and aperture, shape (height, width)."""
+def _dilated(mask: NDArray[np.bool_], reach_px: int) -> NDArray[np.bool_]:
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1, 2 * reach_px + 1))
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)
+
+
+def shown_pixels(calibration: CArmCalibration) -> NDArray[np.bool_]:
+    """Pixels inside image and aperture, less a margin from their borders, shape (height, width)."""
     columns, rows = np.arange(float(calibration.width_px)), np.arange(float(calibration.height_px))
-    return calibration.shows(columns, rows[:, None], _BORDER_PX)
+    margin_px = pixels(WIRE_VISIBILITY.border_detector_mm, calibration.pixel_mm)
+    return calibration.shows(columns, rows[:, None], margin_px)

@@ -1,7 +1,7 @@
-"""Where the outline of a K-wire should appear in an image, and where the image has it.
+"""Outline of a K-wire in an image, its match to the image's edges, and the axes from which a fit starts.
 
-A wire is a stack of discs along its axis. Its outline is the envelope of their images: two sides, and a cap at either
-end; seen nearly end on, one cap is all there is.
+A wire is a row of cross-sections along its axis, which appear as discs. Its outline is the envelope of the discs: two
+sides, and a cap at either end; of a wire seen nearly end on, only one cap.
 """
 
 from dataclasses import dataclass
@@ -9,19 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.subpixel import peaks_of, profile_px, ramp
-from services.registration.core.wires.image import PreparedView
-from services.registration.core.wires.model import SHARED, WireModel
+from services.registration.core.subpixel import linear_ramp, profile_offsets_px, subpixel_peaks
+from services.registration.core.tuning import WIRE_OUTLINE, WIRE_STARTS
+from services.registration.core.wires.image import GradientImage
+from services.registration.core.wires.model import WIRE_UNKNOWNS, WireModel
 
-_CAP_POINTS = 24
-_CLEAR_OF_MASK_PX = 1.25
-# Up to where a point does not count, and from where on it counts whole: its slope over the texture's, its darkness.
-_STRENGTH, _DARKNESS = (3.5, 4.5), (0.35, 0.45)
-_INSIDE, _OUTSIDE = 0.7, 0.6
+# Unknowns of an image: the error of the wire's apparent radius, then six of the guide's pose.
+IMAGE_UNKNOWNS = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stack:
+class CrossSections:
     """Discs along a wire in one image.
 
     Attributes
@@ -42,51 +40,71 @@ class Outline:
 
     Attributes
     ----------
-    disc
-        Index of the disc of the stack that each point lies on, shape (M,).
+    section
+        Index of the cross-section that each point lies on, shape (M,).
     outward
         Unit direction away from the wire, shape (M, 2).
     point_px
         Shape (M, 2).
     length_px
-        Length of outline that each point stands for, shape (M,).
+        Length of outline that each point represents, shape (M,).
     """
 
-    disc: NDArray[np.int64]
+    section: NDArray[np.int64]
     outward: NDArray[np.float64]
     point_px: NDArray[np.float64]
     length_px: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ProjectedWire:
+    """A wire's cross-sections and outline in one image.
+
+    Attributes
+    ----------
+    visible
+        Visibility of each outline point, from 0 to 1, shape (M,).
+    """
+
+    sections: CrossSections
+    outline: Outline
+    visible: NDArray[np.float64]
+
+    @property
+    def visible_px(self) -> NDArray[np.float64]:
+        """Visible length of outline that each point represents, shape (M,)."""
+        return self.outline.length_px * self.visible
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class EdgeMatches:
-    """Where the image has an edge near points of an outline.
+    """Edges of the image near points of an outline.
 
     Attributes
     ----------
     index
         Points of the outline that have one, shape (N,).
-    share
-        How much each counts, above 0 and up to 1: yes and no would make the likelihood of a wire jump, shape (N,).
-    shift_px
-        How far outwards it lies, shape (N,).
+    weight
+        Above 0 and up to 1; a hard decision would make the wire's likelihood discontinuous, shape (N,).
+    residual_px
+        Distance of the edge from the outline, outwards, shape (N,).
     darkness
-        How dark the wire is just inside, between the nail's metal (1) and what lies just outside (0), shape (N,).
+        Of the wire just inside, between the nail's metal (1) and what lies just outside (0), shape (N,).
     """
 
     index: NDArray[np.int64]
-    share: NDArray[np.float64]
-    shift_px: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    residual_px: NDArray[np.float64]
     darkness: NDArray[np.float64]
 
 
-def outline_of(stack: Stack) -> Outline:
-    """Envelope of a stack of discs: where neighbouring discs touch it, and both caps."""
-    step = np.gradient(stack.centre_px, axis=0)
-    length = np.maximum(np.linalg.norm(step, axis=1), 1e-9)
+def outline_of(sections: CrossSections) -> Outline:
+    """Envelope of a row of discs: where neighbouring discs touch it, and both caps."""
+    step = np.gradient(sections.centre_px, axis=0)
+    length = np.maximum(np.linalg.norm(step, axis=1), 1e-9)  # no division by zero for a wire seen end on
     along = step / length[:, None]
-    # The envelope's normal leans forward by as much as the discs shrink per pixel of way.
-    lean = -np.gradient(stack.radius_px) / length
+    # The envelope's normal leans forward by as much as the discs shrink per pixel along the wire.
+    lean = -np.gradient(sections.radius_px) / length
     has_sides = np.flatnonzero(np.abs(lean) < 1.0)[1:-1]
     upright = np.sqrt(np.maximum(1.0 - lean[has_sides] ** 2, 0.0))[:, None]
     t, n = along[has_sides], np.stack([-along[has_sides, 1], along[has_sides, 0]], axis=-1)
@@ -94,143 +112,118 @@ def outline_of(stack: Stack) -> Outline:
     sides = [forward + upright * n, forward - upright * n]
     (first, first_rad), (last, last_rad) = _cap(-along[0], -lean[0]), _cap(along[-1], lean[-1])
     end = len(length) - 1
-    disc = np.concatenate([has_sides, has_sides, np.repeat([0, end], _CAP_POINTS)])
+    section = np.concatenate([has_sides, has_sides, np.repeat([0, end], WIRE_OUTLINE.cap_points)])
     outward = np.concatenate([*sides, first, last])
-    points = stack.centre_px[disc] + stack.radius_px[disc][:, None] * outward
-    caps_px = np.repeat([stack.radius_px[0] * first_rad, stack.radius_px[end] * last_rad], _CAP_POINTS)
+    points = sections.centre_px[section] + sections.radius_px[section][:, None] * outward
+    cap_px = [sections.radius_px[0] * first_rad, sections.radius_px[end] * last_rad]
     # of the tangent to two neighbouring discs, between the points where it touches them
     side_px = length[has_sides] * upright[:, 0]
-    length_px = np.concatenate([side_px, side_px, caps_px])
-    return Outline(disc.astype(np.int64), outward, points, length_px)
+    length_px = np.concatenate([side_px, side_px, np.repeat(cap_px, WIRE_OUTLINE.cap_points)])
+    return Outline(section.astype(np.int64), outward, points, length_px)
 
 
 def _cap(towards_end: NDArray[np.float64], lean: float) -> tuple[NDArray[np.float64], float]:
-    """Directions, shape (C, 2), in which a disc at the end of a stack is the outline, and how far apart they are.
+    """Directions, shape (C, 2), in which a disc at an end of the wire is the outline, and the angle between them.
 
-    As many at all times, so that nothing jumps when the wire turns: seen end on, all around the one disc, and nowhere
-    around the other.
+    Their number is constant, so that nothing jumps when the wire turns: seen end on, they are all around one disc, and
+    nowhere around the other.
     """
+    count = WIRE_OUTLINE.cap_points
     half_rad = float(np.arccos(np.clip(lean, -1.0, 1.0)))
-    angle = half_rad * ((2.0 * np.arange(_CAP_POINTS) + 1.0) / _CAP_POINTS - 1.0)
+    angle = half_rad * ((2.0 * np.arange(count) + 1.0) / count - 1.0)
     beside = np.array([-towards_end[1], towards_end[0]])
-    return np.cos(angle)[:, None] * towards_end + np.sin(angle)[:, None] * beside, 2.0 * half_rad / _CAP_POINTS
+    return np.cos(angle)[:, None] * towards_end + np.sin(angle)[:, None] * beside, 2.0 * half_rad / count
 
 
-def match_edges(prepared: PreparedView, stack: Stack, outline: Outline, reach_px: float) -> EdgeMatches:
-    """Steepest brightening outwards within a reach of each point of an outline, where the view is free.
+def match_edges(image: GradientImage, wire: ProjectedWire, reach_px: float) -> EdgeMatches:
+    """Steepest brightening outwards within a reach of each outline point, where a wire would be visible.
 
-    It counts where it is well above the image's texture and the wire is dark inside it: steel is, bone is not.
+    Weights fall where the slope hardly exceeds that of the image's texture and where the wire is bright inside: steel
+    is dark, bone is not.
     """
-    shifts = profile_px(reach_px)
-    where = outline.point_px[:, None, :] + shifts[None, :, None] * outline.outward[:, None, :]
-    slope = prepared.outward_slope(where, np.broadcast_to(outline.outward[:, None, :], where.shape))
-    slope = np.where(prepared.free_share(where) > 0.0, slope, 0.0)
-    peaks = peaks_of(slope, shifts)
-    edge = outline.point_px + peaks.place[:, None] * outline.outward
-    share = ramp(peaks.height / prepared.noise, *_STRENGTH) * peaks.inside
+    outline = wire.outline
+    offsets = profile_offsets_px(reach_px)
+    where = outline.point_px[:, None, :] + offsets[None, :, None] * outline.outward[:, None, :]
+    slope = image.outward_slope(where, np.broadcast_to(outline.outward[:, None, :], where.shape))
+    slope = np.where(image.visible_at(where) > 0.0, slope, 0.0)
+    peaks = subpixel_peaks(slope, offsets)
+    edge = outline.point_px + peaks.position[:, None] * outline.outward
+    weight = linear_ramp(peaks.height / image.noise, *WIRE_OUTLINE.least_strength) * peaks.interior
+    clearance_px = image.length_px(WIRE_OUTLINE.mask_clearance_detector_mm)
     for sense in (-1.0, 1.0):
-        share *= prepared.free_share(edge + sense * _CLEAR_OF_MASK_PX * outline.outward)
-    radius = stack.radius_px[outline.disc][:, None]
-    inside = prepared.grey(edge - _INSIDE * radius * outline.outward)
-    outside = prepared.grey(edge + _OUTSIDE * radius * outline.outward)
-    darkness = (outside - inside) / np.maximum(outside - prepared.metal_grey, 1e-9)
-    share *= ramp(darkness, *_DARKNESS)
-    found = np.flatnonzero(share)
-    return EdgeMatches(found, share[found], peaks.place[found], darkness[found])
+        weight *= image.visible_at(edge + sense * clearance_px * outline.outward)
+    radius = wire.sections.radius_px[outline.section][:, None]
+    inside = image.grey_at(edge - WIRE_OUTLINE.inside_radii * radius * outline.outward)
+    outside = image.grey_at(edge + WIRE_OUTLINE.outside_radii * radius * outline.outward)
+    darkness = (outside - inside) / np.maximum(outside - image.metal_grey, 1e-9)
+    weight *= linear_ramp(darkness, *WIRE_OUTLINE.least_darkness)
+    found = np.flatnonzero(weight)
+    return EdgeMatches(found, weight[found], peaks.position[found], darkness[found])
 
 
-PER_VIEW = 7
-# Farther apart, the likelihood of one place would depend by some nats on which points of the outline happen to be read.
-_LEAST_DISCS, _MOST_DISCS, _DISC_EVERY_PX = 12, 500, 1.5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """A wire's outline in one view.
-
-    Attributes
-    ----------
-    free
-        How much of each point can be seen, and counts, from 0 to 1, shape (M,).
-    """
-
-    stack: Stack
-    outline: Outline
-    free: NDArray[np.float64]
-
-    @property
-    def free_px(self) -> NDArray[np.float64]:
-        """Length of outline that each point stands for and that can be seen, shape (M,)."""
-        return self.outline.length_px * self.free
-
-
-def stacks_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64], count: int) -> Stack:
-    """Discs along wires: centres of shape (B, count, 2), radii of shape (B, count).
+def cross_sections(image: GradientImage, model: WireModel, unknowns: NDArray[np.float64], count: int) -> CrossSections:
+    """Cross-sections of wires: centres of shape (B, count, 2), radii of shape (B, count).
 
     Parameters
     ----------
     unknowns
-        Shape (B, 13): of the wire (see `WireModel`), then the error of the apparent radius in this view (px), then that
-        of the guide's pose (rad, mm, in the guide's own frame).
+        Shape (B, 13): of the wire (see `WireModel`), then of the image: the error of the apparent radius (px), then
+        that of the guide's pose (rad, mm, in the guide's own frame).
     """
-    points = model.points_guide_mm(unknowns[:, :SHARED], count)
-    turn, shift = unknowns[:, None, SHARED + 1 : SHARED + 4], unknowns[:, None, SHARED + 4 :]
-    # The guide's pose is wrong by a hundredth of a degree: the turn's first order is exact to nanometres.
-    points_camera = view.camera_points_mm(points + np.cross(turn, points) + shift)
-    calibration = view.view.calibration
+    points = model.points_guide_mm(unknowns[:, :WIRE_UNKNOWNS], count)
+    turn, shift = unknowns[:, None, WIRE_UNKNOWNS + 1 : WIRE_UNKNOWNS + 4], unknowns[:, None, WIRE_UNKNOWNS + 4 :]
+    # The guide's pose is wrong by a hundredth of a degree: the rotation's first order is exact to nanometres.
+    points_camera = image.registered.camera_from_guide.points(points + np.cross(turn, points) + shift)
+    calibration = image.registered.calibration
     distance = np.linalg.norm(points_camera, axis=-1)
-    radius = model.radius_mm * calibration.camera.focal_length_px / distance + unknowns[:, SHARED, None]
-    return Stack(calibration.image_from_camera(points_camera), radius)
+    radius = model.radius_mm * calibration.camera.focal_length_px / distance + unknowns[:, WIRE_UNKNOWNS, None]
+    return CrossSections(calibration.image_from_camera(points_camera), radius)
 
 
-def shape_of(view: PreparedView, model: WireModel, unknowns: NDArray[np.float64]) -> Shape:
-    """Outline of one wire, by a disc every pixel and a half."""
-    rough = stacks_of(view, model, unknowns[None], 3).centre_px[0]
-    way_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
-    discs = int(np.clip(way_px / _DISC_EVERY_PX, _LEAST_DISCS, _MOST_DISCS))
-    stacks = stacks_of(view, model, unknowns[None], discs)
-    return shape_in(view, Stack(stacks.centre_px[0], stacks.radius_px[0]))
+def project_wire(image: GradientImage, model: WireModel, unknowns: NDArray[np.float64]) -> ProjectedWire:
+    """One wire in one image, unknowns of shape (13,), with evenly spaced cross-sections."""
+    rough = cross_sections(image, model, unknowns[None], 3).centre_px[0]
+    length_px = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).sum())
+    spacing_px = image.length_px(WIRE_OUTLINE.section_spacing_detector_mm)
+    count = int(np.clip(length_px / spacing_px, WIRE_OUTLINE.fewest_sections, WIRE_OUTLINE.most_sections))
+    sections = cross_sections(image, model, unknowns[None], count)
+    return outlined(image, CrossSections(sections.centre_px[0], sections.radius_px[0]))
 
 
-def shape_in(view: PreparedView, stack: Stack) -> Shape:
-    """Outline of one stack of discs."""
-    outline = outline_of(stack)
-    # The cap at the begin of the wire does not count: where it is, nobody knows.
-    free = view.free_share(outline.point_px) * (outline.disc > 0)
-    return Shape(stack, outline, free)
+def outlined(image: GradientImage, sections: CrossSections) -> ProjectedWire:
+    """Cross-sections with their outline and its visibility."""
+    outline = outline_of(sections)
+    # The cap at the start of the wire does not count: its place is unknown.
+    return ProjectedWire(sections, outline, image.visible_at(outline.point_px) * (outline.section > 0))
 
 
-_SEARCH_REACH_MM, _SEARCH_STEP_MM, _SEARCH_REACH_PX = 8.0, 0.8, 3.0
-_OTHER_TIPS_MM = (-10.0, 10.0)
-_SEARCH_DISCS = 40
-_CANDIDATES, _STARTS, _STARTS_APART_MM = 40, 5, 1.0
-_PENALTY_OF_MISSING = 0.5
+def starting_wires(images: tuple[GradientImage, ...], model: WireModel) -> list[NDArray[np.float64]]:
+    """Unknowns of the best wires on a grid, apart from one another, shape (6,) each.
 
-
-def search_starts(views: tuple[PreparedView, ...], model: WireModel) -> list[NDArray[np.float64]]:
-    """Best axes of a grid through the middle of the guide hole, apart from one another, for a few places of the tip."""
-    steps = np.arange(-_SEARCH_REACH_MM, _SEARCH_REACH_MM + 1e-9, _SEARCH_STEP_MM)
-    scored = _ranked(views, model, [(x, y, 0.0) for x in steps for y in steps])[:_CANDIDATES]
-    others = [(x, y, tip) for _, (x, y, _) in scored for tip in _OTHER_TIPS_MM]
+    The axes pass through the middle of the guide hole; they are ranked by the length of outline that lies on edges.
+    """
+    steps = np.arange(-WIRE_STARTS.reach_mm, WIRE_STARTS.reach_mm + 1e-9, WIRE_STARTS.step_mm)
+    scored = _ranked(images, model, [(x, y, 0.0) for x in steps for y in steps])[: WIRE_STARTS.candidates]
+    others = [(x, y, tip) for _, (x, y, _) in scored for tip in WIRE_STARTS.other_tips_mm]
     chosen: list[tuple[float, float, float]] = []
-    for _, place in sorted(scored + _ranked(views, model, others), reverse=True):
-        if all(np.hypot(place[0] - x, place[1] - y) > _STARTS_APART_MM for x, y, _ in chosen):
+    for _, place in sorted(scored + _ranked(images, model, others), reverse=True):
+        if all(np.hypot(place[0] - x, place[1] - y) > WIRE_STARTS.apart_mm for x, y, _ in chosen):
             chosen.append(place)
-    return [_unknowns_at(model, place) for place in chosen[:_STARTS]]
+    return [_unknowns_at(model, place) for place in chosen[: WIRE_STARTS.starts]]
 
 
 def _ranked(
-    views: tuple[PreparedView, ...], model: WireModel, places: list[tuple[float, float, float]]
+    images: tuple[GradientImage, ...], model: WireModel, places: list[tuple[float, float, float]]
 ) -> list[tuple[float, tuple[float, float, float]]]:
-    """Scores of places at the nail (two offsets, and how far the tip is past its usual place, in mm), best first."""
+    """Scores of places at the nail (two offsets, and the tip's distance past its mean, in mm), best first."""
     unknowns = np.array([_unknowns_at(model, place) for place in places])
     deviation = unknowns - model.mean
     scores = -0.5 * np.einsum("bi,ij,bj->b", deviation, model.precision, deviation)
-    in_view = np.concatenate([unknowns, np.zeros((len(places), PER_VIEW))], axis=1)
-    for view in views:
-        stacks = stacks_of(view, model, in_view, _SEARCH_DISCS)
-        pairs = zip(stacks.centre_px, stacks.radius_px, strict=True)
-        scores += [_evidence_px(view, Stack(centre_px, radius_px)) for centre_px, radius_px in pairs]
+    in_image = np.concatenate([unknowns, np.zeros((len(places), IMAGE_UNKNOWNS))], axis=1)
+    for image in images:
+        sections = cross_sections(image, model, in_image, WIRE_STARTS.sections)
+        pairs = zip(sections.centre_px, sections.radius_px, strict=True)
+        scores += [_evidence_px(image, CrossSections(centre_px, radius_px)) for centre_px, radius_px in pairs]
     return sorted(zip(scores.tolist(), places, strict=True), reverse=True)
 
 
@@ -238,8 +231,8 @@ def _unknowns_at(model: WireModel, place: tuple[float, float, float]) -> NDArray
     return np.asarray(model.mean + np.array([0.0, 0.0, place[0], place[1], 0.0, place[2]]))
 
 
-def _evidence_px(view: PreparedView, stack: Stack) -> float:
-    shape = shape_in(view, stack)
-    matches = match_edges(view, shape.stack, shape.outline, _SEARCH_REACH_PX)
-    seen_px = float(matches.share @ shape.free_px[matches.index])
-    return seen_px - _PENALTY_OF_MISSING * float(shape.free_px.sum())
+def _evidence_px(image: GradientImage, sections: CrossSections) -> float:
+    wire = outlined(image, sections)
+    matches = match_edges(image, wire, image.length_px(WIRE_STARTS.reach_detector_mm))
+    found_px = float(matches.weight @ wire.visible_px[matches.index])
+    return found_px - WIRE_STARTS.missing_penalty * float(wire.visible_px.sum())

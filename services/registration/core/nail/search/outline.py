@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.search.band import SearchImage
 from services.registration.core.nail.search.holes import HolePattern
-from services.registration.core.subpixel import vertex_step
+from services.registration.core.subpixel import subpixel_offset
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.lines import read_only
 
@@ -234,7 +234,7 @@ def _steepest_rows(grey: NDArray[np.float32], width_px: float, side: float) -> N
     window = slope[first : min(centre + reach + 1, slope.shape[0] - 1)]
     peak = first + window.argmax(axis=0)
     column = np.arange(grey.shape[1])
-    steps = vertex_step(slope[peak - 1, column], slope[peak, column], slope[peak + 1, column])
+    steps = subpixel_offset(slope[peak - 1, column], slope[peak, column], slope[peak + 1, column])
     return np.asarray(peak - middle + steps, dtype=np.float64)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.wires.image import WireView, burnt_out
+from services.registration.core.wires.image import RegisteredImage, saturated
 from tests.unit.services.registration.core.wires.wire_scene import (
     ASKEW,
     LATERAL,
@@ -19,7 +19,7 @@ from tests.unit.services.registration.core.wires.wire_scene import (
 OBLIQUE = oblique(38.0)
 
 
-def towards_the_guide(view: WireView, along_mm: float) -> NDArray[np.float64]:
+def towards_the_guide(view: RegisteredImage, along_mm: float) -> NDArray[np.float64]:
     """By how much each pixel is beyond a place on the drill's axis, on the surgeon's side, in mm along that axis."""
     here, outwards = (view.camera_from_guide @ np.array([0.0, 0.0, z]) for z in (along_mm, along_mm - 1.0))
     place, beyond = view.calibration.image_from_camera(np.stack([here, outwards]))
@@ -29,7 +29,7 @@ def towards_the_guide(view: WireView, along_mm: float) -> NDArray[np.float64]:
     return np.asarray(away @ per_mm_px / (per_mm_px @ per_mm_px))
 
 
-def burnt(view: WireView, along_mm: float) -> WireView:
+def burnt(view: RegisteredImage, along_mm: float) -> RegisteredImage:
     """The same brighter and brighter towards the guide, cut off at the image's white."""
     beyond = np.clip(towards_the_guide(view, along_mm), 0.0, None)
     white = float(np.percentile(view.pixels, 99.5))
@@ -46,7 +46,7 @@ def test_a_wire_that_fades_into_white_is_not_taken_to_end_there(along_mm: float)
 
 def test_what_is_white_and_what_borders_on_it_shows_no_wire() -> None:
     view = burnt(view_of(OBLIQUE, ASKEW, seed=53), 75.0)
-    hidden = burnt_out(view)
+    hidden = saturated(view)
     beyond = towards_the_guide(view, 75.0)
     white = view.pixels == view.pixels.max()
     assert np.mean(hidden[white & (beyond > 30.0)]) > 0.99
@@ -56,5 +56,5 @@ def test_what_is_white_and_what_borders_on_it_shows_no_wire() -> None:
     assert hidden[beyond > 40.0].all()
 
 
-def test_an_image_that_is_nowhere_burnt_out_hides_nothing() -> None:
-    assert not burnt_out(view_of(OBLIQUE, ASKEW, seed=54)).any()
+def test_an_image_that_is_nowhere_saturated_hides_nothing() -> None:
+    assert not saturated(view_of(OBLIQUE, ASKEW, seed=54)).any()

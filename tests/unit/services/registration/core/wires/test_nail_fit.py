@@ -13,13 +13,14 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.wires.guided_search import nail_beside_guide
+from services.registration.core.wires.guided_search import locate_nail_near_guide_axes
+from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.nail_fit import (
-    WiredImage,
-    beside_wires,
-    localise_behind_wires,
-    tilt_of_guide_deg,
-    why_no_holes,
+    ImageWithWires,
+    guide_tilt_deg,
+    localise_nail_with_wires,
+    no_holes_reasons,
+    relocalise_with_wires,
 )
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
@@ -30,6 +31,7 @@ from tests.unit.services.registration.core.wires.wire_scene import (
     GUIDE_FROM_NAIL,
     LATERAL,
     SIZE_PX,
+    WIRE_DIAMETER_MM,
     Wired,
     oblique,
 )
@@ -57,13 +59,17 @@ def lateral_pixels() -> NDArray[np.float32]:
     return render(scene, calibration(SIZE_PX), 71)
 
 
-def found(reasons: tuple[Reason, ...], guide: GuideFit | None) -> LocalisedImage:
+def registered(pixels: NDArray[np.float32]) -> RegisteredImage:
+    return RegisteredImage(pixels, calibration(SIZE_PX), LATERAL, GUIDE_COVARIANCE)
+
+
+def localised(reasons: tuple[Reason, ...], guide: GuideFit | None) -> LocalisedImage:
     result = LocalisationResult(reasons, guide, None, None, None, None)
     return LocalisedImage("lateral", calibration(SIZE_PX), result, reasons)
 
 
 def test_the_start_is_near_though_wires_cover_the_holes() -> None:
-    start = nail_beside_guide(lateral_pixels(), calibration(SIZE_PX), PARTS.guide, PARTS.nail, LATERAL)
+    start = locate_nail_near_guide_axes(registered(lateral_pixels()), PARTS.guide, PARTS.nail)
     assert isinstance(start, Accepted), start
     off = GUIDE_FROM_NAIL.motion_to(LATERAL.inverse() @ start.value)
     print(f"start off by {np.degrees(off[:3]).round(2)} degrees, {off[3:].round(2)} mm")
@@ -77,13 +83,11 @@ def test_wires_that_are_not_modelled_spoil_the_fit_and_modelled_ones_do_not() ->
     placed = PlacedGuide(PARTS.guide, LATERAL)
     blind = fit_nail(pixels, camera, PARTS.nail, LATERAL @ GUIDE_FROM_NAIL, Occluders(placed, PARTS.ring))
     assert isinstance(blind, Rejected)
-    result = localise_behind_wires(pixels, camera, PARTS, guide_at(LATERAL), None)
-    assert result is not None
-    assert result.nail is not None, result.reasons
-    assert result.nail.covariance is not None
-    assert result.guide_from_nail is not None
-    off = GUIDE_FROM_NAIL.motion_to(result.guide_from_nail)
-    normalised = off / np.sqrt(np.diag(result.nail.covariance))
+    found = localise_nail_with_wires(registered(pixels), PARTS, None, WIRE_DIAMETER_MM)
+    assert isinstance(found, Accepted), found
+    assert found.value.covariance is not None
+    off = GUIDE_FROM_NAIL.motion_to(LATERAL.inverse() @ found.value.camera_from_nail)
+    normalised = off / np.sqrt(np.diag(found.value.covariance))
     print(f"off by {np.degrees(off[:3]).round(3)} degrees, {off[3:].round(3)} mm, normalised {normalised.round(2)}")
     assert float(np.linalg.norm(off[3:5])) < 0.1
     assert float(np.degrees(np.linalg.norm(off[:2]))) < 0.6
@@ -92,35 +96,35 @@ def test_wires_that_are_not_modelled_spoil_the_fit_and_modelled_ones_do_not() ->
 
 def test_an_image_without_a_nail_is_refused() -> None:
     blank = np.full((SIZE_PX, SIZE_PX), 0.5, dtype=np.float32)
-    result = localise_behind_wires(blank, calibration(SIZE_PX), PARTS, guide_at(LATERAL), None)
-    assert result is not None
-    assert [reason.code for reason in result.reasons] == [ReasonCode.HOLE_NOT_VISIBLE]
-    assert "within 18 mm of where the guide's holes point" in result.reasons[0].message
+    found = localise_nail_with_wires(registered(blank), PARTS, None, WIRE_DIAMETER_MM)
+    assert isinstance(found, Rejected)
+    assert [reason.code for reason in found.reasons] == [ReasonCode.HOLE_NOT_VISIBLE]
+    assert "within 18 mm of where the guide's holes point" in found.reasons[0].message
 
 
 def test_an_image_from_aside_keeps_what_was_found() -> None:
     aside = guide_at(oblique(38.0))
-    assert tilt_of_guide_deg(aside, PARTS) > 30.0
-    image = WiredImage(lateral_pixels(), found((), aside))
-    assert beside_wires(image, PARTS) is image
+    assert guide_tilt_deg(aside, PARTS) > 30.0
+    image = ImageWithWires(lateral_pixels(), localised((), aside))
+    assert relocalise_with_wires(image, PARTS, WIRE_DIAMETER_MM) is image
 
 
 def test_only_images_along_the_holes_tell_why_those_are_not_seen() -> None:
     covered = Reason(ReasonCode.HOLE_NOT_VISIBLE, "a hole is covered; uncover it")
     other = Reason(ReasonCode.NAIL_NOT_FOUND, "no nail; show it")
     blank = np.zeros((8, 8), np.float32)
-    lateral = WiredImage(blank, found((covered,), guide_at(LATERAL)))
-    from_aside = WiredImage(blank, found((other,), guide_at(oblique(38.0))))
-    told = why_no_holes((lateral, from_aside), PARTS)
+    lateral = ImageWithWires(blank, localised((covered,), guide_at(LATERAL)))
+    from_aside = ImageWithWires(blank, localised((other,), guide_at(oblique(38.0))))
+    told = no_holes_reasons((lateral, from_aside), PARTS)
     assert [reason.message for reason in told] == [
         "a hole is covered; uncover it; or add an image from before the wires"
     ]
-    alone = why_no_holes((from_aside,), PARTS)
+    alone = no_holes_reasons((from_aside,), PARTS)
     assert [reason.code for reason in alone] == [ReasonCode.HOLE_NOT_VISIBLE]
     assert "tilted against the beam by 38° (limit 25°) or more; add an image along the wires" in alone[0].message
-    assert why_no_holes((WiredImage(blank, found((other,), None)),), PARTS) == (other,)
+    assert no_holes_reasons((ImageWithWires(blank, localised((other,), None)),), PARTS) == (other,)
 
 
 @pytest.mark.parametrize("tilt_deg", [38.0, 10.0, 0.0])
 def test_the_guides_tilt_is_against_the_ray_to_the_nail(tilt_deg: float) -> None:
-    assert tilt_of_guide_deg(guide_at(oblique(tilt_deg)), PARTS) == pytest.approx(tilt_deg, abs=0.1)
+    assert guide_tilt_deg(guide_at(oblique(tilt_deg)), PARTS) == pytest.approx(tilt_deg, abs=0.1)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.registration.core.wires.image import WireView
+from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.verify import verify_wires
 from shared.errors import ReasonCode
 from tests.unit.services.registration.core.wires.wire_scene import (
@@ -15,10 +15,11 @@ from tests.unit.services.registration.core.wires.wire_scene import (
     GUIDE_FROM_NAIL,
     LATERAL,
     SIZE_PX,
+    WIRE_DIAMETER_MM,
     Wired,
     assert_explains,
+    joint,
     oblique,
-    set_up,
     true_offsets_mm,
     verified,
     view_of,
@@ -85,7 +86,7 @@ def test_a_plastic_rod_is_no_wire() -> None:
         camera = calibration(SIZE_PX)
         rods = tuple(replace(rod, per_mm=0.09) for rod in ALONG_THE_GUIDE.rods(pose, 112.0))
         scene = Scene(SIZE_PX, nail_part(), pose @ GUIDE_FROM_NAIL, rods, texture=0.02, noise=0.003)
-        views.append(WireView(render(scene, camera, seed), camera, pose, GUIDE_COVARIANCE))
+        views.append(RegisteredImage(render(scene, camera, seed), camera, pose, GUIDE_COVARIANCE))
     result = verified(*views)
     assert [reason.code for reason in result.reasons] == [ReasonCode.WIRE_NOT_FOUND] * 2
 
@@ -110,6 +111,8 @@ def test_holes_that_do_not_belong_together_are_refused() -> None:
     nail = nail_part()
     others = replace(nail, holes=tuple(replace(hole, id=f"other {hole.id}") for hole in nail.holes))
     result = verify_wires(
-        set_up(view_of(LATERAL, Wired({}), seed=44)), replace(rendered_parts(), guide=guide_part(), nail=others)
+        joint(view_of(LATERAL, Wired({}), seed=44)),
+        replace(rendered_parts(), guide=guide_part(), nail=others),
+        WIRE_DIAMETER_MM,
     )
     assert [reason.code for reason in result.reasons] == [ReasonCode.NAIL_MODEL_MISMATCH]

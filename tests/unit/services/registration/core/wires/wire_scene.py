@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.wires.image import WireView
-from services.registration.core.wires.joint_estimate import SetUp
+from services.registration.core.wires.image import RegisteredImage
+from services.registration.core.wires.joint_estimate import JointRegistration
 from services.registration.core.wires.verify import AxisComparison, WireVerification, verify_wires
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line, across_axis_offset_mm
@@ -28,6 +28,7 @@ from tests.unit.services.registration.xray_scene import (
 )
 
 SIZE_PX = 640
+WIRE_DIAMETER_MM = 2.0
 GUIDE_COVARIANCE = np.diag([np.radians(0.03) ** 2] * 3 + [0.03**2, 0.03**2, 0.15**2])
 GUIDE_FROM_NAIL: Transform[Guide, Nail] = Transform.from_rotation_translation(
     Rotation.from_euler("xyz", [0.4, -0.3, 0.5], degrees=True).as_matrix(), np.array([0.2, -0.1, 115.0])
@@ -64,17 +65,19 @@ class Wired:
             Rod(
                 camera_from_guide @ (line.point_mm + low * line.direction),
                 camera_from_guide @ (line.point_mm + high * line.direction),
-                2.0,
+                WIRE_DIAMETER_MM,
             )
             for line, low, high in along
         )
 
 
-def view_of(camera_from_guide: Transform[Camera, Guide], wires: Wired, seed: int, tip_mm: float = 112.0) -> WireView:
+def view_of(
+    camera_from_guide: Transform[Camera, Guide], wires: Wired, seed: int, tip_mm: float = 112.0
+) -> RegisteredImage:
     camera, nail = calibration(SIZE_PX), nail_part()
     rods = wires.rods(camera_from_guide, tip_mm)
     scene = Scene(SIZE_PX, nail, camera_from_guide @ GUIDE_FROM_NAIL, rods)
-    return WireView(render(scene, camera, seed), camera, camera_from_guide, GUIDE_COVARIANCE)
+    return RegisteredImage(render(scene, camera, seed), camera, camera_from_guide, GUIDE_COVARIANCE)
 
 
 def estimates(nail: NailPart) -> tuple[HoleEstimate, ...]:
@@ -87,14 +90,16 @@ def estimates(nail: NailPart) -> tuple[HoleEstimate, ...]:
     return tuple(found)
 
 
-def set_up(*views: WireView) -> SetUp:
+def joint(*views: RegisteredImage) -> JointRegistration:
     """Guide poses as wrong as their covariances say, and a nail in its place, independent of them."""
     covariance = np.diag([1e-12] * 3 + [0.02**2] * 3)
-    return SetUp(views, GUIDE_FROM_NAIL, block_diag(*(view.guide_covariance for view in views), covariance))
+    return JointRegistration(views, GUIDE_FROM_NAIL, block_diag(*(view.guide_covariance for view in views), covariance))
 
 
-def verified(*views: WireView) -> WireVerification:
-    return verify_wires(set_up(*views), replace(rendered_parts(), guide=guide_part(), nail=nail_part()))
+def verified(*views: RegisteredImage) -> WireVerification:
+    return verify_wires(
+        joint(*views), replace(rendered_parts(), guide=guide_part(), nail=nail_part()), WIRE_DIAMETER_MM
+    )
 
 
 def true_offsets_mm(wires: Wired, hole_id: str) -> tuple[float, float]:
