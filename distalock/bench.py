@@ -90,6 +90,11 @@ BENCHMARKS: Final = {
         "fusion",
         "one, two and three images of one set-up: errors, what they share, and guides that moved unseen",
     ),
+    "model_errors": Benchmark(
+        "accuracy.model_errors",
+        "",
+        "standard deviations of the nail model's own errors, fitted on scenes that judge nothing",
+    ),
     "imaging_calibration": Benchmark(
         "imaging.calibration",
         "calibration",
