@@ -21,12 +21,12 @@ from services.imaging.devices.received_image import Acquisition
 from services.imaging.devices.video_source import grey_of
 from services.registration.core.guidance.c_arm_angles import CArmAngles
 from services.registration.core.guidance.tracking import (
+    FrameEstimate,
     Origin,
-    Sight,
     Track,
-    begin_track,
-    follow_frame,
-    localised_sight,
+    estimate_of_localisation,
+    start_track,
+    track_frame,
 )
 from services.registration.core.localise import Parts, localise
 from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message, ring_turn_rad
@@ -144,7 +144,7 @@ class Guide:
         outcome = calibrate_next(frame.pixels, self._parts.ring, geometry, self._before)
         began_s = time.perf_counter()
         if isinstance(outcome, Rejected):
-            sight = Sight(Origin.FOLLOWED, None, None, outcome.reasons, None)
+            sight = FrameEstimate(Origin.FOLLOWED, None, None, outcome.reasons, None)
         else:
             self._before = outcome.value
             sight = self._sight(frame.pixels, outcome.value)
@@ -161,13 +161,13 @@ class Guide:
         )
         return guidance_message(sight, facts, self._picture)
 
-    def _sight(self, pixels: NDArray[np.float32], calibration: CArmCalibration) -> Sight:
-        if self._track is not None and self._track.missed < _MOST_MISSED:
-            sight, self._track = follow_frame(pixels, calibration, self._parts, self._track)
+    def _sight(self, pixels: NDArray[np.float32], calibration: CArmCalibration) -> FrameEstimate:
+        if self._track is not None and self._track.frames_without_estimate < _MOST_MISSED:
+            sight, self._track = track_frame(pixels, calibration, self._parts, self._track)
             return sight
         found = localise(pixels, calibration, self._parts)
-        self._track = begin_track(pixels, calibration, self._parts, found) or self._track
-        return localised_sight(found, self._parts)
+        self._track = start_track(pixels, calibration, self._parts, found) or self._track
+        return estimate_of_localisation(found, self._parts)
 
 
 def _angles(acquisition: Acquisition) -> CArmAngles | None:

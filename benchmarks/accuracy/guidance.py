@@ -22,7 +22,13 @@ from benchmarks.scenes.fluoroscopy_films import Camera, Frame, Pose, path_of, wi
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.imaging.core.ring_tracking import calibrate_next
 from services.registration.core.c_arm_advice import Advice, hole_tilts
-from services.registration.core.guidance.tracking import Sight, Track, begin_track, follow_frame, localised_sight
+from services.registration.core.guidance.tracking import (
+    FrameEstimate,
+    Track,
+    estimate_of_localisation,
+    start_track,
+    track_frame,
+)
 from services.registration.core.localise import localise
 from shared.errors import Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -161,15 +167,15 @@ class _Follower:
         self._before = outcome.value
         return outcome.value
 
-    def _localised(self, frame: Frame, calibration: CArmCalibration) -> tuple[Sight, Track | None]:
+    def _localised(self, frame: Frame, calibration: CArmCalibration) -> tuple[FrameEstimate, Track | None]:
         began = time.process_time()
         found = localise(frame.pixels, calibration, self._parts)
         self._tally.full_s.append(time.process_time() - began)
-        return localised_sight(found, self._parts), begin_track(frame.pixels, calibration, self._parts, found)
+        return estimate_of_localisation(found, self._parts), start_track(frame.pixels, calibration, self._parts, found)
 
-    def _followed(self, frame: Frame, calibration: CArmCalibration) -> Sight:
+    def _followed(self, frame: Frame, calibration: CArmCalibration) -> FrameEstimate:
         assert self._track is not None
-        sight, self._track = follow_frame(frame.pixels, calibration, self._parts, self._track)
+        sight, self._track = track_frame(frame.pixels, calibration, self._parts, self._track)
         return sight
 
     def _off(self, told: Advice, frame: Frame, calibration: CArmCalibration) -> tuple[float, list[float]]:

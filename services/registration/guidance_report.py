@@ -6,7 +6,7 @@ import numpy as np
 
 from services.registration.core.c_arm_advice import Advice, HoleTilt
 from services.registration.core.guidance.c_arm_angles import AngledView, CArmAngles, angles_after, picture_turn_rad
-from services.registration.core.guidance.tracking import Margin, Sight
+from services.registration.core.guidance.tracking import FrameEstimate, Margin
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import (
@@ -97,7 +97,7 @@ def _apart(first_rad: float, second_rad: float) -> float:
     return abs((first_rad - second_rad + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def guidance_message(sight: Sight, facts: FrameFacts, picture: PictureTurn) -> Guidance:
+def guidance_message(sight: FrameEstimate, facts: FrameFacts, picture: PictureTurn) -> Guidance:
     """The message of one frame; its view is noted in `picture` when it has angles and a guide."""
     if facts.angles is not None and facts.ring_turn_rad is not None and sight.camera_from_guide is not None:
         picture.note(AngledView(facts.angles, sight.camera_from_guide), facts.ring_turn_rad)

@@ -15,12 +15,12 @@ from services.registration.core.acceptance.frame import NO_KEY_IMAGE
 from services.registration.core.guidance.c_arm_angles import CArmAngles
 from services.registration.core.guidance.run import Arrival, Run
 from services.registration.core.guidance.tracking import (
+    FrameEstimate,
     Origin,
-    Sight,
     Track,
-    begin_track,
-    follow_frame,
-    localised_sight,
+    estimate_of_localisation,
+    start_track,
+    track_frame,
 )
 from services.registration.core.localise import Parts
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest, same_place, set_up_of
@@ -106,7 +106,7 @@ class LiveGuidance:
         """The newest frame of a run, when it is due to be localised in full; handed out once."""
         with self._lock:
             message, now_s = self._waiting, self._clock_s()
-            lost = self._run.track is None or self._run.track.missed > 0
+            lost = self._run.track is None or self._run.track.frames_without_estimate > 0
             checked_s_ago = now_s - self._localised_at_s
             ended = now_s - self._newest_at_s > self._settings.live_interval_s
             if message is None or not (lost or ended or checked_s_ago > self._settings.live_check_every_s):
@@ -120,8 +120,8 @@ class LiveGuidance:
         if calibration is None or found is None:
             return
         case, record = localised.case, localised.record
-        track = begin_track(localised.frame.pixels, calibration, case.parts, found)
-        sight = localised_sight(found, case.parts)
+        track = start_track(localised.frame.pixels, calibration, case.parts, found)
+        sight = estimate_of_localisation(found, case.parts)
         with self._lock:
             run = self._run_of(case)
             if run is None:
@@ -198,7 +198,7 @@ class LiveGuidance:
 
     def _publish(
         self,
-        sight: Sight,
+        sight: FrameEstimate,
         image: ImageReference,
         frame: ReceivedFrame,
         case: OpenCase,
@@ -222,13 +222,13 @@ def _sight(
     calibration: CArmCalibration | None,
     parts: Parts,
     track: Track | None,
-) -> tuple[Sight, Track | None]:
+) -> tuple[FrameEstimate, Track | None]:
     if calibration is None:
         reasons = tuple(Reason(reason.code, reason.message) for reason in message.reasons)
-        return Sight(Origin.FOLLOWED, None, None, reasons, None), track
+        return FrameEstimate(Origin.FOLLOWED, None, None, reasons, None), track
     if track is None:
-        return Sight(Origin.FOLLOWED, None, None, (NO_KEY_IMAGE.reason(),), None), None
-    return follow_frame(frame.pixels, calibration, parts, track)
+        return FrameEstimate(Origin.FOLLOWED, None, None, (NO_KEY_IMAGE.reason(),), None), None
+    return track_frame(frame.pixels, calibration, parts, track)
 
 
 def _stands_still(key: PlatformPoseMessage | None, robot: RobotState | None) -> bool:

@@ -33,7 +33,7 @@ _SYSTEMATIC_PX = 0.06
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FollowedGuide:
+class TrackedGuide:
     """The guide in this frame.
 
     Attributes
@@ -49,9 +49,9 @@ class FollowedGuide:
     reprojection_rms_px: float
 
 
-def follow_guide(
+def track_guide(
     calibration: CArmCalibration, guide: GuidePart, before: Transform[Camera, Guide]
-) -> Accepted[FollowedGuide] | Rejected:
+) -> Accepted[TrackedGuide] | Rejected:
     """Find the guide near where it was in an earlier frame.
 
     Parameters
@@ -80,7 +80,7 @@ def follow_guide(
 
 def _judged(
     calibration: CArmCalibration, guide: GuidePart, pose: Transform[Camera, Guide], seen: Correspondences
-) -> Accepted[FollowedGuide] | Rejected:
+) -> Accepted[TrackedGuide] | Rejected:
     apart = seen.ideal_px - calibration.camera.project(pose.points(seen.body_mm))
     rms_px = float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
     if not FRAME_GUIDE_RMS.is_met(rms_px):
@@ -91,7 +91,7 @@ def _judged(
         return Rejected((FRAME_GUIDE_RMS.reason(observation),))
     weighed = down_weighted(calibration.camera, pose, seen)
     covariance = pose_covariance(calibration.camera, pose, weighed)
-    return Accepted(FollowedGuide(PoseEstimate.of(pose, covariance), len(seen), rms_px))
+    return Accepted(TrackedGuide(PoseEstimate.of(pose, covariance), len(seen), rms_px))
 
 
 def _possible_discs(

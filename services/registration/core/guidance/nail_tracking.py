@@ -55,7 +55,7 @@ _TILTS = [Parameter.PITCH_RAD, Parameter.ROLL_RAD]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class NailAppearance:
     """How the C-arm shows the nail, as the key image said.
 
     Attributes
@@ -79,7 +79,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FollowedNail:
+class TrackedNail:
     """The nail in this frame, and what speaks for and against it.
 
     Attributes
@@ -109,7 +109,7 @@ class FollowedNail:
     noise: NoiseModel
 
 
-def learn_look(given: FitInput, camera_from_nail: Transform[Camera, Nail]) -> Look | None:
+def estimate_appearance(given: FitInput, camera_from_nail: Transform[Camera, Nail]) -> NailAppearance | None:
     """Fit everything once in an image whose nail is known; `None` when its holes are not in the image."""
     scene = model_at(given, camera_from_nail, _detail(given, camera_from_nail))
     if scene is None:
@@ -122,18 +122,20 @@ def learn_look(given: FitInput, camera_from_nail: Transform[Camera, Nail]) -> Lo
     normal = solution.normal_matrix
     alone = np.linalg.inv(normal[np.ix_(_FOLLOWED, _FOLLOWED)])[:POSE_SIZE, :POSE_SIZE]
     shared = np.linalg.inv(normal)[:POSE_SIZE, :POSE_SIZE] - alone
-    return Look(solution.parameters, shared, float(np.median(problem.weight)))
+    return NailAppearance(solution.parameters, shared, float(np.median(problem.weight)))
 
 
-def follow_nail(given: FitInput, look: Look, predicted: Transform[Camera, Nail]) -> Accepted[FollowedNail] | Rejected:
+def track_nail(
+    given: FitInput, appearance: NailAppearance, predicted: Transform[Camera, Nail]
+) -> Accepted[TrackedNail] | Rejected:
     """Refine a predicted pose on the pixels of this frame; judging what came out is the caller's business."""
     detail = _detail(given, predicted)
     scene = model_at(given, predicted, detail)
     if scene is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
-    start = _with_pose(look.parameters, scene, predicted)
+    start = _with_pose(appearance.parameters, scene, predicted)
     problem = problem_for(scene, detail, _FOLLOWED)
-    problem = replace(problem, weight=np.full(len(problem.grey), look.weight))
+    problem = replace(problem, weight=np.full(len(problem.grey), appearance.weight))
     solution = minimise(problem, start, _FIRST_STEPS, _LOOSE)
     problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
     solution = with_derivatives(problem, minimise_from(problem, solution.linear, _LAST_STEPS, _TIGHT))
@@ -142,9 +144,9 @@ def follow_nail(given: FitInput, look: Look, predicted: Transform[Camera, Nail])
     beyond = np.abs(solution.linear.residual) > _UNEXPLAINED_DEVIATIONS * np.sqrt(noise.variance)
     pose = scene.pose(solution.parameters)
     return Accepted(
-        FollowedNail(
+        TrackedNail(
             pose,
-            _covariance(given, problem, solution, noise, look),
+            _covariance(given, problem, solution, noise, appearance),
             float(np.exp(solution.parameters[Parameter.LOG_BLUR_PX])),
             hole_views(problem, solution),
             residual.structure,
@@ -156,7 +158,7 @@ def follow_nail(given: FitInput, look: Look, predicted: Transform[Camera, Nail])
     )
 
 
-def mirror_margin(found: FollowedNail) -> float | None:
+def mirror_margin(found: TrackedNail) -> float | None:
     """Logarithm of the likelihood ratio to the reflected tilt's optimum; `None` where there is no other optimum.
 
     Near zero tilt an image has no second optimum: the reflection ends where it began.
@@ -190,11 +192,11 @@ def _with_pose(
 
 
 def _covariance(
-    given: FitInput, problem: Problem, solution: Solution, noise: NoiseModel, look: Look
+    given: FitInput, problem: Problem, solution: Solution, noise: NoiseModel, appearance: NailAppearance
 ) -> NDArray[np.float64]:
     """Of pose and blur in this frame, of what the key left open, and of the model's own errors."""
     scene = problem.model
     jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
-    shared = jacobian @ look.shared_covariance @ jacobian.T
+    shared = jacobian @ appearance.shared_covariance @ jacobian.T
     own = model_covariance(given.nail, scene.pose(solution.parameters))
     return np.asarray(pose_covariance(problem, solution, noise) + shared + own)

@@ -7,7 +7,7 @@ frames' time. So each finds, when it is done, that the other has gone on meanwhi
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 
-from services.registration.core.guidance.tracking import Sight, Track, disagree
+from services.registration.core.guidance.tracking import FrameEstimate, Track, disagree
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
 
@@ -69,7 +69,7 @@ class Run:
     """
 
     track: Track | None = None
-    _said: "OrderedDict[str, Sight]" = field(default_factory=OrderedDict)
+    _said: "OrderedDict[str, FrameEstimate]" = field(default_factory=OrderedDict)
     _told_of: int = 0
     _contradictions: int = 0
     _guide_seen_in: int = 0
@@ -79,7 +79,7 @@ class Run:
         """What the next frame is followed from."""
         return Start(self.track, self._contradictions)
 
-    def followed(self, frame: Arrival, start: Start, sight: Sight, after: Track | None) -> bool:
+    def followed(self, frame: Arrival, start: Start, sight: FrameEstimate, after: Track | None) -> bool:
         """Take what a frame said, and the track after it; whether it may be told.
 
         Not when a later frame was told of, nor when what the frame was followed from was contradicted meanwhile.
@@ -96,7 +96,7 @@ class Run:
             self._said.popitem(last=False)
         return self._is_news(frame)
 
-    def localised(self, frame: Arrival, sight: Sight, track: Track | None) -> Finding:
+    def localised(self, frame: Arrival, sight: FrameEstimate, track: Track | None) -> Finding:
         """Take what a full localisation said of a frame, and the track that begins there.
 
         The guide stays where a later frame showed it: the C-arm has been turned while the frame was localised. A frame

@@ -1,9 +1,8 @@
-"""Alignment guidance from frame to frame: a key image in full, the frames after it followed, and honest about both.
+"""Alignment guidance from frame to frame: a reference image localised in full, and the frames after it tracked.
 
-A key is an image that was localised in full. In every later frame the guide is measured from where it was, and the nail
-from where guide and key put it; what is told is the mean of that place and the measured one, weighed by their errors.
-A frame answers only when all of this holds in this very frame; otherwise it says what is wrong, and nothing of an
-earlier frame is repeated.
+In every later frame the guide is measured from where it was, and the nail from where guide and reference predict it.
+The estimate is the mean of prediction and measurement, weighted by their covariances. A frame whose own pixels do not
+meet every criterion is rejected with its reasons; no earlier frame stands in for it.
 """
 
 from dataclasses import dataclass, replace
@@ -15,13 +14,13 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.frame import FrameEvidence, frame_reasons, margin_reasons
 from services.registration.core.c_arm_advice import Advice, advice
 from services.registration.core.estimation.pose_estimate import PoseEstimate, weighted_mean
-from services.registration.core.guidance.guide_tracking import FollowedGuide, follow_guide
+from services.registration.core.guidance.guide_tracking import TrackedGuide, track_guide
 from services.registration.core.guidance.nail_tracking import (
-    FollowedNail,
-    Look,
-    follow_nail,
-    learn_look,
+    NailAppearance,
+    TrackedNail,
+    estimate_appearance,
     mirror_margin,
+    track_nail,
 )
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
@@ -69,7 +68,7 @@ class Key:
     """
 
     guide_from_nail: PoseEstimate[Guide, Nail]
-    look: Look
+    appearance: NailAppearance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,18 +81,18 @@ class Track:
         In the last frame in which it was found.
     margin
         Measured in the key, or in the frame that was checked last.
-    missed
+    frames_without_estimate
         Frames in a row without an answer.
     """
 
     key: Key
     camera_from_guide: Transform[Camera, Guide]
     margin: Margin
-    missed: int
+    frames_without_estimate: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class FrameEstimate:
     """What one frame says: advice, or the reasons why there is none.
 
     Attributes
@@ -109,7 +108,7 @@ class Sight:
     camera_from_guide: Transform[Camera, Guide] | None
 
 
-def begin_track(
+def start_track(
     pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, found: LocalisationResult
 ) -> Track | None:
     """Make an image that was localised in full a key; `None` when it cannot be one.
@@ -126,27 +125,27 @@ def begin_track(
     if guide is None or nail is None or found.guide_from_nail is None or nail.covariance is None or not usable:
         return None
     given = _given(pixels, calibration, parts, guide.camera_from_guide)
-    look = learn_look(given, nail.camera_from_nail)
-    if look is None:
+    appearance = estimate_appearance(given, nail.camera_from_nail)
+    if appearance is None:
         return None
-    key = Key(PoseEstimate.of(found.guide_from_nail, _HELD_TO**2 * nail.covariance), look)
+    key = Key(PoseEstimate.of(found.guide_from_nail, _HELD_TO**2 * nail.covariance), appearance)
     return Track(key, guide.camera_from_guide, Margin(nail.mirror_margin, 0), 0)
 
 
-def localised_sight(found: LocalisationResult, parts: Parts) -> Sight:
+def estimate_of_localisation(found: LocalisationResult, parts: Parts) -> FrameEstimate:
     """What a full localisation says, in the same words."""
     nail = found.nail
     guide = None if found.guide is None else found.guide.camera_from_guide
     blocking = tuple(reason for reason in found.reasons if reason.code not in _GOOD_ENOUGH_TO_START)
     if nail is None or nail.covariance is None or blocking:
-        return Sight(Origin.LOCALISED, None, None, found.reasons, guide)
+        return FrameEstimate(Origin.LOCALISED, None, None, found.reasons, guide)
     told = advice(nail.camera_from_nail, nail.covariance, parts.nail)
-    return Sight(Origin.LOCALISED, told, Margin(nail.mirror_margin, 0), (), guide)
+    return FrameEstimate(Origin.LOCALISED, told, Margin(nail.mirror_margin, 0), (), guide)
 
 
-def follow_frame(
+def track_frame(
     pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, track: Track
-) -> tuple[Sight, Track | None]:
+) -> tuple[FrameEstimate, Track | None]:
     """Measure one frame with the help of the track; the track goes on, or ends (`None`) when it cannot be trusted.
 
     Parameters
@@ -156,8 +155,8 @@ def follow_frame(
     calibration
         Of the same image.
     """
-    guide = follow_guide(calibration, parts.guide, track.camera_from_guide)
-    if isinstance(guide, Rejected) and track.missed:
+    guide = track_guide(calibration, parts.guide, track.camera_from_guide)
+    if isinstance(guide, Rejected) and track.frames_without_estimate:
         guide = _found_anew(pixels, calibration, parts)
     if isinstance(guide, Rejected):
         return _refused(guide.reasons, None), _missed(track)
@@ -165,18 +164,18 @@ def follow_frame(
     track = replace(track, camera_from_guide=at)
     given = _given(pixels, calibration, parts, at)
     predicted = guide.value.pose @ track.key.guide_from_nail
-    nail = follow_nail(given, track.key.look, predicted.mean)
+    nail = track_nail(given, track.key.appearance, predicted.mean)
     if isinstance(nail, Rejected):
         return _refused(nail.reasons, at), _missed(track)
     observed = PoseEstimate.of(nail.value.camera_from_nail, nail.value.covariance)
-    reasons = frame_reasons(_evidence(nail.value, track.key.look, observed, predicted))
+    reasons = frame_reasons(_evidence(nail.value, track.key.appearance, observed, predicted))
     if reasons:
         return _refused(reasons, at), _missed(track)
     joint = weighted_mean(predicted, observed, _SHARED)
     return _answered(nail.value, advice(joint.mean, joint.covariance, parts.nail), track)
 
 
-def disagree(followed: Sight, localised: Sight) -> bool:
+def disagree(followed: FrameEstimate, localised: FrameEstimate) -> bool:
     """Whether what a frame said when it was followed differs from its full localisation by more than both allow."""
     first, second = followed.advice, localised.advice
     if first is None or second is None:
@@ -191,34 +190,38 @@ def disagree(followed: Sight, localised: Sight) -> bool:
 
 def _found_anew(
     pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts
-) -> Accepted[FollowedGuide] | Rejected:
+) -> Accepted[TrackedGuide] | Rejected:
     """The guide from nothing, wherever the view has jumped: takes several times as long as following it."""
     found = locate_guide(unmirrored(pixels, calibration), calibration, parts.ring, parts.guide)
     if isinstance(found, Rejected):
         return found
     fit = found.value
-    return Accepted(FollowedGuide(fit.pose, fit.balls_found, fit.reprojection_rms_px))
+    return Accepted(TrackedGuide(fit.pose, fit.balls_found, fit.reprojection_rms_px))
 
 
-def _answered(nail: FollowedNail, told: Advice, track: Track) -> tuple[Sight, Track | None]:
-    """The advice, after a look at the mirrored tilt when it is due."""
+def _answered(nail: TrackedNail, told: Advice, track: Track) -> tuple[FrameEstimate, Track | None]:
+    """The advice, after a check of the reflected tilt when it is due."""
     margin = replace(track.margin, frames_ago=track.margin.frames_ago + 1)
-    if margin.frames_ago >= CHECK_EVERY or track.missed:
+    if margin.frames_ago >= CHECK_EVERY or track.frames_without_estimate:
         margin = Margin(mirror_margin(nail), 0)
         reasons = margin_reasons(margin.log_likelihood_ratio)
         if reasons:
             return _refused(reasons, track.camera_from_guide), None
-    sight = Sight(Origin.FOLLOWED, told, margin, (), track.camera_from_guide)
-    return sight, replace(track, margin=margin, missed=0)
+    sight = FrameEstimate(Origin.FOLLOWED, told, margin, (), track.camera_from_guide)
+    return sight, replace(track, margin=margin, frames_without_estimate=0)
 
 
-def _refused(reasons: tuple[Reason, ...], camera_from_guide: Transform[Camera, Guide] | None) -> Sight:
-    return Sight(Origin.FOLLOWED, None, None, reasons, camera_from_guide)
+def _refused(reasons: tuple[Reason, ...], camera_from_guide: Transform[Camera, Guide] | None) -> FrameEstimate:
+    return FrameEstimate(Origin.FOLLOWED, None, None, reasons, camera_from_guide)
 
 
 def _missed(track: Track) -> Track | None:
     """A hand or an instrument may go by: for a while the next frame tries again from the same key."""
-    return replace(track, missed=track.missed + 1) if track.missed + 1 < MOST_MISSED else None
+    return (
+        replace(track, frames_without_estimate=track.frames_without_estimate + 1)
+        if track.frames_without_estimate + 1 < MOST_MISSED
+        else None
+    )
 
 
 def _given(
@@ -229,7 +232,10 @@ def _given(
 
 
 def _evidence(
-    nail: FollowedNail, look: Look, observed: PoseEstimate[Camera, Nail], predicted: PoseEstimate[Camera, Nail]
+    nail: TrackedNail,
+    appearance: NailAppearance,
+    observed: PoseEstimate[Camera, Nail],
+    predicted: PoseEstimate[Camera, Nail],
 ) -> FrameEvidence:
     """The observed nail, and how far it lies from where guide and key predict it."""
     apart = predicted.mean.inverse() @ observed.mean
@@ -242,6 +248,6 @@ def _evidence(
         turn_sd_deg=tuple(np.degrees(np.sqrt(np.diag(rotation))).tolist()),
         across_mm=float(np.linalg.norm(apart.translation_mm[:2])),
         blur_px=nail.blur_px,
-        key_blur_px=look.blur_px,
+        key_blur_px=appearance.blur_px,
         tilt_sd_deg=float(np.degrees(np.sqrt(np.diag(nail.covariance)[:2].max()))),
     )

@@ -5,9 +5,9 @@ import pytest
 
 from services.registration.core.c_arm_advice import advice
 from services.registration.core.estimation.pose_estimate import PoseEstimate
-from services.registration.core.guidance.nail_tracking import Look
+from services.registration.core.guidance.nail_tracking import NailAppearance
 from services.registration.core.guidance.run import Arrival, Run
-from services.registration.core.guidance.tracking import Key, Margin, Origin, Sight, Track
+from services.registration.core.guidance.tracking import FrameEstimate, Key, Margin, Origin, Track
 from shared.errors import Reason, ReasonCode
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
@@ -26,22 +26,22 @@ def guide_at(x_mm: float) -> Transform[Camera, Guide]:
 
 def track(x_mm: float = 0.0) -> Track:
     nail: Transform[Guide, Nail] = Transform.identity()
-    key = Key(PoseEstimate.of(nail, np.eye(6)), Look(np.zeros(4), np.eye(6), 1.0))
+    key = Key(PoseEstimate.of(nail, np.eye(6)), NailAppearance(np.zeros(4), np.eye(6), 1.0))
     return Track(key, guide_at(x_mm), Margin(None, 0), 0)
 
 
-def sight(origin: Origin, tilts_deg: tuple[float, float] | None, x_mm: float = 0.0) -> Sight:
+def sight(origin: Origin, tilts_deg: tuple[float, float] | None, x_mm: float = 0.0) -> FrameEstimate:
     if tilts_deg is None:
-        return Sight(origin, None, None, (LOST,), guide_at(x_mm))
+        return FrameEstimate(origin, None, None, (LOST,), guide_at(x_mm))
     told = advice(turned_nail(tilts_deg), np.eye(6) * np.radians(0.1) ** 2, PARTS.nail)
-    return Sight(origin, told, Margin(None, 0), (), guide_at(x_mm))
+    return FrameEstimate(origin, told, Margin(None, 0), (), guide_at(x_mm))
 
 
-def followed(tilts_deg: tuple[float, float] | None, x_mm: float = 0.0) -> Sight:
+def followed(tilts_deg: tuple[float, float] | None, x_mm: float = 0.0) -> FrameEstimate:
     return sight(Origin.FOLLOWED, tilts_deg, x_mm)
 
 
-def localised(tilts_deg: tuple[float, float] | None) -> Sight:
+def localised(tilts_deg: tuple[float, float] | None) -> FrameEstimate:
     return sight(Origin.LOCALISED, tilts_deg)
 
 

@@ -9,19 +9,19 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.c_arm_advice import hole_tilts
-from services.registration.core.guidance.guide_tracking import follow_guide
-from services.registration.core.guidance.nail_tracking import follow_nail, mirror_margin
+from services.registration.core.guidance.guide_tracking import track_guide
+from services.registration.core.guidance.nail_tracking import mirror_margin, track_nail
 from services.registration.core.guidance.tracking import (
     CHECK_EVERY,
     MOST_MISSED,
+    FrameEstimate,
     Margin,
     Origin,
-    Sight,
     Track,
-    begin_track,
     disagree,
-    follow_frame,
-    localised_sight,
+    estimate_of_localisation,
+    start_track,
+    track_frame,
 )
 from services.registration.core.localise import localise
 from services.registration.core.nail.forward_model import FitInput
@@ -75,16 +75,16 @@ def empty() -> Picture:
 
 
 @cache
-def begun() -> tuple[Picture, Sight, Track]:
+def begun() -> tuple[Picture, FrameEstimate, Track]:
     """A first image, what its localisation says, and the track that begins with it."""
     first = picture(Shown(), 1)
     found = localise(first.pixels, first.calibration, PARTS)
-    track = begin_track(first.pixels, first.calibration, PARTS, found)
+    track = start_track(first.pixels, first.calibration, PARTS, found)
     assert track is not None
-    return first, localised_sight(found, PARTS), track
+    return first, estimate_of_localisation(found, PARTS), track
 
 
-def deviations(sight: Sight, shown: Shown) -> NDArray[np.float64]:
+def deviations(sight: FrameEstimate, shown: Shown) -> NDArray[np.float64]:
     """Errors of all tilts over their standard deviations, shape (H, 2)."""
     assert sight.advice is not None, sight.reasons
     assert shown.nail is not None
@@ -96,13 +96,13 @@ def deviations(sight: Sight, shown: Shown) -> NDArray[np.float64]:
 
 def test_a_turned_and_shifted_view_is_followed() -> None:
     now = picture(turned(1.2, -0.8, (2.0, -3.0)), 2)
-    sight, track = follow_frame(now.pixels, now.calibration, PARTS, begun()[2])
+    sight, track = track_frame(now.pixels, now.calibration, PARTS, begun()[2])
     assert sight.origin is Origin.FOLLOWED
     assert np.abs(deviations(sight, now.shown)).max() < 4.0
     assert sight.advice is not None
     assert max(sight.advice.about_x_sd_deg, sight.advice.about_y_sd_deg) < 0.6
     assert track is not None
-    assert track.missed == 0
+    assert track.frames_without_estimate == 0
 
 
 def test_a_view_follows_from_the_one_before_it_and_not_only_from_the_key() -> None:
@@ -110,44 +110,44 @@ def test_a_view_follows_from_the_one_before_it_and_not_only_from_the_key() -> No
     for step in (1, 2):
         now = picture(turned(1.5 * step, 0.0, (4.0 * step, 0.0)), 10 + step)
         assert track is not None
-        sight, track = follow_frame(now.pixels, now.calibration, PARTS, track)
+        sight, track = track_frame(now.pixels, now.calibration, PARTS, track)
         assert np.abs(deviations(sight, now.shown)).max() < 4.0
 
 
 def test_a_mirrored_display_is_followed_as_well() -> None:
     now = picture(replace(turned(0.5, 0.5, (1.0, 0.0)), mirrored=True), 3)
-    sight, _ = follow_frame(now.pixels, now.calibration, PARTS, begun()[2])
+    sight, _ = track_frame(now.pixels, now.calibration, PARTS, begun()[2])
     assert np.abs(deviations(sight, now.shown)).max() < 4.0
 
 
 def test_a_frame_without_the_nail_says_so_and_the_next_one_goes_on() -> None:
     first, _, track = begun()
-    sight, after = follow_frame(empty().pixels, empty().calibration, PARTS, track)
+    sight, after = track_frame(empty().pixels, empty().calibration, PARTS, track)
     assert sight.advice is None
     assert sight.reasons[0].code in {ReasonCode.HOLE_NOT_VISIBLE, ReasonCode.NAIL_MODEL_MISMATCH}
     assert after is not None
-    assert after.missed == 1
-    again, after = follow_frame(first.pixels, first.calibration, PARTS, after)
+    assert after.frames_without_estimate == 1
+    again, after = track_frame(first.pixels, first.calibration, PARTS, after)
     assert again.advice is not None
     assert after is not None
-    assert after.missed == 0
+    assert after.frames_without_estimate == 0
 
 
 def test_a_track_ends_when_too_many_frames_in_a_row_were_silent() -> None:
-    nearly = replace(begun()[2], missed=MOST_MISSED - 1)
-    _, after = follow_frame(empty().pixels, empty().calibration, PARTS, nearly)
+    nearly = replace(begun()[2], frames_without_estimate=MOST_MISSED - 1)
+    _, after = track_frame(empty().pixels, empty().calibration, PARTS, nearly)
     assert after is None
 
 
 def test_a_jump_is_said_first_and_found_by_the_frame_after_it() -> None:
     now = picture(turned(1.0, 0.0, (-32.0, 0.0)), 12)
-    said, lost = follow_frame(now.pixels, now.calibration, PARTS, begun()[2])
+    said, lost = track_frame(now.pixels, now.calibration, PARTS, begun()[2])
     assert [reason.code for reason in said.reasons] == [ReasonCode.GUIDE_NOT_FOUND]
     assert lost is not None
-    sight, found = follow_frame(now.pixels, now.calibration, PARTS, lost)
+    sight, found = track_frame(now.pixels, now.calibration, PARTS, lost)
     assert np.abs(deviations(sight, now.shown)).max() < 4.0
     assert found is not None
-    assert found.missed == 0
+    assert found.frames_without_estimate == 0
 
 
 def test_a_covered_hole_is_not_answered() -> None:
@@ -156,7 +156,7 @@ def test_a_covered_hole_is_not_answered() -> None:
     x, y = (round(float(v)) for v in now.calibration.image_from_camera(middle))
     covered = now.pixels.copy()
     cv2.line(covered, (x, y), (x + 300, y + 200), float(np.percentile(covered, 1.0)), 40)
-    sight, _ = follow_frame(covered, now.calibration, PARTS, begun()[2])
+    sight, _ = track_frame(covered, now.calibration, PARTS, begun()[2])
     assert sight.advice is None
     assert "move what covers it" in sight.reasons[0].message or "take away" in sight.reasons[0].message
 
@@ -164,13 +164,13 @@ def test_a_covered_hole_is_not_answered() -> None:
 def test_a_blurred_nail_is_not_answered() -> None:
     now = still()
     smeared = cv2.blur(now.pixels, (21, 1))
-    sight, _ = follow_frame(np.asarray(smeared, dtype=np.float32), now.calibration, PARTS, begun()[2])
+    sight, _ = track_frame(np.asarray(smeared, dtype=np.float32), now.calibration, PARTS, begun()[2])
     assert sight.advice is None
 
 
 def test_a_guide_that_left_is_not_found_where_it_was() -> None:
     away = picture(Shown(guide=None), 7)
-    found = follow_guide(away.calibration, PARTS.guide, CAMERA_FROM_GUIDE)
+    found = track_guide(away.calibration, PARTS.guide, CAMERA_FROM_GUIDE)
     assert isinstance(found, Rejected)
     assert found.reasons[0].code is ReasonCode.GUIDE_NOT_FOUND
     assert "at least 12" in found.reasons[0].message
@@ -178,7 +178,7 @@ def test_a_guide_that_left_is_not_found_where_it_was() -> None:
 
 def test_the_guide_is_found_where_it_is_now() -> None:
     now = picture(turned(2.0, 1.0, (6.0, -5.0)), 8)
-    found = follow_guide(now.calibration, PARTS.guide, CAMERA_FROM_GUIDE)
+    found = track_guide(now.calibration, PARTS.guide, CAMERA_FROM_GUIDE)
     assert isinstance(found, Accepted)
     assert now.shown.guide is not None
     apart = now.shown.guide.inverse() @ found.value.pose.mean
@@ -189,17 +189,17 @@ def test_the_guide_is_found_where_it_is_now() -> None:
 def test_a_guide_that_was_moved_against_the_nail_is_noticed() -> None:
     moved: Transform[Camera, Camera] = Transform.from_rotvec(np.zeros(3), [0.0, 4.0, 0.0])
     now = picture(Shown(guide=moved @ CAMERA_FROM_GUIDE), 9)
-    sight, _ = follow_frame(now.pixels, now.calibration, PARTS, begun()[2])
+    sight, _ = track_frame(now.pixels, now.calibration, PARTS, begun()[2])
     assert sight.advice is None
 
 
 def test_the_mirrored_tilt_is_looked_at_when_it_is_due_and_its_age_is_told() -> None:
     now = still()
     before = replace(begun()[2], margin=Margin(5000.0, CHECK_EVERY - 2))
-    sight, after = follow_frame(now.pixels, now.calibration, PARTS, before)
+    sight, after = track_frame(now.pixels, now.calibration, PARTS, before)
     assert sight.margin == Margin(5000.0, CHECK_EVERY - 1)
     assert after is not None
-    sight, _ = follow_frame(now.pixels, now.calibration, PARTS, after)
+    sight, _ = track_frame(now.pixels, now.calibration, PARTS, after)
     assert sight.margin is not None
     assert sight.margin.frames_ago == 0
     assert sight.margin.log_likelihood_ratio != 5000.0
@@ -211,7 +211,7 @@ def test_the_mirrored_tilt_is_compared_whatever_the_fit_weighed_less() -> None:
     seen = still()
     balls = Occluders(PlacedGuide(PARTS.guide, CAMERA_FROM_GUIDE), PARTS.ring)
     given = FitInput(seen.pixels, seen.calibration, PARTS.nail, balls)
-    followed = follow_nail(given, track.key.look, CAMERA_FROM_NAIL)
+    followed = track_nail(given, track.key.appearance, CAMERA_FROM_NAIL)
     assert isinstance(followed, Accepted), followed
     found = followed.value
     dismissive = replace(found.problem, weight=1e-3 * found.problem.weight)
@@ -232,5 +232,5 @@ def test_disagreement_is_more_than_both_allow() -> None:
 
 def test_a_refused_localisation_begins_no_track_unless_it_is_only_tilted_or_unsure() -> None:
     found = localise(empty().pixels, empty().calibration, PARTS)
-    assert begin_track(empty().pixels, empty().calibration, PARTS, found) is None
-    assert localised_sight(found, PARTS).advice is None
+    assert start_track(empty().pixels, empty().calibration, PARTS, found) is None
+    assert estimate_of_localisation(found, PARTS).advice is None
