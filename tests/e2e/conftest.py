@@ -1,6 +1,5 @@
 """A whole installation of real processes with the virtual operating room, for tests that speak REST only."""
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -34,12 +33,17 @@ class OperatingRoom:
         return CaseClient(self.rest, self.room.scenario().set_up)
 
 
+def patient_fleet(installation: Installation) -> Fleet:
+    """The installation's processes, with time to start on a machine that is busy otherwise."""
+    return Fleet(installation.specs(), installation.state_dir / "logs", start_patience_s=300.0)
+
+
 @contextmanager
 def operating_room(folder: Path, seed: int) -> Iterator[OperatingRoom]:
     """Start everything, and leave nothing behind."""
     installation = Installation(Ports.any_free(), folder, scenario_arguments=("--seed", str(seed)))
     with (
-        installation.fleet(threading.Event()) as fleet,
+        patient_fleet(installation) as fleet,
         RestClient(installation.ports.rest_url) as rest,
         RestClient(installation.ports.control_url) as control,
     ):

@@ -21,7 +21,7 @@ from distalock.case_client import CaseClient
 from distalock.rest_client import JsonObject, RequestRefused
 from tests.e2e.conftest import SEED, OperatingRoom, operating_room
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
 @pytest.fixture(scope="module")

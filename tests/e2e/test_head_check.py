@@ -1,7 +1,6 @@
 """A head extension entered 10 mm wrong is refused from the first image, over REST, where the mount is known."""
 
 import json
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +14,9 @@ from distalock.rest_client import JsonObject, RequestRefused, RestClient
 from distalock.room_client import RoomClient
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
 from simulation.scenario.sampling import scenario_of_seed
-from tests.e2e.conftest import SEED
+from tests.e2e.conftest import SEED, patient_fleet
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +66,7 @@ def mounted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Mounted
     monkeypatch.setenv("DISTALOCK_ROBOT_HEXAPOD_FILE", str(hexapod))
     installation = Installation(Ports.any_free(), tmp_path / "state", scenario_arguments=("--scenario", str(scenario)))
     with (
-        installation.fleet(threading.Event()),
+        patient_fleet(installation),
         RestClient(installation.ports.rest_url) as rest,
         RestClient(installation.ports.control_url) as control,
     ):

@@ -14,7 +14,7 @@ from distalock.case_client import CaseClient, Operation, Plan
 from distalock.rest_client import JsonObject, RequestRefused
 from tests.e2e.conftest import SEED, OperatingRoom, operating_room
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 SURGEON = "e2e surgeon"
 # The requirement is 0.2 s from the request to locked; both are seen through REST, which the figure includes.

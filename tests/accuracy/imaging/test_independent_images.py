@@ -20,17 +20,19 @@ def rows() -> list[Row]:
 
 def test_every_image_is_calibrated(rows: list[Row]) -> None:
     assert [r.refusal for r in rows] == [""] * len(SAMPLE)
-    assert min(r.balls_found for r in rows) >= 95
+    assert min(r.balls_found for r in rows) >= 100  # measured: 107
 
 
-def test_the_source_is_within_a_millimetre_and_its_error_foretold(rows: list[Row]) -> None:
+def test_the_source_is_near_and_its_error_predicted(rows: list[Row]) -> None:
     error = np.array([r.source_error_mm for r in rows])
-    assert np.abs(error[:, :2]).max() < 0.15
-    assert np.abs(error[:, 2]).max() < 1.0
+    # measured: 0.057 mm across, 0.78 mm along the axis, normalised 0.90
+    assert np.abs(error[:, :2]).max() < 0.085
+    assert np.abs(error[:, 2]).max() < 1.17
     normalised = np.array([r.source_normalised for r in rows])
-    assert 0.4 < np.sqrt(np.mean(normalised**2)) < 1.6
+    assert 0.6 < np.sqrt(np.mean(normalised**2)) < 1.35
 
 
 def test_rays_near_the_middle_pass_the_truth_closely(rows: list[Row]) -> None:
-    assert max(float(np.mean(r.nail_error_mm)) for r in rows) < 0.05
-    assert max(float(np.mean(r.axis_error_deg)) for r in rows) < 0.02
+    # measured: 0.019 mm, 0.0032 degrees
+    assert max(float(np.mean(r.nail_error_mm)) for r in rows) < 0.028
+    assert max(float(np.mean(r.axis_error_deg)) for r in rows) < 0.0049

@@ -159,6 +159,7 @@ def test_a_run_without_a_key_says_that_it_waits(c_arm: CArm) -> None:
     frame = c_arm.shows(BLANK, calibration, at_s=10.1)
     word = c_arm.next_word()
     assert (word.image.sequence, word.verdict) == (frame, "rejected")
+    assert word.reasons[0].code is ReasonCode.NAIL_NOT_FOUND
     assert "hold the C-arm still" in word.reasons[0].message
 
 
@@ -170,4 +171,5 @@ def test_a_key_is_worth_nothing_once_the_robot_has_moved(c_arm: CArm) -> None:
     c_arm.shows(pixels, calibration, at_s=10.1)
     word = c_arm.next_word()
     assert (word.verdict, word.origin) == ("rejected", "followed")
+    assert word.reasons[0].code is ReasonCode.NAIL_NOT_FOUND
     assert "hold the C-arm still" in word.reasons[0].message

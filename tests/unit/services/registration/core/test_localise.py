@@ -75,7 +75,7 @@ def test_without_either_both_reasons_are_told() -> None:
 
 def test_a_steep_nail_is_not_accepted() -> None:
     result = run(Shown(nail=turned_nail((17.0, 0.0))), seed=5)
-    assert not result.accepted
+    assert codes(result) == {ReasonCode.TILT_TOO_LARGE}
 
 
 def test_times_add_up_and_the_drawing_shows_what_was_found() -> None:
