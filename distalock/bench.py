@@ -45,6 +45,12 @@ BENCHMARKS: Final = {
         "independent",
         "every method on images that others rendered, where there is a folder of them",
     ),
+    "sensitivity": Benchmark(
+        "accuracy.sensitivity",
+        "",
+        "each tuned value 30 % larger and smaller: verdicts and errors on a fixed set of scenes",
+        needs_arguments=True,
+    ),
     "same_results": Benchmark(
         "accuracy.same_results",
         "",

@@ -14,7 +14,6 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.common.runner import run_jobs
 from benchmarks.data.independent_images import ListedImage, listed_images
 from benchmarks.scenes.random_scenes import scene_of_seed
 from benchmarks.scenes.varied_parts import write_parts
@@ -31,7 +31,8 @@ from simulation.render.image import render_scene
 from simulation.world.poses import starting_state
 
 LARGEST_SHIFT_SD = 0.01
-FIRST_SEED, SCENES, PROCESSES = 30_000, 300, 2
+TRUTH_FILE = "truth.json"
+FIRST_SEED, SCENES = 30_000, 300
 
 
 class Subset(Enum):
@@ -73,8 +74,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
 def write_scenes(folder: Path, seeds: Sequence[int]) -> int:
     """Render the scenes of some seeds, with the part files that a localisation gets."""
     folder.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(PROCESSES, initializer=_one_thread) as pool:
-        entries = list(pool.map(partial(_write_scene, folder), seeds))
+    entries = list(run_jobs(partial(_write_scene, folder), seeds, dict[str, Any]).values())
     (folder / "manifest.json").write_text(json.dumps({"images": entries}, indent=1))
     return 0
 
@@ -93,21 +93,26 @@ def _write_scene(folder: Path, seed: int) -> dict[str, Any]:
     parts = {kind: f"{seed}/{kind}.json" for kind in ("ring", "guide", "nail")}
     c_arm = scenario.c_arm
     nominal = {"source_to_detector_mm": c_arm.nominal_source_to_detector_mm, "pixel_mm": c_arm.nominal_pixel_mm}
-    print(f"rendered {seed}", flush=True)
+    holes = shot.truth.holes
+    truth = {h.id: {"entry_mm": h.entry_point_guide_mm.tolist(), "axis": h.axis_guide.tolist()} for h in holes}
+    (files / TRUTH_FILE).write_text(json.dumps(truth))
     return {"image": f"{seed}/image.png", "nominal": nominal, **parts}
 
 
 def write_results(folders: Sequence[Path], results: Path) -> int:
     """Localise every image of the folders' manifests, one JSON line each."""
-    jobs = [image for folder in folders for image in listed_images(folder)]
-    with ProcessPoolExecutor(PROCESSES, initializer=_one_thread) as pool, results.open("w") as lines:
-        for line in pool.map(_located, jobs):
-            lines.write(json.dumps(line) + "\n")
-            print(line["image"], line["verdict"], ",".join(line["codes"]), flush=True)
+    jobs = {f"{image.folder.name}/{image.name}": image for folder in folders for image in listed_images(folder)}
+    rows = run_jobs(partial(_named_row, jobs), list(jobs), dict[str, Any])
+    results.write_text("".join(json.dumps(row) + "\n" for row in rows.values()))
     return 0
 
 
-def _located(listed: ListedImage) -> dict[str, Any]:
+def _named_row(jobs: dict[str, ListedImage], name: str) -> dict[str, Any]:
+    return located_row(jobs[name])
+
+
+def located_row(listed: ListedImage) -> dict[str, Any]:
+    """Localise an image; where the true holes stand beside it, with the true entry errors."""
     parts = read_parts(listed.ring, listed.guide, listed.nail)
     message = locate_image(listed.path, parts, NominalOptions(**listed.entry.nominal.model_dump())).message
     holes = {
@@ -122,7 +127,16 @@ def _located(listed: ListedImage) -> dict[str, Any]:
     codes = [str(reason.code) for reason in message.reasons]
     messages = [reason.message for reason in message.reasons]
     image = f"{listed.folder.name}/{listed.name}"
-    return {"image": image, "verdict": message.verdict, "codes": codes, "messages": messages, "holes": holes}
+    row = {"image": image, "verdict": message.verdict, "codes": codes, "messages": messages, "holes": holes}
+    truth = listed.path.with_name(TRUTH_FILE)
+    true = json.loads(truth.read_text()) if truth.is_file() else {}
+    return row | {"entry_errors_mm": [_across_mm(hole, true[name]) for name, hole in holes.items() if name in true]}
+
+
+def _across_mm(hole: dict[str, Any], true: dict[str, Any]) -> float:
+    """Distance of an entry point from the true one, across the true axis."""
+    apart, axis = np.array(hole["entry_mm"]) - true["entry_mm"], np.array(true["axis"])
+    return float(np.linalg.norm(apart - axis * (apart @ axis)))
 
 
 def compare(before: Path, after: Path, subset: Subset) -> int:
@@ -130,10 +144,10 @@ def compare(before: Path, after: Path, subset: Subset) -> int:
     first, second = _by_image(before), _by_image(after)
     images = sorted(first.keys() & second.keys())
     print(f"{len(images)} images in both, {len(first.keys() ^ second.keys())} in one only")
-    different = [name for name in images if _verdict(first[name]) != _verdict(second[name])]
+    different = [name for name in images if verdict_of(first[name]) != verdict_of(second[name])]
     for name in different:
-        print(f"{name}: {_verdict(first[name])} before, {_verdict(second[name])} after")
-    shifts = sorted(((_shift_sd(first[name], second[name]), name) for name in images), reverse=True)
+        print(f"{name}: {verdict_of(first[name])} before, {verdict_of(second[name])} after")
+    shifts = sorted(((shift_sd(first[name], second[name]), name) for name in images), reverse=True)
     for shift, name in shifts[:10]:
         print(f"{name}: an axis moved by {shift:.6f} standard deviations")
     print(f"verdicts differ: {len(different)}; largest shift {shifts[0][0]:.6f} standard deviations")
@@ -145,11 +159,12 @@ def _by_image(file: Path) -> dict[str, dict[str, Any]]:
     return {row["image"]: row for row in map(json.loads, file.read_text().splitlines())}
 
 
-def _verdict(row: dict[str, Any]) -> tuple[str, ...]:
+def verdict_of(row: dict[str, Any]) -> tuple[str, ...]:
+    """Verdict and reason codes."""
     return (row["verdict"], *row["codes"])
 
 
-def _shift_sd(before: dict[str, Any], after: dict[str, Any]) -> float:
+def shift_sd(before: dict[str, Any], after: dict[str, Any]) -> float:
     """Largest difference of an entry point or an axis, and of their predicted deviations, in standard deviations."""
     if before["holes"].keys() != after["holes"].keys():
         return float("inf")
@@ -168,10 +183,6 @@ def _hole_shift_sd(before: dict[str, Any], after: dict[str, Any]) -> float:
     )
     shift = max(across_mm / before["entry_sd_mm"], turned_deg / before["axis_sd_deg"], predicted)
     return float(shift)
-
-
-def _one_thread() -> None:
-    cv2.setNumThreads(1)
 
 
 if __name__ == "__main__":
