@@ -13,7 +13,7 @@ A service's `tuning.py` groups them in frozen dataclasses, one instance each; co
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from enum import StrEnum
 from typing import Any, TypeVar, cast
 
@@ -100,6 +100,12 @@ def values_of(group: object) -> tuple[TunedValue, ...]:
         unit, effect, origin = one.metadata[_METADATA]
         found.append(TunedValue(type(group).__name__, one.name, getattr(group, one.name), unit, effect, origin))
     return tuple(found)
+
+
+def declared_groups(namespace: Mapping[str, object]) -> tuple[object, ...]:
+    """The settings instances of a `tuning.py`, in the order of their declaration; `namespace` is its `globals()`."""
+    public = [value for name, value in namespace.items() if name.isupper() and not name.startswith("_")]
+    return tuple(value for value in public if is_dataclass(value) and not isinstance(value, type))
 
 
 @contextmanager

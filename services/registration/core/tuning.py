@@ -7,9 +7,10 @@ One frozen dataclass per stage with one instance in capitals, read where it is u
 from dataclasses import dataclass
 from typing import Final
 
-from shared.tuning import derived, fitted, physical, standard, tuned
+from shared.tuning import declared_groups, derived, fitted, physical, standard, tuned
 
-_BY_INSPECTION: Final = fitted("by inspection on seeded scenes of `benchmarks.scenes.random_scenes`")
+_SCENES: Final = "by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
+_BY_INSPECTION: Final = fitted(f"{_SCENES}; no run that compared alternatives is recorded")
 _ON_INDEPENDENT: Final = fitted(
     "28 independent images, `python -m benchmarks.accuracy.nail_fit`; alternatives in docs/nail-likelihood.md"
 )
@@ -484,284 +485,300 @@ class FinalStage:
 FINAL_STAGE: Final = FinalStage()
 
 
-# Estimation of poses, the drill guide, several images, the head
+# Estimation of poses, the drill guide, several images, the head, wires
 
+_TIME: Final = fitted(f"{_SCENES}: time against guides found")
+_TOUCHING: Final = fitted(f"{_SCENES}: touching balls look larger, their errors are heavy-tailed")
+_SHRUNK: Final = fitted(f"{_SCENES}: the display shrinks discs")
+_HALF_COVERED: Final = fitted(f"{_SCENES}, half of the guide covered: likely pairs are of two guide balls often enough")
+_BETWEEN: Final = derived("a guide between focal spot and ring, about 1 m from source to detector")
+_ROWS_BESIDE_EDGES: Final = fitted(
+    "a hundred seeded scenes (docs/decisions/0014); 0.02 suffices for single balls, not for rows beside an edge"
+)
+_DISTORTION: Final = fitted(
+    "a hundred seeded scenes (docs/decisions/0014): the calibration's own posterior has 50 to 240 px, median 90"
+)
+_NARROWLY: Final = fitted(
+    "120 seeded scenes: measuring widely first moved the pose by 0.05 of its uncertainty (median), 0.6 at most"
+)
 _MODEL_ERRORS_FIT: Final = fitted(
     "errors of seeded scenes and of the 28 independent images, by inspection; `distalock bench model_errors` "
     "estimates it on scenes that judge nothing"
 )
-# where a value was chosen by inspection for a reason of its own
-_SCENES: Final = "by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
+_TWO_IMAGES: Final = fitted(
+    "by inspection: without it 3 um between two images turn the joint nail by 0.02 deg (docs/decisions/0011)"
+)
+_SET_UPS: Final = fitted("64 set-ups of `distalock bench fusion`: 0.44 to 0.76; at 5-11 degrees none but about z")
+_RADIUS_PRIOR: Final = derived("prior standard deviation of the radii of a nail's file")
+_HEAD_TOLERANCE: Final = physical("assumed tolerance of heads (docs/decisions/0010)")
+_MISREAD: Final = physical("assumed misreading of the scale (docs/decisions/0010)")
+_HEAD_CHECK: Final = fitted("`distalock bench robot_head_check`")
+_WIRE_SCENES: Final = (
+    "by inspection on seeded scenes with wires of `distalock bench verification` (seeds from 8000) and of "
+    "`tests/accuracy/test_wires_accuracy.py`; docs/decisions/0013-wires.md"
+)
+_WIRES: Final = fitted(_WIRE_SCENES)
+_BOTH_EDGES: Final = fitted(f"{_WIRE_SCENES}; the display's curve moves both edges alike")
+_ONE_EDGE: Final = fitted(f"{_WIRE_SCENES}; what lies beside an edge moves it")
+_NO_BODY: Final = fitted("by inspection; no guide of the catalogue lacks a body")
+_ONE_LEVEL: Final = derived("one level of an 8-bit display")
+_OVER_RADIUS: Final = derived("more than a wire's radius: one of 2 mm that borders on white is hidden whole")
+_ONE_BLUR: Final = derived("about one standard deviation of the smoothing")
+_SECTIONS: Final = fitted(
+    "dev10 and dev11: with coarser sampling the log-likelihood of one place varied by 2 to 3; "
+    "docs/decisions/0013-wires.md"
+)
+_TEMPER: Final = fitted(
+    "with 0.5, predicted errors exceeded those of seeded wires and the pair dev10, dev11 was rejected (commit 8947a41)"
+)
 
 
 @dataclass(frozen=True, slots=True)
 class RobustPointFit:
     """Pose from image points."""
 
-    scale_sigmas: float = tuned(
-        1.5,
-        "standard deviations",
-        "error of a ball's centre at which its weight has fallen to a half (Cauchy)",
-        fitted(f"{_SCENES}: balls' errors are heavy-tailed where shadows touch"),
-    )
+    scale_sigmas: float = tuned(1.5, "sd", "error of a ball's centre that halves its weight (Cauchy)", _TOUCHING)
 
 
 @dataclass(frozen=True, slots=True)
 class ModelErrors:
     """Standard deviations of the nail model's own errors, which no image averages out."""
 
-    tilt_deg: float = tuned(
-        0.04,
-        "deg",
-        "tilt about the nail's x and y axes",
-        _MODEL_ERRORS_FIT,
-    )
-    turn_about_z_deg: float = tuned(
-        0.02,
-        "deg",
-        "turn about the nail's z axis",
-        _MODEL_ERRORS_FIT,
-    )
-    position_mm: float = tuned(
-        0.007,
-        "mm",
-        "position across the beam, and error of the length from which the depth follows",
-        _MODEL_ERRORS_FIT,
-    )
-    radius_deviations: float = tuned(
-        0.2,
-        "standard deviations of the prior",
-        "estimated radii of holes and nail (6 um)",
-        fitted(
-            "by inspection: without it 3 um between two images turn the joint nail by 0.02 deg (docs/decisions/0011)"
-        ),
-    )
+    tilt_deg: float = tuned(0.04, "deg", "tilt about the nail's x and y axes", _MODEL_ERRORS_FIT)
+    turn_about_z_deg: float = tuned(0.02, "deg", "turn about the nail's z axis", _MODEL_ERRORS_FIT)
+    position_mm: float = tuned(0.007, "mm", "across the beam, and of the length that sets the depth", _MODEL_ERRORS_FIT)
+    radius_deviations: float = tuned(0.2, "sd of the prior", "estimated radii of holes and nail (6 um)", _TWO_IMAGES)
 
 
 @dataclass(frozen=True, slots=True)
 class SharedErrors:
     """What the errors of several images of one set-up have in common."""
 
-    from_one_direction: float = tuned(
-        0.7,
-        "1",
-        "correlation of the errors that come with two images from one direction",
-        fitted("64 set-ups of `distalock bench fusion`, where it is measured (0.44 to 0.76)"),
-    )
-    within_deg: float = tuned(
-        3.0,
-        "deg",
-        "standard deviation of the angle over which that correlation falls",
-        fitted("64 set-ups of `distalock bench fusion`: none is left at 5-11 degrees but about the z axis"),
-    )
-    of_the_model: float = tuned(
-        0.5,
-        "1",
-        "correlation of the model's own errors in two images, at any angle",
-        fitted("64 set-ups of `distalock bench fusion`"),
-    )
+    from_one_direction: float = tuned(0.7, "1", "correlation of errors of two images from one direction", _SET_UPS)
+    within_deg: float = tuned(3.0, "deg", "angle (standard deviation) over which it falls", _SET_UPS)
+    of_the_model: float = tuned(0.5, "1", "correlation of the model's errors in two images", _SET_UPS)
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
     """What a contradiction between images of one set-up reports."""
 
-    radius_worth_reporting_mm: float = tuned(
-        0.03,
-        "mm",
-        "difference of radii that a refusal mentions",
-        derived("prior standard deviation of the radii of a nail's file"),
-    )
+    radius_worth_reporting_mm: float = tuned(0.03, "mm", "difference of radii that a refusal mentions", _RADIUS_PRIOR)
 
 
 @dataclass(frozen=True, slots=True)
 class GuideCandidates:
     """Which discs may be balls of the guide."""
 
-    least_radius: float = tuned(
-        0.55,
-        "1",
-        "least radius over that of a ball at the greatest depth",
-        fitted(f"{_SCENES}: the display shrinks discs"),
-    )
-    greatest_radius: float = tuned(
-        1.5,
-        "1",
-        "greatest radius over that of a ball at the least depth",
-        fitted(f"{_SCENES}: touching balls look larger"),
-    )
-    least_depth_mm: float = tuned(
-        450.0,
-        "mm",
-        "least distance of a ball from the focal spot",
-        derived("a guide between focal spot and ring, about 1 m from source to detector"),
-    )
-    greatest_depth_mm: float = tuned(
-        900.0,
-        "mm",
-        "greatest distance of a ball from the focal spot",
-        derived("a guide between focal spot and ring, about 1 m from source to detector"),
-    )
-    most_discs: int = tuned(
-        70, "1", "sharpest discs that are tried", fitted(f"{_SCENES}: limits the time of cluttered images")
-    )
+    least_radius: float = tuned(0.55, "1", "least radius over a ball's at the greatest depth", _SHRUNK)
+    greatest_radius: float = tuned(1.5, "1", "greatest radius over a ball's at the least depth", _TOUCHING)
+    least_depth_mm: float = tuned(450.0, "mm", "least distance of a ball from the focal spot", _BETWEEN)
+    greatest_depth_mm: float = tuned(900.0, "mm", "greatest distance of a ball from the focal spot", _BETWEEN)
+    most_discs: int = tuned(70, "1", "sharpest discs that are tried", _TIME)
 
 
 @dataclass(frozen=True, slots=True)
 class GuideSearch:
     """Search for the guide over directions, rotations and depths."""
 
-    least_depth_mm: float = tuned(
-        420.0,
-        "mm",
-        "nearest origin of the guide to the focal spot",
-        derived("a guide between focal spot and ring, about 1 m from source to detector"),
-    )
-    greatest_depth_mm: float = tuned(
-        920.0,
-        "mm",
-        "farthest origin of the guide from the focal spot",
-        derived("a guide between focal spot and ring, about 1 m from source to detector"),
-    )
+    least_depth_mm: float = tuned(420.0, "mm", "nearest origin of the guide to the focal spot", _BETWEEN)
+    greatest_depth_mm: float = tuned(920.0, "mm", "farthest origin of the guide from the focal spot", _BETWEEN)
     usual_tilt_deg: float = tuned(16.0, "deg", "largest tilt of usual views", _BY_INSPECTION)
     usual_grid_deg: float = tuned(3.0, "deg", "spacing of directions of usual views", _BY_INSPECTION)
-    usual_pairs: int = tuned(60, "1", "pairs of discs tried there", fitted(f"{_SCENES}: time against guides found"))
-    steep_from_deg: float = tuned(
-        18.0, "deg", "least tilt of steep views", derived("usual range and half a grid step on")
-    )
-    steep_to_deg: float = tuned(
-        46.0, "deg", "largest tilt of steep views", fitted(f"{_SCENES}: guidance starts from there")
-    )
+    usual_pairs: int = tuned(60, "1", "pairs of discs tried there", _TIME)
+    steep_from_deg: float = tuned(18.0, "deg", "least tilt of steep views", derived("usual range and half a grid step"))
+    steep_to_deg: float = tuned(46.0, "deg", "largest tilt of steep views: guidance starts there", _BY_INSPECTION)
     steep_grid_deg: float = tuned(4.0, "deg", "spacing of directions of steep views", _BY_INSPECTION)
-    steep_pairs: int = tuned(30, "1", "pairs of discs tried there", fitted(f"{_SCENES}: time against guides found"))
-    shortest_pair: float = tuned(
-        0.3,
-        "1",
-        "shortest pair of balls over the guide's extent: short ones fix direction and depth badly",
-        _BY_INSPECTION,
-    )
-    probes: int = tuned(
-        7, "1", "balls tested before a hypothesis without enough hits is given up", fitted(f"{_SCENES}: time")
-    )
-    refined_per_pair: int = tuned(4, "1", "poses refined for each pair of discs", fitted(f"{_SCENES}: time"))
-    candidates_per_pair: int = tuned(
-        40, "1", "best scores considered for each pair of discs", fitted(f"{_SCENES}: time")
-    )
+    steep_pairs: int = tuned(30, "1", "pairs of discs tried there", _TIME)
+    shortest_pair: float = tuned(0.3, "1", "shortest pair of balls over the guide's extent", _BY_INSPECTION)
+    probes: int = tuned(7, "1", "balls tested before a hypothesis with too few hits is given up", _TIME)
+    refined_per_pair: int = tuned(4, "1", "poses refined for each pair of discs", _TIME)
+    candidates_per_pair: int = tuned(40, "1", "best scores considered for each pair of discs", _TIME)
     least_score: int = tuned(6, "1", "balls on discs for which a pose is refined", _BY_INSPECTION)
-    good_share: float = tuned(
-        0.4, "1", "share of balls that makes an identity good", derived("share that must be measured")
-    )
+    good_share: float = tuned(0.4, "1", "share of balls that makes an identity good", derived("share to be measured"))
     clear_share: float = tuned(0.6, "1", "share of balls at which the search ends at once", _BY_INSPECTION)
-    pairs_without_gain: int = tuned(
-        12,
-        "1",
-        "further pairs after which a good identity is kept: likely pairs are of two balls of the guide often enough",
-        fitted(f"{_SCENES}, half of the guide covered"),
-    )
-    alternative_pairs: int = tuned(
-        8, "1", "pairs of the best identity's discs tried for an alternative", _BY_INSPECTION
-    )
-    alternative_share: float = tuned(
-        0.5,
-        "1",
-        "score over the best one's for which an alternative is refined: before it may miss some",
-        _BY_INSPECTION,
-    )
+    pairs_without_gain: int = tuned(12, "1", "further pairs after which a good identity is kept", _HALF_COVERED)
+    alternative_pairs: int = tuned(8, "1", "pairs of the best identity's discs that may refute it", _BY_INSPECTION)
+    alternative_share: float = tuned(0.5, "1", "share of the best score that refines an alternative", _BY_INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
 class GuideIdentification:
     """Assignment of discs to balls and its refinement."""
 
-    search_tolerance_detector_mm: float = tuned(
-        1.41, "mm", "distance of a ball from a disc that counts as a hit", _BY_INSPECTION
-    )
+    search_tolerance_detector_mm: float = tuned(1.41, "mm", "distance from ball to disc that is a hit", _BY_INSPECTION)
     map_cell_detector_mm: float = tuned(0.47, "mm", "cell of the map of discs", derived("a third of the tolerance"))
     tolerances_detector_mm: tuple[float, ...] = tuned(
         (2.35, 1.41, 0.94, 0.5875, 0.3525), "mm", "shrinking tolerances of the assignment", _BY_INSPECTION
     )
-    sd_of_tolerance: float = tuned(
-        0.3, "1", "standard deviation of a disc over the tolerance", derived("tolerance at 3 sigma")
-    )
-    refinement_steps: int = tuned(5, "1", "steps of the fit at each tolerance", fitted(f"{_SCENES}: time"))
+    sd_of_tolerance: float = tuned(0.3, "1", "standard deviation of a disc over the tolerance", derived("3 sigma"))
+    refinement_steps: int = tuned(5, "1", "steps of the fit at each tolerance", _TIME)
 
 
 @dataclass(frozen=True, slots=True)
 class GuideMeasurement:
     """The guide's balls measured where the pose predicts them."""
 
-    outlier_sigmas: float = tuned(4.0, "standard deviations", "beyond which a ball is left out", standard("4 sigma"))
-    systematic_sd_px: float = tuned(
-        0.06,
-        "px",
-        "error of a ball's centre that does not come from noise",
-        fitted(
-            "a hundred seeded scenes (docs/decisions/0014); 0.02 suffices for single balls, not for rows beside an edge"
-        ),
-    )
-    concentric_share: float = tuned(
-        0.7,
-        "1",
-        "a ring's ball nearer than this share of a guide ball's radius cannot be separated from it",
-        _BY_INSPECTION,
-    )
+    outlier_sigmas: float = tuned(4.0, "sd", "beyond which a ball is left out", standard("4 sigma"))
+    systematic_sd_px: float = tuned(0.06, "px", "error of a ball's centre that is no noise", _ROWS_BESIDE_EDGES)
+    concentric_share: float = tuned(0.7, "1", "a ring's ball within this share of a radius merges", _BY_INSPECTION)
     wide_drift_px: float = tuned(1.0, "px", "error of the prediction from few discs", _BY_INSPECTION)
     drift_px: float = tuned(0.4, "px", "error of the prediction from many discs", _BY_INSPECTION)
-    enough_identified: int = tuned(
-        12,
-        "1",
-        "discs from which a pose predicts well enough to measure narrowly at once",
-        fitted(
-            "120 seeded scenes: measuring widely first moved the pose by 0.05 of its uncertainty (median), 0.6 at most"
-        ),
-    )
-    surroundings_detector_mm: float = tuned(
-        14.1, "mm", "radius about each ball from which the noise is estimated", _BY_INSPECTION
-    )
-    distortion_correlation_detector_mm: float = tuned(
-        18.8,
-        "mm",
-        "length over which errors of the distortion are correlated (Gaussian)",
-        fitted(
-            "a hundred seeded scenes (docs/decisions/0014): the calibration's own posterior has 50 to 240 px, median 90"
-        ),
-    )
+    enough_identified: int = tuned(12, "1", "discs from which a pose predicts well enough to go narrow", _NARROWLY)
+    surroundings_detector_mm: float = tuned(14.1, "mm", "radius about a ball that shows the noise", _BY_INSPECTION)
+    distortion_correlation_detector_mm: float = tuned(18.8, "mm", "correlation length of distortion", _DISTORTION)
 
 
 @dataclass(frozen=True, slots=True)
 class HeadErrors:
     """Errors of head, mount and C-arm that are usual, and what tells a wrong head (docs/decisions/0010)."""
 
-    head_sd_mm: float = tuned(
-        1.0,
+    head_sd_mm: float = tuned(1.0, "mm", "place of the head on its file, per axis", _HEAD_TOLERANCE)
+    head_sd_deg: float = tuned(1.0, "deg", "rotation of the head on its file, per axis", _HEAD_TOLERANCE)
+    wrong_extension_sd_mm: float = tuned(10.0, "mm", "an extension that was read wrong", _MISREAD)
+    yield_share: float = tuned(0.03, "1", "share of the travel that the mount yields to soft tissue", _HEAD_CHECK)
+    yield_deg_per_mm: float = tuned(0.05, "deg/mm", "turn of the base for each mm of travel", _HEAD_CHECK)
+    nudge_sd_deg: float = tuned(0.05, "deg", "turn of a C-arm that seems to stand still", _HEAD_CHECK)
+
+
+@dataclass(frozen=True, slots=True)
+class WirePrior:
+    """Prior of a wire through a hole of the guide, before any image is evaluated."""
+
+    protrusion_mm: float = tuned(40.0, "mm", "expected length of wire on the surgeon's side of the guide", _WIRES)
+    protrusion_sd_mm: float = tuned(25.0, "mm", "standard deviation of that length", _WIRES)
+    least_play_sd_mm: float = tuned(0.05, "mm", "least deviation in the bore", derived("wire may fill the bore"))
+    bore_half_length_mm: float = tuned(10.0, "mm", "half length of a bore whose guide has no body", _NO_BODY)
+    stopped_tip_sd_mm: float = tuned(6.0, "mm", "deviation of a stopped wire's tip from the near surface", _WIRES)
+    passed_tip_mm: float = tuned(30.0, "mm", "tip of a passed wire beyond that surface", derived("before far cortex"))
+    passed_tip_sd_mm: float = tuned(10.0, "mm", "standard deviation of that tip", _WIRES)
+    bending_mm: float = tuned(0.3, "mm", "interference that a wire bends by to pass the nail", _WIRES)
+
+
+@dataclass(frozen=True, slots=True)
+class WireVisibility:
+    """Which pixels of an image can show a wire."""
+
+    blur_detector_mm: float = tuned(0.282, "mm", "standard deviation of the smoothing before derivatives", _WIRES)
+    border_detector_mm: float = tuned(1.41, "mm", "margin of border and aperture", derived("five smoothing sd"))
+    margin_detector_mm: float = tuned(0.47, "mm", "margin around the nail and the balls", _WIRES)
+    metal_grid_detector_mm: float = tuned(0.47, "mm", "spacing of rays in it", derived("margin around the nail"))
+    least_metal_mm: float = tuned(0.4, "mm", "path through the nail beyond which it hides a wire", _WIRES)
+    metal_grey_percentile: float = tuned(20.0, "%", "percentile of the nail's pixels taken as metal's grey", _WIRES)
+    saturated_range: float = tuned(0.004, "1", "distance from white, over the range, that is saturated", _ONE_LEVEL)
+    saturated_fraction: float = tuned(0.25, "1", "saturated share of a neighbourhood that hides a wire", _WIRES)
+    saturated_neighbourhood_detector_mm: float = tuned(1.645, "mm", "width of that neighbourhood", _WIRES)
+    beside_saturated_mm: float = tuned(1.5, "mm", "distance from white at the guide that hides a wire", _OVER_RADIUS)
+
+
+@dataclass(frozen=True, slots=True)
+class WireOutline:
+    """Outline of a wire in an image and its match to edges."""
+
+    section_spacing_detector_mm: float = tuned(0.3525, "mm", "spacing of the wire's cross-sections", _SECTIONS)
+    fewest_sections: int = tuned(12, "1", "least number of cross-sections of a wire seen end on", _WIRES)
+    most_sections: int = tuned(500, "1", "largest number of cross-sections", derived("3/4 of a 1000 px image"))
+    cap_points: int = tuned(24, "1", "outline points of a cap", derived("one a pixel of half a circumference"))
+    mask_clearance_detector_mm: float = tuned(0.29375, "mm", "distance at which a mask dims no edge", _ONE_BLUR)
+    least_strength: tuple[float, float] = tuned((3.5, 4.5), "1", "slope over texture: an edge, a whole one", _WIRES)
+    least_darkness: tuple[float, float] = tuned((0.35, 0.45), "1", "darkness over the nail's: edge, whole", _WIRES)
+    inside_radii: float = tuned(0.7, "radii", "where the grey value inside an edge is sampled", _WIRES)
+    outside_radii: float = tuned(0.6, "radii", "where the grey value outside an edge is sampled", _WIRES)
+
+
+@dataclass(frozen=True, slots=True)
+class WireStarts:
+    """Grid of axes from which the fit of a wire starts."""
+
+    reach_mm: float = tuned(8.0, "mm", "largest offset from the guide hole's axis at the nail", _WIRES)
+    step_mm: float = tuned(0.8, "mm", "spacing of the grid", derived("below twice the reach of an edge, 0.5 mm"))
+    reach_detector_mm: float = tuned(0.705, "mm", "largest distance of an edge from the outline", _WIRES)
+    other_tips_mm: tuple[float, float] = tuned((-10.0, 10.0), "mm", "further tips tried with the best axes", _WIRES)
+    sections: int = tuned(40, "1", "cross-sections of a wire during the search", _WIRES)
+    candidates: int = tuned(40, "1", "axes that are tried with further tips", _WIRES)
+    starts: int = tuned(5, "1", "starts of the fit", _WIRES)
+    apart_mm: float = tuned(1.0, "mm", "least distance of two starts at the nail", derived("above the grid's spacing"))
+    missing_penalty: float = tuned(0.5, "1", "cost of outline without an edge, over the gain by one", _WIRES)
+
+
+@dataclass(frozen=True, slots=True)
+class WireFitting:
+    """Robust least squares of a wire's axis on edges near its outline."""
+
+    reaches_detector_mm: tuple[float, ...] = tuned(
+        (1.41, 1.41, 1.175, 0.94, 0.705, 0.705, 0.5875, 0.5875, 0.5875, 0.5875),
         "mm",
-        "error of the head's place on its file, per axis",
-        physical("assumed tolerance of heads (docs/decisions/0010)"),
+        "largest distance of an edge from the outline, per iteration",
+        _WIRES,
     )
-    head_sd_deg: float = tuned(
-        1.0,
-        "deg",
-        "error of the head's rotation on its file, per axis",
-        physical("assumed tolerance of heads (docs/decisions/0010)"),
+    radius_sd_detector_mm: float = tuned(0.0705, "mm", "deviation of the wire's apparent radius in an image", _WIRES)
+    edge_sd_detector_mm: float = tuned(0.08225, "mm", "standard deviation of an edge point", _WIRES)
+    edge_correlation_detector_mm: float = tuned(0.94, "mm", "length of outline with one independent point", _WIRES)
+    robust_detector_mm: float = tuned(0.282, "mm", "scale of the Cauchy cost of an edge point", _WIRES)
+    found_gain: float = tuned(2.0, "1", "log-likelihood of an edge on the outline, per correlation length", _WIRES)
+    missing_gain: float = tuned(-1.3, "1", "log-likelihood of no edge, per correlation length", _WIRES)
+    found_scale_detector_mm: float = tuned(0.1175, "mm", "residual that lowers it by log 2", _WIRES)
+    found_within_detector_mm: float = tuned(0.235, "mm", "residual of found outline", derived("3 edge sd"))
+    same_optimum_mm: float = tuned(0.15, "mm", "difference of offsets within one optimum", _WIRES)
+    optimum_temper: float = tuned(0.7, "1", "on log-likelihood differences between optima: points correlate", _TEMPER)
+    scan_sigmas: float = tuned(2.5, "sd", "scan along the least certain direction", _WIRES)
+    scan_steps: int = tuned(21, "1", "places of that scan", derived("a quarter of a standard deviation apart"))
+
+
+@dataclass(frozen=True, slots=True)
+class NailOutlineMatching:
+    """The nail's two edges in an image and their match."""
+
+    proximal_of_holes_mm: float = tuned(30.0, "mm", "length of nail proximal of its holes that is used", _WIRES)
+    step_mm: float = tuned(0.5, "mm", "spacing of outline points along the nail", derived("half their correlation"))
+    blur_detector_mm: float = tuned(0.282, "mm", "standard deviation of the smoothing", _WIRES)
+    beside_detector_mm: float = tuned(1.175, "mm", "where an edge's step is measured", derived("four smoothing sd"))
+    least_step: tuple[float, float] = tuned((0.3, 0.4), "1", "step over the median one: an edge; a whole one", _WIRES)
+    reaches_detector_mm: tuple[float, ...] = tuned(
+        (3.29, 1.88, 1.175, 0.94, 0.705), "mm", "largest distance of an edge from the outline, per iteration", _WIRES
     )
-    wrong_extension_sd_mm: float = tuned(
-        10.0,
-        "mm",
-        "error of an extension that was read wrong",
-        physical("assumed misreading of the scale (docs/decisions/0010)"),
-    )
-    yield_share: float = tuned(
-        0.03,
-        "1",
-        "share of the travel that the mount yields to soft tissue",
-        fitted("`distalock bench robot_head_check`"),
-    )
-    yield_deg_per_mm: float = tuned(
-        0.05, "deg/mm", "turn of the base for each mm of travel", fitted("`distalock bench robot_head_check`")
-    )
-    nudge_sd_deg: float = tuned(
-        0.05, "deg", "turn of a C-arm that seems to stand still", fitted("`distalock bench robot_head_check`")
-    )
+    edge_sd_detector_mm: float = tuned(0.0705, "mm", "standard deviation of an edge point", _WIRES)
+    edge_correlation_detector_mm: float = tuned(1.41, "mm", "length with one independent edge point", _WIRES)
+    robust_detector_mm: float = tuned(0.235, "mm", "scale of the Cauchy cost of an edge point", _WIRES)
+    both_edges_sd_detector_mm: float = tuned(0.1645, "mm", "common shift of both edges outwards", _BOTH_EDGES)
+    one_edge_sd_detector_mm: float = tuned(0.03525, "mm", "shift of one edge", _ONE_EDGE)
+
+
+@dataclass(frozen=True, slots=True)
+class NailWithWires:
+    """Alternating fit of nail and wires in an image along the holes."""
+
+    rough_margin_detector_mm: float = tuned(1.175, "mm", "margin around a rough nail that hides wires", _WIRES)
+    rough_rounds: int = tuned(3, "1", "rounds of the alternation from a roughly placed nail", _WIRES)
+    fitted_rounds: int = tuned(2, "1", "rounds of the alternation from a fitted nail", _WIRES)
+    masked_beside_wire_mm: float = tuned(0.35, "mm", "margin around a wire that is masked in the nail's fit", _WIRES)
+    masked_end_sigmas: float = tuned(2.0, "sd", "masked margin at a wire's ends", derived("95 %"))
+    converged_deg: float = tuned(0.3, "°", "rotation of the nail in one round that ends the alternation", _WIRES)
+    converged_mm: float = tuned(0.1, "mm", "shift of the nail across its holes that ends it", _WIRES)
+
+
+@dataclass(frozen=True, slots=True)
+class NailNearGuideAxes:
+    """Search for the nail's holes near where the guide's holes point."""
+
+    reach_mm: float = tuned(18.0, "mm", "largest distance of the nail's holes from the guide's axes", _WIRES)
+    bands: int = tuned(6, "1", "bands of the nail's width that are tried", _WIRES)
+    least_darkness: float = tuned(0.06, "1", "least darkness of a band, over the image's range", _WIRES)
+    edge_length_weight: float = tuned(0.2, "1", "weight of a band's length in widths against its open holes", _WIRES)
+
+
+@dataclass(frozen=True, slots=True)
+class GuideGivenNail:
+    """Identification of the guide's balls by where each hypothesis places the nail."""
+
+    proximal_of_holes_mm: float = tuned(30.0, "mm", "length of nail proximal of its holes that is used", _WIRES)
+    step_mm: float = tuned(1.0, "mm", "spacing of the places along the nail", _WIRES)
+    inside_radii: float = tuned(0.6, "radii", "distance from the axis at which metal is expected", _WIRES)
+    outside_radii: float = tuned(1.6, "radii", "distance from the axis at which no metal is expected", _WIRES)
+    least_contrast: float = tuned(0.25, "1", "least difference of the two, over the image's range", _WIRES)
+    dark_percentile: float = tuned(2.0, "%", "percentile of the image that is taken as dark", _WIRES)
+    light_percentile: float = tuned(90.0, "%", "percentile of the image that is taken as light", _WIRES)
+    fewest_places: int = tuned(20, "1", "least number of visible places", derived("10 mm of nail, both sides"))
 
 
 MODEL_ERRORS: Final = ModelErrors()
@@ -773,360 +790,14 @@ GUIDE_SEARCH: Final = GuideSearch()
 GUIDE_IDENTIFICATION: Final = GuideIdentification()
 GUIDE_MEASUREMENT: Final = GuideMeasurement()
 HEAD_ERRORS: Final = HeadErrors()
-
-
-# Wires
-
-_WIRE_SCENES: Final = (
-    "by inspection on seeded scenes with wires of `distalock bench verification` (seeds from 8000) and of "
-    "`tests/accuracy/test_wires_accuracy.py`; docs/decisions/0013-wires.md"
-)
-_ON_WIRES: Final = fitted(_WIRE_SCENES)
-
-
-@dataclass(frozen=True, slots=True)
-class WirePrior:
-    """Prior of a wire through a hole of the guide, before any image is evaluated."""
-
-    protrusion_mm: float = tuned(40.0, "mm", "expected length of wire on the surgeon's side of the guide", _ON_WIRES)
-    protrusion_sd_mm: float = tuned(25.0, "mm", "standard deviation of that length", _ON_WIRES)
-    least_play_sd_mm: float = tuned(
-        0.05,
-        "mm",
-        "least standard deviation of the wire's place in the guide's bore",
-        derived("keeps the prior proper where the wire fills the bore"),
-    )
-    bore_half_length_mm: float = tuned(
-        10.0,
-        "mm",
-        "half length of the bore of a guide whose file describes no body",
-        fitted("by inspection; no guide of the catalogue lacks a body"),
-    )
-    stopped_tip_sd_mm: float = tuned(
-        6.0, "mm", "standard deviation of the tip of a wire that met the nail about its near surface", _ON_WIRES
-    )
-    passed_tip_mm: float = tuned(
-        30.0,
-        "mm",
-        "expected tip beyond the nail's near surface of a wire that passed",
-        derived("between the nail's far surface and the far cortex"),
-    )
-    passed_tip_sd_mm: float = tuned(10.0, "mm", "standard deviation of that tip", _ON_WIRES)
-    bending_mm: float = tuned(0.3, "mm", "interference that a wire bends by to pass the nail", _ON_WIRES)
-
-
 WIRE_PRIOR: Final = WirePrior()
-
-
-@dataclass(frozen=True, slots=True)
-class WireVisibility:
-    """Which pixels of an image can show a wire."""
-
-    blur_detector_mm: float = tuned(
-        0.282, "mm", "standard deviation of the smoothing before derivatives are taken", _ON_WIRES
-    )
-    border_detector_mm: float = tuned(
-        1.41, "mm", "margin of the image's border and aperture", derived("five standard deviations of the smoothing")
-    )
-    margin_detector_mm: float = tuned(0.47, "mm", "margin around the nail and the balls", _ON_WIRES)
-    metal_grid_detector_mm: float = tuned(
-        0.47, "mm", "spacing of the rays that are traced through the nail", derived("the margin around the nail")
-    )
-    least_metal_mm: float = tuned(0.4, "mm", "path through the nail beyond which it hides a wire", _ON_WIRES)
-    metal_grey_percentile: float = tuned(
-        20.0, "%", "percentile of the nail's pixels that is taken as the grey value of metal", _ON_WIRES
-    )
-    saturated_range: float = tuned(
-        0.004,
-        "1",
-        "distance from white, over the image's range, within which a pixel is saturated",
-        derived("one level of an 8-bit display"),
-    )
-    saturated_fraction: float = tuned(
-        0.25, "1", "fraction of saturated pixels in a neighbourhood beyond which it hides a wire", _ON_WIRES
-    )
-    saturated_neighbourhood_detector_mm: float = tuned(1.645, "mm", "width of that neighbourhood", _ON_WIRES)
-    beside_saturated_mm: float = tuned(
-        1.5,
-        "mm",
-        "distance from saturated places, at the guide's depth, that hides a wire",
-        derived("more than a wire's radius: one of 2 mm that borders on white is hidden whole"),
-    )
-
-
 WIRE_VISIBILITY: Final = WireVisibility()
-
-
-@dataclass(frozen=True, slots=True)
-class WireOutline:
-    """Outline of a wire in an image and its match to edges."""
-
-    section_spacing_detector_mm: float = tuned(
-        0.3525,
-        "mm",
-        "spacing of the wire's cross-sections",
-        fitted(
-            "dev10 and dev11: with coarser sampling the log-likelihood of one place varied by 2 to 3; "
-            "docs/decisions/0013-wires.md"
-        ),
-    )
-    fewest_sections: int = tuned(12, "1", "least number of cross-sections of a wire seen end on", _ON_WIRES)
-    most_sections: int = tuned(
-        500,
-        "1",
-        "largest number of cross-sections",
-        derived("three quarters of an image 1000 pixels wide; bounds the time"),
-    )
-    cap_points: int = tuned(
-        24, "1", "outline points of a cap", derived("about one per pixel of half a wire's circumference")
-    )
-    mask_clearance_detector_mm: float = tuned(
-        0.29375,
-        "mm",
-        "distance from the mask at which an edge is no longer dimmed by it",
-        derived("about one standard deviation of the smoothing"),
-    )
-    least_strength: tuple[float, float] = tuned(
-        (3.5, 4.5),
-        "1",
-        "slope over the texture's from which an edge counts, and from which it counts whole",
-        _ON_WIRES,
-    )
-    least_darkness: tuple[float, float] = tuned(
-        (0.35, 0.45),
-        "1",
-        "darkness inside, over the nail's, from which an edge counts, and from which it counts whole",
-        _ON_WIRES,
-    )
-    inside_radii: float = tuned(0.7, "radii", "where the grey value inside an edge is sampled", _ON_WIRES)
-    outside_radii: float = tuned(0.6, "radii", "where the grey value outside an edge is sampled", _ON_WIRES)
-
-
 WIRE_OUTLINE: Final = WireOutline()
-
-
-@dataclass(frozen=True, slots=True)
-class WireStarts:
-    """Grid of axes from which the fit of a wire starts."""
-
-    reach_mm: float = tuned(8.0, "mm", "largest offset from the guide hole's axis at the nail", _ON_WIRES)
-    step_mm: float = tuned(
-        0.8, "mm", "spacing of the grid", derived("less than twice the reach of an edge, 0.5 mm at the nail")
-    )
-    reach_detector_mm: float = tuned(0.705, "mm", "largest distance of an edge from the outline", _ON_WIRES)
-    other_tips_mm: tuple[float, float] = tuned(
-        (-10.0, 10.0), "mm", "further tips that are tried with the best axes", _ON_WIRES
-    )
-    sections: int = tuned(40, "1", "cross-sections of a wire during the search", _ON_WIRES)
-    candidates: int = tuned(40, "1", "axes that are tried with further tips", _ON_WIRES)
-    starts: int = tuned(5, "1", "starts of the fit", _ON_WIRES)
-    apart_mm: float = tuned(
-        1.0, "mm", "least distance of two starts at the nail", derived("more than the grid's spacing")
-    )
-    missing_penalty: float = tuned(
-        0.5, "1", "cost of visible outline without an edge, over the gain by an edge", _ON_WIRES
-    )
-
-
 WIRE_STARTS: Final = WireStarts()
-
-
-@dataclass(frozen=True, slots=True)
-class WireFitting:
-    """Robust least squares of a wire's axis on edges near its outline."""
-
-    reaches_detector_mm: tuple[float, ...] = tuned(
-        (1.41, 1.41, 1.175, 0.94, 0.705, 0.705, 0.5875, 0.5875, 0.5875, 0.5875),
-        "mm",
-        "largest distance of an edge from the outline, per iteration",
-        _ON_WIRES,
-    )
-    radius_sd_detector_mm: float = tuned(
-        0.0705,
-        "mm",
-        "standard deviation of the wire's apparent radius in an image",
-        _ON_WIRES,
-    )
-    edge_sd_detector_mm: float = tuned(0.08225, "mm", "standard deviation of an edge point", _ON_WIRES)
-    edge_correlation_detector_mm: float = tuned(
-        0.94, "mm", "length of outline with one independent edge point", _ON_WIRES
-    )
-    robust_detector_mm: float = tuned(0.282, "mm", "scale of the Cauchy cost of an edge point", _ON_WIRES)
-    found_gain: float = tuned(2.0, "1", "log-likelihood of an edge on the outline, per correlation length", _ON_WIRES)
-    missing_gain: float = tuned(-1.3, "1", "log-likelihood of no edge, per correlation length", _ON_WIRES)
-    found_scale_detector_mm: float = tuned(
-        0.1175, "mm", "residual at which that log-likelihood has fallen by log 2", _ON_WIRES
-    )
-    found_within_detector_mm: float = tuned(
-        0.235,
-        "mm",
-        "residual within which outline counts as found",
-        derived("three standard deviations of an edge point"),
-    )
-    same_optimum_mm: float = tuned(
-        0.15,
-        "mm",
-        "difference of offsets below which two fits have the same optimum",
-        _ON_WIRES,
-    )
-    optimum_temper: float = tuned(
-        0.7,
-        "1",
-        "factor on log-likelihood differences between optima, for correlated edge points",
-        fitted(
-            "with 0.5, predicted errors exceeded those of seeded wires and the pair dev10, dev11 was rejected "
-            "(commit 8947a41)"
-        ),
-    )
-    scan_sigmas: float = tuned(
-        2.5, "standard deviations", "reach of the scan along the least certain direction", _ON_WIRES
-    )
-    scan_steps: int = tuned(21, "1", "places of that scan", derived("a quarter of a standard deviation apart"))
-
-
 WIRE_FITTING: Final = WireFitting()
-
-
-@dataclass(frozen=True, slots=True)
-class NailOutlineMatching:
-    """The nail's two edges in an image and their match."""
-
-    proximal_of_holes_mm: float = tuned(30.0, "mm", "length of nail proximal of its holes that is used", _ON_WIRES)
-    step_mm: float = tuned(
-        0.5, "mm", "spacing of outline points along the nail", derived("half the correlation length of edge points")
-    )
-    blur_detector_mm: float = tuned(0.282, "mm", "standard deviation of the smoothing", _ON_WIRES)
-    beside_detector_mm: float = tuned(
-        1.175,
-        "mm",
-        "distance from the edge at which its step is measured",
-        derived("four standard deviations of the smoothing"),
-    )
-    least_step: tuple[float, float] = tuned(
-        (0.3, 0.4),
-        "1",
-        "step over the median one from which an edge counts, and from which it counts whole",
-        _ON_WIRES,
-    )
-    reaches_detector_mm: tuple[float, ...] = tuned(
-        (3.29, 1.88, 1.175, 0.94, 0.705),
-        "mm",
-        "largest distance of an edge from the outline, per iteration",
-        _ON_WIRES,
-    )
-    edge_sd_detector_mm: float = tuned(0.0705, "mm", "standard deviation of an edge point", _ON_WIRES)
-    edge_correlation_detector_mm: float = tuned(
-        1.41, "mm", "length of outline with one independent edge point", _ON_WIRES
-    )
-    robust_detector_mm: float = tuned(0.235, "mm", "scale of the Cauchy cost of an edge point", _ON_WIRES)
-    both_edges_sd_detector_mm: float = tuned(
-        0.1645,
-        "mm",
-        "standard deviation of the common shift of both edges outwards",
-        fitted(f"{_WIRE_SCENES}; the display's curve moves both edges alike"),
-    )
-    one_edge_sd_detector_mm: float = tuned(
-        0.03525,
-        "mm",
-        "standard deviation of the shift of one edge",
-        fitted(f"{_WIRE_SCENES}; what lies beside an edge moves it"),
-    )
-
-
 NAIL_OUTLINE_MATCHING: Final = NailOutlineMatching()
-
-
-@dataclass(frozen=True, slots=True)
-class NailWithWires:
-    """Alternating fit of nail and wires in an image along the holes."""
-
-    rough_margin_detector_mm: float = tuned(
-        1.175, "mm", "margin around a roughly placed nail that hides wires", _ON_WIRES
-    )
-    rough_rounds: int = tuned(3, "1", "rounds of the alternation from a roughly placed nail", _ON_WIRES)
-    fitted_rounds: int = tuned(2, "1", "rounds of the alternation from a fitted nail", _ON_WIRES)
-    masked_beside_wire_mm: float = tuned(0.35, "mm", "margin around a wire that is masked in the nail's fit", _ON_WIRES)
-    masked_end_sigmas: float = tuned(
-        2.0, "standard deviations", "margin at a wire's ends that is masked", derived("95 %")
-    )
-    converged_deg: float = tuned(
-        0.3, "°", "rotation of the nail in one round below which the alternation has converged", _ON_WIRES
-    )
-    converged_mm: float = tuned(0.1, "mm", "shift of the nail across its holes below which it has", _ON_WIRES)
-
-
 NAIL_WITH_WIRES: Final = NailWithWires()
-
-
-@dataclass(frozen=True, slots=True)
-class NailNearGuideAxes:
-    """Search for the nail's holes near where the guide's holes point."""
-
-    reach_mm: float = tuned(
-        18.0,
-        "mm",
-        "largest distance of the nail's holes from the guide's axes",
-        _ON_WIRES,
-    )
-    bands: int = tuned(6, "1", "bands of the nail's width that are tried", _ON_WIRES)
-    least_darkness: float = tuned(0.06, "1", "least darkness of a band, over the image's range", _ON_WIRES)
-    edge_length_weight: float = tuned(
-        0.2, "1", "weight of a band's length over its width against the openness of its holes", _ON_WIRES
-    )
-
-
 NAIL_NEAR_GUIDE_AXES: Final = NailNearGuideAxes()
-
-
-@dataclass(frozen=True, slots=True)
-class GuideGivenNail:
-    """Identification of the guide's balls by where each hypothesis places the nail."""
-
-    proximal_of_holes_mm: float = tuned(30.0, "mm", "length of nail proximal of its holes that is used", _ON_WIRES)
-    step_mm: float = tuned(1.0, "mm", "spacing of the places along the nail", _ON_WIRES)
-    inside_radii: float = tuned(0.6, "radii", "distance from the axis at which metal is expected", _ON_WIRES)
-    outside_radii: float = tuned(1.6, "radii", "distance from the axis at which no metal is expected", _ON_WIRES)
-    least_contrast: float = tuned(0.25, "1", "least difference of the two, over the image's range", _ON_WIRES)
-    dark_percentile: float = tuned(2.0, "%", "percentile of the image that is taken as dark", _ON_WIRES)
-    light_percentile: float = tuned(90.0, "%", "percentile of the image that is taken as light", _ON_WIRES)
-    fewest_places: int = tuned(20, "1", "least number of visible places", derived("10 mm of nail, both sides"))
-
-
 GUIDE_GIVEN_NAIL: Final = GuideGivenNail()
 
-
-SETTINGS: Final = (
-    NAIL_BAND_SEARCH,
-    NAIL_HOLE_SEARCH,
-    OPENING_OUTLINE,
-    NAIL_CONTOUR,
-    OPENING_COVER,
-    FIT_REGION,
-    RAY_SAMPLING,
-    BEAM,
-    NAIL_PRIORS,
-    NAIL_NOISE,
-    NAIL_SOLVER,
-    CENTRING_STAGE,
-    TILT_SEARCH_STAGE,
-    COMPARISON_STAGE,
-    FINAL_STAGE,
-    MODEL_ERRORS,
-    ROBUST_POINT_FIT,
-    SHARED_ERRORS,
-    AGREEMENT,
-    GUIDE_CANDIDATES,
-    GUIDE_SEARCH,
-    GUIDE_IDENTIFICATION,
-    GUIDE_MEASUREMENT,
-    HEAD_ERRORS,
-    WIRE_PRIOR,
-    WIRE_VISIBILITY,
-    WIRE_OUTLINE,
-    WIRE_STARTS,
-    WIRE_FITTING,
-    NAIL_OUTLINE_MATCHING,
-    NAIL_WITH_WIRES,
-    NAIL_NEAR_GUIDE_AXES,
-    GUIDE_GIVEN_NAIL,
-)
+SETTINGS: Final = declared_groups(globals())
