@@ -66,7 +66,7 @@ def at_least(value: float, unit: str, decimals: int) -> Limit:
     return Limit(value, unit, Sense.AT_LEAST, decimals)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Criterion(Generic[CodeT]):
     """One measured quantity for which an image, a pair of images, a fluoroscopy frame or a plan is refused.
 
@@ -113,7 +113,7 @@ class Criterion(Generic[CodeT]):
         return Reason(self.code, f"{observation}; {remedy or self.remedy}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Finding(Generic[CodeT]):
     """A refusal without a numerical limit: something that must be there is not, or two things contradict each other.
 

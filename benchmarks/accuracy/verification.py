@@ -19,7 +19,7 @@ from benchmarks.common.places import PAGES
 from benchmarks.common.statistics import root_mean_square
 from benchmarks.scenes.random_scenes import catalogue_scene_of_seed, shipped_parts_of
 from benchmarks.scenes.set_ups import SeenImage, SetUp
-from services.registration.core.acceptance.image import AXIS_BOUND, ENTRY_BOUND
+from services.registration.core.acceptance.criteria import AXIS_BOUND, ENTRY_BOUND
 from services.registration.core.drill_clearance import across_basis
 from services.registration.core.fusion import LocalisedImage
 from services.registration.core.hole_axes import HoleEstimate, holes_at

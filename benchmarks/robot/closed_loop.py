@@ -16,10 +16,9 @@ import numpy as np
 from benchmarks.common.places import PAGES
 from benchmarks.scenes.random_scenes import nominal_of, shipped_parts_of
 from services.imaging.core.calibration import calibrate_image
-from services.registration.core.acceptance.plan import PlanRefused
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import localise
-from services.registration.core.plan import RobotNow, plan_move
+from services.registration.core.plan import PlanRefused, RobotNow, plan_move
 from shared.errors import Rejected
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top

@@ -11,7 +11,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from services.registration.core.acceptance.frame import NO_KEY_IMAGE
+from services.registration.core.acceptance.criteria import NO_KEY_IMAGE
 from services.registration.core.guidance.c_arm_angles import CArmAngles
 from services.registration.core.guidance.run import Arrival, Run
 from services.registration.core.guidance.tracking import (

@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.registration.core.acceptance.plan import PlanRefused
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.fusion import LocalisedImage, fuse_localisations
 from services.registration.core.hole_axes import HoleEstimate
-from services.registration.core.plan import PlannedMove, PredictedHole, RobotNow, plan_move
+from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
 from services.registration.frames import (
     POSE_TOLERANCE_DEG,
     POSE_TOLERANCE_MM,

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from services.registration.core.acceptance.criteria import IMAGES_CHI_SQUARE, chi_square_limit
 from services.registration.core.acceptance.image import uncertainty_reasons
-from services.registration.core.acceptance.images import IMAGES_CHI_SQUARE, chi_square_limit
 from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
 from services.registration.core.estimation.joint import fuse, leave_one_out
 from services.registration.core.estimation.pose_estimate import PoseEstimate

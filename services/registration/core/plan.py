@@ -11,17 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.plan import (
+from services.registration.core.acceptance.criteria import (
     OUT_OF_REACH,
     RESIDUAL,
     UNKNOWN_HOLE,
     UNKNOWN_UNCERTAINTY,
-    PlanRefused,
-    refused,
+    PlanRefusal,
 )
 from services.registration.core.axis_match import AxisPair, match_axes
 from services.registration.core.drill_clearance import AxisOffset, angle_deg, axis_offset_mm
 from services.registration.core.hole_axes import HoleEstimate
+from shared.acceptance import Criterion, Finding
 from shared.errors import Accepted
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
@@ -38,6 +38,14 @@ _TILT_SD_DEG = 1.5 * MOVE_SD_DEG
 _SHIFTS_MM = np.linspace(-LONGEST_AXIAL_SHIFT_MM, LONGEST_AXIAL_SHIFT_MM, 33)
 _TURNS_DEG = np.linspace(-LARGEST_AXIAL_TURN_DEG, LARGEST_AXIAL_TURN_DEG, 11)
 _MM_PER_DEG = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRefused:
+    """No plan, and why: code and one sentence with the measured value, its limit and the remedy."""
+
+    code: PlanRefusal
+    message: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +129,7 @@ def plan_move(
         float(np.abs(axis_offset_mm(p.target, p.moved(shortest), p.entry_mm, p.exit_mm)).max()) for p in pairs
     )
     if not RESIDUAL.is_met(residual_mm):
-        return refused(
+        return _refused(
             RESIDUAL,
             f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {RESIDUAL.quoted(residual_mm)} "
             "would remain",
@@ -142,9 +150,9 @@ def _wanted(
     unknown = [i for i in hole_ids if i not in known]
     if unknown or not hole_ids or len(set(hole_ids)) < len(hole_ids):
         what = f"hole '{unknown[0]}' is not" if unknown else "the list of holes is empty or names one twice; no hole is"
-        return refused(UNKNOWN_HOLE, f"{what} one of the holes that guide and nail share: {', '.join(known)}")
+        return _refused(UNKNOWN_HOLE, f"{what} one of the holes that guide and nail share: {', '.join(known)}")
     if any(nail_holes[i].offset is None for i in hole_ids):
-        return refused(UNKNOWN_UNCERTAINTY, UNKNOWN_UNCERTAINTY.observed)
+        return _refused(UNKNOWN_UNCERTAINTY, UNKNOWN_UNCERTAINTY.observed)
     return tuple((nail_holes[i], guide_holes[i]) for i in hole_ids)
 
 
@@ -232,3 +240,8 @@ def _robot_covariance(levers_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Offsets at entry and exit that the robot's own errors make, shape (4, 4): a shift and a tilt about the guide."""
     tilt = np.radians(_TILT_SD_DEG) ** 2 * np.outer(levers_mm, levers_mm)
     return np.asarray(np.kron(MOVE_SD_MM**2 + tilt, np.eye(2)))
+
+
+def _refused(criterion: Criterion[PlanRefusal] | Finding[PlanRefusal], observation: str) -> PlanRefused:
+    """No plan for this reason: "<observation>; <remedy>"."""
+    return PlanRefused(criterion.code, f"{observation}; {criterion.remedy}")

@@ -1,1 +1,1 @@
-"""Acceptance criteria of images, sets of images, frames of fluoroscopy, wires and plans, and their rules."""
+"""Acceptance of images, sets of images, frames of fluoroscopy, wires and plans: criteria and rules."""

@@ -1,122 +1,24 @@
-"""Acceptance of one frame of running fluoroscopy: every limit, and the rules that combine them."""
+"""Acceptance of one frame of running fluoroscopy: the rules; the limits stand in `criteria`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from services.registration.core.acceptance.image import (
-    BEST_OPENING,
-    CONTRAST_TO_NOISE,
-    MIRROR_MARGIN,
-    OTHER_OPENING,
-    HoleView,
-    Openings,
-    opening_reasons,
+from services.registration.core.acceptance.criteria import (
+    FRAME_BLUR,
+    FRAME_CONTRAST_TO_NOISE,
+    FRAME_MIRROR_MARGIN,
+    FRAME_OPENINGS,
+    FRAME_SHIFT,
+    FRAME_STRUCTURE,
+    FRAME_TILT_DEVIATION,
+    FRAME_TURN,
+    FRAME_UNEXPLAINED,
 )
-from services.registration.core.acceptance.search import GUIDE_BALLS
-from shared.acceptance import Criterion, Finding, at_least, at_most
-from shared.errors import Reason, ReasonCode
+from services.registration.core.acceptance.image import HoleView, opening_reasons
+from shared.errors import Reason
 
-_RECORD: Final = "docs/decisions/0012-guidance.md"
-_FILMS: Final = f"fitted by inspection on films of `benchmarks.scenes.fluoroscopy_films` ({_RECORD})"
-_REQUIREMENT: Final = "required: errors beyond it count as wrong in `distalock bench accuracy`"
 _PREDICTED_DEVIATIONS: Final = 4.0
-
-FRAME_GUIDE_BALLS: Final = Criterion(
-    code=ReasonCode.GUIDE_NOT_FOUND,
-    measured="balls of the guide found near where the last frame showed them",
-    limit=at_least(GUIDE_BALLS.limit.value, "", decimals=0),
-    depends=GUIDE_BALLS.depends,
-    remedy="hold the C-arm still and keep the guide in the image",
-    origin="derived: as many as in a single image",
-)
-FRAME_GUIDE_RMS: Final = Criterion(
-    code=ReasonCode.MOTION_BLUR,
-    measured="rms distance of the guide's balls from where the guide as a whole puts them",
-    limit=at_most(0.8, "px", decimals=2),
-    remedy="hold still for a moment",
-    origin=_FILMS,
-)
-FRAME_CONTRAST_TO_NOISE: Final = Criterion(
-    code=ReasonCode.HOLE_NOT_VISIBLE,
-    measured="brightness of a hole's opening over the metal around it, in standard deviations of a pixel's noise",
-    limit=at_least(CONTRAST_TO_NOISE.limit.value, "", decimals=1),
-    remedy="take away what covers it, or raise the dose",
-    origin="derived: as in a single image",
-)
-FRAME_BEST_OPENING: Final = Criterion(
-    code=ReasonCode.HOLE_NOT_VISIBLE,
-    measured="visible share of the disc of the hole that shows most",
-    limit=at_least(BEST_OPENING.limit.value, "%", decimals=0),
-    remedy="move what covers it, or keep the hole inside the image",
-    origin="derived: as in a single image",
-)
-FRAME_OTHER_OPENING: Final = Criterion(
-    code=ReasonCode.HOLE_NOT_VISIBLE,
-    measured="visible share of the disc of every other hole",
-    limit=at_least(OTHER_OPENING.limit.value, "%", decimals=0),
-    remedy=FRAME_BEST_OPENING.remedy,
-    origin="derived: as in a single image",
-)
-FRAME_STRUCTURE: Final = Criterion(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    measured="rms of the smoothed residual at the edges of nail and holes, over that elsewhere, on coarser pixels",
-    limit=at_most(2.5, "times", decimals=1),
-    remedy="take away what lies over the nail",
-    origin=_FILMS,
-)
-FRAME_UNEXPLAINED: Final = Criterion(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    measured="pixels around the holes whose residual is beyond four standard deviations of the noise",
-    limit=at_most(0.02, "%", decimals=1),
-    remedy=FRAME_STRUCTURE.remedy,
-    origin=_FILMS,
-)
-FRAME_TURN: Final = Criterion(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    measured="rotation of the nail about its x or y axis from where guide and key image predict it",
-    limit=at_most(0.5, "°", decimals=1),
-    depends="or four predicted standard deviations of the difference if that is more",
-    remedy="if the guide was moved, hold the C-arm still until the nail is found anew",
-    origin=f"derived: exceeded by one frame in 16,000 if the predicted deviations hold ({_RECORD})",
-)
-FRAME_SHIFT: Final = Criterion(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    measured="distance of the nail across its holes from where guide and key image predict it",
-    limit=at_most(1.0, "mm", decimals=1),
-    remedy=FRAME_TURN.remedy,
-    origin=f"{_REQUIREMENT} ({_RECORD})",
-)
-FRAME_BLUR: Final = Criterion(
-    code=ReasonCode.MOTION_BLUR,
-    measured="blur of the nail's edges, as a standard deviation, beyond that of the key image",
-    limit=at_most(0.8, "px", decimals=1),
-    depends="quoted with the key image's blur added to both",
-    remedy="hold C-arm and leg still for a moment",
-    origin=_FILMS,
-)
-FRAME_TILT_DEVIATION: Final = Criterion(
-    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
-    measured="standard deviation of the nail's tilt by this frame's pixels alone",
-    limit=at_most(1.5, "°", decimals=1),
-    remedy="raise the dose, or bring the holes to the middle of the image",
-    origin=f"{_REQUIREMENT} ({_RECORD})",
-)
-FRAME_MIRROR_MARGIN: Final = Criterion(
-    code=ReasonCode.MIRROR_AMBIGUOUS,
-    measured="logarithm of the likelihood ratio between the pose and its reflected tilt, every eighth frame",
-    limit=at_least(MIRROR_MARGIN.limit.value, "", decimals=1),
-    remedy="hold the C-arm still until the nail is found anew",
-    origin="derived: as in a single image",
-)
-NO_KEY_IMAGE: Final = Finding(
-    code=ReasonCode.NAIL_NOT_FOUND,
-    observed="the nail is still being searched for in an earlier frame",
-    remedy="hold the C-arm still for a moment",
-)
-
-
-_OPENINGS: Final = Openings(FRAME_BEST_OPENING, FRAME_OTHER_OPENING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +56,7 @@ class FrameEvidence:
 def frame_reasons(evidence: FrameEvidence) -> tuple[Reason, ...]:
     """Reasons against the advice of a frame; none when it is accepted."""
     return (
-        *opening_reasons(evidence.holes, _OPENINGS, FRAME_CONTRAST_TO_NOISE),
+        *opening_reasons(evidence.holes, FRAME_OPENINGS, FRAME_CONTRAST_TO_NOISE),
         *_unexplained(evidence),
         *_displaced(evidence),
         *_blurred(evidence),

@@ -1,162 +1,39 @@
-"""Acceptance of one image: the limits of the nail's fit and of the localisation, and the rules that combine them.
+"""Acceptance of one image: the rules that combine the limits of `criteria`.
 
-An image is refused at three places, each with all reasons that apply there: where guide or nail is not found (limits in
-`search`), after the fit of the nail (`fit_reasons`), and when guide and nail are put together (`localisation_reasons`).
+An image is refused at three places, each with all reasons that apply there: where guide or nail is not found, after the
+fit of the nail (`fit_reasons`), and when guide and nail are put together (`localisation_reasons`).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
 
+from services.registration.core.acceptance.criteria import (
+    AXIS_BOUND,
+    CHANCE_TO_PASS,
+    CLEAR_VIEW,
+    CONTRAST_TO_NOISE,
+    DIAMETER_EXCESS,
+    DISTORTION_DEVIATION,
+    ENTRY_BOUND,
+    HOLE_ORDER,
+    MIRROR_MARGIN,
+    MIRROR_MARGIN_OF_ONE_HOLE,
+    NO_UNCERTAINTY,
+    NOISE_INFLATION,
+    SPOT,
+    STRUCTURE,
+    TILT,
+    Openings,
+)
 from services.registration.core.c_arm_advice import CArmTurn
 from services.registration.core.hole_axes import HoleEstimate
-from shared.acceptance import Criterion, Finding, at_least, at_most
+from shared.acceptance import Criterion
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
-
-_INSPECTION: Final = "fitted by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
-_REQUIREMENT: Final = "required: errors beyond it count as wrong in `distalock bench accuracy`"
-_RECORD: Final = "docs/decisions/0009-nail-likelihood.md"
-
-# The fit of the nail
-
-NAIL_OUTSIDE: Final = Finding(
-    code=ReasonCode.HOLE_NOT_VISIBLE,
-    observed="the nail's holes lie outside the image, or fewer than 200 pixels around them do inside",
-    remedy="centre the holes and take one more image",
-)
-BEST_OPENING: Final = Criterion(
-    code=ReasonCode.HOLE_NOT_VISIBLE,
-    measured="visible share of the disc of the hole that shows most",
-    limit=at_least(0.35, "%", decimals=0),
-    remedy="turn the C-arm towards the hole's axis, or move what covers it, and take one more image",
-    origin=f"fitted by inspection on 279 random scenes ({_RECORD}): one hole determines the tilt",
-)
-OTHER_OPENING: Final = Criterion(
-    code=ReasonCode.HOLE_NOT_VISIBLE,
-    measured="visible share of the disc of every other hole",
-    limit=at_least(0.12, "%", decimals=0),
-    remedy=BEST_OPENING.remedy,
-    origin=f"fitted by inspection on 279 random scenes ({_RECORD}): with 35 % for every hole seven were refused, "
-    "six of which are localised right",
-)
-CONTRAST_TO_NOISE: Final = Criterion(
-    code=ReasonCode.HOLE_NOT_VISIBLE,
-    measured="brightness of a hole's opening over the metal around it, in standard deviations of a pixel's noise",
-    limit=at_least(3.0, "", decimals=1),
-    remedy="raise the dose and take one more image",
-    origin=_INSPECTION,
-)
-DIAMETER_EXCESS: Final = Criterion(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    measured="fitted diameter of the holes, and of the nail, against the nail file",
-    limit=at_most(0.24, "mm", decimals=2),
-    remedy="check that the file is that of the implanted nail",
-    origin=f"fitted by inspection ({_RECORD}): refuses a nail 1 mm wider or 0.5 mm narrower, holes 0.3 mm larger "
-    "or 0.5 mm smaller, and spacings off by 1 mm",
-)
-STRUCTURE: Final = Criterion(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    measured="rms of the smoothed residual at the edges of nail and holes, over that elsewhere",
-    limit=at_most(2.0, "times", decimals=1),
-    remedy="check the nail file, remove wires and instruments from in front of the holes, and take one more image",
-    origin=_INSPECTION,
-)
-SPOT: Final = Criterion(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    measured="largest certain residual at a hole, as a share of the step from metal to background",
-    limit=at_most(0.3, "%", decimals=0),
-    remedy="remove what lies there, or turn the C-arm by 5°, and take one more image",
-    origin=f"fitted by inspection ({_RECORD}): at most 9 % at right poses, 56 and 93 % at wrong ones",
-)
-NOISE_INFLATION: Final = Criterion(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    measured="correlation that is left in the residual around the nail after the noise's own is removed",
-    limit=at_most(10.0, "pixels", decimals=1),
-    remedy="check the nail file, or take one more image without what lies there",
-    origin=_INSPECTION,
-)
-MIRROR_MARGIN: Final = Criterion(
-    code=ReasonCode.MIRROR_AMBIGUOUS,
-    measured="logarithm of the likelihood ratio between the pose and its reflected tilt",
-    limit=at_least(8.0, "", decimals=1),
-    remedy="turn the C-arm by 5° and take one more image",
-    origin=f"fitted by inspection ({_RECORD}): the smallest margin of the 28 independent images is 23",
-)
-MIRROR_MARGIN_OF_ONE_HOLE: Final = Criterion(
-    code=ReasonCode.MIRROR_AMBIGUOUS,
-    measured="the same of a nail with one hole: no spacing determines its depth, one opening its tilt",
-    limit=at_least(40.0, "", decimals=1),
-    remedy=MIRROR_MARGIN.remedy,
-    origin="fitted by inspection on seeded scenes: one opening alone is explained by a pose 9° or 2 mm off with "
-    "margins up to 13",
-)
-
-# The localisation: guide and nail together
-
-DISTORTION_DEVIATION: Final = Criterion(
-    code=ReasonCode.CALIBRATION_EXTRAPOLATED,
-    measured="standard deviation of the image's distortion at a hole",
-    limit=at_most(0.5, "px", decimals=2),
-    remedy="move the C-arm until the holes are nearer to the image's centre and take one more image",
-    origin=_INSPECTION,
-)
-HOLE_ORDER: Final = Finding(
-    code=ReasonCode.NAIL_MODEL_MISMATCH,
-    observed="holes of the same ids follow one another in opposite directions in nail and guide",
-    remedy="check the holes' ids in both files and that the guide's +x points to the nail's tip",
-)
-TILT: Final = Criterion(
-    code=ReasonCode.TILT_TOO_LARGE,
-    measured="tilt of a hole's axis against the ray through the hole",
-    limit=at_most(14.0, "°", decimals=1),
-    remedy="turn the C-arm as the sentence states and take one more image",
-    origin=_INSPECTION,
-)
-ENTRY_BOUND: Final = Criterion(
-    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
-    measured="95 % bound of an axis's offset at the hole's entry",
-    limit=at_most(1.0, "mm", decimals=2),
-    remedy="take one more image with more dose, the hole in the middle of the image and no balls over it",
-    origin=_REQUIREMENT,
-)
-AXIS_BOUND: Final = Criterion(
-    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
-    measured="95 % bound of an axis's angle",
-    limit=at_most(1.5, "°", decimals=2),
-    remedy=ENTRY_BOUND.remedy,
-    origin=_REQUIREMENT,
-)
-CHANCE_TO_PASS: Final = Criterion(
-    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
-    measured="probability that a drill along the estimated axis passes the true hole",
-    limit=at_least(0.99, "", decimals=3),
-    remedy=ENTRY_BOUND.remedy,
-    origin="required: one drill in a hundred may touch the hole's wall",
-)
-NO_UNCERTAINTY: Final = Finding(
-    code=ReasonCode.UNCERTAINTY_TOO_LARGE,
-    observed="the fronto-parallel method does not estimate its own errors, and errors above the limits are usual",
-    remedy="localise with the model method before anything is moved",
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Openings:
-    """How much of a hole's disc must be visible: of the hole that shows most, and of each other one.
-
-    One hole determines the tilt; of the others so much must show that their spacing is measured and not only assumed.
-    """
-
-    of_best: Criterion[ReasonCode]
-    of_others: Criterion[ReasonCode]
-
-
-CLEAR_VIEW: Final = Openings(BEST_OPENING, OTHER_OPENING)
 
 
 @dataclass(frozen=True, slots=True)

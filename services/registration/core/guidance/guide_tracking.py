@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from services.registration.core.acceptance.frame import FRAME_GUIDE_BALLS, FRAME_GUIDE_RMS
+from services.registration.core.acceptance.criteria import FRAME_GUIDE_BALLS, FRAME_GUIDE_RMS
 from services.registration.core.estimation.image_points import (
     Correspondences,
     down_weighted,

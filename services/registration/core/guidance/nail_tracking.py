@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.image import NAIL_OUTSIDE, HoleView
+from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
+from services.registration.core.acceptance.image import HoleView
 from services.registration.core.estimation.model_errors import model_covariance
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.evidence import hole_views, residual_statistics

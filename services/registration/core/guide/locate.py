@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.search import GUIDE_BALLS, GUIDE_IDENTITY, GUIDE_MARGIN
+from services.registration.core.acceptance.criteria import GUIDE_BALLS, GUIDE_IDENTITY, GUIDE_MARGIN
 from services.registration.core.estimation.image_points import Correspondences, residuals_px
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors

@@ -9,13 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.acceptance.image import (
-    NAIL_OUTSIDE,
-    FitEvidence,
-    HoleView,
-    ResidualStatistics,
-    fit_reasons,
-)
+from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
+from services.registration.core.acceptance.image import FitEvidence, HoleView, ResidualStatistics, fit_reasons
 from services.registration.core.estimation.model_errors import model_loadings, model_loadings_of_shape, ray_to
 from services.registration.core.estimation.pose_estimate import POSE_SIZE, PoseErrors
 from services.registration.core.nail.evidence import hole_views, residual_statistics

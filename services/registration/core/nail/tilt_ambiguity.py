@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.image import MIRROR_MARGIN_OF_ONE_HOLE
+from services.registration.core.acceptance.criteria import MIRROR_MARGIN_OF_ONE_HOLE
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.forward_model import Detail, FitInput, ForwardModel, model_at
 from services.registration.core.nail.imaging_chain import Scale

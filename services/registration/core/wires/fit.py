@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.wires import WIRE_DARKNESS, WIRE_SEEN, WIRE_SHARE
+from services.registration.core.acceptance.criteria import WIRE_DARKNESS, WIRE_SEEN, WIRE_SHARE
 from services.registration.core.tuning import WIRE_FITTING, WIRE_PRIOR
 from services.registration.core.wires.image import GradientImage
 from services.registration.core.wires.model import START, TIP, WIRE_UNKNOWNS, WireModel, wire_models

@@ -14,8 +14,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.search import SEARCHED_OUTLINE
-from services.registration.core.acceptance.wires import GUIDE_ON_NAIL, GUIDE_ON_NAIL_MARGIN, OPENNESS_BESIDE_WIRES
+from services.registration.core.acceptance.criteria import (
+    GUIDE_ON_NAIL,
+    GUIDE_ON_NAIL_MARGIN,
+    OPENNESS_BESIDE_WIRES,
+    SEARCHED_OUTLINE,
+)
 from services.registration.core.guide.locate import GuideFit, Named, guide_identities, measured_guide
 from services.registration.core.localise import Parts
 from services.registration.core.nail.search.band import SearchImage, depth_range_mm, find_bands, prepare_search

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.images import OUTLINE_CHI_SQUARE, chi_square_limit
-from services.registration.core.acceptance.wires import OUTLINE_SHARE
+from services.registration.core.acceptance.criteria import OUTLINE_CHI_SQUARE, OUTLINE_SHARE, chi_square_limit
 from services.registration.core.estimation.joint import JointEstimate
 from services.registration.core.tuning import NAIL_OUTLINE_MATCHING
 from services.registration.core.wires.image import RegisteredImage

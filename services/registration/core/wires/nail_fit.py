@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from services.registration.core.acceptance.criteria import BESIDE_WIRES, GUIDE_TILT, LAST_SHIFT, LAST_TURN, WIRES_LOST
 from services.registration.core.acceptance.image import fit_reasons
-from services.registration.core.acceptance.wires import BESIDE_WIRES, GUIDE_TILT, LAST_SHIFT, LAST_TURN, WIRES_LOST
 from services.registration.core.fusion import LocalisedImage, usable_estimate
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import Parts, conclude, unmirrored

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.wires import NO_SHARED_HOLE, WIRE_AXIS_BOUND, WIRE_ENTRY_BOUND
+from services.registration.core.acceptance.criteria import NO_SHARED_HOLE, WIRE_AXIS_BOUND, WIRE_ENTRY_BOUND
 from services.registration.core.drill_clearance import AxisOffset, across_basis, angle_deg, axis_offset_mm
 from services.registration.core.estimation.joint import fuse
 from services.registration.core.fusion import Estimates, LocalisedImage, disagreement, usable_estimate

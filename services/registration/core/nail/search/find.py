@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.search import (
+from services.registration.core.acceptance.criteria import (
     BAND_WIDTH,
     DIRECTION_CONTRADICTION,
     DIRECTION_MARGIN,

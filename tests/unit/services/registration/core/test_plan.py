@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.acceptance.plan import PlanRefusal, PlanRefused
+from services.registration.core.acceptance.criteria import PlanRefusal
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.plan import (
     LONGEST_AXIAL_SHIFT_MM,
     PlannedMove,
+    PlanRefused,
     RobotNow,
     plan_move,
 )

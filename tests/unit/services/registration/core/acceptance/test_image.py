@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import (
-    NAIL_OUTSIDE,
     FitEvidence,
     HoleView,
     LocalisationEvidence,
