@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from baselines.fronto_parallel.guide import locate_guide_by_axes
 from baselines.fronto_parallel.nail import locate_nail_by_band
 from services.registration.core.guide.locate import GuideFit
+from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import (
     LocalisationResult,
     Parts,
@@ -18,7 +19,6 @@ from services.registration.core.localise import (
     unmirrored,
 )
 from services.registration.core.nail.occluders import ball_discs_px
-from services.registration.core.nail_estimate import NailEstimate
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 
@@ -53,4 +53,4 @@ def _locate_nail(
     found = locate_nail_by_band(upright, calibration, parts.nail, distal_direction(guide), discs_px)
     if isinstance(found, Rejected):
         return found
-    return Accepted(NailEstimate(found.value.camera_from_nail, None, None, None))
+    return Accepted(NailEstimate(found.value.camera_from_nail, None, None))

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize, minimize_scalar
 
 from benchmarks.scenes.set_ups import SetUp
-from services.registration.core.estimation.model_errors import model_loadings
-from services.registration.core.estimation.pose_estimate import POSE_SIZE
+from services.registration.core.estimation.pose_estimate import POSE_SIZE, model_loadings
 from services.registration.core.guide_from_nail import guide_from_nail_of
 from services.registration.core.tuning import MODEL_ERRORS
 

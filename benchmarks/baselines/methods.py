@@ -19,10 +19,10 @@ from baselines.fronto_parallel.calibration import calibrate_by_plates
 from baselines.fronto_parallel.localise import localise_fronto_parallel
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
+from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult, Parts, conclude, localise, unmirrored
 from services.registration.core.nail.search.find import find_nail
-from services.registration.core.nail_estimate import NailEstimate
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.lines import Line, angle_between_rad
@@ -155,7 +155,7 @@ def run_paper_rule(
     found = along_the_beam(SeenNail.of_start(start.value), run.calibration, parts.nail)
     if isinstance(found, Rejected):
         return Outcome(codes_of(found.reasons), None, time.perf_counter() - started)
-    nail = Accepted(NailEstimate(found.value.camera_from_nail, None, None, None))
+    nail = Accepted(NailEstimate(found.value.camera_from_nail, None, None))
     result = conclude(run.calibration, parts, Accepted(guide), nail)
     return _of_rule(result, truths, time.perf_counter() - started)
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.fusion import FusedLocalisation
 from services.registration.core.guide.locate import GuideFit
+from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult, Parts, Step, localise
-from services.registration.core.nail_estimate import NailEstimate
 from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import Matrix3, ReasonMessage, matrix4, vector3

@@ -10,6 +10,7 @@ from benchmarks.accuracy.capture import Capture
 from benchmarks.accuracy.localised_scenes import model_row
 from benchmarks.baselines.methods import run_model
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
+from services.registration.core.tuning import NAIL_PRIORS
 from simulation.render.image import ImageFaults, Noise, exposed, view_of
 from simulation.world.poses import starting_state
 
@@ -53,7 +54,7 @@ def test_holes_come_out_as_wide_as_they_are_beside_balls_at_other_depths(seed: i
         run = run_model(shot.pixels.astype(np.float32), nominal_of(scenario), parts_of(scenario), shot.truth.holes)
         assert run.result is not None
         assert run.result.nail is not None
-        assert run.result.nail.misfit is not None
-        excess_mm.append(run.result.nail.misfit.hole_radius_excess_mm)
+        assert run.result.nail.errors is not None
+        excess_mm.append(NAIL_PRIORS.radius_sd_mm * run.result.nail.errors.shape_deviations[0])
     print(f"seed {seed}: radii of holes off by {excess_mm} mm")
     assert abs(np.mean(excess_mm)) < widest_mm

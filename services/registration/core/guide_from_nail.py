@@ -1,14 +1,20 @@
 """The nail in the guide's frame from one image, with what guide, nail and C-arm calibration leave uncertain."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.drill_clearance import across_basis
 from services.registration.core.estimation.image_points import Correspondences, refine_pose
-from services.registration.core.estimation.model_errors import length_that_gives_depth_mm, ray_to
-from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.estimation.pose_estimate import (
+    PoseErrors,
+    PoseEstimate,
+    length_that_gives_depth_mm,
+    ray_to,
+)
 from services.registration.core.guide.locate import GuideFit, distortion_correlation_px
-from services.registration.core.nail_estimate import NailEstimate
+from services.registration.core.nail.fit import NailFit
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
@@ -17,6 +23,33 @@ from shared.geometry.transform import Transform
 
 # Eight points describe a rim's circle with all its harmonics that a pose moves; their error only sets relative weights.
 _RIM_POINTS, _RIM_SD_PX = 8, 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NailEstimate:
+    """The nail in the camera's frame, whichever method found it.
+
+    Attributes
+    ----------
+    errors
+        Of the pose; None for a method that does not know its errors.
+    mirror_margin
+        How much worse the best mirrored pose explains the pixels; None for methods without one.
+    """
+
+    camera_from_nail: Transform[Camera, Nail]
+    errors: PoseErrors | None
+    mirror_margin: float | None
+
+    @property
+    def covariance(self) -> NDArray[np.float64] | None:
+        """Of a small motion of the nail in its own frame, shape (6, 6)."""
+        return None if self.errors is None else self.errors.covariance
+
+    @staticmethod
+    def of_fit(fit: NailFit) -> "NailEstimate":
+        """What a fit to the pixels determines of the pose."""
+        return NailEstimate(fit.camera_from_nail, fit.errors, fit.mirror_margin)
 
 
 def guide_from_nail_of(

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.image import LocalisationEvidence, localisation_reasons
 from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
-from services.registration.core.guide_from_nail import guide_from_nail_of
+from services.registration.core.guide_from_nail import NailEstimate, guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
 from services.registration.core.nail.search.find import find_nail
 from services.registration.core.nail.search.outline import covered_pixels
-from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
@@ -153,4 +152,4 @@ def _locate_nail(
     depth_mm = float(start.camera_from_nail.translation_mm[2])
     hidden = covered_pixels(upright, calibration, start.openings, depth_mm, ball_discs_px(balls, calibration))
     fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, replace(balls, hidden=hidden))
-    return fit if isinstance(fit, Rejected) else Accepted(fitted_estimate(fit.value))
+    return fit if isinstance(fit, Rejected) else Accepted(NailEstimate.of_fit(fit.value))

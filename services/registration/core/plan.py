@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from services.registration.core.acceptance.criteria import (
     OUT_OF_REACH,
@@ -18,7 +19,6 @@ from services.registration.core.acceptance.criteria import (
     UNKNOWN_UNCERTAINTY,
     PlanRefusal,
 )
-from services.registration.core.axis_match import AxisPair, match_axes
 from services.registration.core.drill_clearance import AxisOffset, angle_deg, axis_offset_mm
 from services.registration.core.hole_axes import HoleEstimate
 from shared.acceptance import Criterion, Finding
@@ -27,7 +27,7 @@ from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
 from shared.geometry.hexapod_limits import limit_margins, limit_violations, path_violations
-from shared.geometry.lines import Line
+from shared.geometry.lines import Line, angle_between_rad
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
 
@@ -38,6 +38,14 @@ _TILT_SD_DEG = 1.5 * MOVE_SD_DEG
 _SHIFTS_MM = np.linspace(-LONGEST_AXIAL_SHIFT_MM, LONGEST_AXIAL_SHIFT_MM, 33)
 _TURNS_DEG = np.linspace(-LARGEST_AXIAL_TURN_DEG, LARGEST_AXIAL_TURN_DEG, 11)
 _MM_PER_DEG = 0.5
+# The motion that lays axes upon axes.
+_ITERATIONS = 25
+_STEP = 1e-5
+_CONVERGED = 1e-10
+_LEAST_SINGULAR_RATIO = 1e-4
+_PARALLEL_RAD = 1e-6
+# One radian weighs as much as so many millimetres when the shortest motion is sought.
+_LEVER_MM = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,3 +253,76 @@ def _robot_covariance(levers_mm: NDArray[np.float64]) -> NDArray[np.float64]:
 def _refused(criterion: Criterion[PlanRefusal] | Finding[PlanRefusal], observation: str) -> PlanRefused:
     """No plan for this reason: "<observation>; <remedy>"."""
     return PlanRefused(criterion.code, f"{observation}; {criterion.remedy}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisPair:
+    """A guide hole's axis and the nail hole's axis that it is to lie on, both in the guide's present frame.
+
+    Attributes
+    ----------
+    entry_mm, exit_mm
+        Of the nail hole, shape (3,): where coincidence counts.
+    """
+
+    axis: Line
+    target: Line
+    entry_mm: NDArray[np.float64]
+    exit_mm: NDArray[np.float64]
+
+    def moved(self, guide_from_target_guide: Transform[Guide, Guide]) -> Line:
+        """The guide hole's axis after a move of the guide, in the guide's present frame."""
+        return Line(
+            guide_from_target_guide @ self.axis.point_mm, guide_from_target_guide.directions(self.axis.direction)
+        )
+
+
+def match_axes(pairs: tuple[AxisPair, ...]) -> Transform[Guide, Guide]:
+    """Least-squares motion of the guide after which its axes cross the nail's entries and exits.
+
+    Gauss-Newton from where the guide is. What the axes leave free (travel along a common direction, rotation about a
+    single axis) stays as small as it can.
+
+    Returns
+    -------
+    Transform
+        `guide_from_target_guide`.
+    """
+    move: Transform[Guide, Guide] = Transform.from_rotation_translation(_first_rotation(pairs), np.zeros(3))
+    for _ in range(_ITERATIONS):
+        residual = _offsets(pairs, move)
+        J = np.stack([(_offsets(pairs, _nudged(move, d)) - residual) / _STEP for d in _STEP * np.eye(6)], axis=1)
+        step, *_ = np.linalg.lstsq(J, -residual, rcond=_LEAST_SINGULAR_RATIO)
+        move = _nudged(move, np.asarray(step, dtype=np.float64))
+        if float(np.abs(step).max()) < _CONVERGED:
+            break
+    return _without_free_travel(move, pairs)
+
+
+def _first_rotation(pairs: tuple[AxisPair, ...]) -> NDArray[np.float64]:
+    """Smallest rotation that takes the mean direction of the guide's axes to that of the nail's."""
+    start = np.sum([p.axis.direction for p in pairs], axis=0)
+    end = np.sum([p.target.direction for p in pairs], axis=0)
+    normal = np.cross(start, end)
+    sine = float(np.linalg.norm(normal))
+    angle = np.arctan2(sine, float(start @ end))
+    return np.asarray(Rotation.from_rotvec(normal * (angle / sine if sine > 0.0 else 0.0)).as_matrix())
+
+
+def _offsets(pairs: tuple[AxisPair, ...], move: Transform[Guide, Guide]) -> NDArray[np.float64]:
+    """Offsets in mm at entries and exits, shape (4 * number of pairs,)."""
+    return np.concatenate([axis_offset_mm(p.target, p.moved(move), p.entry_mm, p.exit_mm) for p in pairs])
+
+
+def _nudged(move: Transform[Guide, Guide], step: NDArray[np.float64]) -> Transform[Guide, Guide]:
+    small: Transform[Guide, Guide] = Transform.from_rotvec(step[:3] / _LEVER_MM, step[3:])
+    return move @ small
+
+
+def _without_free_travel(move: Transform[Guide, Guide], pairs: tuple[AxisPair, ...]) -> Transform[Guide, Guide]:
+    """Take back the guide's travel along the nail's axes, if they are parallel: it only costs reach."""
+    along = pairs[0].target.direction
+    if any(angle_between_rad(along, p.target.direction) > _PARALLEL_RAD for p in pairs):
+        return move
+    translation = move.translation_mm - along * float(along @ move.translation_mm)
+    return Transform.from_rotation_translation(move.rotation, translation)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import HoleView
-from services.registration.core.estimation.model_errors import model_covariance
-from services.registration.core.estimation.pose_estimate import POSE_SIZE
+from services.registration.core.estimation.pose_estimate import POSE_SIZE, model_covariance
 from services.registration.core.nail.evidence import hole_views, residual_statistics
 from services.registration.core.nail.fit import pose_covariance
 from services.registration.core.nail.forward_model import Detail, FitInput, ForwardModel, model_at

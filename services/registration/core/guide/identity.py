@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from services.registration.core.estimation.image_points import Correspondences, observed
-from services.registration.core.estimation.image_points_kernel import Pose, refined
+from services.registration.core.estimation.image_points import Correspondences, Pose, observed, refined
 from services.registration.core.tuning import GUIDE_IDENTIFICATION
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide

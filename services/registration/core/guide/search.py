@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.compiled import compiled
-from services.registration.core.estimation.image_points_kernel import Pose
+from services.registration.core.estimation.image_points import Pose
 from services.registration.core.guide.identity import Discs, GuideIdentity, refined_identity
 from services.registration.core.tuning import GUIDE_SEARCH
 from shared.geometry.camera import PinholeCamera

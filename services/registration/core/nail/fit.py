@@ -11,8 +11,13 @@ from scipy.linalg import block_diag
 
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import FitEvidence, HoleView, ResidualStatistics, fit_reasons
-from services.registration.core.estimation.model_errors import model_loadings, model_loadings_of_shape, ray_to
-from services.registration.core.estimation.pose_estimate import POSE_SIZE, PoseErrors
+from services.registration.core.estimation.pose_estimate import (
+    POSE_SIZE,
+    PoseErrors,
+    model_loadings,
+    model_loadings_of_shape,
+    ray_to,
+)
 from services.registration.core.nail.evidence import hole_views, residual_statistics
 from services.registration.core.nail.forward_model import Detail, FitInput, model_at
 from services.registration.core.nail.imaging_chain import Scale

@@ -17,10 +17,10 @@ from services.registration.core.acceptance.criteria import BESIDE_WIRES, GUIDE_T
 from services.registration.core.acceptance.image import fit_reasons
 from services.registration.core.fusion import LocalisedImage, usable_estimate
 from services.registration.core.guide.locate import GuideFit
+from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import Parts, conclude, unmirrored
 from services.registration.core.nail.fit import NailFit, measure_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, SteelRod
-from services.registration.core.nail_estimate import NailEstimate, fitted_estimate
 from services.registration.core.tuning import NAIL_WITH_WIRES, WIRE_VISIBILITY
 from services.registration.core.wires.fit import WireFit, detect_wire
 from services.registration.core.wires.guided_search import locate_nail_near_guide_axes
@@ -119,7 +119,7 @@ def _alternating_fit(
         observation = f"nail and wires do not converge: the last fit moved the nail by {quoted}"
         return Rejected((LAST_SHIFT.reason(observation),))
     reasons = fit_reasons(replace(fit.evidence, openings=BESIDE_WIRES))
-    return Rejected(reasons) if reasons else Accepted(fitted_estimate(fit))
+    return Rejected(reasons) if reasons else Accepted(NailEstimate.of_fit(fit))
 
 
 def _within(motion: Transform[Nail, Nail], turn_deg: float, shift_mm: float) -> bool:

@@ -6,10 +6,10 @@ from scipy.linalg import block_diag
 
 from services.registration.core.c_arm_advice import c_arm_correction_deg
 from services.registration.core.estimation.joint import fuse, leave_one_out
-from services.registration.core.estimation.model_errors import model_loadings
+from services.registration.core.estimation.pose_estimate import model_loadings
 from services.registration.core.fusion import LocalisedImage, fuse_localisations
+from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import LocalisationResult, Parts, hole_estimates
-from services.registration.core.nail_estimate import NailEstimate
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Reason, ReasonCode
 from shared.geometry.frames import Nail
@@ -123,7 +123,7 @@ def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: R
     pose = NAIL_POSE @ step
     guide = guide_fit(GUIDE_POSE, np.eye(6) * 1e-8)
     errors = errors_without_shape(fit_covariance, model_loadings(PARTS.nail, pose))
-    nail = NailEstimate(pose, errors, 100.0, None)
+    nail = NailEstimate(pose, errors, 100.0)
     holes = hole_estimates(KNOWN_SOURCE, PARTS, guide, nail)
     correction = c_arm_correction_deg(pose, PARTS.nail)
     guide_from_nail = GUIDE_POSE.inverse() @ pose

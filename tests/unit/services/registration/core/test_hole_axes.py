@@ -9,11 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from services.registration.core.drill_clearance import across_basis
 from services.registration.core.estimation.image_points import Correspondences, refine_pose
-from services.registration.core.estimation.model_errors import model_covariance
-from services.registration.core.estimation.pose_estimate import PoseErrors, PoseEstimate
+from services.registration.core.estimation.pose_estimate import PoseErrors, PoseEstimate, model_covariance
 from services.registration.core.guide.locate import GuideFit
+from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import Parts, hole_estimates
-from services.registration.core.nail_estimate import NailEstimate
 from services.registration.core.tuning import MODEL_ERRORS
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.camera import PinholeCamera
@@ -45,7 +44,7 @@ def fit_errors(covariance: NDArray[np.float64]) -> PoseErrors:
 
 
 def test_entry_and_axis_are_those_of_the_composed_poses() -> None:
-    holes = hole_estimates(VIEW, PARTS, guide_fit(GUIDE_POSE, np.eye(6)), NailEstimate(NAIL_POSE, None, None, None))
+    holes = hole_estimates(VIEW, PARTS, guide_fit(GUIDE_POSE, np.eye(6)), NailEstimate(NAIL_POSE, None, None))
     assert [hole.id for hole in holes] == ["distal", "proximal"]
     for hole, x_mm in zip(holes, (15.0, -15.0), strict=True):
         entry_camera = NAIL_POSE @ np.array([x_mm, 0.0, -6.0])
@@ -72,7 +71,7 @@ def test_covariance_is_that_of_random_pose_errors() -> None:
         KNOWN_SOURCE,
         PARTS,
         guide_fit(GUIDE_POSE, guide_cov),
-        NailEstimate(NAIL_POSE, fit_errors(nail_cov), 10.0, None),
+        NailEstimate(NAIL_POSE, fit_errors(nail_cov), 10.0),
     )
     guide_steps = rng.multivariate_normal(np.zeros(6), guide_cov, 3000)
     nail_steps = rng.multivariate_normal(np.zeros(6), nail_cov, 3000)
@@ -91,7 +90,7 @@ def test_covariance_is_that_of_random_pose_errors() -> None:
 
 def test_a_source_a_few_millimetres_off_costs_little_and_is_counted() -> None:
     """One millimetre of the source's distance costs about 0.003 degrees near the image's centre."""
-    nail = NailEstimate(NAIL_POSE, fit_errors(np.zeros((6, 6))), 10.0, None)
+    nail = NailEstimate(NAIL_POSE, fit_errors(np.zeros((6, 6))), 10.0)
     fit = guide_fit(GUIDE_POSE, np.zeros((6, 6)))
     for axis in range(3):
         uncertain = np.zeros((3, 3))
@@ -134,7 +133,7 @@ def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
     entry_sd_mm = []
     for tilt_deg in (0.0, 10.0):
         pose = posed_nail(0.0, (tilt_deg, 0.0), (0.0, 0.0, 740.0))
-        estimate = NailEstimate(pose, fit_errors(model_covariance(nail, pose)), 50.0, None)
+        estimate = NailEstimate(pose, fit_errors(model_covariance(nail, pose)), 50.0)
         offset = hole_estimates(KNOWN_SOURCE, PARTS, fit, estimate)[0].offset
         assert offset is not None
         entry_sd_mm.append(offset.entry_sd_mm)

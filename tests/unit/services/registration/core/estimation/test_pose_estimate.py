@@ -1,5 +1,7 @@
 """Errors carried along chains of estimates, and the mean of two estimates of one pose."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -86,3 +88,38 @@ def test_errors_conditioned_on_an_observation_are_those_of_least_squares() -> No
 def test_errors_of_the_wrong_size_are_refused() -> None:
     with pytest.raises(ValueError, match=r"expected a covariance of shape \(7, 7\)"):
         PoseErrors(np.zeros(1), np.eye(6), np.zeros((7, 1)), np.zeros((7, 0)))
+
+
+STEP = 1e-5
+
+
+def numerical_derivative(motion_after: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Central differences of a motion, shape (6,), by an error of shape (6,): shape (6, 6)."""
+    columns = [(motion_after(STEP * d) - motion_after(-STEP * d)) / (2.0 * STEP) for d in np.eye(6)]
+    return np.stack(columns, axis=1)
+
+
+def full_covariance(seed: int) -> NDArray[np.float64]:
+    root = np.random.default_rng(seed).standard_normal((6, 6))
+    return np.asarray(root @ root.T)
+
+
+def test_the_inverse_transports_errors_by_its_derivative() -> None:
+    estimate = PoseEstimate.of(SEEN, full_covariance(1))
+    inverse = estimate.inverse()
+    J = numerical_derivative(lambda error: inverse.mean.motion_to(estimate.mean.moved(error).inverse()))
+    np.testing.assert_allclose(inverse.covariance, J @ estimate.covariance @ J.T, rtol=1e-6, atol=1e-4)
+
+
+def test_a_product_transports_the_errors_of_both_factors_by_its_derivatives() -> None:
+    camera_from_guide: Transform[Camera, Guide] = Transform.from_rotvec([0.4, -0.1, 1.3], [5.0, -2.0, 63.0])
+    guide_from_nail: Transform[Guide, Nail] = Transform.from_rotvec([0.2, 0.9, -0.5], [7.0, -40.0, 17.0])
+    left, right = (
+        PoseEstimate.of(camera_from_guide, full_covariance(2)),
+        PoseEstimate.of(guide_from_nail, full_covariance(3)),
+    )
+    product = left @ right
+    by_left = numerical_derivative(lambda error: product.mean.motion_to(left.mean.moved(error) @ right.mean))
+    by_right = numerical_derivative(lambda error: product.mean.motion_to(left.mean @ right.mean.moved(error)))
+    expected = by_left @ left.covariance @ by_left.T + by_right @ right.covariance @ by_right.T
+    np.testing.assert_allclose(product.covariance, expected, rtol=1e-6, atol=1e-4)
