@@ -10,8 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.registration.core.drill_clearance import AxisOffset
+from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.fusion import LocalisedImage, fuse_localisations
+from services.registration.core.head_check import HeadRefused, HeadTrouble, MotionView, check_motion, check_place
 from services.registration.core.hole_axes import HoleEstimate
+from services.registration.core.localise import LocalisationResult
 from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
 from services.registration.frames import (
     POSE_TOLERANCE_DEG,
@@ -22,15 +25,20 @@ from services.registration.frames import (
     pose_at_rest,
     same_place,
 )
-from services.registration.head_check import head_trouble
 from services.registration.report import fusion_message, standard_uncertainty
 from services.registration.state import RegistrationState
 from shared.errors import Reason
+from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.parts import GuidePart
 from shared.messages.base import matrix4, vector3
 from shared.messages.registration import Fusion, LocalisationRecord, Plan, PlanReply, PlanRequest, PredictedHoleError
 from shared.messages.robot import PlatformPoseMessage, RobotState
+
+_NOT_SEEN = (
+    "no image with the robot where it stands shows both guide and nail (0 found, 1 needed), so that nobody can tell "
+    "whether the guide is held as the case says; take one along the nail's holes and plan again"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,16 +79,13 @@ def answer_plan_request(request: PlanRequest, state: RegistrationState) -> PlanR
     axes = axes_for(request, localised, state)
     if isinstance(axes, PlanReply):
         return axes
-    return (
-        _unlike_set_up(localised, state.robot, case)
-        or _wrongly_held(localised, state)
-        or _planned(request, localised, case, state, axes)
-    )
-
-
-def _wrongly_held(localised: LocalisedFrame, state: RegistrationState) -> PlanReply | None:
+    refusal = _unlike_set_up(localised, state.robot, case)
+    if refusal is not None:
+        return refusal
     trouble = head_trouble(localised, state)
-    return None if trouble is None else refused(trouble.code.value, trouble.message)
+    if trouble is not None:
+        return refused(trouble.code.value, trouble.message)
+    return _planned(request, localised, case, state, axes)
 
 
 def _stale_case(localised: LocalisedFrame, case: OpenCase) -> PlanReply | None:
@@ -298,3 +303,42 @@ def _localised_image(frame: LocalisedFrame) -> LocalisedImage:
     record = frame.record
     reasons = tuple(Reason(reason.code, reason.message) for reason in record.localisation.reasons)
     return LocalisedImage(record.image.sha256[:12], frame.calibration, frame.result, reasons)
+
+
+def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> HeadRefused | None:
+    """Why the guide seems to be held otherwise than the case says; None when nothing speaks against it."""
+    # an image of a verification may show no nail, or was not accepted by itself: then one beside it must speak
+    candidates = (newest, *state.accepted_beside(newest, ()))
+    view = next((view for one in reversed(candidates) if (view := _view(one)) is not None), None)
+    if view is None:
+        return HeadRefused(HeadTrouble.NOT_SEEN, _NOT_SEEN)
+    case = newest.case
+    extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
+    guide_from_nail = view.ring_from_guide.mean.inverse() @ view.ring_from_nail.mean
+    refused = check_place(hexapod, view.pose, extension_mm, guide_from_nail, case.context.mount)
+    for earlier in state.accepted_elsewhere(newest):
+        before = _view(earlier)
+        if refused is None and before is not None:
+            refused = check_motion(hexapod, extension_mm, before, view)
+    return refused
+
+
+def _view(frame: LocalisedFrame) -> MotionView | None:
+    pose = frame.record.robot_pose
+    if pose is None or frame.calibration is None or frame.result is None:
+        return None
+    return motion_view(_pose(pose), frame.calibration, frame.result)
+
+
+def motion_view(pose: PlatformPose, calibration: CArmCalibration, result: LocalisationResult) -> MotionView | None:
+    """What the checks need of an image; None when guide or nail were not found, or without their errors."""
+    if result.guide is None or result.nail is None or result.nail.errors is None:
+        return None
+    ring_from_camera = calibration.camera_from_ring.inverse()
+    return MotionView(
+        pose=pose,
+        ring_from_guide=PoseEstimate.exact(ring_from_camera) @ result.guide.pose,
+        ring_from_nail=PoseEstimate(ring_from_camera @ result.nail.camera_from_nail, result.nail.errors),
+        source_ring_mm=ring_from_camera.translation_mm,
+        source_covariance_mm2=calibration.source_covariance_mm2,
+    )

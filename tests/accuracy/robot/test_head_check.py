@@ -10,7 +10,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.head_check import HeadTrouble, MotionView, check_motion
 from services.registration.core.localise import LocalisationResult, Parts, localise
 from services.registration.core.plan import PlanRefused, RobotNow, plan_move
-from services.registration.head_check import motion_view
+from services.registration.planning import motion_view
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Accepted, ReasonCode
 from shared.geometry.frames import Guide

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from services.registration.core.head_check import HeadTrouble
 from services.registration.frames import LocalisedFrame
-from services.registration.head_check import head_trouble
+from services.registration.planning import head_trouble
 from services.registration.state import RegistrationState
 from shared.parts.files import sha256_of
 from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, localised
