@@ -153,7 +153,7 @@ def locate_images(
     if len(found) == 1:
         return found[0]
     names = tuple(image.name for image in images)
-    fused = fuse_localisations(tuple(_localised(*one) for one in zip(names, found, strict=True)), parts)
+    fused = fuse_localisations(tuple(localised_image(*one) for one in zip(names, found, strict=True)), parts)
     message = message_of_several(fused, tuple(one.message for one in found), names)
     shown = found[-1 if fused is None else fused.shown]
     return LocatedImage(shown.pixels, shown.calibration, shown.result if fused is None else fused.result, message)
@@ -199,7 +199,8 @@ def _run_each(given: argparse.Namespace) -> int:
     return next(code for code in (EXIT_BAD_INPUT, EXIT_REJECTED, EXIT_ACCEPTED) if code in codes)
 
 
-def _localised(name: str, found: LocatedImage) -> LocalisedImage:
+def localised_image(name: str, found: LocatedImage) -> LocalisedImage:
+    """What the core needs of an image; sentences call it by `name`."""
     reasons = tuple(Reason(reason.code, reason.message) for reason in found.message.reasons)
     return LocalisedImage(name, found.calibration, found.result, reasons)
 

@@ -6,9 +6,11 @@ from pathlib import Path
 
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.image_files import read_image_file, require_different
-from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, located, read_parts
+from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, localised_image, located, read_parts
 from services.registration.core.localise import Parts
-from services.registration.verification import VerifiedImage, verification_message, verified_images
+from services.registration.core.wires.nail_fit import ImageWithWires
+from services.registration.core.wires.verify import verify_images as verify_wires
+from services.registration.verification import verification_message
 from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.errors import InputError
 from shared.messages.base import encode
@@ -41,12 +43,13 @@ def verify_images(
     files = tuple(read_image_file(image) for image in (*before, *images))
     require_different(files)
     found = tuple(located(file, parts, nominal) for file in files)
-    given = tuple(
-        VerifiedImage(file.path.name, one.pixels, one.calibration, one.result, one.message)
-        for file, one in zip(files, found, strict=True)
+    given = tuple(localised_image(file.path.name, one) for file, one in zip(files, found, strict=True))
+    wired, earlier = found[len(before) :], given[: len(before)]
+    with_wires = tuple(
+        ImageWithWires(one.pixels, image) for one, image in zip(wired, given[len(before) :], strict=True)
     )
-    earlier, wired = given[: len(before)], given[len(before) :]
-    return verification_message(wired, verified_images(wired, parts, earlier, wire_diameter_mm))
+    verified = verify_wires(with_wires, earlier, parts, wire_diameter_mm)
+    return verification_message(tuple(one.message.image.sha256 for one in wired), verified)
 
 
 def _require_few(images: tuple[Path, ...]) -> None:

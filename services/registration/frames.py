@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.fusion import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.parts import parts_from_json
+from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import HexapodPart
 from shared.messages.cases import CaseContext
@@ -72,6 +74,12 @@ class LocalisedFrame:
     record: LocalisationRecord
     calibration: CArmCalibration | None
     result: LocalisationResult | None
+
+    @property
+    def image(self) -> LocalisedImage:
+        """What the core needs of it; sentences name the image by the beginning of its hash."""
+        reasons = tuple(Reason(reason.code, reason.message) for reason in self.record.localisation.reasons)
+        return LocalisedImage(self.record.image.sha256[:12], self.calibration, self.result, reasons)
 
 
 class LocalisedFrames:

@@ -11,7 +11,7 @@ import numpy as np
 
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.estimation.pose_estimate import PoseEstimate
-from services.registration.core.fusion import LocalisedImage, fuse_localisations
+from services.registration.core.fusion import fuse_localisations
 from services.registration.core.head_check import HeadRefused, HeadTrouble, MotionView, check_motion, check_place
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult
@@ -27,7 +27,6 @@ from services.registration.frames import (
 )
 from services.registration.report import fusion_message, standard_uncertainty
 from services.registration.state import RegistrationState
-from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.parts import GuidePart
@@ -198,11 +197,6 @@ def axes_for(request: PlanRequest, newest: LocalisedFrame, state: RegistrationSt
     return earlier if isinstance(earlier, PlanReply) else _of_images((*earlier, newest))
 
 
-def verified_name(frame: LocalisedFrame) -> str:
-    """What an image is called in a verification."""
-    return frame.record.image.sha256[:12]
-
-
 def refused(code: str, message: str) -> PlanReply:
     """No plan."""
     return PlanReply(verdict="rejected", code=code, message=message)
@@ -222,7 +216,7 @@ def _of_verification(request: PlanRequest, newest: LocalisedFrame, state: Regist
     if verified.reasons:
         reasons = "; ".join(reason.message for reason in verified.reasons)
         return refused("not_accepted", f"the verification was rejected: {reasons}")
-    if verified_name(newest) not in verified.images_used:
+    if newest.image.name not in verified.images_used:
         return refused(
             "not_accepted",
             f"the newest image {request.image_sha256[:12]} added nothing to the verification: ring or guide was not "
@@ -288,7 +282,7 @@ def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
             reasons = "; ".join(reason.message for reason in newest.reasons)
             return refused("not_accepted", f"the newest image was rejected: {reasons}")
         return PlanAxes(result.holes, frames[0].case.parts.guide, None)
-    fused = fuse_localisations(tuple(_localised_image(frame) for frame in frames), frames[-1].case.parts)
+    fused = fuse_localisations(tuple(frame.image for frame in frames), frames[-1].case.parts)
     if fused is None or not fused.shares[-1].used:
         reasons = "; ".join(reason.message for reason in newest.reasons)
         return refused("not_accepted", f"the newest image cannot be fused with the others: {reasons}")
@@ -297,12 +291,6 @@ def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
         return refused("not_accepted", f"the {len(frames)} images together were rejected: {reasons}")
     agreement = fusion_message(fused, tuple(frame.record.localisation for frame in frames))
     return PlanAxes(fused.result.holes, frames[-1].case.parts.guide, agreement)
-
-
-def _localised_image(frame: LocalisedFrame) -> LocalisedImage:
-    record = frame.record
-    reasons = tuple(Reason(reason.code, reason.message) for reason in record.localisation.reasons)
-    return LocalisedImage(record.image.sha256[:12], frame.calibration, frame.result, reasons)
 
 
 def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> HeadRefused | None:

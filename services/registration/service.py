@@ -7,14 +7,16 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from services.registration.core.localise import LocalisationResult
+from services.registration.core.wires.nail_fit import ImageWithWires
+from services.registration.core.wires.verify import verify_images
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest
 from services.registration.live import LiveGuidance
 from services.registration.overlay import overlay_png
-from services.registration.planning import another_set_up, answer_plan_request, verified_name
+from services.registration.planning import another_set_up, answer_plan_request
 from services.registration.report import MeasuredTimes, timed_localisation, uncalibrated_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
-from services.registration.verification import VerifiedImage, verification_message, verified_images
+from services.registration.verification import verification_message
 from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import BusError, InputError, Reason
 from shared.geometry.calibration import CArmCalibration
@@ -157,10 +159,11 @@ class RegistrationService:
         if against is not None:
             return Answer(encode(against))
         earlier = self._state.accepted_beside(known[0], request.image_sha256)
-        images, before = (tuple(_verified_image(frame) for frame in frames) for frames in (known, earlier))
-        verified = verified_images(images, case.parts, before, self._settings.wire_diameter_mm)
+        images = tuple(ImageWithWires(one.frame.pixels, one.image) for one in known)
+        before = tuple(one.image for one in earlier)
+        verified = verify_images(images, before, case.parts, self._settings.wire_diameter_mm)
         self._state.note_verified(request.image_sha256, verified)
-        verification = verification_message(images, verified)
+        verification = verification_message(request.image_sha256, verified)
         return Answer(encode(VerificationReply(verification=verification)))
 
     def _publish_epochs(self) -> None:
@@ -271,10 +274,3 @@ def _not_one_set_up(frames: list[LocalisedFrame]) -> VerificationReply | None:
             message = f"image {other.record.image.sha256[:12]} shows another set-up: {why}; take both again"
             return VerificationReply(code="another_set_up", message=message)
     return None
-
-
-def _verified_image(localised: LocalisedFrame) -> VerifiedImage:
-    record, frame = localised.record, localised.frame
-    return VerifiedImage(
-        verified_name(localised), frame.pixels, localised.calibration, localised.result, record.localisation
-    )
