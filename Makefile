@@ -15,13 +15,14 @@ T ?= tests/unit
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
 
-.PHONY: help setup demo test check lint tests unit bench lock generated wheel-check clean
+.PHONY: help setup demo test check lint tests unit mutation bench lock generated wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
 	@echo "make test    everything CI runs"
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
+	@echo "make mutation  which changes of the safety modules the unit tests notice; one module with M=guard"
 	@echo "make bench   the full statistics; results go to docs/"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
 	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
@@ -66,6 +67,11 @@ quick-tests: $(COMPILED)
 
 unit: $(COMPILED)
 	$(PYTEST) $(T)
+
+# mutmut is installed for this purpose only.
+mutation: $(COMPILED)
+	$(BIN)/python -m pip install --quiet "mutmut>=3.8,<4"
+	nice -n 10 $(BIN)/python -m tools.mutation $(M)
 
 bench: setup
 	$(BIN)/distalock bench all

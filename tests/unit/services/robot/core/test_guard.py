@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from services.robot.core import guard
 from services.robot.core.controller_feedback import ControllerFeedback
 from services.robot.core.deviation import Deviation
-from services.robot.core.guard import PermittedMove, check_move
+from services.robot.core.guard import PermittedMove, check_move, check_supervision
 from services.robot.core.guard_context import GuardContext, GuardLimits
 from services.robot.core.plans import EpochReport, PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
@@ -114,6 +114,48 @@ def test_the_speed_keeps_to_both_limits_of_the_hexapod_file() -> None:
         assert outcome.speed_mm_per_s <= HEXAPOD.speed_limits.translation_mm_per_s + 1e-12
         assert outcome.duration_s >= np.linalg.norm(travel[3:]) / HEXAPOD.speed_limits.rotation_deg_per_s - 1e-9
         assert outcome.duration_s == pytest.approx(np.linalg.norm(travel[:3]) / outcome.speed_mm_per_s)
+
+
+def test_duration_and_speed_of_moves_that_translation_or_rotation_limits() -> None:
+    limits = HEXAPOD.speed_limits
+    cases = [
+        (PlatformPose(0.0, 0.0, 8.0, 1.0, 0.0, 0.0), 8.0 / limits.translation_mm_per_s),
+        (PlatformPose(0.0, 0.0, 0.5, 9.0, 0.0, 0.0), 9.0 / limits.rotation_deg_per_s),
+    ]
+    start = PlatformPose(0.0, 0.0, -2.0, 0.5, 0.0, 0.0)
+    for travel, duration_s in cases:
+        target = PlatformPose.from_array(start.as_array() + travel.as_array())
+        move = guard._permitted(replace(planned(), start_pose=start, target_pose=target), HEXAPOD)
+        assert move.duration_s == pytest.approx(duration_s)
+        assert move.speed_mm_per_s == pytest.approx(travel.z_mm / duration_s)
+        assert (move.plan_sha256, move.start, move.target) == (SHA, start, target)
+
+
+def test_supervision_alone_is_checked_before_reference() -> None:
+    assert check_supervision(CONTEXT) is None
+    refused = check_supervision(replace(CONTEXT, link_up=False))
+    assert refused is not None
+    assert refused.code is RefusalCode.LINK_LOST
+    silent = check_supervision(replace(CONTEXT, heartbeat_s=None))
+    assert silent is not None
+    assert silent.code is RefusalCode.HEARTBEAT_MISSING
+
+
+def test_times_exactly_at_their_limits_pass() -> None:
+    now_s = 1024.0
+    limits = GuardLimits(Deviation(20.0, 12.0), 512.0, 0.25, 1.0)
+    registration = RegistrationView(
+        EpochReport("reg", 7, "reg.5", now_s - 1.0), case=("case1", 2), plans=((SHA, now_s - 512.0),)
+    )
+    context = replace(
+        CONTEXT,
+        now_s=now_s,
+        limits=limits,
+        registration=registration,
+        heartbeat_s=now_s - 0.25,
+        connected_s=now_s - 512.0,
+    )
+    assert isinstance(check_move(planned(), SHA, context), PermittedMove)
 
 
 def test_a_move_to_where_it_stands_has_a_speed() -> None:
