@@ -19,7 +19,7 @@ from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, read_
 from services.imaging.core.ring_tracking import calibrate_next
 from services.imaging.devices.received_image import Acquisition
 from services.imaging.devices.video_source import grey_of
-from services.registration.core.guidance.c_arm_angles import CArmAngles
+from services.registration.core.c_arm_advice import CArmAngles
 from services.registration.core.guidance.tracking import (
     FrameEstimate,
     Origin,

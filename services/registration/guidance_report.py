@@ -4,8 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.registration.core.c_arm_advice import Advice, HoleTilt
-from services.registration.core.guidance.c_arm_angles import AngledView, CArmAngles, angles_after, picture_turn_rad
+from services.registration.core.c_arm_advice import (
+    Advice,
+    AngledView,
+    CArmAngles,
+    HoleTilt,
+    angles_after,
+    picture_turn_rad,
+)
 from services.registration.core.guidance.tracking import FrameEstimate, Margin
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage

@@ -11,9 +11,9 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from services.registration.core.acceptance.criteria import NO_KEY_IMAGE
-from services.registration.core.guidance.c_arm_angles import CArmAngles
-from services.registration.core.guidance.run import Arrival, Run
+from services.registration.core.acceptance.criteria import NO_REFERENCE_IMAGE
+from services.registration.core.c_arm_advice import CArmAngles
+from services.registration.core.guidance.run import NumberedFrame, Run
 from services.registration.core.guidance.tracking import (
     FrameEstimate,
     Origin,
@@ -126,16 +126,16 @@ class LiveGuidance:
             run = self._run_of(case)
             if run is None:
                 return
-            finding = run.localised(self._arrival(record.image.sha256), sight, track)
+            outcome = run.add_localised(self._numbered(record.image.sha256), sight, track)
             self._localised_at_s = self._clock_s()
-            if finding.begins:
+            if outcome.starts_track:
                 self._robot_pose = record.robot_pose
-            if not finding.continues:
+            if not outcome.confirms:
                 self._picture.forget_the_guide()
-            if finding.tell:
+            if outcome.publish:
                 elapsed_ms = record.localisation.timing_ms.total
                 self._publish(sight, record.image, localised.frame, case, ring_turn_rad(calibration), elapsed_ms)
-        if finding.contradicts:
+        if outcome.contradicts:
             sha256 = record.image.sha256
             self._runtime.log.warning("guidance disagreed with the full localisation", sha256=sha256)
 
@@ -156,9 +156,9 @@ class LiveGuidance:
         while len(self._arrived) > _NUMBERED:
             self._arrived.popitem(last=False)
 
-    def _arrival(self, sha256: str) -> Arrival:
+    def _numbered(self, sha256: str) -> NumberedFrame:
         """In the order of arrival, for a clock may be set back; one that came too long ago to know is the oldest."""
-        return Arrival(sha256, self._arrived.get(sha256, 0))
+        return NumberedFrame(sha256, self._arrived.get(sha256, 0))
 
     def _work(self) -> None:
         while not self._runtime.stop.is_set():
@@ -190,7 +190,7 @@ class LiveGuidance:
         sight, after = _sight(message, frame, calibration, case.parts, start.track)
         with self._lock:
             known = self._run_of(case) is run
-            if known and run.followed(self._arrival(message.image.sha256), start, sight, after):
+            if known and run.add_tracked(self._numbered(message.image.sha256), start, sight, after):
                 elapsed_ms = 1e3 * (self._clock_s() - began_s)
                 self._publish(sight, message.image, frame, case, ring_turn_rad(calibration), elapsed_ms)
             else:
@@ -227,7 +227,7 @@ def _sight(
         reasons = tuple(Reason(reason.code, reason.message) for reason in message.reasons)
         return FrameEstimate(Origin.FOLLOWED, None, None, reasons, None), track
     if track is None:
-        return FrameEstimate(Origin.FOLLOWED, None, None, (NO_KEY_IMAGE.reason(),), None), None
+        return FrameEstimate(Origin.FOLLOWED, None, None, (NO_REFERENCE_IMAGE.reason(),), None), None
     return track_frame(frame.pixels, calibration, parts, track)
 
 

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from services.registration.core.acceptance.criteria import HEAD_NOT_SEEN
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.fusion import fuse_localisations
-from services.registration.core.head_check import HeadRefused, HeadTrouble, MotionView, check_motion, check_place
+from services.registration.core.head_check import HeadRefused, MotionView, check_motion, check_place
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult
 from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
@@ -33,11 +34,6 @@ from shared.geometry.parts import GuidePart
 from shared.messages.base import matrix4, vector3
 from shared.messages.registration import Fusion, LocalisationRecord, Plan, PlanReply, PlanRequest, PredictedHoleError
 from shared.messages.robot import PlatformPoseMessage, RobotState
-
-_NOT_SEEN = (
-    "no image with the robot where it stands shows both guide and nail (0 found, 1 needed), so that nobody can tell "
-    "whether the guide is held as the case says; take one along the nail's holes and plan again"
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -299,7 +295,7 @@ def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> HeadRefuse
     candidates = (newest, *state.accepted_beside(newest, ()))
     view = next((view for one in reversed(candidates) if (view := _view(one)) is not None), None)
     if view is None:
-        return HeadRefused(HeadTrouble.NOT_SEEN, _NOT_SEEN)
+        return HeadRefused(HEAD_NOT_SEEN.code, f"{HEAD_NOT_SEEN.observed}; {HEAD_NOT_SEEN.remedy}")
     case = newest.case
     extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
     guide_from_nail = view.ring_from_guide.mean.inverse() @ view.ring_from_nail.mean

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from shared.geometry.frames import Camera, Nail
+from services.registration.core.tuning import DISPLAY_ROTATION
+from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, read_only, unit
 from shared.geometry.parts import NailPart, hole_surface_points
 from shared.geometry.transform import Transform
@@ -60,7 +61,7 @@ class CArmTurn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Advice:
-    """What a technician is told while the C-arm is turned.
+    """How to turn the C-arm.
 
     Attributes
     ----------
@@ -161,3 +162,57 @@ def _rotations_between_rad(start: NDArray[np.float64], end: NDArray[np.float64])
     angle = np.arctan2(sine, np.sum(start * end, axis=1))
     factor = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
     return np.asarray(normal * factor[:, None])
+
+
+@dataclass(frozen=True, slots=True)
+class CArmAngles:
+    """Positioner angles as DICOM has them: primary (orbital) and secondary (angular), in degrees."""
+
+    orbital_deg: float
+    angular_deg: float
+
+    @property
+    def room_from_beam(self) -> NDArray[np.float64]:
+        """Orientation of source and detector, shape (3, 3): orbital about x, then angular about the turned y."""
+        turns = Rotation.from_euler("XY", [self.orbital_deg, self.angular_deg], degrees=True)
+        return np.asarray(turns.as_matrix(), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AngledView:
+    """An image with the C-arm's angles, and the guide that stood still in it."""
+
+    angles: CArmAngles
+    camera_from_guide: Transform[Camera, Guide]
+
+
+def picture_turn_rad(first: AngledView, second: AngledView) -> float | None:
+    """Rotation of the camera frame about the beam against the C-arm's axes, from two views of a still guide.
+
+    An image with the C-arm's angles does not show how its display is turned. The direction in which the guide turns in
+    the image, compared with the direction in which the angles change, does.
+
+    `None` when the C-arm turned too little between both views, or when the guide turned by another angle than the C-arm
+    (it did not stand still, or the angles are not those of these images).
+    """
+    by_angles = first.angles.room_from_beam.T @ second.angles.room_from_beam
+    by_guide = first.camera_from_guide.rotation @ second.camera_from_guide.rotation.T
+    expected, observed = (Rotation.from_matrix(turn).as_rotvec(degrees=True)[:2] for turn in (by_angles, by_guide))
+    size, observed_size = float(np.linalg.norm(expected)), float(np.linalg.norm(observed))
+    if size < DISPLAY_ROTATION.least_turn_deg or abs(observed_size - size) > DISPLAY_ROTATION.largest_mismatch * size:
+        return None
+    turn = np.arctan2(expected[1], expected[0]) - np.arctan2(observed[1], observed[0])
+    return float((turn + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def angles_after(angles: CArmAngles, turn: CArmTurn, picture_turn: float) -> CArmAngles:
+    """The C-arm's angles after an advised turn.
+
+    Parameters
+    ----------
+    picture_turn
+        As `picture_turn_rad` gives it, in rad.
+    """
+    beam_from_camera = Rotation.from_rotvec([0.0, 0.0, picture_turn]).as_matrix()
+    x, y, z = (angles.room_from_beam @ beam_from_camera @ turn.rotation)[:, 2]
+    return CArmAngles(float(np.degrees(np.arctan2(-y, z))), float(np.degrees(np.arctan2(x, np.hypot(y, z)))))

@@ -14,14 +14,24 @@ from where the newest image shows the guide.
 """
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.acceptance.criteria import (
+    EXTENSION_BY_PLACE,
+    EXTENSION_ERROR,
+    EXTENSION_ERROR_SIGMAS,
+    GUIDE_TURNED_ON_HEAD,
+    MOTION_CHI_SQUARE,
+    MOTION_GAIN,
+    MOUNT_PLACE,
+    HeadTrouble,
+)
 from services.registration.core.estimation.pose_estimate import PoseEstimate, condition
 from services.registration.core.tuning import HEAD_ERRORS
+from shared.acceptance import Criterion, Finding
 from shared.figures import figure
 from shared.geometry.frames import Guide, Nail, Ring, RobotBase
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
@@ -29,29 +39,20 @@ from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
 from shared.geometry.hexapod_mount import MountPlace
 from shared.geometry.transform import Transform
 
-# 6 degrees of freedom: 28 is exceeded once in 10 000 times by chance.
-LARGEST_CHI_SQUARE = 28.0
-LEAST_GAIN = 16.0
-LEAST_EXTENSION_ERROR_MM = 4.0
-LEAST_STANDARD_ERRORS = 4.0
 _TURNS_DEG = ((180, 0, 0), (0, 180, 0), (0, 0, 180), (0, 0, 90), (0, 0, -90))
-
-
-class HeadTrouble(StrEnum):
-    """What is wrong with the head or the mount; stable names."""
-
-    GUIDE_TURNED = "guide_turned"
-    HEAD_EXTENSION = "head_extension"
-    MOUNT_PLACE = "mount_place"
-    NOT_SEEN = "head_not_seen"
 
 
 @dataclass(frozen=True, slots=True)
 class HeadRefused:
-    """Why nothing is planned: code and one sentence with figures, limit and remedy."""
+    """Why nothing is planned: code and one sentence with measured values, limit and remedy."""
 
     code: HeadTrouble
     message: str
+
+
+def _refused(criterion: Criterion[HeadTrouble] | Finding[HeadTrouble], observation: str) -> HeadRefused:
+    """No plan for this reason: "<observation>; <remedy>"."""
+    return HeadRefused(criterion.code, f"{observation}; {criterion.remedy}")
 
 
 def check_place(
@@ -81,11 +82,10 @@ def _turned(base_from_nail: Transform[RobotBase, Nail], mount: MountPlace) -> He
     turned_deg = float(np.degrees(np.linalg.norm(between.rotation_vector_rad)))
     if turned_deg <= mount.tolerance_deg:
         return None
-    return HeadRefused(
-        HeadTrouble.GUIDE_TURNED,
+    return _refused(
+        GUIDE_TURNED_ON_HEAD,
         f"by the image and the head, the nail is turned by {figure(turned_deg, mount.tolerance_deg, 0)}° from where "
-        f"mount '{mount.name}' has it (limit {mount.tolerance_deg:g}°); put the guide on the head with its distal mark "
-        "to the distal end and its drilling side to the bone, and see that the base points distally",
+        f"mount '{mount.name}' has it (limit {mount.tolerance_deg:g}°)",
     )
 
 
@@ -103,17 +103,12 @@ def _displaced(
     )
     fitting_mm = head_extension_mm - float(off_mm[0])
     if not beyond[1:].any() and hexapod.head_extension_mm.contains(fitting_mm):
-        return HeadRefused(
-            HeadTrouble.HEAD_EXTENSION,
+        return _refused(
+            EXTENSION_BY_PLACE,
             f"by the image and the head, the nail is {far} from where mount '{mount.name}' has it: the head's "
-            f"extension was entered as {head_extension_mm:g} mm, {fitting_mm:.0f} mm would fit; read its scale again "
-            "and correct the case",
+            f"extension was entered as {head_extension_mm:g} mm, {fitting_mm:.0f} mm would fit",
         )
-    return HeadRefused(
-        HeadTrouble.MOUNT_PLACE,
-        f"by the image and the head, the nail is {far} from where mount '{mount.name}' has it; see that the mount sits "
-        "as designed and that the case names the right mount and the head's extension",
-    )
+    return _refused(MOUNT_PLACE, f"by the image and the head, the nail is {far} from where mount '{mount.name}' has it")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,12 +152,12 @@ def check_motion(
     robot = _covariance_of_robot_and_mount(hexapod, head_extension_mm, before.pose, commanded)
     seen = PoseEstimate(seen.mean, seen.errors.with_more(robot))
     as_filed = _explained(commanded, seen, HEAD_ERRORS.head_sd_mm)
-    enough = min(LARGEST_CHI_SQUARE, as_filed.chi_square - LEAST_GAIN)
+    enough = min(MOTION_CHI_SQUARE.limit.value, as_filed.chi_square - MOTION_GAIN.limit.value)
     extended = _explained(commanded, seen, HEAD_ERRORS.wrong_extension_sd_mm)
     turned = [(turn, _explained(_turned_motion(commanded, turn), seen, HEAD_ERRORS.head_sd_mm)) for turn in _TURNS_DEG]
     turn, best = min(turned, key=lambda one: one[1].chi_square)
     if best.chi_square <= min(enough, extended.chi_square):
-        return _guide_turned(turn, commanded, seen, as_filed)
+        return _guide_turned(turn, commanded, seen, as_filed.chi_square - best.chi_square)
     if extended.chi_square <= enough and _is_an_extension(hexapod, head_extension_mm, extended):
         return _wrong_extension(head_extension_mm, extended)
     return None
@@ -173,7 +168,7 @@ def _is_an_extension(hexapod: HexapodPart, head_extension_mm: float, found: _Exp
     really_mm = head_extension_mm + found.extension_error_mm
     nearest_mm = float(np.clip(really_mm, hexapod.head_extension_mm.minimum, hexapod.head_extension_mm.maximum))
     possible = abs(really_mm - nearest_mm) <= 2.0 * found.extension_sd_mm
-    least_mm = max(LEAST_EXTENSION_ERROR_MM, LEAST_STANDARD_ERRORS * found.extension_sd_mm)
+    least_mm = max(EXTENSION_ERROR.limit.value, EXTENSION_ERROR_SIGMAS.limit.value * found.extension_sd_mm)
     return possible and abs(found.extension_error_mm) >= least_mm
 
 
@@ -196,7 +191,7 @@ def c_arm_stood_still(before: MotionView, after: MotionView) -> bool:
     nail = float(moved @ np.linalg.solve(covariance, moved))
     shift_mm = after.source_ring_mm - before.source_ring_mm
     source = float(shift_mm @ np.linalg.solve(before.source_covariance_mm2 + after.source_covariance_mm2, shift_mm))
-    return nail + source <= LARGEST_CHI_SQUARE
+    return MOTION_CHI_SQUARE.is_met(nail + source)
 
 
 def _commanded(
@@ -245,27 +240,23 @@ def _covariance_of_robot_and_mount(
 
 
 def _wrong_extension(head_extension_mm: float, found: _Explanation) -> HeadRefused:
-    return HeadRefused(
-        HeadTrouble.HEAD_EXTENSION,
+    return _refused(
+        EXTENSION_ERROR,
         f"the guide moved as it would with the head's extension at {head_extension_mm + found.extension_error_mm:.0f} "
-        f"± {found.extension_sd_mm:.0f} mm, entered is {head_extension_mm:g} mm (limit {LEAST_EXTENSION_ERROR_MM:g} mm "
-        "apart); read its scale again and correct the case, or report step mount_moved if the mount slipped",
+        f"± {found.extension_sd_mm:.0f} mm; entered is {head_extension_mm:g} mm, a difference of "
+        f"{EXTENSION_ERROR.quoted(abs(found.extension_error_mm))}",
     )
 
 
 def _guide_turned(
-    turn_deg: tuple[int, int, int],
-    commanded: Transform[Guide, Guide],
-    seen: PoseEstimate[Guide, Guide],
-    as_filed: _Explanation,
+    turn_deg: tuple[int, int, int], commanded: Transform[Guide, Guide], seen: PoseEstimate[Guide, Guide], gain: float
 ) -> HeadRefused:
     asked, went = commanded.translation_mm, seen.mean.translation_mm
     angle = float(np.degrees(Rotation.from_euler("xyz", turn_deg, degrees=True).magnitude()))
-    return HeadRefused(
-        HeadTrouble.GUIDE_TURNED,
-        f"the guide was commanded to move by ({_mm(asked)}) mm along its axes and moved by ({_mm(went)}) mm "
-        f"(chi-square {as_filed.chi_square:.0f}, limit {LARGEST_CHI_SQUARE:g}), as one put on the head turned by "
-        f"{angle:.0f}° does; put it on with its distal mark to the distal end, then report step mount_moved",
+    return _refused(
+        MOTION_GAIN,
+        f"the guide was commanded to move by ({_mm(asked)}) mm along its axes and moved by ({_mm(went)}) mm, as one "
+        f"put on the head turned by {angle:.0f}° does: chi-square less by {MOTION_GAIN.quoted(gain)}",
     )
 
 

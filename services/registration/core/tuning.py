@@ -520,6 +520,12 @@ _WIRE_SCENES: Final = (
 _WIRES: Final = fitted(_WIRE_SCENES)
 _BOTH_EDGES: Final = fitted(f"{_WIRE_SCENES}; the display's curve moves both edges alike")
 _ONE_EDGE: Final = fitted(f"{_WIRE_SCENES}; what lies beside an edge moves it")
+_AT_THE_NAIL: Final = derived("about where the guide's holes meet the nail")
+_FRAMES: Final = "by inspection on films of `benchmarks.scenes.fluoroscopy_films`; docs/decisions/0012-guidance.md"
+_FILMS: Final = fitted(_FRAMES)
+_FRAME_TIME: Final = fitted(f"{_FRAMES}: time of a frame")
+_HELD_TO: Final = derived("largest normalised error allowed in single images: the error stays in all later frames")
+_FOUR_SIGMA: Final = standard("4 sigma")
 _NO_BODY: Final = fitted("by inspection; no guide of the catalogue lacks a body")
 _ONE_LEVEL: Final = derived("one level of an 8-bit display")
 _OVER_RADIUS: Final = derived("more than a wire's radius: one of 2 mm that borders on white is hidden whole")
@@ -600,6 +606,10 @@ class GuideSearch:
     pairs_without_gain: int = tuned(12, "1", "further pairs after which a good identity is kept", _HALF_COVERED)
     alternative_pairs: int = tuned(8, "1", "pairs of the best identity's discs that may refute it", _BY_INSPECTION)
     alternative_share: float = tuned(0.5, "1", "share of the best score that refines an alternative", _BY_INSPECTION)
+    same_start_deg: float = tuned(8.0, "deg", "angle below which two starts are one", derived("some grid steps"))
+    same_start_mm: float = tuned(15.0, "mm", "distance across the beam below which they are", _BY_INSPECTION)
+    same_pose_deg: float = tuned(2.0, "deg", "angle below which two refined poses are one", _BY_INSPECTION)
+    same_pose_mm: float = tuned(3.0, "mm", "distance across the beam below which they are", _BY_INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -755,6 +765,7 @@ class NailWithWires:
     masked_end_sigmas: float = tuned(2.0, "sd", "masked margin at a wire's ends", derived("95 %"))
     converged_deg: float = tuned(0.3, "°", "rotation of the nail in one round that ends the alternation", _WIRES)
     converged_mm: float = tuned(0.1, "mm", "shift of the nail across its holes that ends it", _WIRES)
+    guide_to_nail_mm: float = tuned(100.0, "mm", "from the guide: where its tilt to the ray is taken", _AT_THE_NAIL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -781,6 +792,55 @@ class GuideGivenNail:
     fewest_places: int = tuned(20, "1", "least number of visible places", derived("10 mm of nail, both sides"))
 
 
+@dataclass(frozen=True, slots=True)
+class GuideTracking:
+    """The guide in a frame, from its pose in the frame before (`core/guidance/guide_tracking.py`)."""
+
+    largest_shift_detector_mm: float = tuned(35.25, "mm", "largest shift of its image between two frames", _FILMS)
+    same_shift_detector_mm: float = tuned(1.88, "mm", "distance of shifts that count as the same one", _FILMS)
+    least_radius: float = tuned(0.6, "1", "smallest disc over the smallest ball's radius", _FILMS)
+    greatest_radius: float = tuned(1.5, "1", "largest disc over the largest ball's radius", _FILMS)
+
+
+@dataclass(frozen=True, slots=True)
+class NailTracking:
+    """The nail's fit in a frame, from its predicted pose (`core/guidance/nail_tracking.py`)."""
+
+    hole_px: float = tuned(12.0, "px of the stage", "width of the smallest hole after reduction", _FRAME_TIME)
+    least_reduction: int = tuned(2, "image px", "least side of a pixel of the stage", _FRAME_TIME)
+    smoothing_px: float = tuned(0.8, "px of the stage", "Gaussian after reduction", _FILMS)
+    surroundings_mm: float = tuned(3.0, "mm", "surroundings of the holes that are compared", _FILMS)
+    knot_spacing_mm: float = tuned(3.0, "mm", "spacing of the background's knots", _FILMS)
+    texture_sd: float = tuned(0.02, "1", "prior of second differences of the background", _FILMS)
+    reference_steps: int = tuned(8, "1", "steps of the last fit in the reference image", _FRAME_TIME)
+    first_steps: int = tuned(2, "1", "steps before the noise is estimated", _FRAME_TIME)
+    last_steps: int = tuned(2, "1", "steps after it", _FRAME_TIME)
+    reflected_steps: int = tuned(5, "1", "steps from the reflected tilt", _FRAME_TIME)
+    first_tolerance: float = tuned(2.0, "1", "decrease of the cost that ends the first fit", _FRAME_TIME)
+    last_tolerance: float = tuned(0.2, "1", "decrease of the cost that ends the last fit", _FRAME_TIME)
+    unexplained_sigmas: float = tuned(4.0, "sd", "residual beyond which a pixel is not explained", _FOUR_SIGMA)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTracking:
+    """Tracking from frame to frame (`core/guidance/tracking.py`, `run.py`)."""
+
+    check_every: int = tuned(8, "frames", "interval at which the reflected tilt is fitted", _FRAME_TIME)
+    most_missed: int = tuned(20, "frames", "frames without an estimate that end a track", derived("a hand passes"))
+    contradiction_sigmas: float = tuned(4.0, "sd", "difference from a full localisation: a contradiction", _FOUR_SIGMA)
+    reference_sd_factor: float = tuned(1.25, "1", "factor on the reference's standard deviations", _HELD_TO)
+    shared_correlation: float = tuned(0.5, "1", "assumed correlation of prediction and measurement", _FILMS)
+    remembered: int = tuned(64, "frames", "estimates kept for comparison", derived("more than one localisation takes"))
+
+
+@dataclass(frozen=True, slots=True)
+class DisplayRotation:
+    """Rotation of the display against the C-arm's axes, from two views of a still guide (`core/c_arm_advice.py`)."""
+
+    least_turn_deg: float = tuned(2.0, "°", "least rotation of the C-arm between both views", _FILMS)
+    largest_mismatch: float = tuned(0.25, "1", "share by which guide and C-arm may rotate differently", _FILMS)
+
+
 MODEL_ERRORS: Final = ModelErrors()
 ROBUST_POINT_FIT: Final = RobustPointFit()
 SHARED_ERRORS: Final = SharedErrors()
@@ -799,5 +859,9 @@ NAIL_OUTLINE_MATCHING: Final = NailOutlineMatching()
 NAIL_WITH_WIRES: Final = NailWithWires()
 NAIL_NEAR_GUIDE_AXES: Final = NailNearGuideAxes()
 GUIDE_GIVEN_NAIL: Final = GuideGivenNail()
+GUIDE_TRACKING: Final = GuideTracking()
+NAIL_TRACKING: Final = NailTracking()
+FRAME_TRACKING: Final = FrameTracking()
+DISPLAY_ROTATION: Final = DisplayRotation()
 
 SETTINGS: Final = declared_groups(globals())

@@ -7,7 +7,8 @@ import pytest
 
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
-from services.registration.core.head_check import HeadTrouble, MotionView, check_motion
+from services.registration.core.acceptance.criteria import HeadTrouble
+from services.registration.core.head_check import MotionView, check_motion
 from services.registration.core.localise import LocalisationResult, Parts, localise
 from services.registration.core.plan import PlanRefused, RobotNow, plan_move
 from services.registration.planning import motion_view

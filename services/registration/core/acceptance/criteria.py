@@ -21,6 +21,7 @@ _GUIDANCE: Final = "docs/decisions/0012-guidance.md"
 _FILMS: Final = f"fitted by inspection on films of `benchmarks.scenes.fluoroscopy_films` ({_GUIDANCE})"
 _BESIDE_RECORD: Final = "docs/decisions/0013-wires.md"
 _ON_PAIRS: Final = "fitted by inspection on pairs of `distalock bench verification`"
+_HEAD: Final = "docs/decisions/0010-wrong-head.md"
 _BEFORE_OR_TURNED: Final = "add an image from before the wires, or turn the C-arm by 5° and take one more image"
 # One good set in ten thousand would be refused if predicted standard deviations were exact; they may be too small by a
 # quarter, which is what single images are held to.
@@ -35,6 +36,15 @@ class PlanRefusal(StrEnum):
     UNKNOWN_UNCERTAINTY = "unknown_uncertainty"
     UNEQUAL_SPACING = "unequal_spacing"
     OUT_OF_REACH = "out_of_reach"
+
+
+class HeadTrouble(StrEnum):
+    """What is wrong with the robot's head or the mount; stable names."""
+
+    GUIDE_TURNED = "guide_turned"
+    HEAD_EXTENSION = "head_extension"
+    MOUNT_PLACE = "mount_place"
+    NOT_SEEN = "head_not_seen"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +82,9 @@ GUIDE_BALLS: Final = Criterion(
     "check that the guide file is that of this guide, uncover the balls by turning the C-arm a few degrees and take "
     "one more image", _INSPECTION,
     "or 40 % of the guide's balls if that is more; all but two of a guide with few balls")
+GUIDE_SHARE: Final = Criterion(
+    ReasonCode.GUIDE_TOO_FEW_BALLS, "share of the guide's balls that could be measured",
+    at_least(0.4, "%", decimals=0), GUIDE_BALLS.remedy, _INSPECTION, "all but two of a guide with few balls")
 NAIL_BAND: Final = Finding(
     ReasonCode.NAIL_NOT_FOUND, "no dark band of the nail's width is in the image",
     "bring the nail's distal end into view, or check the nail file")
@@ -215,17 +228,18 @@ FRAME_UNEXPLAINED: Final = Criterion(
     at_most(0.02, "%", decimals=1), FRAME_STRUCTURE.remedy, _FILMS)
 FRAME_TURN: Final = Criterion(
     ReasonCode.NAIL_MODEL_MISMATCH,
-    "rotation of the nail about its x or y axis from where guide and key image predict it",
+    "rotation of the nail about its x or y axis from where guide and reference image predict it",
     at_most(0.5, "°", decimals=1), "if the guide was moved, hold the C-arm still until the nail is found anew",
     f"derived: exceeded by one frame in 16,000 if the predicted deviations hold ({_GUIDANCE})",
     "or four predicted standard deviations of the difference if that is more")
 FRAME_SHIFT: Final = Criterion(
-    ReasonCode.NAIL_MODEL_MISMATCH, "distance of the nail across its holes from where guide and key image predict it",
+    ReasonCode.NAIL_MODEL_MISMATCH,
+    "distance of the nail across its holes from where guide and reference image predict it",
     at_most(1.0, "mm", decimals=1), FRAME_TURN.remedy, f"{_REQUIREMENT} ({_GUIDANCE})")
 FRAME_BLUR: Final = Criterion(
-    ReasonCode.MOTION_BLUR, "blur of the nail's edges, as a standard deviation, beyond that of the key image",
+    ReasonCode.MOTION_BLUR, "blur of the nail's edges, as a standard deviation, beyond that of the reference image",
     at_most(0.8, "px", decimals=1), "hold C-arm and leg still for a moment", _FILMS,
-    "quoted with the key image's blur added to both")
+    "quoted with the reference image's blur added to both")
 FRAME_TILT_DEVIATION: Final = Criterion(
     ReasonCode.UNCERTAINTY_TOO_LARGE, "standard deviation of the nail's tilt by this frame's pixels alone",
     at_most(1.5, "°", decimals=1), "raise the dose, or bring the holes to the middle of the image",
@@ -235,7 +249,7 @@ FRAME_MIRROR_MARGIN: Final = Criterion(
     "logarithm of the likelihood ratio between the pose and its reflected tilt, every eighth frame",
     at_least(MIRROR_MARGIN.limit.value, "", decimals=1), "hold the C-arm still until the nail is found anew",
     "derived: as in a single image")
-NO_KEY_IMAGE: Final = Finding(
+NO_REFERENCE_IMAGE: Final = Finding(
     ReasonCode.NAIL_NOT_FOUND, "the nail is still being searched for in an earlier frame",
     "hold the C-arm still for a moment")
 FRAME_OPENINGS: Final = Openings(FRAME_BEST_OPENING, FRAME_OTHER_OPENING)
@@ -278,6 +292,10 @@ GUIDE_ON_NAIL: Final = Criterion(
 GUIDE_ON_NAIL_MARGIN: Final = Criterion(
     ReasonCode.GUIDE_NOT_FOUND, "the same share, less that of the next position of the guide",
     at_least(0.2, "%", decimals=0), GUIDE_ON_NAIL.remedy, _ON_PAIRS)
+GUIDE_BALLS_GIVEN_NAIL: Final = Criterion(
+    ReasonCode.GUIDE_NOT_FOUND,
+    "balls of the guide that could be measured where another image gives the nail's pose",
+    at_least(7.0, "", decimals=0), GUIDE_ON_NAIL.remedy, _ON_PAIRS)
 OUTLINE_SHARE: Final = Criterion(
     ReasonCode.IMAGES_DISAGREE,
     "share of the nail's outline in an oblique image that is where guide and holes predict it",
@@ -304,6 +322,44 @@ WIRE_AXIS_BOUND: Final = Criterion(
 NO_SHARED_HOLE: Final = Finding(
     ReasonCode.NAIL_MODEL_MISMATCH, "no hole of the guide has the id of a hole of the nail",
     "check the guide and nail files")
+
+# The guide on the robot's head: checked before a plan is made
+HEAD_NOT_SEEN: Final = Finding(
+    HeadTrouble.NOT_SEEN,
+    "no image with the robot where it stands shows both guide and nail (0 found, 1 needed), so that the guide's place "
+    "on the head cannot be checked", "take one along the nail's holes and plan again")
+GUIDE_TURNED_ON_HEAD: Final = Finding(
+    HeadTrouble.GUIDE_TURNED,
+    "by image and head, the nail is turned from where the mount has it by more than the mount's tolerance",
+    "put the guide on the head with its distal mark to the distal end and its drilling side to the bone, and see that "
+    "the base points distally")
+EXTENSION_BY_PLACE: Final = Finding(
+    HeadTrouble.HEAD_EXTENSION,
+    "by image and head, the nail lies further along the head than the mount tolerates, and another extension would fit",
+    "read its scale again and correct the case")
+MOUNT_PLACE: Final = Finding(
+    HeadTrouble.MOUNT_PLACE,
+    "by image and head, the nail lies further from where the mount has it than the mount's tolerance",
+    "see that the mount sits as designed and that the case names the right mount and the head's extension")
+MOTION_GAIN: Final = Criterion(
+    HeadTrouble.GUIDE_TURNED,
+    "chi-square of an observed motion with the head as filed, less that with the guide turned or the extension wrong",
+    at_most(16.0, "", decimals=0),
+    "put it on with its distal mark to the distal end, then report step mount_moved",
+    f"fitted: `distalock bench robot_head_check` ({_HEAD})", "refused only where the next row's limit is met")
+MOTION_CHI_SQUARE: Final = Criterion(
+    HeadTrouble.GUIDE_TURNED, "chi-square of that motion with the guide turned or the extension wrong",
+    at_most(28.0, "", decimals=0), MOTION_GAIN.remedy,
+    "derived: of six degrees of freedom, exceeded by one motion in 10,000",
+    "a motion that neither explains is not refused")
+EXTENSION_ERROR: Final = Criterion(
+    HeadTrouble.HEAD_EXTENSION, "difference of the head's extension, as a motion shows it, from the entered one",
+    at_most(4.0, "mm", decimals=0),
+    "read its scale again and correct the case, or report step mount_moved if the mount slipped",
+    f"fitted: `distalock bench robot_head_check` ({_HEAD})")
+EXTENSION_ERROR_SIGMAS: Final = Criterion(
+    HeadTrouble.HEAD_EXTENSION, "the same difference over its standard error", at_most(4.0, "", decimals=1),
+    EXTENSION_ERROR.remedy, "standard: 4 sigma", "refused only where both exceed their limits")
 
 # The plan; what the robot's guard checks of a plan stands in the robot service
 UNKNOWN_HOLE: Final = Finding(

@@ -36,8 +36,8 @@ class FrameEvidence:
         deviation.
     across_mm
         Distance of the observed nail from the predicted one across the holes.
-    blur_px, key_blur_px
-        Standard deviation of the blur in this frame and in the key image.
+    blur_px, reference_blur_px
+        Standard deviation of the blur in this frame and in the reference image.
     tilt_sd_deg
         Standard deviation of the nail's tilt by this frame's pixels alone.
     """
@@ -49,7 +49,7 @@ class FrameEvidence:
     turn_sd_deg: tuple[float, ...]
     across_mm: float
     blur_px: float
-    key_blur_px: float
+    reference_blur_px: float
     tilt_sd_deg: float
 
 
@@ -98,11 +98,11 @@ def _displaced(evidence: FrameEvidence) -> Iterator[Reason]:
 
 
 def _blurred(evidence: FrameEvidence) -> Iterator[Reason]:
-    most_px = evidence.key_blur_px + FRAME_BLUR.limit.value
+    most_px = evidence.reference_blur_px + FRAME_BLUR.limit.value
     if not FRAME_BLUR.is_met(evidence.blur_px, most_px):
         yield FRAME_BLUR.reason(
             f"the nail's edges are blurred by {FRAME_BLUR.quoted(evidence.blur_px, most_px)} in this frame, by "
-            f"{evidence.key_blur_px:.1f} px in the key image"
+            f"{evidence.reference_blur_px:.1f} px in the reference image"
         )
 
 

@@ -1,7 +1,7 @@
-"""The guide in a frame of running fluoroscopy, from where it was a moment ago: no search over directions.
+"""The guide in a frame of running fluoroscopy, from its pose in the frame before: no search over directions.
 
-The discs that imaging has measured already are taken: between two frames the guide's shadow hardly turns, so that one
-shift puts most of its balls near their discs, and a few rounds of assigning and fitting do the rest.
+Between two frames the guide's shadow hardly turns: one shift puts most of its balls near discs that imaging has
+measured, and a few rounds of assignment and fit refine the pose.
 """
 
 from dataclasses import dataclass
@@ -20,16 +20,13 @@ from services.registration.core.estimation.image_points import (
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide.identity import Discs, refined_identity
 from services.registration.core.guide.locate import needed_balls
+from services.registration.core.tuning import GUIDE_MEASUREMENT, GUIDE_TRACKING
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
-
-_LARGEST_SHIFT_PX = 150.0
-_SAME_SHIFT_PX = 8.0
-_POSSIBLE_RADIUS = (0.6, 1.5)
-_SYSTEMATIC_PX = 0.06
+from shared.xray.pixel_scale import pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +38,7 @@ class TrackedGuide:
     pose
         As `GuideFit.pose`, but with the errors of the balls alone.
     balls_found, reprojection_rms_px
-        From how many balls it is estimated, and their rms distance from where the pose puts them.
+        Number of balls it is estimated from, and their rms distance from their predicted places.
     """
 
     pose: PoseEstimate[Camera, Guide]
@@ -67,18 +64,19 @@ def track_guide(
     if len(ideal_px) < needed:
         return _lost(len(ideal_px), needed, len(guide.balls))
     balls_mm, camera = guide.balls.position_mm, calibration.camera
-    start = _shifted(before, calibration, _common_shift_px(camera.project(before.points(balls_mm)), ideal_px))
+    shift_px = _common_shift_px(camera.project(before.points(balls_mm)), ideal_px, calibration.pixel_mm)
+    start = _shifted(before, calibration, shift_px)
     discs = Discs.of(camera, ideal_px, calibration.pixel_mm)
     identity = refined_identity(camera, balls_mm, discs, start)
     if len(identity) < needed:
         return _lost(len(identity), needed, len(guide.balls))
     disc = chosen[identity.disc_index]
-    deviation = np.hypot(calibration.balls.standard_deviation_px[disc], _SYSTEMATIC_PX)
+    deviation = np.hypot(calibration.balls.standard_deviation_px[disc], GUIDE_MEASUREMENT.systematic_sd_px)
     seen = Correspondences(balls_mm[identity.ball_index], ideal_px[identity.disc_index], deviation)
-    return _judged(calibration, guide, refine_pose(camera, identity.camera_from_guide, seen), seen)
+    return _accepted(calibration, guide, refine_pose(camera, identity.camera_from_guide, seen), seen)
 
 
-def _judged(
+def _accepted(
     calibration: CArmCalibration, guide: GuidePart, pose: Transform[Camera, Guide], seen: Correspondences
 ) -> Accepted[TrackedGuide] | Rejected:
     apart = seen.ideal_px - calibration.camera.project(pose.points(seen.body_mm))
@@ -86,7 +84,7 @@ def _judged(
     if not FRAME_GUIDE_RMS.is_met(rms_px):
         observation = (
             f"{len(seen)} of the guide's {len(guide.balls)} balls lie {FRAME_GUIDE_RMS.quoted(rms_px)} from where the "
-            "guide as a whole puts them: it or the patient moves"
+            "guide's pose predicts them: it or the patient moves"
         )
         return Rejected((FRAME_GUIDE_RMS.reason(observation),))
     weighed = down_weighted(calibration.camera, pose, seen)
@@ -100,18 +98,21 @@ def _possible_discs(
     """Indices of the discs that are not the ring's, of the size that the guide's balls have at this depth."""
     balls = calibration.balls
     radius_px = 0.5 * guide.balls.diameter_mm * calibration.camera.focal_length_px / pose.translation_mm[2]
-    smallest, largest = _POSSIBLE_RADIUS[0] * radius_px.min(), _POSSIBLE_RADIUS[1] * radius_px.max()
+    smallest = GUIDE_TRACKING.least_radius * radius_px.min()
+    largest = GUIDE_TRACKING.greatest_radius * radius_px.max()
     possible = (balls.radius_px > smallest) & (balls.radius_px < largest) & (balls.ring_index == NOT_OF_THE_RING)
     return np.flatnonzero(possible).astype(np.int64)
 
 
-def _common_shift_px(predicted_px: NDArray[np.float64], seen_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The shift, shape (2,), that most pairs of a predicted and a seen place have in common."""
-    shifts = (seen_px[None] - predicted_px[:, None]).reshape(-1, 2)
-    shifts = shifts[np.linalg.norm(shifts, axis=1) < _LARGEST_SHIFT_PX]
+def _common_shift_px(
+    predicted_px: NDArray[np.float64], detected_px: NDArray[np.float64], pixel_mm: float
+) -> NDArray[np.float64]:
+    """The shift, shape (2,), that most pairs of a predicted and a detected place have in common."""
+    shifts = (detected_px[None] - predicted_px[:, None]).reshape(-1, 2)
+    shifts = shifts[np.linalg.norm(shifts, axis=1) < pixels(GUIDE_TRACKING.largest_shift_detector_mm, pixel_mm)]
     if len(shifts) == 0:
         return np.zeros(2)
-    near = cKDTree(shifts).query_ball_point(shifts, _SAME_SHIFT_PX)
+    near = cKDTree(shifts).query_ball_point(shifts, pixels(GUIDE_TRACKING.same_shift_detector_mm, pixel_mm))
     best = max(near, key=len)
     return np.asarray(np.median(shifts[best], axis=0))
 

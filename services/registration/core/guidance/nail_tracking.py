@@ -1,9 +1,9 @@
-"""The nail in a frame of running fluoroscopy, from where the guide says it must be: the last stage of the fit alone.
+"""The nail in a frame of running fluoroscopy, from its predicted pose: the last stage of the fit alone.
 
-An image that was localised in full leaves a *key*: where the nail is in the guide's frame, and how the C-arm shows it
-(radii, attenuation, curve). As long as neither guide nor nail is moved, the guide of a later frame says where the nail
-must be; the same likelihood as in `nail.fit`, on coarser pixels, moves pose and blur from there. What the key could not
-tell apart from a tilt stays uncertain and is added to every later covariance.
+An image that was localised in full is the reference: it gives the nail's pose in the guide's frame and the nail's
+appearance (radii, attenuation, display curve). As long as neither guide nor nail moves, the guide of a later frame
+predicts the nail's pose; the likelihood of `nail.fit`, on coarser pixels, refines pose and blur. What the reference
+leaves open, because it is correlated with the tilt, is added to every later covariance.
 """
 
 from dataclasses import dataclass, replace
@@ -38,34 +38,29 @@ from services.registration.core.nail.parameters import (
     parameters_from_pose,
     prior_mean,
 )
+from services.registration.core.tuning import NAIL_TRACKING, TILT_SEARCH_STAGE
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import angle_between_rad
 from shared.geometry.transform import Transform
 
-_HOLE_PX = 12.0
-_SURROUNDINGS_MM, _KNOTS_MM, _TEXTURE, _SMOOTHING = 3.0, 3.0, 0.02, 0.8
-_KEY_STEPS, _FIRST_STEPS, _LAST_STEPS, _RIVAL_STEPS = 8, 2, 2, 5
-_LOOSE, _TIGHT = 2.0, 0.2
-_DISTINCT_RAD = float(np.radians(1.5))
-_UNEXPLAINED_DEVIATIONS = 4.0
 _POSE = np.arange(PARAMETER_COUNT) < POSE_SIZE
-_FOLLOWED = _POSE | (np.arange(PARAMETER_COUNT) == Parameter.LOG_BLUR_PX)
+_FITTED = _POSE | (np.arange(PARAMETER_COUNT) == Parameter.LOG_BLUR_PX)
 _TILTS = [Parameter.PITCH_RAD, Parameter.ROLL_RAD]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailAppearance:
-    """How the C-arm shows the nail, as the key image said.
+    """How the C-arm shows the nail, by the reference image.
 
     Attributes
     ----------
     parameters
-        All unknowns of the fit there, shape (PARAMETER_COUNT,); those of the pose belong to that image alone.
+        All unknowns of its fit, shape (PARAMETER_COUNT,); those of the pose belong to that image alone.
     shared_covariance
-        Of the pose's parameters, shape (6, 6): what the other unknowns leave open, the same in every frame.
+        Of the pose's parameters, shape (6, 6): by the other unknowns, the same in every frame.
     weight
-        Usual weight of a pixel: inverse variance, shared among as many as err together.
+        Median weight of a pixel: inverse variance over the number of correlated pixels.
     """
 
     parameters: NDArray[np.float64]
@@ -80,7 +75,7 @@ class NailAppearance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedNail:
-    """The nail in this frame, and what speaks for and against it.
+    """The nail in this frame, with the evidence for and against it.
 
     Attributes
     ----------
@@ -89,13 +84,13 @@ class TrackedNail:
     blur_px
         Of this frame.
     holes
-        How much of each hole was seen.
+        How much of each hole is visible.
     structure
         Residual at rims and edges over that elsewhere.
     unexplained
         Share of the pixels whose residual is beyond four standard deviations of the noise.
     problem, solution, noise
-        What the pose came from, for `mirror_margin`.
+        Of the fit, for `mirror_margin`.
     """
 
     camera_from_nail: Transform[Camera, Nail]
@@ -116,11 +111,13 @@ def estimate_appearance(given: FitInput, camera_from_nail: Transform[Camera, Nai
         return None
     start = _with_pose(prior_mean(), scene, camera_from_nail)
     problem = problem_for(scene, _detail(given, camera_from_nail), ALL_PARAMETERS)
-    first = minimise(problem, start, _FIRST_STEPS, _LOOSE)
+    first = minimise(problem, start, NAIL_TRACKING.first_steps, NAIL_TRACKING.first_tolerance)
     problem = reweighted(problem, first.linear, estimate_noise(problem, first.linear))
-    solution = with_derivatives(problem, minimise_from(problem, first.linear, _KEY_STEPS, _TIGHT))
+    solution = with_derivatives(
+        problem, minimise_from(problem, first.linear, NAIL_TRACKING.reference_steps, NAIL_TRACKING.last_tolerance)
+    )
     normal = solution.normal_matrix
-    alone = np.linalg.inv(normal[np.ix_(_FOLLOWED, _FOLLOWED)])[:POSE_SIZE, :POSE_SIZE]
+    alone = np.linalg.inv(normal[np.ix_(_FITTED, _FITTED)])[:POSE_SIZE, :POSE_SIZE]
     shared = np.linalg.inv(normal)[:POSE_SIZE, :POSE_SIZE] - alone
     return NailAppearance(solution.parameters, shared, float(np.median(problem.weight)))
 
@@ -128,20 +125,22 @@ def estimate_appearance(given: FitInput, camera_from_nail: Transform[Camera, Nai
 def track_nail(
     given: FitInput, appearance: NailAppearance, predicted: Transform[Camera, Nail]
 ) -> Accepted[TrackedNail] | Rejected:
-    """Refine a predicted pose on the pixels of this frame; judging what came out is the caller's business."""
+    """Refine a predicted pose on the pixels of this frame; `acceptance.frame` decides whether it is accepted."""
     detail = _detail(given, predicted)
     scene = model_at(given, predicted, detail)
     if scene is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
     start = _with_pose(appearance.parameters, scene, predicted)
-    problem = problem_for(scene, detail, _FOLLOWED)
+    problem = problem_for(scene, detail, _FITTED)
     problem = replace(problem, weight=np.full(len(problem.grey), appearance.weight))
-    solution = minimise(problem, start, _FIRST_STEPS, _LOOSE)
+    solution = minimise(problem, start, NAIL_TRACKING.first_steps, NAIL_TRACKING.first_tolerance)
     problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
-    solution = with_derivatives(problem, minimise_from(problem, solution.linear, _LAST_STEPS, _TIGHT))
+    solution = with_derivatives(
+        problem, minimise_from(problem, solution.linear, NAIL_TRACKING.last_steps, NAIL_TRACKING.last_tolerance)
+    )
     noise = estimate_noise(problem, solution.linear)
     residual = residual_statistics(problem, solution, noise)
-    beyond = np.abs(solution.linear.residual) > _UNEXPLAINED_DEVIATIONS * np.sqrt(noise.variance)
+    beyond = np.abs(solution.linear.residual) > NAIL_TRACKING.unexplained_sigmas * np.sqrt(noise.variance)
     pose = scene.pose(solution.parameters)
     return Accepted(
         TrackedNail(
@@ -161,26 +160,27 @@ def track_nail(
 def mirror_margin(found: TrackedNail) -> float | None:
     """Logarithm of the likelihood ratio to the reflected tilt's optimum; `None` where there is no other optimum.
 
-    Near zero tilt an image has no second optimum: the reflection ends where it began.
+    Near zero tilt there is no second optimum: the fit from the reflected tilt converges to the same pose.
     """
     start = found.solution.parameters.copy()
     start[_TILTS] *= -1.0
-    # no pixel may weigh less because the pose that was found does not explain it
+    # the weights must not depend on which of both poses was fitted
     problem = evenly_weighted(found.problem, found.noise)
-    here = minimise_from(problem, found.solution.linear, _LAST_STEPS, _LOOSE)
-    rival = minimise(problem, start, _RIVAL_STEPS, _LOOSE)
-    z = problem.model.pose(rival.parameters).rotation[:, 2]
-    if angle_between_rad(z, found.camera_from_nail.rotation[:, 2]) < _DISTINCT_RAD:
+    here = minimise_from(problem, found.solution.linear, NAIL_TRACKING.last_steps, NAIL_TRACKING.first_tolerance)
+    reflected = minimise(problem, start, NAIL_TRACKING.reflected_steps, NAIL_TRACKING.first_tolerance)
+    z = problem.model.pose(reflected.parameters).rotation[:, 2]
+    if angle_between_rad(z, found.camera_from_nail.rotation[:, 2]) < np.radians(TILT_SEARCH_STAGE.distinct_deg):
         return None
-    return 0.5 * (rival.cost - here.cost)
+    return 0.5 * (reflected.cost - here.cost)
 
 
 def _detail(given: FitInput, pose: Transform[Camera, Nail]) -> Detail:
-    """Pixels so large that the smallest hole is about twelve of them wide, at least two by two of the image's."""
+    """Pixels so large that the smallest hole has the width of a few of them, and several of the image's each."""
+    tuning = NAIL_TRACKING
     px_per_mm = given.calibration.camera.focal_length_px / float(pose.translation_mm[2])
     smallest_px = min(hole.diameter_mm for hole in given.nail.holes) * px_per_mm
-    scale = Scale(max(2, round(smallest_px / _HOLE_PX)), _SMOOTHING)
-    return Detail(scale, _SURROUNDINGS_MM, _KNOTS_MM, _TEXTURE)
+    scale = Scale(max(tuning.least_reduction, round(smallest_px / tuning.hole_px)), tuning.smoothing_px)
+    return Detail(scale, tuning.surroundings_mm, tuning.knot_spacing_mm, tuning.texture_sd)
 
 
 def _with_pose(
@@ -194,7 +194,7 @@ def _with_pose(
 def _covariance(
     given: FitInput, problem: Problem, solution: Solution, noise: NoiseModel, appearance: NailAppearance
 ) -> NDArray[np.float64]:
-    """Of pose and blur in this frame, of what the key left open, and of the model's own errors."""
+    """Of pose and blur in this frame, of what the reference leaves open, and of the model's own errors."""
     scene = problem.model
     jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
     shared = jacobian @ appearance.shared_covariance @ jacobian.T

@@ -1,22 +1,21 @@
-"""What is known while frames of one set-up come in, and what may be said of them: of no older frame after a newer one.
+"""State of guidance in one fluoroscopy run, and which estimates are published: of no older frame after a newer one.
 
-Two hands work on it, one that follows frames and one that now and then localises one of them in full, which takes many
-frames' time. So each finds, when it is done, that the other has gone on meanwhile.
+One thread tracks frames, another one localises a frame in full from time to time, which takes as long as many frames.
+What each of them may still publish or change when it is done is decided here.
 """
 
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 
 from services.registration.core.guidance.tracking import FrameEstimate, Track, disagree
+from services.registration.core.tuning import FRAME_TRACKING
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
 
-_REMEMBERED = 64
-
 
 @dataclass(frozen=True, slots=True)
-class Arrival:
-    """A frame: its name, and its number in the order in which frames arrived."""
+class NumberedFrame:
+    """A frame: its name, and its number in order of arrival."""
 
     name: str
     number: int
@@ -24,103 +23,97 @@ class Arrival:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """What a frame is followed from.
-
-    Attributes
-    ----------
-    contradictions
-        How often guidance had been contradicted by then.
-    """
+    """What a frame is tracked from, and how many tracks had been contradicted by then."""
 
     track: Track | None
     contradictions: int
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class LocalisationOutcome:
     """What a full localisation means for guidance.
 
     Attributes
     ----------
-    tell
-        Whether it is to be told: it says more than the frame said when it was followed, and no later frame was told of.
+    publish
+        It adds to the frame's tracked estimate, and no later frame has been published.
     contradicts
-        Whether the frame, when it was followed, said something else.
-    continues
-        Whether the frame, when it was followed, said the same: neither guide nor nail was moved.
-    begins
-        Whether later frames are followed from this one.
+        It differs from the frame's tracked estimate.
+    confirms
+        It agrees with the frame's tracked estimate: neither guide nor nail was moved.
+    starts_track
+        Later frames are tracked from this one.
     """
 
-    tell: bool
+    publish: bool
     contradicts: bool
-    continues: bool
-    begins: bool
+    confirms: bool
+    starts_track: bool
 
 
 @dataclass(slots=True, eq=False)
 class Run:
-    """The track, and what was said of the newest frames. Not for several threads.
+    """The track, and the newest frames' tracked estimates. Not thread-safe.
 
     Attributes
     ----------
     track
-        What the next frame is followed from; None until a frame was localised in full.
+        What the next frame is tracked from; None until a frame was localised in full.
     """
 
     track: Track | None = None
-    _said: "OrderedDict[str, FrameEstimate]" = field(default_factory=OrderedDict)
-    _told_of: int = 0
+    _estimates: "OrderedDict[str, FrameEstimate]" = field(default_factory=OrderedDict)
+    _newest_published: int = 0
     _contradictions: int = 0
-    _guide_seen_in: int = 0
+    _guide_detected_in: int = 0
     _camera_from_guide: Transform[Camera, Guide] | None = None
 
     def start(self) -> Start:
-        """What the next frame is followed from."""
+        """What the next frame is tracked from."""
         return Start(self.track, self._contradictions)
 
-    def followed(self, frame: Arrival, start: Start, sight: FrameEstimate, after: Track | None) -> bool:
-        """Take what a frame said, and the track after it; whether it may be told.
+    def add_tracked(self, frame: NumberedFrame, start: Start, estimate: FrameEstimate, after: Track | None) -> bool:
+        """Add a tracked frame and the track after it; whether its estimate may be published.
 
-        Not when a later frame was told of, nor when what the frame was followed from was contradicted meanwhile.
+        It may not after a later frame's, nor when its start has been contradicted meanwhile.
         """
         if start.contradictions != self._contradictions:
             return False
-        if self.track is start.track:  # else a full localisation has begun anew meanwhile
+        if self.track is start.track:  # else a full localisation has started another track meanwhile
             self.track = after
-        if sight.camera_from_guide is not None and frame.number > self._guide_seen_in:
-            self._guide_seen_in, self._camera_from_guide = frame.number, sight.camera_from_guide
+        if estimate.camera_from_guide is not None and frame.number > self._guide_detected_in:
+            self._guide_detected_in, self._camera_from_guide = frame.number, estimate.camera_from_guide
             self.track = self._with_newest_guide(self.track)
-        self._said[frame.name] = sight
-        while len(self._said) > _REMEMBERED:
-            self._said.popitem(last=False)
-        return self._is_news(frame)
+        self._estimates[frame.name] = estimate
+        while len(self._estimates) > FRAME_TRACKING.remembered:
+            self._estimates.popitem(last=False)
+        return self._is_newest(frame)
 
-    def localised(self, frame: Arrival, sight: FrameEstimate, track: Track | None) -> Finding:
-        """Take what a full localisation said of a frame, and the track that begins there.
+    def add_localised(self, frame: NumberedFrame, estimate: FrameEstimate, track: Track | None) -> LocalisationOutcome:
+        """Add a full localisation and the track that starts there.
 
-        The guide stays where a later frame showed it: the C-arm has been turned while the frame was localised. A frame
-        that was followed and yet cannot be localised, or otherwise, ends the old track: one of the two is wrong.
+        The guide keeps its pose from a later frame: the C-arm has moved while this one was localised. A frame that was
+        tracked, but is not localised or localised elsewhere, ends the old track: one of both estimates is wrong.
         """
-        said = self._said.get(frame.name)
-        answered = said is not None and said.advice is not None
-        contradicts = said is not None and disagree(said, sight)
+        before = self._estimates.get(frame.name)
+        was_tracked = before is not None and before.advice is not None
+        contradicts = before is not None and disagree(before, estimate)
         if contradicts:
             self._contradictions += 1
             self.track = track
-        elif track is not None or answered:
-            later = self._guide_seen_in > frame.number
+        elif track is not None or was_tracked:
+            later = self._guide_detected_in > frame.number
             self.track = self._with_newest_guide(track) if later else track
-        tell = (contradicts or not answered) and self._is_news(frame)
-        return Finding(tell, contradicts, answered and not contradicts, track is not None)
+        publish = (contradicts or not was_tracked) and self._is_newest(frame)
+        return LocalisationOutcome(publish, contradicts, was_tracked and not contradicts, track is not None)
 
     def _with_newest_guide(self, track: Track | None) -> Track | None:
         if track is None or self._camera_from_guide is None:
             return track
         return replace(track, camera_from_guide=self._camera_from_guide)
 
-    def _is_news(self, frame: Arrival) -> bool:
-        if frame.number < self._told_of:
+    def _is_newest(self, frame: NumberedFrame) -> bool:
+        if frame.number < self._newest_published:
             return False
-        self._told_of = frame.number
+        self._newest_published = frame.number
         return True

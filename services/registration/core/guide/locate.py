@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.criteria import GUIDE_BALLS, GUIDE_IDENTITY, GUIDE_MARGIN
+from services.registration.core.acceptance.criteria import GUIDE_BALLS, GUIDE_IDENTITY, GUIDE_MARGIN, GUIDE_SHARE
 from services.registration.core.estimation.image_points import Correspondences, residuals_px
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
@@ -22,8 +22,6 @@ from shared.geometry.transform import Transform
 from shared.xray.aperture import usable_pixels
 from shared.xray.noise_filter import noise_whitened
 from shared.xray.pixel_scale import pixels as pixels_of
-
-LEAST_SHARE = 0.4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +131,7 @@ def measured_guide(
 
 def needed_balls(count: int) -> int:
     """How many of a guide's balls must be found: twelve, and two in five; guides with few balls need all but two."""
-    return min(max(int(GUIDE_BALLS.limit.value), int(np.ceil(LEAST_SHARE * count))), max(count - 2, 4))
+    return min(max(int(GUIDE_BALLS.limit.value), int(np.ceil(GUIDE_SHARE.limit.value * count))), max(count - 2, 4))
 
 
 def candidate_discs(calibration: CArmCalibration, guide: GuidePart) -> NDArray[np.int64]:

@@ -30,17 +30,6 @@ Placement = tuple[float, float, float, float, float]
 _IMPOSSIBLE = (0.0, 1.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class _Nearness:
-    """Poses nearer than this are one: before refinement the grid's spacing apart, after it the remaining scatter."""
-
-    angle_deg: float
-    across_mm: float
-
-
-_COARSE, _FINE = _Nearness(angle_deg=8.0, across_mm=15.0), _Nearness(angle_deg=2.0, across_mm=3.0)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Views:
     """The balls as seen from every direction of a grid, and all ordered pairs of balls.
@@ -186,7 +175,7 @@ def _identities(
         if scores[d, p] < least_score or len(poses) == GUIDE_SEARCH.refined_per_pair:
             break
         pose = _posed(views, int(d), int(p), slopes)
-        if not any(_same(pose, other, _COARSE) for other in poses):
+        if not any(_same(pose, other, GUIDE_SEARCH.same_start_deg, GUIDE_SEARCH.same_start_mm) for other in poses):
             poses.append(pose)
     starts = (Transform[Camera, Guide].from_rotation_translation(*pose) for pose in poses)
     return [refined_identity(camera, balls_mm, discs, start) for start in starts]
@@ -232,17 +221,17 @@ def _merged(found: list[GuideIdentity], new: list[GuideIdentity]) -> list[GuideI
     poses: list[Pose] = []
     for identity in sorted(found + new, key=len, reverse=True):
         pose = identity.camera_from_guide.rotation, identity.camera_from_guide.translation_mm
-        if not any(_same(pose, other, _FINE) for other in poses):
+        if not any(_same(pose, other, GUIDE_SEARCH.same_pose_deg, GUIDE_SEARCH.same_pose_mm) for other in poses):
             merged.append(identity)
             poses.append(pose)
     return merged[:_MOST_IDENTITIES]
 
 
-def _same(a: Pose, b: Pose, within: _Nearness) -> bool:
+def _same(a: Pose, b: Pose, angle_deg: float, across_mm: float) -> bool:
     """Whether two poses differ by less than an angle and a distance across the beam."""
     cos_angle = 0.5 * (float(np.sum(a[0] * b[0])) - 1.0)
     apart = np.linalg.norm((a[1] - b[1])[:2])
-    return bool(cos_angle > np.cos(np.radians(within.angle_deg)) and apart < within.across_mm)
+    return bool(cos_angle > np.cos(np.radians(angle_deg)) and apart < across_mm)
 
 
 @compiled

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import (
+    GUIDE_BALLS_GIVEN_NAIL,
     GUIDE_ON_NAIL,
     GUIDE_ON_NAIL_MARGIN,
     OPENNESS_BESIDE_WIRES,
@@ -34,8 +35,6 @@ from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import unit
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
-
-LEAST_BALLS = 7
 
 
 def locate_nail_near_guide_axes(
@@ -137,7 +136,8 @@ def locate_guide_given_nail(
     pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, guide_from_nail: Transform[Guide, Nail]
 ) -> Accepted[GuideFit] | Rejected:
     """Locate the guide in an un-mirrored image, given the nail's pose in the guide frame."""
-    hypotheses = [one for one in guide_identities(calibration, parts.guide) if len(one) >= LEAST_BALLS]
+    needed = int(GUIDE_BALLS_GIVEN_NAIL.limit.value)
+    hypotheses = [one for one in guide_identities(calibration, parts.guide) if len(one) >= needed]
     on_metal = np.array(
         [
             _fraction_on_metal(pixels, calibration, parts.nail, one.camera_from_guide @ guide_from_nail)
@@ -149,7 +149,7 @@ def locate_guide_given_nail(
     second = float(on_metal[order[1]]) if len(order) > 1 else 0.0
     if not (GUIDE_ON_NAIL.is_met(best) and GUIDE_ON_NAIL_MARGIN.is_met(best - second)):
         observation = (
-            f"of {len(hypotheses)} ways to name {LEAST_BALLS} balls of the guide or more, with the nail's place known "
+            f"of {len(hypotheses)} ways to name {needed} balls of the guide or more, with the nail's place known "
             f"from the other image, the best puts {GUIDE_ON_NAIL.quoted(best)} of the nail on metal and the next less "
             f"of it by {GUIDE_ON_NAIL_MARGIN.quoted(best - second)}"
         )
@@ -157,7 +157,7 @@ def locate_guide_given_nail(
     chosen = hypotheses[order[0]]
     others = [len(one) for one in hypotheses if one is not chosen]
     margin = len(chosen) - max(others, default=0)
-    return measured_guide(pixels, calibration, parts.ring, parts.guide, Named(chosen, margin, LEAST_BALLS))
+    return measured_guide(pixels, calibration, parts.ring, parts.guide, Named(chosen, margin, needed))
 
 
 def _fraction_on_metal(

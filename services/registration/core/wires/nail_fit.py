@@ -30,8 +30,6 @@ from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, unit
 from shared.geometry.transform import Transform
 
-_GUIDE_TO_NAIL_MM = 100.0
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageWithWires:
@@ -206,7 +204,7 @@ def no_holes_reasons(images: tuple[ImageWithWires, ...], parts: Parts) -> tuple[
 def guide_tilt_deg(guide: GuideFit, parts: Parts) -> float:
     """Angle between the mean direction of the guide's holes and the ray to about where they meet the nail."""
     drilling = unit(np.sum([hole.axis.direction for hole in parts.guide.holes], axis=0))
-    ray = unit(guide.camera_from_guide @ (_GUIDE_TO_NAIL_MM * drilling))
+    ray = unit(guide.camera_from_guide @ (NAIL_WITH_WIRES.guide_to_nail_mm * drilling))
     return float(np.degrees(angle_between_rad(guide.camera_from_guide.directions(drilling), ray)))
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from services.registration.core.head_check import HeadTrouble
+from services.registration.core.acceptance.criteria import HeadTrouble
 from services.registration.frames import LocalisedFrame
 from services.registration.planning import head_trouble
 from services.registration.state import RegistrationState

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.registration.core.acceptance.criteria import HeadTrouble
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.head_check import (
     HeadRefused,
-    HeadTrouble,
     MotionView,
     c_arm_stood_still,
     check_motion,
@@ -73,7 +73,8 @@ def test_an_extension_that_is_10_mm_wrong_shows_in_a_move_that_turns(really_mm: 
     assert refused is not None
     assert refused.code is HeadTrouble.HEAD_EXTENSION
     assert said in refused.message
-    assert "entered is 60 mm (limit 4 mm apart); read its scale again" in refused.message
+    assert "entered is 60 mm, a difference of " in refused.message
+    assert "mm (limit 4 mm); read its scale again" in refused.message
 
 
 def test_a_move_that_does_not_turn_cannot_tell_the_extension() -> None:

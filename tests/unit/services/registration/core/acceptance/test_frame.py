@@ -16,7 +16,7 @@ GOOD = FrameEvidence(
     turn_sd_deg=(0.1, 0.3),
     across_mm=0.3,
     blur_px=1.5,
-    key_blur_px=1.2,
+    reference_blur_px=1.2,
     tilt_sd_deg=0.4,
 )
 NAN = float("nan")

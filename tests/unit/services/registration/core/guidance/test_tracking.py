@@ -1,4 +1,4 @@
-"""Frames of running fluoroscopy: measured by themselves, and silent where they cannot tell."""
+"""Frames of running fluoroscopy: each measured by its own pixels, and rejected where these do not suffice."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -12,8 +12,6 @@ from services.registration.core.c_arm_advice import hole_tilts
 from services.registration.core.guidance.guide_tracking import track_guide
 from services.registration.core.guidance.nail_tracking import mirror_margin, track_nail
 from services.registration.core.guidance.tracking import (
-    CHECK_EVERY,
-    MOST_MISSED,
     FrameEstimate,
     Margin,
     Origin,
@@ -26,6 +24,7 @@ from services.registration.core.guidance.tracking import (
 from services.registration.core.localise import localise
 from services.registration.core.nail.forward_model import FitInput
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.tuning import FRAME_TRACKING
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera
@@ -134,7 +133,7 @@ def test_a_frame_without_the_nail_says_so_and_the_next_one_goes_on() -> None:
 
 
 def test_a_track_ends_when_too_many_frames_in_a_row_were_silent() -> None:
-    nearly = replace(begun()[2], frames_without_estimate=MOST_MISSED - 1)
+    nearly = replace(begun()[2], frames_without_estimate=FRAME_TRACKING.most_missed - 1)
     _, after = track_frame(empty().pixels, empty().calibration, PARTS, nearly)
     assert after is None
 
@@ -195,9 +194,9 @@ def test_a_guide_that_was_moved_against_the_nail_is_noticed() -> None:
 
 def test_the_mirrored_tilt_is_looked_at_when_it_is_due_and_its_age_is_told() -> None:
     now = still()
-    before = replace(begun()[2], margin=Margin(5000.0, CHECK_EVERY - 2))
+    before = replace(begun()[2], margin=Margin(5000.0, FRAME_TRACKING.check_every - 2))
     sight, after = track_frame(now.pixels, now.calibration, PARTS, before)
-    assert sight.margin == Margin(5000.0, CHECK_EVERY - 1)
+    assert sight.margin == Margin(5000.0, FRAME_TRACKING.check_every - 1)
     assert after is not None
     sight, _ = track_frame(now.pixels, now.calibration, PARTS, after)
     assert sight.margin is not None
@@ -211,7 +210,7 @@ def test_the_mirrored_tilt_is_compared_whatever_the_fit_weighed_less() -> None:
     seen = still()
     balls = Occluders(PlacedGuide(PARTS.guide, CAMERA_FROM_GUIDE), PARTS.ring)
     given = FitInput(seen.pixels, seen.calibration, PARTS.nail, balls)
-    followed = track_nail(given, track.key.appearance, CAMERA_FROM_NAIL)
+    followed = track_nail(given, track.reference.appearance, CAMERA_FROM_NAIL)
     assert isinstance(followed, Accepted), followed
     found = followed.value
     dismissive = replace(found.problem, weight=1e-3 * found.problem.weight)
