@@ -42,7 +42,7 @@ $(COMPILED): $(INSTALLED) $(KERNELS)
 	$(BIN)/python -m distalock.prepare
 	@touch $@
 
-demo: setup
+demo: $(COMPILED)
 	$(BIN)/distalock demo $(ARGS)
 
 # Each half prints little unless it fails, so that both can run at the same time.

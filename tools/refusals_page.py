@@ -18,7 +18,7 @@ _HEAD = """# Why an image, a frame or a plan is refused
 Look up the `code` of a refusal: what was measured, the limit, and what to do. A refusal's sentence quotes the measured
 value with its limit: "limit" is the largest acceptable value, "at least" the smallest; a value that is no number is
 never acceptable. One code may have several rows, and one image several reasons. "where" is the module that declares the
-criterion, beside the rules that apply it: each limit stands there and nowhere else, with its origin. This page is
+criterion: each limit stands there and nowhere else, with its origin. This page is
 printed from those declarations by `make generated`.
 
 | code | measured | limit | unit | remedy | where |
@@ -48,8 +48,8 @@ def _robot_section() -> str:
 
 
 def declared_criteria() -> Iterator[tuple[str, Criterion[Any] | Finding[Any]]]:
-    """Every criterion of every service, with the module that declares it."""
-    for module in _acceptance_modules():
+    """Every criterion of every service, with the module that declares it: its name must be annotated there."""
+    for module in acceptance_modules():
         where = module.__name__.removeprefix("services.").replace(".", "/") + ".py"
         for name in module.__annotations__:
             value = getattr(module, name)
@@ -57,7 +57,8 @@ def declared_criteria() -> Iterator[tuple[str, Criterion[Any] | Finding[Any]]]:
                 yield where, value
 
 
-def _acceptance_modules() -> Iterator[ModuleType]:
+def acceptance_modules() -> Iterator[ModuleType]:
+    """The modules under `core/acceptance` of every service."""
     for service in pkgutil.iter_modules(services.__path__, "services."):
         name = f"{service.name}.core.acceptance"
         if importlib.util.find_spec(f"{service.name}.core") is None or importlib.util.find_spec(name) is None:
