@@ -28,6 +28,7 @@ from benchmarks.data.independent_images import (
 )
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.region import FitInput
 from shared.errors import Rejected
 from shared.geometry.calibration import BallCandidates, CArmCalibration
 from shared.geometry.camera import DisplacementField, PinholeCamera
@@ -135,7 +136,7 @@ def errors_of(nail: NailPart, found: Transform[Camera, Nail], true: Transform[Ca
 def run(case: Case, start: Transform[Camera, Nail]) -> NDArray[np.float64] | None:
     """Fit and print one image; entry error, axis error and the six normalised errors, or None when refused."""
     begun = time.process_time()
-    result = fit_nail(case.pixels, case.calibration, case.nail, start, case.occluders)
+    result = fit_nail(FitInput(case.pixels, case.calibration, case.nail, case.occluders), start)
     seconds = time.process_time() - begun
     if isinstance(result, Rejected):
         print(f"{case.name}  refused: {'; '.join(r.message for r in result.reasons)}", flush=True)

@@ -18,7 +18,7 @@ from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide_from_nail import guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.localise import LocalisationResult, Parts
-from services.registration.core.nail.parameters import PRIOR, SHAPE_PARAMETERS, Parameter
+from services.registration.core.nail.parameters import SHAPE_PARAMETERS, Parameter, priors
 from services.registration.core.tuning import AGREEMENT
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
@@ -295,7 +295,7 @@ def _other_radii(estimates: Estimates, grouping: _Grouping) -> str:
         for group in (grouping.first, grouping.second)
     )
     apart_mm = {
-        name: PRIOR[parameter][1] * abs(float(a - b))
+        name: priors()[parameter][1] * abs(float(a - b))
         for parameter, a, b in zip(SHAPE_PARAMETERS, first, second, strict=False)
         if (name := _RADII.get(parameter)) is not None
     }

@@ -14,6 +14,7 @@ from services.registration.core.guide_from_nail import NailEstimate, guide_from_
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
+from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.search.find import find_nail
 from services.registration.core.nail.search.outline import covered_pixels
 from shared.errors import Accepted, Reason, Rejected
@@ -151,5 +152,5 @@ def _locate_nail(
     balls = known_balls(parts, guide)
     depth_mm = float(start.camera_from_nail.translation_mm[2])
     hidden = covered_pixels(upright, calibration, start.openings, depth_mm, ball_discs_px(balls, calibration))
-    fit = fit_nail(upright, calibration, parts.nail, start.camera_from_nail, replace(balls, hidden=hidden))
+    fit = fit_nail(FitInput(upright, calibration, parts.nail, replace(balls, hidden=hidden)), start.camera_from_nail)
     return fit if isinstance(fit, Rejected) else Accepted(NailEstimate.of_fit(fit.value))

@@ -52,6 +52,10 @@ class NailBandSearch:
         0.35, "band widths", "distance about a band that proposes no other", _BY_INSPECTION
     )
     most_bands: int = tuned(6, "1", "bands in which holes are searched", _BY_INSPECTION)
+    least_darkness: float = tuned(0.06, "1", "darkness of a band in which holes are searched", _BY_INSPECTION)
+    edge_length_weight: float = tuned(
+        0.2, "1/band widths", "weight of an edge's length against open holes", _BY_INSPECTION
+    )
 
 
 NAIL_BAND_SEARCH: Final = NailBandSearch()
@@ -483,6 +487,32 @@ class FinalStage:
 
 
 FINAL_STAGE: Final = FinalStage()
+
+
+@dataclass(frozen=True, slots=True)
+class NailEvidence:
+    """What is measured of a fit for its acceptance (`core/nail/fit.py`)."""
+
+    open_transmission: float = tuned(0.5, "1", "transmission from which a pixel is open", derived("half way"))
+    near_hole_in_radii: float = tuned(1.5, "hole radii", "where a hole's open pixels are counted", _BY_INSPECTION)
+    inside_nail_in_radii: float = tuned(
+        0.8, "nail radii", "how far from the nail's axis they are counted", _BY_INSPECTION
+    )
+    clipped_deviations: float = tuned(
+        6.0, "standard deviations", "residuals beyond it count as so much", _BY_INSPECTION
+    )
+    structure_blur_px: float = tuned(2.0, "px of the stage", "Gaussian before the residual's structure", _BY_INSPECTION)
+    rim_from: float = tuned(0.03, "1", "visible fraction from which a pixel is on a rim", _BY_INSPECTION)
+    rim_to: float = tuned(0.97, "1", "visible fraction up to which a pixel is on a rim", _BY_INSPECTION)
+    spot_blur_px: float = tuned(
+        1.0, "px of the stage", "Gaussian before the largest residual is sought", _BY_INSPECTION
+    )
+    about_hole_mm: float = tuned(1.0, "mm", "margin around holes in which it is sought", _BY_INSPECTION)
+    certain_deviations: float = tuned(8.0, "standard deviations", "residual that is no noise", _BY_INSPECTION)
+    least_step: float = tuned(0.3, "median steps", "floor of the step by which residuals are divided", _BY_INSPECTION)
+
+
+NAIL_EVIDENCE: Final = NailEvidence()
 
 
 # Estimation of poses, the drill guide, several images, the head, wires

@@ -14,13 +14,9 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import HoleView
 from services.registration.core.estimation.pose_estimate import POSE_SIZE, model_covariance
-from services.registration.core.nail.evidence import hole_views, residual_statistics
-from services.registration.core.nail.fit import pose_covariance
-from services.registration.core.nail.forward_model import Detail, FitInput, ForwardModel, model_at
-from services.registration.core.nail.imaging_chain import Scale
+from services.registration.core.nail.fit import hole_views, pose_covariance, residual_statistics
+from services.registration.core.nail.forward_model import model_at
 from services.registration.core.nail.least_squares import (
-    ALL_PARAMETERS,
-    NoiseModel,
     Problem,
     Solution,
     estimate_noise,
@@ -31,22 +27,24 @@ from services.registration.core.nail.least_squares import (
     reweighted,
     with_derivatives,
 )
+from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import (
+    ALL_PARAMETERS,
     PARAMETER_COUNT,
+    POSE_ONLY,
+    TILTS,
     Parameter,
     motion_by_parameters,
-    parameters_from_pose,
     prior_mean,
 )
+from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import NAIL_TRACKING, TILT_SEARCH_STAGE
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import angle_between_rad
 from shared.geometry.transform import Transform
 
-_POSE = np.arange(PARAMETER_COUNT) < POSE_SIZE
-_FITTED = _POSE | (np.arange(PARAMETER_COUNT) == Parameter.LOG_BLUR_PX)
-_TILTS = [Parameter.PITCH_RAD, Parameter.ROLL_RAD]
+_FITTED = POSE_ONLY | (np.arange(PARAMETER_COUNT) == Parameter.LOG_BLUR_PX)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,16 +59,14 @@ class NailAppearance:
         Of the pose's parameters, shape (6, 6): by the other unknowns, the same in every frame.
     weight
         Median weight of a pixel: inverse variance over the number of correlated pixels.
+    blur_px
+        Standard deviation of the blur, in image pixels.
     """
 
     parameters: NDArray[np.float64]
     shared_covariance: NDArray[np.float64]
     weight: float
-
-    @property
-    def blur_px(self) -> float:
-        """Standard deviation of the blur."""
-        return float(np.exp(self.parameters[Parameter.LOG_BLUR_PX]))
+    blur_px: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,47 +102,49 @@ class TrackedNail:
 
 def estimate_appearance(given: FitInput, camera_from_nail: Transform[Camera, Nail]) -> NailAppearance | None:
     """Fit everything once in an image whose nail is known; `None` when its holes are not in the image."""
-    scene = model_at(given, camera_from_nail, _detail(given, camera_from_nail))
-    if scene is None:
+    stage = NAIL_TRACKING
+    model = model_at(given, camera_from_nail, stage, _reduction(given, camera_from_nail))
+    if model is None:
         return None
-    start = _with_pose(prior_mean(), scene, camera_from_nail)
-    problem = problem_for(scene, _detail(given, camera_from_nail), ALL_PARAMETERS)
-    first = minimise(problem, start, NAIL_TRACKING.first_steps, NAIL_TRACKING.first_tolerance)
+    problem = problem_for(model, stage, ALL_PARAMETERS)
+    start = model.with_pose(prior_mean(), camera_from_nail)
+    first = minimise(problem, start, stage.first_steps, stage.first_tolerance)
     problem = reweighted(problem, first.linear, estimate_noise(problem, first.linear))
     solution = with_derivatives(
-        problem, minimise_from(problem, first.linear, NAIL_TRACKING.reference_steps, NAIL_TRACKING.last_tolerance)
+        problem, minimise_from(problem, first.linear, stage.reference_steps, stage.last_tolerance)
     )
-    normal = solution.normal_matrix
+    normal = solution.equations.matrix
     alone = np.linalg.inv(normal[np.ix_(_FITTED, _FITTED)])[:POSE_SIZE, :POSE_SIZE]
     shared = np.linalg.inv(normal)[:POSE_SIZE, :POSE_SIZE] - alone
-    return NailAppearance(solution.parameters, shared, float(np.median(problem.weight)))
+    blur_px = model.region.sampling.blur_px(solution.parameters)
+    return NailAppearance(solution.parameters, shared, float(np.median(problem.weight)), blur_px)
 
 
 def track_nail(
     given: FitInput, appearance: NailAppearance, predicted: Transform[Camera, Nail]
 ) -> Accepted[TrackedNail] | Rejected:
     """Refine a predicted pose on the pixels of this frame; `acceptance.frame` decides whether it is accepted."""
-    detail = _detail(given, predicted)
-    scene = model_at(given, predicted, detail)
-    if scene is None:
+    stage = NAIL_TRACKING
+    model = model_at(given, predicted, stage, _reduction(given, predicted))
+    if model is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
-    start = _with_pose(appearance.parameters, scene, predicted)
-    problem = problem_for(scene, detail, _FITTED)
-    problem = replace(problem, weight=np.full(len(problem.grey), appearance.weight))
-    solution = minimise(problem, start, NAIL_TRACKING.first_steps, NAIL_TRACKING.first_tolerance)
+    problem = problem_for(model, stage, _FITTED)
+    problem = replace(problem, weight=np.full(len(problem.observed), appearance.weight))
+    start = model.with_pose(appearance.parameters, predicted)
+    solution = minimise(problem, start, stage.first_steps, stage.first_tolerance)
     problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
     solution = with_derivatives(
-        problem, minimise_from(problem, solution.linear, NAIL_TRACKING.last_steps, NAIL_TRACKING.last_tolerance)
+        problem, minimise_from(problem, solution.linear, stage.last_steps, stage.last_tolerance)
     )
     noise = estimate_noise(problem, solution.linear)
     residual = residual_statistics(problem, solution, noise)
-    beyond = np.abs(solution.linear.residual) > NAIL_TRACKING.unexplained_sigmas * np.sqrt(noise.variance)
-    pose = scene.pose(solution.parameters)
+    beyond = np.abs(solution.linear.residual) > stage.unexplained_sigmas * np.sqrt(noise.variance)
+    pose = model.pose(solution.parameters)
     return Accepted(
         TrackedNail(
             pose,
             _covariance(given, problem, solution, noise, appearance),
-            float(np.exp(solution.parameters[Parameter.LOG_BLUR_PX])),
+            model.region.sampling.blur_px(solution.parameters),
             hole_views(problem, solution),
             residual.structure,
             float(np.mean(beyond)),
@@ -163,40 +161,30 @@ def mirror_margin(found: TrackedNail) -> float | None:
     Near zero tilt there is no second optimum: the fit from the reflected tilt converges to the same pose.
     """
     start = found.solution.parameters.copy()
-    start[_TILTS] *= -1.0
+    start[TILTS] *= -1.0
     # the weights must not depend on which of both poses was fitted
     problem = evenly_weighted(found.problem, found.noise)
     here = minimise_from(problem, found.solution.linear, NAIL_TRACKING.last_steps, NAIL_TRACKING.first_tolerance)
     reflected = minimise(problem, start, NAIL_TRACKING.reflected_steps, NAIL_TRACKING.first_tolerance)
-    z = problem.model.pose(reflected.parameters).rotation[:, 2]
-    if angle_between_rad(z, found.camera_from_nail.rotation[:, 2]) < np.radians(TILT_SEARCH_STAGE.distinct_deg):
+    apart_rad = angle_between_rad(reflected.hole_direction_camera, found.camera_from_nail.rotation[:, 2])
+    if apart_rad < np.radians(TILT_SEARCH_STAGE.distinct_deg):
         return None
     return 0.5 * (reflected.cost - here.cost)
 
 
-def _detail(given: FitInput, pose: Transform[Camera, Nail]) -> Detail:
-    """Pixels so large that the smallest hole has the width of a few of them, and several of the image's each."""
-    tuning = NAIL_TRACKING
+def _reduction(given: FitInput, pose: Transform[Camera, Nail]) -> int:
+    """Reduction after which the smallest hole has the width of a few pixels."""
     px_per_mm = given.calibration.camera.focal_length_px / float(pose.translation_mm[2])
     smallest_px = min(hole.diameter_mm for hole in given.nail.holes) * px_per_mm
-    scale = Scale(max(tuning.least_reduction, round(smallest_px / tuning.hole_px)), tuning.smoothing_px)
-    return Detail(scale, tuning.surroundings_mm, tuning.knot_spacing_mm, tuning.texture_sd)
-
-
-def _with_pose(
-    parameters: NDArray[np.float64], scene: ForwardModel, pose: Transform[Camera, Nail]
-) -> NDArray[np.float64]:
-    start = parameters.copy()
-    start[:POSE_SIZE] = parameters_from_pose(pose, scene.camera, scene.anchors)
-    return start
+    return max(NAIL_TRACKING.least_reduction, round(smallest_px / NAIL_TRACKING.hole_px))
 
 
 def _covariance(
     given: FitInput, problem: Problem, solution: Solution, noise: NoiseModel, appearance: NailAppearance
 ) -> NDArray[np.float64]:
     """Of pose and blur in this frame, of what the reference leaves open, and of the model's own errors."""
-    scene = problem.model
-    jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], scene.camera, scene.anchors)
+    model = problem.model
+    jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], model.camera, model.anchors)
     shared = jacobian @ appearance.shared_covariance @ jacobian.T
-    own = model_covariance(given.nail, scene.pose(solution.parameters))
+    own = model_covariance(given.nail, model.pose(solution.parameters))
     return np.asarray(pose_covariance(problem, solution, noise) + shared + own)

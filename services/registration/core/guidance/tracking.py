@@ -24,8 +24,8 @@ from services.registration.core.guidance.nail_tracking import (
 )
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
-from services.registration.core.nail.forward_model import FitInput
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import FRAME_TRACKING
 from shared.errors import Accepted, Reason, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration

@@ -43,50 +43,49 @@ MOTION_SIZE = 6
 BY_HOLE_RADIUS, BY_NAIL_RADIUS, BY_CHAMFER, BY_LOG_ATTENUATION, BY_HARDENING = range(MOTION_SIZE, MOTION_SIZE + 5)
 DERIVATIVES = MOTION_SIZE + 5
 
-# The hardest X-rays of a tube at 60-80 kV are attenuated by this share of the mean: so much hardening leaves.
-_HARDEST = 0.4
-# Below, the law is the exponential one, and its derivative the first term of a series.
+# Guard: below, the law is the exponential one, and its derivative the first term of a series.
 _NO_HARDENING = 1e-3
-
-Material = tuple[float, float]
-PathTransmission = tuple[float, float, float]
-
-# So many steps from an edge, the difference over a step is the derivative.
-_NEAR_EDGE = 5.0
-
+# Guard: rays along a surface would move their ends without bound.
 _LEAST_INCIDENCE = 0.002
 
-_UNIFORM = 0.02
-_SOFTENING_PX = 0.15
-# Half a pixel's diagonal (0.7), what samples are softened by (0.15), and some more, as just inside an edge paths are
-# much curved: with 1.0, single pixels changed by up to 0.009 of what passes, with 1.5 by 0.003.
-_EDGE_REACH_PX = 1.5
+# Mean attenuation per mm, its relative variance (hardening), and the least attenuation over the mean.
+Material = tuple[float, float, float]
+# Transmission, and its derivatives by the logarithm of the attenuation and by the hardening.
+PathTransmission = tuple[float, float, float]
+
+
+class TraceLimits(NamedTuple):
+    """How finely rays are traced (`RAY_SAMPLING`)."""
+
+    edge_reach_px: float
+    uniform_difference: float
+    softening_px: float
+    near_edge_in_steps: float
 
 
 @compiled
 def transmission_behind(path_mm: float, material: Material) -> PathTransmission:
     """exp(-f * d) * (1 + h * (1 - f) * d)^(-1 / h) behind a path of depth d; its derivatives by log d and by h.
 
-    That is what passes of a beam whose attenuations are f times their mean (d counts the mean) and above that
-    distributed like a gamma variable of relative variance h, the hardening. The first tenths of a millimetre meet the
-    mean, and the rest what came through.
+    Transmission of a beam whose attenuations are f times their mean (d counts the mean) and above that gamma
+    distributed with relative variance h, the hardening: the first tenths of a millimetre attenuate most.
     """
-    depth, hardening = material[0] * path_mm, material[1]
+    depth, hardening, hardest = material[0] * path_mm, material[1], material[2]
     if depth <= 0.0:
         return 1.0, 0.0, 0.0
-    soft = (1.0 - _HARDEST) * depth
+    soft = (1.0 - hardest) * depth
     if hardening < _NO_HARDENING:
         transmission = np.exp(-depth)
         return transmission, -depth * transmission, 0.5 * soft * soft * transmission
     # log1p would be exact for a vanishing path too, where nothing depends on it, and takes about twice as long
     logarithm, left = np.log(1.0 + hardening * soft) / hardening, soft / (1.0 + hardening * soft)
-    transmission = np.exp(-_HARDEST * depth - logarithm)
-    return transmission, -(_HARDEST * depth + left) * transmission, (logarithm - left) / hardening * transmission
+    transmission = np.exp(-hardest * depth - logarithm)
+    return transmission, -(hardest * depth + left) * transmission, (logarithm - left) / hardening * transmission
 
 
 @compiled
 def mean_transmission(low: PathTransmission, middle: PathTransmission, high: PathTransmission) -> PathTransmission:
-    """Mean over a short way (Simpson's rule)."""
+    """Mean over a short interval (Simpson's rule)."""
     return (
         (low[0] + 4.0 * middle[0] + high[0]) / 6.0,
         (low[1] + 4.0 * middle[1] + high[1]) / 6.0,
@@ -98,7 +97,7 @@ def mean_transmission(low: PathTransmission, middle: PathTransmission, high: Pat
 def add_surface_motion(
     x: float, y: float, z: float, gx: float, gy: float, gz: float, share: float, slope: NDArray[np.float32]
 ) -> None:
-    """Add what the motion of a surface at (x, y, z) along its normal g contributes."""
+    """Add the derivatives by the motion of a surface at (x, y, z) along its normal g."""
     slope[0] += share * (y * gz - z * gy)
     slope[1] += share * (z * gx - x * gz)
     slope[2] += share * (x * gy - y * gx)
@@ -120,11 +119,12 @@ def _tube_at_edge(
     radius_mm: float,
     inner_mm: float,
     step_mm: float,
+    near_edge_mm: float,
     chord: float,
     steel_mm: float,
     material: Material,
 ) -> tuple[PathTransmission, float, float]:
-    """Shade near an edge, mean over the distance from the axis, and its derivatives by that distance and the radius."""
+    """Near an edge: a mean over the distance from the axis, and its derivatives by that distance and the radius."""
     metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
     low = transmission_behind(chord * _half_chord(impact - step_mm, radius_mm, inner_mm) + steel_mm, material)
     middle = transmission_behind(metal_mm + steel_mm, material)
@@ -132,7 +132,7 @@ def _tube_at_edge(
     by_impact = (high[0] - low[0]) / (2.0 * step_mm)
     # Half the chord is a root of radius² - impact²: at the outline the two move it alike, elsewhere it is smooth. Of a
     # wall so thin that the cannulation's edge is as near it would be wrong; none is thinner than a pixel.
-    if radius_mm - abs(impact) < _NEAR_EDGE * step_mm:
+    if radius_mm - abs(impact) < near_edge_mm:
         by_radius = -by_impact * radius_mm / impact
     else:
         by_radius = middle[1] / (metal_mm + steel_mm) * chord * radius_mm / np.sqrt(radius_mm**2 - impact**2)
@@ -151,9 +151,9 @@ def _tube_inside(
         inner = np.sqrt(inner_mm**2 - impact**2)
         by_impact += impact / inner
     path_mm = chord * (outer - inner) + steel_mm
-    behind = transmission_behind(path_mm, material)
-    by_half_chord = behind[1] / path_mm * chord
-    return behind, by_half_chord * by_impact, by_half_chord * radius_mm / outer
+    found = transmission_behind(path_mm, material)
+    by_half_chord = found[1] / path_mm * chord
+    return found, by_half_chord * by_impact, by_half_chord * radius_mm / outer
 
 
 @compiled
@@ -162,12 +162,13 @@ def transmission_through_tube(
     radius_mm: float,
     inner_mm: float,
     step_mm: float,
+    near_edge_mm: float,
     unit_mm: float,
     steel_mm: float,
     material: Material,
     slope: NDArray[np.float32],
 ) -> PathTransmission:
-    """Shade of a ray that no bore touches."""
+    """Transmission along a ray that no bore touches."""
     ox, oy, oz, dx, dy, dz = ray
     across = np.sqrt(dy * dy + dz * dz)
     my, mz = -dz / across, dy / across
@@ -175,20 +176,21 @@ def transmission_through_tube(
     if abs(impact) > radius_mm + step_mm:
         return transmission_behind(steel_mm, material)
     chord = 2.0 * unit_mm / across
-    near_edge = _NEAR_EDGE * step_mm
-    if radius_mm - abs(impact) < near_edge or abs(inner_mm - abs(impact)) < near_edge:
-        behind, by_impact, by_radius = _tube_at_edge(impact, radius_mm, inner_mm, step_mm, chord, steel_mm, material)
+    if radius_mm - abs(impact) < near_edge_mm or abs(inner_mm - abs(impact)) < near_edge_mm:
+        found, by_impact, by_radius = _tube_at_edge(
+            impact, radius_mm, inner_mm, step_mm, near_edge_mm, chord, steel_mm, material
+        )
     else:
-        behind, by_impact, by_radius = _tube_inside(impact, radius_mm, inner_mm, chord, steel_mm, material)
+        found, by_impact, by_radius = _tube_inside(impact, radius_mm, inner_mm, chord, steel_mm, material)
     metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
-    turning = behind[1] * metal_mm / (metal_mm + steel_mm) * dx / across if metal_mm > 0.0 else 0.0
+    turning = found[1] * metal_mm / (metal_mm + steel_mm) * dx / across if metal_mm > 0.0 else 0.0
     x = ox - (oy * dy + oz * dz) / (across * across) * dx
     slope[1] += by_impact * x * mz + turning * my
     slope[2] += turning * mz - by_impact * x * my
     slope[4] -= by_impact * my
     slope[5] -= by_impact * mz
     slope[BY_NAIL_RADIUS] += by_radius
-    return behind
+    return found
 
 
 @compiled
@@ -242,7 +244,7 @@ def _behind_bore(
     material: Material,
     slope: NDArray[np.float32],
 ) -> PathTransmission:
-    """Shade of a ray that is in a bore between two places; derivatives by the other ends are added, times `weight`."""
+    """Transmission along a ray that is in a bore between two places; adds derivatives by the other ends, weighted."""
     near, far, inner_near, inner_far = tube
     empty = bored[1] <= bored[0]
     metal = within(tube, near, far) - (0.0 if empty else within(tube, bored[0], bored[1]))
@@ -256,10 +258,10 @@ def _behind_bore(
         far_cut, far_free = far - bored[1], False
     metal = metal - near_cut - far_cut
     path_mm = unit_mm * max(metal, 0.0) + steel_mm
-    behind = transmission_behind(path_mm, material)
-    if metal <= 0.0 or behind[1] == 0.0:
-        return behind
-    share = weight * behind[1] / path_mm * unit_mm
+    found = transmission_behind(path_mm, material)
+    if metal <= 0.0 or found[1] == 0.0:
+        return found
+    share = weight * found[1] / path_mm * unit_mm
     if near_free and near_cut > 0.0:
         _add_cone_end(ray, near + near_cut, 1.0, bore, share, slope)
     elif near_free:
@@ -272,7 +274,7 @@ def _behind_bore(
         _add_end(ray, inner_near, -share, slope)
     if inner_far > inner_near and (empty or not bored[0] < inner_far < bored[1]):
         _add_end(ray, inner_far, -share, slope)
-    return behind
+    return found
 
 
 @compiled
@@ -286,7 +288,7 @@ def transmission_at_bore(
     material: Material,
     slope: NDArray[np.float32],
 ) -> PathTransmission:
-    """Shade of a ray that a bore touches, mean over the bore's radius from `-step_mm` to `step_mm`."""
+    """Transmission along a ray that a bore touches, mean over the bore's radius from `-step_mm` to `step_mm`."""
     wide, narrow = in_bore(ray, bore, step_mm), in_bore(ray, bore, -step_mm)
     in_wide = within(tube, wide[0], wide[1])
     in_narrow = within(tube, narrow[0], narrow[1]) if narrow[1] > narrow[0] else 0.0
@@ -320,8 +322,8 @@ class NailShape(NamedTuple):
     bores
         Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as
         it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
-    attenuation, hardening
-        Mean of the X-rays' attenuations, per mm, and how much they differ (`transmission_behind`).
+    material
+        Of the nail.
     steel_in_nail_material
         How many mm of the nail's material attenuate as 1 mm of steel does.
     """
@@ -331,20 +333,25 @@ class NailShape(NamedTuple):
     radius_mm: float
     cannulation_radius_mm: float
     bores: NDArray[np.float64]
-    attenuation: float
-    hardening: float
+    material: Material
     steel_in_nail_material: float
 
 
 @compiled
 def _add_sample(
-    ray: Ray, tube: Tube, nail: NailShape, step_mm: float, unit_mm: float, steel_mm: float, slope: NDArray[np.float32]
+    ray: Ray,
+    tube: Tube,
+    nail: NailShape,
+    step_mm: float,
+    near_edge_mm: float,
+    unit_mm: float,
+    steel_mm: float,
+    slope: NDArray[np.float32],
 ) -> float:
-    """Share that passes along one ray; its derivatives are added to `slope`.
+    """Transmission along one ray; its derivatives are added to `slope`.
 
-    Bores are looked for in the tube (in `NO_TUBE` none is); `steel_mm` are mm of the nail's material.
+    Bores are sought in the tube (in `NO_TUBE` none is); `steel_mm` are mm of the nail's material.
     """
-    material = (nail.attenuation, nail.hardening)
     radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
     touched = -1
     if tube[1] > tube[0]:
@@ -352,14 +359,15 @@ def _add_sample(
             if meets(ray, tube, bore_at(nail.bores, h), radius_mm, step_mm):
                 touched = h
     if touched >= 0:
-        behind = transmission_at_bore(
-            ray, tube, bore_at(nail.bores, touched), step_mm, unit_mm, steel_mm, material, slope
-        )
+        bore = bore_at(nail.bores, touched)
+        found = transmission_at_bore(ray, tube, bore, step_mm, unit_mm, steel_mm, nail.material, slope)
     else:
-        behind = transmission_through_tube(ray, radius_mm, inner_mm, step_mm, unit_mm, steel_mm, material, slope)
-    slope[BY_LOG_ATTENUATION] += behind[1]
-    slope[BY_HARDENING] += behind[2]
-    return behind[0]
+        found = transmission_through_tube(
+            ray, radius_mm, inner_mm, step_mm, near_edge_mm, unit_mm, steel_mm, nail.material, slope
+        )
+    slope[BY_LOG_ATTENUATION] += found[1]
+    slope[BY_HARDENING] += found[2]
+    return found[0]
 
 
 @compiled
@@ -377,12 +385,13 @@ def trace_pixels(
     samples_px: NDArray[np.float64],
     steel: SteelPaths,
     nail: NailShape,
+    limits: TraceLimits,
     transmission: NDArray[np.float64],
     derivatives: NDArray[np.float32],
 ) -> None:
-    """Mean over each pixel of the share that passes, with more samples where the first four differ.
+    """Mean transmission over each pixel, with more samples where the first four differ.
 
-    Of pixels away from all edges and from other steel the middle is taken.
+    Pixels away from all edges and from other steel have one sample, in their middle.
 
     Parameters
     ----------
@@ -392,9 +401,9 @@ def trace_pixels(
         Places within a pixel, shape (K, 2); the first four stand for the pixel by themselves.
     steel
         Balls and wires beside the nail.
-    passed
+    transmission
         Result, shape (S,).
-    by_cause
+    derivatives
         Its derivatives, shape (S, DERIVATIVES): by a small motion of the nail in its own frame (rad, mm), by radii and
         material.
     """
@@ -404,14 +413,13 @@ def trace_pixels(
         slope[:] = 0.0
         total, least, most, count = 0.0, 2.0, -1.0, 0
         pixel_mm = nail.translation_mm[2] * np.sqrt(right_x * right_x + right_y * right_y)
-        step_mm = max(_SOFTENING_PX * pixel_mm, LEAST_STEP_MM)
-        bore_near, edge_near = _bore_and_edge_near(
-            rays.slopes[n, 0], rays.slopes[n, 1], nail, _EDGE_REACH_PX * pixel_mm
-        )
+        step_mm = max(limits.softening_px * pixel_mm, LEAST_STEP_MM)
+        reach_mm, near_edge_mm = limits.edge_reach_px * pixel_mm, limits.near_edge_in_steps * step_mm
+        bore_near, edge_near = _bore_and_edge_near(rays.slopes[n, 0], rays.slopes[n, 1], nail, reach_mm)
         row = steel.row[n]
         several = edge_near or row >= 0
         for k in range(samples_px.shape[0]):
-            if (k == FIRST_SAMPLES and most - least < _UNIFORM) or (k == 1 and not several):
+            if (k == FIRST_SAMPLES and most - least < limits.uniform_difference) or (k == 1 and not several):
                 break
             cx, cy = rays.slopes[n, 0], rays.slopes[n, 1]
             if several:
@@ -421,7 +429,7 @@ def trace_pixels(
             tube = tube_of(ray, nail.radius_mm, nail.cannulation_radius_mm) if bore_near else NO_TUBE
             unit_mm = np.sqrt(cx * cx + cy * cy + 1.0)
             beside_mm = nail.steel_in_nail_material * steel.path_mm[row, k] if row >= 0 else 0.0
-            share = _add_sample(ray, tube, nail, step_mm, unit_mm, beside_mm, slope)
+            share = _add_sample(ray, tube, nail, step_mm, near_edge_mm, unit_mm, beside_mm, slope)
             total += share
             least, most = min(least, share), max(most, share)
             count += 1

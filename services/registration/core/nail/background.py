@@ -4,6 +4,7 @@ Its coefficients couple only to their neighbours: the field's block of the norma
 columns that act everywhere are a border. Solved so, the equations cost a small part of what a full matrix would.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,8 +14,13 @@ from scipy.linalg import cho_factor, cho_solve, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
 from services.registration.core.compiled import compiled
+from shared.two_cores import on_both_halves
 
 _IN_CELL = 16
+# Guard: keeps the matrix positive definite where no pixel determines a coefficient.
+_LEAST_RIDGE = 1e-9
+# The equations of fewer cells are summed sooner than handed to another core.
+_LEAST_CELLS_TO_SHARE = 100
 
 
 class BorderedMatrix(NamedTuple):
@@ -313,3 +319,42 @@ def add_right_sides(
         block = np.dot(rows.T, weight * targets[places])
         for a in range(index.shape[0]):
             sides[index[a]] += block[a]
+
+
+def normal_equations_of(
+    columns: DesignMatrix, target: NDArray[np.float64], field: SplineField, precision: float
+) -> tuple[BorderedMatrix, NDArray[np.float64]]:
+    """A'WA with the field's prior of a precision, for M + D coefficients, and A'W target, shape (M + D,)."""
+    dense, width = columns.dense.shape[1], field.roughness_band.shape[1]
+
+    def of_part(part: slice) -> tuple[NDArray[np.float64], ...]:
+        matrix, side = BorderedMatrix.of_zeros(field.size, width, dense), np.zeros(field.size + dense)
+        add_normal_equations(columns, part.start, part.stop, target, matrix, side)
+        return (*matrix, side)
+
+    halves = on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS_TO_SHARE)
+    band, border, corner, side = (_sum_in_place(parts) for parts in zip(*halves, strict=True))
+    band += precision * field.roughness_band
+    matrix = BorderedMatrix(band, border, corner)
+    matrix.add_to_diagonal(_LEAST_RIDGE)
+    return matrix, side
+
+
+def right_sides_of(columns: DesignMatrix, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A'W times targets, shape (N, T); the result has shape (M + D, T)."""
+    total = columns.coefficients + columns.dense.shape[1]
+
+    def of_part(part: slice) -> NDArray[np.float64]:
+        sides = np.zeros((total, targets.shape[1]))
+        add_right_sides(columns, part.start, part.stop, targets, sides)
+        return sides
+
+    return _sum_in_place(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS_TO_SHARE))
+
+
+def _sum_in_place(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Sum of arrays that are not needed any more, in the first of them."""
+    total, *others = parts
+    for other in others:
+        total += other
+    return total

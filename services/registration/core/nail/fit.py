@@ -1,6 +1,6 @@
-"""Fit the nail's pose to the pixels by maximum likelihood: capture, refine, weigh, judge.
+"""Fit the nail's pose to the pixels by maximum likelihood, with its covariance and the evidence for its acceptance.
 
-The record `docs/decisions/0009-nail-likelihood.md` has the model, the alternatives and their figures.
+`docs/nail-likelihood.md` has the model, the alternatives and their measured gains.
 """
 
 from dataclasses import dataclass
@@ -18,12 +18,9 @@ from services.registration.core.estimation.pose_estimate import (
     model_loadings_of_shape,
     ray_to,
 )
-from services.registration.core.nail.evidence import hole_views, residual_statistics
-from services.registration.core.nail.forward_model import Detail, FitInput, model_at
-from services.registration.core.nail.imaging_chain import Scale
+from services.registration.core.nail.forward_model import model_at, visible_fraction_without_metal
+from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.least_squares import (
-    ALL_PARAMETERS,
-    NoiseModel,
     Problem,
     Solution,
     estimate_noise,
@@ -35,30 +32,27 @@ from services.registration.core.nail.least_squares import (
     whitened,
     with_derivatives,
 )
-from services.registration.core.nail.noise import covariance_of_sums
-from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION, NoiseModel, covariance_of_sums
 from services.registration.core.nail.parameters import (
+    ALL_PARAMETERS,
     SHAPE_PARAMETERS,
     Parameter,
     motion_by_parameters,
     prior_mean,
     prior_precision,
 )
+from services.registration.core.nail.region import FitInput, FitRegion
 from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
+from services.registration.core.tuning import FINAL_STAGE, NAIL_EVIDENCE
 from shared.errors import Accepted, Rejected
-from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.parts import NailPart
+from shared.geometry.parts import Hole
 from shared.geometry.transform import Transform
-
-_FINE = Detail(Scale(1, 0.0), 3.5, 1.5, 0.015)
-_FIRST_STEPS, _LAST_STEPS = 5, 4
-_TOLERANCE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailFit:
-    """Pose of the nail, how sure it is, and what else the pixels said.
+    """Pose of the nail with its errors, and the evidence for its acceptance.
 
     Attributes
     ----------
@@ -71,8 +65,8 @@ class NailFit:
     mirror_margin
         Logarithm of the likelihood ratio between this pose and the other optimum (at least 1.5° away, in practice the
         reflected tilt), or, when there is no other, the best pose with pitch or roll 3° away. The noise's correlation
-        is divided out, so that the ratio is that of as many independent samples. Of a rival that is clearly worse it
-        is what it exceeds.
+        is divided out, so that the ratio is that of as many independent samples. For a
+        competing pose that was abandoned it is a lower bound.
     hole_radius_excess_mm, nail_radius_excess_mm
         Fitted radii less those of the part.
     blur_px
@@ -104,82 +98,68 @@ class NailFit:
         )
 
 
-def fit_nail(
-    pixels: NDArray[np.float32],
-    calibration: CArmCalibration,
-    nail: NailPart,
-    start: Transform[Camera, Nail],
-    occluders: Occluders,
-) -> Accepted[NailFit] | Rejected:
-    """Find where the nail is, from a start within about 5° and 3 mm across, and judge what was found.
+def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
+    """Estimate the nail's pose from a start within about 5° and 3 mm across, and accept or reject it.
 
     Parameters
     ----------
-    pixels
-        Grey values of the un-mirrored image, darker is denser, shape (rows, columns).
     start
-        First guess of the pose; its tilt may be the reflected one.
+        Initial pose; its tilt may be the reflected one.
 
     Returns
     -------
     Accepted[NailFit] or Rejected
-        Refused as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
+        Rejected as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
     """
-    measured = measure_nail(pixels, calibration, nail, start, occluders)
+    measured = measure_nail(fit_input, start)
     if isinstance(measured, Rejected):
         return measured
     reasons = fit_reasons(measured.value.evidence)
     return Rejected(reasons) if reasons else measured
 
 
-def measure_nail(
-    pixels: NDArray[np.float32],
-    calibration: CArmCalibration,
-    nail: NailPart,
-    start: Transform[Camera, Nail],
-    occluders: Occluders,
-) -> Accepted[NailFit] | Rejected:
-    """The same without a verdict; rejected only when the strip around the holes is not in the image."""
-    given = FitInput(pixels, calibration, nail, occluders)
-    winner = find_global_optimum(given, start)
-    if winner is None:
+def measure_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
+    """The same without acceptance criteria; rejected only when the holes are not in the image."""
+    optimum = find_global_optimum(fit_input, start)
+    model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
+    if optimum is None or model is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
-    model = model_at(given, winner.camera_from_nail, _FINE)
-    if model is None:
-        return Rejected((NAIL_OUTSIDE.reason(),))
-    problem, solution, noise = _refined(problem_for(model, _FINE, ALL_PARAMETERS), winner)
+    problem, solution, noise = _refined(problem_for(model, FINAL_STAGE, ALL_PARAMETERS), optimum)
     return Accepted(
         NailFit(
-            model.pose(solution.parameters),
-            pose_errors(problem, solution, noise),
-            winner.margin,
-            float(solution.parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
-            float(solution.parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
-            float(np.exp(solution.parameters[Parameter.LOG_BLUR_PX])),
-            residual_statistics(problem, solution, noise),
-            hole_views(problem, solution),
+            camera_from_nail=model.pose(solution.parameters),
+            errors=pose_errors(problem, solution, noise),
+            mirror_margin=optimum.margin,
+            hole_radius_excess_mm=float(solution.parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
+            nail_radius_excess_mm=float(solution.parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
+            blur_px=model.region.sampling.blur_px(solution.parameters),
+            residual=residual_statistics(problem, solution, noise),
+            holes=hole_views(problem, solution),
         )
     )
 
 
-def _refined(problem: Problem, winner: GlobalOptimum) -> tuple[Problem, Solution, NoiseModel]:
-    """Full resolution: learn the noise where the coarser stage ended, filter the noise, fit, weigh, fit."""
-    here = linear_solution_at(problem, winner.parameters)
-    problem, here = whitened(problem, here, estimate_noise(problem, here))
-    solution = minimise_from(problem, here, _FIRST_STEPS, _TOLERANCE)
+def _refined(problem: Problem, optimum: GlobalOptimum) -> tuple[Problem, Solution, NoiseModel]:
+    """Full resolution: estimate the noise where the coarser stage ended, whiten, fit, weight, fit."""
+    problem, here = whitened(problem, linear_solution_at(problem, optimum.parameters))
+    solution = minimise_from(problem, here, FINAL_STAGE.first_steps, FINAL_STAGE.tolerance)
     problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
-    # begun with derivatives from here: those of the first steps may have led along the valley in which radii, curve and
-    # tilt nearly make up for one another, and ended in it
-    solution = with_derivatives(problem, minimise_from(problem, solution.linear, _LAST_STEPS, _TOLERANCE))
+    # The last steps begin with derivatives from here: those of the first may have led along the valley in which radii,
+    # curve and tilt nearly compensate one another, and ended in it.
+    solution = minimise_from(problem, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
+    solution = with_derivatives(problem, solution)
     return problem, solution, estimate_noise(problem, solution.linear)
+
+
+# Covariance
 
 
 def pose_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
     """Covariance of a small motion of the nail in its own frame, shape (6, 6): rotation vector (rad), translation (mm).
 
-    The true pose is `camera_from_nail @ motion` with `motion` this small motion. The fit's weights are a compromise:
-    they count slow noise, which hides the tilt, as if it hid sharp rims too. What the noise does to the fit follows
-    from its correlation instead (the sandwich formula); to it comes what priors and background leave open.
+    The true pose is `camera_from_nail @ motion` with `motion` this small motion. The fit's weights count slow
+    noise as if it affected sharp rims too, so the noise's part follows from its correlation instead (the sandwich
+    formula); what priors and background leave open is added.
     """
     return _covariance_by(problem, solution, noise, _motion_gain(problem, solution), prior_precision()[problem.free])
 
@@ -187,16 +167,16 @@ def pose_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> 
 def pose_errors(problem: Problem, solution: Solution, noise: NoiseModel) -> PoseErrors:
     """The same for pose and shape together, and the model's own errors; all of `SHAPE_PARAMETERS` were free."""
     precision = prior_precision()[problem.free]
-    places = [int(np.count_nonzero(problem.free[:unknown])) for unknown in SHAPE_PARAMETERS]
-    per_deviation = np.sqrt(precision[places])
-    of_shape = per_deviation[:, None] * np.linalg.inv(solution.normal_matrix)[places]
+    rows = [int(np.count_nonzero(problem.free[:parameter])) for parameter in SHAPE_PARAMETERS]
+    per_deviation = np.sqrt(precision[rows])
+    of_shape = per_deviation[:, None] * np.linalg.inv(solution.equations.matrix)[rows]
     gain = np.vstack([_motion_gain(problem, solution), of_shape])
-    precision[places] = 0.0
+    precision[rows] = 0.0
     deviations = (solution.parameters - prior_mean())[list(SHAPE_PARAMETERS)] * per_deviation
     by_others = _covariance_by(problem, solution, noise, gain, precision)
     camera_from_nail = problem.model.pose(solution.parameters)
     by_model = block_diag(model_loadings(problem.model.nail, camera_from_nail), model_loadings_of_shape())
-    return PoseErrors(deviations, by_others, gain[:, places] * per_deviation, by_model, ray_to(camera_from_nail))
+    return PoseErrors(deviations, by_others, gain[:, rows] * per_deviation, by_model, ray_to(camera_from_nail))
 
 
 def _covariance_by(
@@ -206,46 +186,126 @@ def _covariance_by(
     gain: NDArray[np.float64],
     precision: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Covariance of what follows from the gradient by `gain`, shape (G, P), as far as noise and open ends go.
+    """Covariance, shape (G, G), of `gain` times the gradient, shape (G, P), by noise, texture and priors.
 
     Parameters
     ----------
     precision
-        Of the priors that leave an end open, shape (P,).
+        Of the priors that count, shape (P,).
     """
-    linear = linear_response(problem, solution.linear, solution.moves.of_pixels)
+    linear = linear_response(solution.linear, solution.equations.jacobian)
     by_noise = _by_noise(problem, noise, _after_background(problem, solution, linear, gain))
     field = linear[: problem.field.size]
-    open_ends = problem.texture_precision * (field.T @ problem.field.roughness @ field)
-    open_ends[np.diag_indices(len(open_ends))] += precision
-    return np.asarray(by_noise + gain @ open_ends @ gain.T)
+    by_priors = problem.texture_precision * (field.T @ problem.field.roughness @ field)
+    by_priors[np.diag_indices(len(by_priors))] += precision
+    return np.asarray(by_noise + gain @ by_priors @ gain.T)
 
 
 def _motion_gain(problem: Problem, solution: Solution) -> NDArray[np.float64]:
     """The nail's small motion per gradient, shape (6, P)."""
     model = problem.model
     motion = motion_by_parameters(solution.parameters[:POSE_SIZE], model.camera, model.anchors)
-    return np.asarray(motion @ np.linalg.inv(solution.normal_matrix)[:POSE_SIZE])
+    return np.asarray(motion @ np.linalg.inv(solution.equations.matrix)[:POSE_SIZE])
 
 
 def _after_background(
     problem: Problem, solution: Solution, linear: NDArray[np.float64], gain: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Derivatives of the modelled grey values when background and floor follow as `linear` says, times `gain`.
+    """Derivatives of the modelled grey values, background and floor refitted by `linear`, times `gain`.
 
     Shape (N, G), from a gain of shape (G, P).
     """
     visible, size, followed = solution.linear.visible, problem.field.size, linear @ gain.T
     background = np.stack([problem.field.at_places(np.ascontiguousarray(c)) for c in followed[:size].T], axis=1)
     floor = problem.floor @ followed[size:]
-    direct = solution.moves.of_pixels @ gain.T
+    direct = solution.equations.jacobian @ gain.T
     return np.asarray(direct - visible[:, None] * background - (1.0 - visible)[:, None] * floor)
 
 
 def _by_noise(problem: Problem, noise: NoiseModel, moved_by: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance by noise alone; `moved_by`, shape (N, G), weighs the pixels."""
+    """Covariance by noise alone; `moved_by`, shape (N, G), weights the pixels."""
     region = problem.model.region
     images = np.zeros((moved_by.shape[1], *region.shape), dtype=np.float32)
     deviations = problem.weight * np.sqrt(noise.variance)
     images.reshape(len(images), -1)[:, region.compared] = (moved_by * deviations[:, None]).T
     return covariance_of_sums(images, ((noise.dark, 1.0 - noise.brightness), (noise.bright, noise.brightness)))
+
+
+# Evidence for acceptance
+
+
+def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
+    """Opening and contrast of each hole of the nail."""
+    model = problem.model
+    region = model.region
+    parameters = solution.parameters
+    clear = solution.linear.traced.transmission.ravel()[region.compared] > NAIL_EVIDENCE.open_transmission
+    noise = float(np.sqrt(np.median(1.0 / problem.weight)))
+    contrast = _local_step(problem, solution) / noise
+    return tuple(_hole_view(problem, parameters, hole, clear, contrast) for hole in model.nail.holes)
+
+
+def _hole_view(
+    problem: Problem,
+    parameters: NDArray[np.float64],
+    hole: Hole,
+    clear: NDArray[np.bool_],
+    contrast: NDArray[np.float64],
+) -> HoleView:
+    model = problem.model
+    region = model.region
+    radius = 0.5 * hole.diameter_mm
+    centre_x, centre_y = hole.axis.point_mm[:2]
+    near = np.hypot(region.along_mm - centre_x, region.across_mm - centre_y) < NAIL_EVIDENCE.near_hole_in_radii * radius
+    inside_nail = np.abs(region.across_mm) < NAIL_EVIDENCE.inside_nail_in_radii * model.nail.radius_mm
+    seen = clear & near & inside_nail
+    depth = float(model.pose(parameters).translation_mm[2])
+    pixel_mm = depth / model.camera.focal_length_px * region.sampling.reduction
+    opening = float(np.count_nonzero(seen)) * pixel_mm**2 / (np.pi * radius**2)
+    to_noise = float(np.median(contrast[seen])) if np.any(seen) else 0.0
+    return HoleView(hole.id, min(opening, 1.0), to_noise)
+
+
+def residual_statistics(problem: Problem, solution: Solution, noise: NoiseModel) -> ResidualStatistics:
+    """Size and structure of the residual."""
+    region, residual = problem.model.region, solution.linear.residual
+    most, visible = NAIL_EVIDENCE.clipped_deviations, solution.linear.visible
+    standardised = np.clip(residual * np.sqrt(problem.weight), -most, most)
+    smooth = _smoothed(region, standardised, NAIL_EVIDENCE.structure_blur_px)
+    rim = (visible > NAIL_EVIDENCE.rim_from) & (visible < NAIL_EVIDENCE.rim_to)
+    elsewhere = ~rim
+    rms = float(np.sqrt(np.mean(residual**2))) * region.grey_scale
+    reference = float(np.sqrt(np.mean(smooth[elsewhere] ** 2))) if np.any(elsewhere) else 1.0
+    at_rims = float(np.sqrt(np.mean(smooth[rim] ** 2))) if np.any(rim) else 0.0
+    inflation = float(noise.inflation.mean())
+    return ResidualStatistics(rms, at_rims / max(reference, 1e-9), inflation, _spot(problem, solution, noise))
+
+
+def _spot(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
+    """Largest smoothed residual at a hole, over the step from metal to background, where it is far beyond noise."""
+    region, linear = problem.model.region, solution.linear
+    near = np.zeros(len(region.compared), dtype=bool)
+    for hole in problem.model.nail.holes:
+        x, y = hole.axis.point_mm[:2]
+        reach_mm = 0.5 * hole.diameter_mm + NAIL_EVIDENCE.about_hole_mm
+        near |= np.hypot(region.along_mm - x, region.across_mm - y) < reach_mm
+    step, blur_px = np.abs(_local_step(problem, solution)), NAIL_EVIDENCE.spot_blur_px
+    deviations = np.abs(_smoothed(region, linear.residual / np.sqrt(noise.variance), blur_px))
+    certain = deviations > NAIL_EVIDENCE.certain_deviations * MEDIAN_TO_DEVIATION * np.median(deviations)
+    smallest_step = NAIL_EVIDENCE.least_step * np.median(step)
+    share = np.abs(_smoothed(region, linear.residual, blur_px)) / np.maximum(step, smallest_step)
+    return float(share[near & certain].max(initial=0.0))
+
+
+def _local_step(problem: Problem, solution: Solution) -> NDArray[np.float64]:
+    """From the grey value behind metal to the one without metal, under the guide's body, shape (N,)."""
+    linear = solution.linear
+    without_metal = visible_fraction_without_metal(problem.model, solution.parameters)
+    return without_metal * (linear.background - linear.floor)
+
+
+def _smoothed(region: FitRegion, values: NDArray[np.float64], blur_px: float) -> NDArray[np.float64]:
+    """Values of the compared pixels, shape (N,), after a Gaussian, with zero around them."""
+    image = np.zeros(region.shape)
+    image.ravel()[region.compared] = values
+    return blurred_image(image, blur_px).ravel()[region.compared]

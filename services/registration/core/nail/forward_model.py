@@ -1,151 +1,140 @@
-"""The forward model: how much of the background each pixel sees past guide, nail and balls.
+"""The forward model: which fraction of the background each pixel shows past guide, nail and balls.
 
-The grey value of a pixel is  background * visible + floor * (1 - visible). `visible` follows from what lies on the
-ray, metal (`attenuation.py`) and the guide's body, exp(-mu * path): blurred, bent by the display's curve, sharpened by
-edge enhancement (`imaging_chain.py`).
+The grey value of a pixel is  background * visible + floor * (1 - visible). The visible fraction follows from what lies
+on the ray, metal (`attenuation.py`) and the guide's body, exp(-mu * path): blurred, bent by the display's curve,
+sharpened by edge enhancement (`imaging_chain.py`).
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
-from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, NailShape, trace_pixels
+from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, NailShape, TraceLimits, trace_pixels
 from services.registration.core.nail.imaging_chain import (
     CHAIN_PARAMETERS,
     SHARPENING_PARAMETERS,
     ImagingChain,
     Real,
-    Scale,
+    Sampling,
     derivative_before_sharpening,
     derivative_of_sharpening,
-    imaging_chain_of,
+    imaging_chain,
 )
-from services.registration.core.nail.noise import (
-    WhiteningFilter,
-)
-from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.noise import WhiteningFilter
 from services.registration.core.nail.parameters import (
-    ATTENUATION_PER_MM,
-    STATED_CHAMFER_SD_MM,
-    STEEL_IN_NAIL_MATERIAL,
-    USUAL_CHAMFER_MM,
-    USUAL_CHAMFER_SD_MM,
     Anchors,
     Parameter,
     anchors_of,
+    attenuation_per_mm,
+    chamfer,
     motion_by_parameters,
+    parameters_from_pose,
     pose_from_parameters,
     rotation_and_translation,
+    steel_in_material,
 )
 from services.registration.core.nail.rays import LEAST_RAYS_TO_SHARE, SAMPLES_PX, rays_of
-from services.registration.core.nail.region import FitRegion, cut_region
-from shared.geometry.calibration import CArmCalibration
+from services.registration.core.nail.region import FitInput, FitRegion, cut_region
+from services.registration.core.tuning import BEAM, RAY_SAMPLING
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import Hole, NailPart
 from shared.geometry.transform import Transform
 from shared.two_cores import mapped, on_both_halves
+from shared.xray.pixel_scale import quantised_pitch_mm
 
-# Unknowns in the order of the kernel's derivatives.
+# Parameters in the order of the kernel's derivatives.
 _PATH_PARAMETERS = tuple(Parameter)[: Parameter.HARDENING + 1]
+# Images with fewer pixels in all are done sooner than handed to another core.
+_LEAST_PIXELS_TO_SHARE = 100_000
 
-# Pictures with fewer pixels in all are done sooner than handed to another core.
-_LEAST_PX = 100_000
+
+class StageSettings(Protocol):
+    """What a stage of the fit compares (`core/tuning.py`)."""
+
+    @property
+    def smoothing_px(self) -> float:
+        """Gaussian after reduction."""
+
+    @property
+    def surroundings_mm(self) -> float:
+        """Surroundings of the holes."""
+
+    @property
+    def knot_spacing_mm(self) -> float:
+        """Spacing of the background's knots."""
+
+    @property
+    def texture_sd(self) -> float:
+        """Prior of the second differences between knots, in units of the region's brightness."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForwardModel:
-    """All that is fixed during a fit: the window, the camera and the nail's nominal shape.
+    """What is fixed during a fit: the region, the camera and the nail's nominal shape.
 
     Attributes
     ----------
     whitening
-        Filter that image and model both go through.
+        Filter through which image and model pass before they are compared, if any.
     """
 
     region: FitRegion
     camera: PinholeCamera
     anchors: Anchors
     nail: NailPart
-    whitening: WhiteningFilter | None
+    whitening: WhiteningFilter | None = None
 
-    def compared(self, picture: NDArray[Real]) -> NDArray[np.float64]:
-        """The strip's pixels, shape (N,), of a picture of the window, whitened when the scene says so."""
+    def compared_values(self, image: NDArray[Real]) -> NDArray[np.float64]:
+        """The compared pixels, shape (N,), of an image of the region, whitened if the model whitens."""
         if self.whitening is None:
-            return self.region.strip(picture)
-        return self.region.strip(self.whitening.apply(picture))
+            return self.region.compared_values(image)
+        return self.region.compared_values(self.whitening.apply(image))
 
     @property
-    def grey(self) -> NDArray[np.float64]:
-        """Measured grey values that the model is compared with, shape (N,)."""
-        return self.compared(self.region.grey)
+    def observed(self) -> NDArray[np.float64]:
+        """Measured grey values with which the model is compared, shape (N,)."""
+        return self.compared_values(self.region.grey)
 
     def pose(self, parameters: NDArray[np.float64]) -> Transform[Camera, Nail]:
-        """`camera_from_nail` that the parameters stand for."""
+        """`camera_from_nail` of the parameters."""
         return pose_from_parameters(parameters[:POSE_SIZE], self.camera, self.anchors)
 
-
-def nail_scene(region: FitRegion, camera: PinholeCamera, anchors: Anchors, nail: NailPart) -> ForwardModel:
-    """Scene as it is before anything has been learned from a fit."""
-    return ForwardModel(region, camera, anchors, nail, None)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FitInput:
-    """What a fit is given."""
-
-    pixels: NDArray[np.float32]
-    calibration: CArmCalibration
-    nail: NailPart
-    occluders: Occluders
+    def with_pose(
+        self, parameters: NDArray[np.float64], camera_from_nail: Transform[Camera, Nail]
+    ) -> NDArray[np.float64]:
+        """The parameters, shape (PARAMETER_COUNT,), with those of a pose in place of their own."""
+        moved = parameters.copy()
+        moved[:POSE_SIZE] = parameters_from_pose(camera_from_nail, self.camera, self.anchors)
+        return moved
 
 
-@dataclass(frozen=True, slots=True)
-class Detail:
-    """How finely a stage looks: pixels, surroundings of the holes, knots of the background and its roughness.
-
-    `texture` is the standard deviation of second differences between the background's knots, in units of the
-    window's brightness.
-    """
-
-    scale: Scale
-    surroundings_mm: float
-    knots_mm: float
-    texture: float
-
-
-def model_at(given: FitInput, camera_from_nail: Transform[Camera, Nail], detail: Detail) -> ForwardModel | None:
-    """The model around a pose; `None` when the nail's holes are not in the image."""
-    region = cut_region(
-        given.pixels,
-        given.calibration,
-        given.nail,
-        detail.surroundings_mm,
-        camera_from_nail,
-        given.occluders,
-        detail.scale,
-    )
-    if region is None:
-        return None
-    anchors = anchors_of(given.nail)
-    return nail_scene(region, given.calibration.camera, anchors, given.nail)
+def model_at(
+    fit_input: FitInput, camera_from_nail: Transform[Camera, Nail], stage: StageSettings, reduction: int
+) -> ForwardModel | None:
+    """The model around a pose, in pixels of so many image pixels; `None` when the holes are not in the image."""
+    calibration, nail = fit_input.calibration, fit_input.nail
+    sampling = Sampling(reduction, stage.smoothing_px, quantised_pitch_mm(calibration.pixel_mm))
+    region = cut_region(fit_input, camera_from_nail, stage.surroundings_mm, sampling)
+    return None if region is None else ForwardModel(region, calibration.camera, anchors_of(nail), nail)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TracedTransmission:
-    """What the rays meet: share that passes, on the whole rectangle, and its derivatives on the support.
+    """Transmission of the metal in all pixels, and its derivatives.
 
     Attributes
     ----------
     parameters
         For which the rays were traced.
     transmission
-        Share of the X-rays that pass the metal, mean over each pixel, shape (rows, columns).
+        Of the metal, mean over each pixel of the whole rectangle, shape (rows, columns).
     derivatives
-        Its derivatives by the causes of `attenuation.py`, shape (S, DERIVATIVES).
+        By the nail's motion, radii and material (`attenuation.py`), of the support's pixels, shape (S, DERIVATIVES).
     """
 
     parameters: NDArray[np.float64]
@@ -153,31 +142,19 @@ class TracedTransmission:
     derivatives: NDArray[np.float32]
 
 
-def paths(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
-    """Trace all rays of the window."""
+def trace_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
+    """Trace all rays of the region."""
     region, count = model.region, len(model.region.support)
     transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
-    shape = _nail_shape(model, parameters)
+    shape, s = _nail_shape(model, parameters), RAY_SAMPLING
+    limits = TraceLimits(s.edge_reach_px, s.uniform_difference, s.softening_px, s.near_edge_in_steps)
 
     def trace_part(part: slice) -> None:
         rays, steel = rays_of(region.rays, part), region.steel.of(part)
-        trace_pixels(rays, SAMPLES_PX, steel, shape, transmission[part], derivatives[part])
+        trace_pixels(rays, SAMPLES_PX, steel, shape, limits, transmission[part], derivatives[part])
 
     on_both_halves(trace_part, count, LEAST_RAYS_TO_SHARE)
-    return TracedTransmission(parameters, _on_rectangle(region, transmission, 1.0), derivatives)
-
-
-def transmission_derivatives(
-    model: ForwardModel, traced: TracedTransmission, free: NDArray[np.bool_]
-) -> Iterator[NDArray[np.float32]]:
-    """Derivatives of the transmission map by the free parameters that act on the paths, in their order."""
-    causes = np.zeros((len(_PATH_PARAMETERS), DERIVATIVES))
-    motion = motion_by_parameters(traced.parameters[:POSE_SIZE], model.camera, model.anchors)
-    causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
-    causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
-    causes[Parameter.CHAMFER_DEVIATIONS] *= _chamfer(model.nail, traced.parameters)[1]
-    for values in causes[free[: len(_PATH_PARAMETERS)]].astype(np.float32) @ traced.derivatives.T:
-        yield _on_rectangle(model.region, values, 0.0)
+    return TracedTransmission(parameters, region.on_rectangle(transmission, 1.0), derivatives)
 
 
 def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailShape:
@@ -186,95 +163,82 @@ def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailSha
     excess = parameters[Parameter.HOLE_RADIUS_EXCESS_MM]
     radius_mm = float(nail.radius_mm + parameters[Parameter.NAIL_RADIUS_EXCESS_MM])
     return NailShape(
-        np.ascontiguousarray(rotation),
-        np.ascontiguousarray(translation_mm),
-        radius_mm,
-        0.5 * nail.cannulation_diameter_mm,
-        np.array([_bore_row(h, excess, radius_mm - _chamfer(nail, parameters)[0]) for h in nail.holes]),
-        ATTENUATION_PER_MM[nail.material] * float(np.exp(parameters[Parameter.LOG_ATTENUATION])),
-        float(parameters[Parameter.HARDENING]),
-        STEEL_IN_NAIL_MATERIAL[nail.material],
+        rotation=np.ascontiguousarray(rotation),
+        translation_mm=np.ascontiguousarray(translation_mm),
+        radius_mm=radius_mm,
+        cannulation_radius_mm=0.5 * nail.cannulation_diameter_mm,
+        bores=np.array([_bore_row(h, excess, radius_mm - chamfer(nail, parameters)[0]) for h in nail.holes]),
+        material=(attenuation_per_mm(nail, parameters), float(parameters[Parameter.HARDENING]), BEAM.hardest_share),
+        steel_in_nail_material=steel_in_material(nail),
     )
-
-
-def _chamfer(nail: NailPart, parameters: NDArray[np.float64]) -> tuple[float, float]:
-    """Depth of the holes' chamfers in mm, and its change by the unknown, which ends where there is no chamfer left."""
-    stated = [hole.chamfer_mm for hole in nail.holes if hole.chamfer_mm is not None]
-    mean, deviation = USUAL_CHAMFER_MM, USUAL_CHAMFER_SD_MM
-    if len(stated) == len(nail.holes):
-        mean, deviation = float(np.mean(stated)), STATED_CHAMFER_SD_MM
-    depth_mm = mean + deviation * float(parameters[Parameter.CHAMFER_DEVIATIONS])
-    return (depth_mm, deviation) if depth_mm > 0.0 else (0.0, 0.0)
 
 
 def _bore_row(hole: Hole, excess_mm: float, widening_mm: float) -> tuple[float, ...]:
     return (*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm)
 
 
-def has_chamfer(model: ForwardModel, parameters: NDArray[np.float64]) -> bool:
-    """Whether the holes still have a chamfer: without one, nothing changes by its unknown."""
-    return _chamfer(model.nail, parameters)[0] > 0.0
-
-
-def _on_rectangle(region: FitRegion, values: NDArray[Real], elsewhere: float) -> NDArray[Real]:
-    """Values of the support's pixels, shape (S,), on the whole rectangle, shape of it."""
-    out = np.full(region.shape, elsewhere, dtype=values.dtype)
-    out.ravel()[region.support] = values
-    return out
-
-
 def visible_fraction(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float64]:
-    """Share of the background that each compared pixel sees, shape (N,); from single precision, which is plenty."""
+    """Fraction of the background that each compared pixel shows, shape (N,); single precision suffices."""
     transmission = (traced.transmission * _guide_transmission(model, traced.parameters)).astype(np.float32)
-    return model.compared(imaging_chain_of(model.region.scale, traced.parameters).apply(transmission))
+    return model.compared_values(imaging_chain(model.region.sampling, traced.parameters).apply(transmission))
 
 
 def visible_fraction_without_metal(model: ForwardModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same if nothing but the guide's body were there, shape (N,)."""
     guide = _guide_transmission(model, parameters).astype(np.float32)
-    return model.compared(imaging_chain_of(model.region.scale, parameters).apply(guide))
+    return model.compared_values(imaging_chain(model.region.sampling, parameters).apply(guide))
 
 
 def visible_fraction_derivatives(
     model: ForwardModel, traced: TracedTransmission, free: NDArray[np.bool_]
 ) -> list[NDArray[np.float64]]:
     """Derivatives of `visible_fraction` by the free parameters, in their order."""
-    display = imaging_chain_of(model.region.scale, traced.parameters)
+    chain = imaging_chain(model.region.sampling, traced.parameters)
     guide = _guide_transmission(model, traced.parameters)
     transmission = traced.transmission * guide
-    stages = display.stages(transmission)
-    slope = display.slope(stages).astype(np.float32)
-    thin = guide.astype(np.float32)
-    least = 2 + _LEAST_PX // transmission.size
+    images = chain.steps(transmission)
+    slope, guide_single = chain.tone_slope(images).astype(np.float32), guide.astype(np.float32)
+    least = 2 + _LEAST_PIXELS_TO_SHARE // transmission.size
+    sharpened_values = _sharpened_values(model, chain)
 
-    once_sharpened = _compared_once_sharpened(model, display)
+    def by_transmission(change: NDArray[np.float32]) -> NDArray[np.float64]:
+        return sharpened_values(slope * chain.blurred(change))
 
-    def by_passed(change: NDArray[np.float32]) -> NDArray[np.float64]:
-        return once_sharpened(slope * display.blurred(change))
+    def by_chain(parameter: Parameter) -> NDArray[np.float64]:
+        at = parameter, model.region.sampling, traced.parameters
+        if parameter in SHARPENING_PARAMETERS:
+            return model.compared_values(derivative_of_sharpening(*at, chain, images))
+        return sharpened_values(derivative_before_sharpening(*at, transmission, chain, images))
 
-    def by_display(unknown: Parameter) -> NDArray[np.float64]:
-        of_display = unknown, model.region.scale, traced.parameters
-        if unknown in SHARPENING_PARAMETERS:
-            return model.compared(derivative_of_sharpening(*of_display, display, stages))
-        return once_sharpened(derivative_before_sharpening(*of_display, transmission, display, stages))
-
-    columns = mapped(lambda p: by_passed(p * thin), transmission_derivatives(model, traced, free), least)
-    columns += mapped(by_display, [unknown for unknown in CHAIN_PARAMETERS if free[unknown]], least)
+    by_path = _transmission_derivatives(model, traced, free)
+    columns = mapped(lambda change: by_transmission(change * guide_single), by_path, least)
+    columns += mapped(by_chain, [parameter for parameter in CHAIN_PARAMETERS if free[parameter]], least)
     if free[Parameter.DELRIN_PER_MM]:
-        columns.append(by_passed((-model.region.delrin_excess_mm * transmission).astype(np.float32)))
+        columns.append(by_transmission((-model.region.delrin_excess_mm * transmission).astype(np.float32)))
     return columns
 
 
-def _compared_once_sharpened(
-    model: ForwardModel, display: ImagingChain
-) -> Callable[[NDArray[np.float32]], NDArray[np.float64]]:
-    """What `ForwardModel.compared` makes of a picture after edge enhancement; the scene's filter takes both in one."""
+def _transmission_derivatives(
+    model: ForwardModel, traced: TracedTransmission, free: NDArray[np.bool_]
+) -> Iterator[NDArray[np.float32]]:
+    """Derivatives of the transmission by the free parameters that act on the paths, in their order."""
+    causes = np.zeros((len(_PATH_PARAMETERS), DERIVATIVES))
+    motion = motion_by_parameters(traced.parameters[:POSE_SIZE], model.camera, model.anchors)
+    causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
+    causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
+    causes[Parameter.CHAMFER_DEVIATIONS] *= chamfer(model.nail, traced.parameters)[1]
+    for values in causes[free[: len(_PATH_PARAMETERS)]].astype(np.float32) @ traced.derivatives.T:
+        yield model.region.on_rectangle(values, 0.0)
+
+
+def _sharpened_values(model: ForwardModel, chain: ImagingChain) -> Callable[[NDArray[np.float32]], NDArray[np.float64]]:
+    """The compared pixels of an image after edge enhancement; with whitening, both filters are applied as one."""
     if model.whitening is None:
-        return lambda picture: model.compared(display.sharpened(picture))
-    both = model.whitening.after(display.sharpened)
-    return lambda picture: model.region.strip(both.apply(picture))
+        return lambda image: model.compared_values(chain.sharpened(image))
+    both = model.whitening.after(chain.sharpened)
+    return lambda image: model.region.compared_values(both.apply(image))
 
 
 def _guide_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of the X-rays that pass the guide's body, over the usual one (1 in most places), shape (rows, columns)."""
+    """Transmission of the guide's body over the usual one (1 in most places), shape (rows, columns)."""
     return np.asarray(np.exp(-parameters[Parameter.DELRIN_PER_MM] * model.region.delrin_excess_mm))

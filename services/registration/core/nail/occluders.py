@@ -15,23 +15,25 @@ from services.registration.core.nail.rays import (
     cylinder_interval,
     sample_directions,
 )
+from services.registration.core.tuning import BEAM
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
 
-# Edge of a square focal spot as fluoroscopy has it, 0.3 to 0.6 mm; pixels do not say which.
-_FOCAL_SPOT_MM = 0.5
-# So sharp an edge is a step from pixel to pixel; places all alike would make it jump under the fit.
-_LEAST_SPREAD = 0.2
-
-_EDGE_POINTS = 200
+# Discs along a rod's image: so many that neighbours overlap by more than half.
+_DISCS_OF_A_ROD = 200
 
 
 @dataclass(frozen=True, slots=True)
 class Penumbra:
-    """What the focal spot does at which depth.
+    """Softness of edges by the focal spot, compared with the nail's own.
+
+    A focal spot blurs edges the more, the nearer to it they are. Its effect on the nail's edges is in the fitted blur,
+    which acts on the whole image; the guide's edges are softer, those of the ring's balls sharper. Balls have the
+    steepest edges in the image: with the nail's blur on them, attenuation and curve become a compromise, and holes are
+    estimated too wide and the nail too tilted.
 
     Attributes
     ----------
@@ -51,7 +53,7 @@ class Penumbra:
         """That of a C-arm, in pixels which have a side of so many image pixels, beside a nail of known depth."""
         plate_mm = float(calibration.camera_from_ring.translation_mm[2])
         px_per_mm = calibration.camera.focal_length_px / plate_mm / side_px
-        return Penumbra(plate_mm, nail_mm, _FOCAL_SPOT_MM * px_per_mm)
+        return Penumbra(plate_mm, nail_mm, BEAM.focal_spot_mm * px_per_mm)
 
     def width_px(self, depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Width of an edge's penumbra by its depth, nothing behind the plate; shape of the depths."""
@@ -65,7 +67,7 @@ class Penumbra:
         pixel has that much: the ring's balls become sharp enough on pixels of 0.17 mm and more.
         """
         more = self.width_px(depth_mm) ** 2 - self.width_px(np.array(self.nail_mm)) ** 2
-        return np.asarray(np.sqrt(np.maximum(1.0 + more, _LEAST_SPREAD**2)))
+        return np.asarray(np.sqrt(np.maximum(1.0 + more, BEAM.least_spread**2)))
 
 
 class Balls(NamedTuple):
@@ -217,7 +219,7 @@ class SteelRod:
 
     def discs_px(self, calibration: CArmCalibration, wider_mm: float) -> NDArray[np.float64]:
         """The rod as discs along its image: centre x, y and radius in measured pixels, shape (K, 3)."""
-        way = np.linspace(0.0, 1.0, _EDGE_POINTS)[:, None]
+        way = np.linspace(0.0, 1.0, _DISCS_OF_A_ROD)[:, None]
         centres_mm = (1.0 - way) * self.start_camera_mm + way * self.end_camera_mm
         radius_mm = 0.5 * self.diameter_mm + wider_mm
         radius_px = radius_mm * calibration.camera.focal_length_px / centres_mm[:, 2]

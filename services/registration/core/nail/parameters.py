@@ -14,22 +14,25 @@ from numpy.typing import NDArray
 
 from services.registration.core.compiled import compiled
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
+from services.registration.core.tuning import BEAM, NAIL_PRIORS
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
+from shared.xray.pixel_scale import USUAL_PIXEL_MM, pixels
 
-_MOST_DEVIATIONS = 6.0
-_RADIUS_EXCESS_BOUND_MM = 0.6
-
-_MINIMAL_ANCHOR_DISTANCE_MM = 5.0
-_DEFAULT_ANCHOR_MM = 15.0
+# Holes closer than this are one place along the nail; anchors then stand as far apart as usual holes.
+_LEAST_ANCHOR_DISTANCE_MM, _DEFAULT_ANCHOR_MM = 5.0, 15.0
+# Steps of central differences: exact to a part in a million.
 _STEP = np.array([0.01, 0.01, 0.01, 0.01, 1e-4, 1e-4])
 
 
 class Parameter(IntEnum):
-    """Place of each unknown in the parameter vector; the first six are the pose."""
+    """Place of each parameter in the vector; the first six are the pose, the others nuisance parameters.
+
+    Widths of blur and edge enhancement are in pixels of the usual pitch at the detector.
+    """
 
     FIRST_X_PX = 0
     FIRST_Y_PX = 1
@@ -53,88 +56,87 @@ class Parameter(IntEnum):
 
 
 PARAMETER_COUNT = len(Parameter)
-
-
-# What the nail's file says of the nail, more or less: it is the same in every image of that nail.
+ALL_PARAMETERS = np.ones(PARAMETER_COUNT, dtype=bool)
+POSE_ONLY = np.arange(PARAMETER_COUNT) < POSE_SIZE
+TILTS = [Parameter.PITCH_RAD, Parameter.ROLL_RAD]
+# Deviations from the part file: the same in every image of one nail.
 SHAPE_PARAMETERS = (Parameter.HOLE_RADIUS_EXCESS_MM, Parameter.NAIL_RADIUS_EXCESS_MM, Parameter.CHAMFER_DEVIATIONS)
+_RADII = [Parameter.HOLE_RADIUS_EXCESS_MM, Parameter.NAIL_RADIUS_EXCESS_MM]
 
 
-# Mean and standard deviation of what is known before the image is seen. Attenuation: the mean of the X-rays that pass
-# 100-200 mm of muscle at 60-80 kV; hardening: `attenuation.py`.
-ATTENUATION_PER_MM = {"steel": 1.6, "Ti6Al4V": 0.5}
+def priors() -> dict[Parameter, tuple[float, float]]:
+    """Mean and standard deviation of each nuisance parameter before an image is seen."""
+    p = NAIL_PRIORS
+    return {
+        Parameter.HOLE_RADIUS_EXCESS_MM: (0.0, p.radius_sd_mm),
+        Parameter.NAIL_RADIUS_EXCESS_MM: (0.0, p.radius_sd_mm),
+        Parameter.CHAMFER_DEVIATIONS: (0.0, 1.0),
+        Parameter.LOG_ATTENUATION: (0.0, p.log_attenuation_sd),
+        Parameter.HARDENING: (p.hardening, p.hardening_sd),
+        Parameter.LOG_BLUR_PX: (_log_usual_px(p.blur_detector_mm), p.log_blur_sd),
+        Parameter.TAIL_SHARE: (p.tail_share, p.tail_share_sd),
+        Parameter.LOG_TAIL_WIDTH: (float(np.log(p.tail_width)), p.log_tail_width_sd),
+        Parameter.SHARPENING: (p.sharpening, p.sharpening_sd),
+        Parameter.LOG_SHARPENING_WIDTH_PX: (_log_usual_px(p.sharpening_detector_mm), p.log_sharpening_width_sd),
+        Parameter.CURVE: (p.curve, p.curve_sd),
+        Parameter.CURVE_EXPONENT: (p.curve_exponent, p.curve_exponent_sd),
+        Parameter.DELRIN_PER_MM: (p.delrin_per_mm, p.delrin_per_mm_sd),
+    }
 
 
-# Rims are at least deburred. An image hardly shows by how much, and a tilt is off by a tenth of what a chamfer hides of
-# the bore's length: so the files of nails should say it.
-USUAL_CHAMFER_MM, USUAL_CHAMFER_SD_MM, STATED_CHAMFER_SD_MM = 0.15, 0.15, 0.05
-
-
-STEEL_IN_NAIL_MATERIAL = {"steel": 1.0, "Ti6Al4V": 3.2}
-
-
-PRIOR = {
-    Parameter.HOLE_RADIUS_EXCESS_MM: (0.0, 0.03),
-    Parameter.NAIL_RADIUS_EXCESS_MM: (0.0, 0.03),
-    Parameter.CHAMFER_DEVIATIONS: (0.0, 1.0),
-    Parameter.LOG_ATTENUATION: (0.0, 0.5),
-    Parameter.HARDENING: (0.65, 0.3),
-    Parameter.LOG_BLUR_PX: (float(np.log(1.2)), 0.35),
-    Parameter.TAIL_SHARE: (0.2, 0.15),
-    Parameter.LOG_TAIL_WIDTH: (float(np.log(2.2)), 0.2),
-    Parameter.SHARPENING: (0.2, 0.4),
-    Parameter.LOG_SHARPENING_WIDTH_PX: (float(np.log(2.5)), 0.4),
-    Parameter.CURVE: (0.3, 0.3),
-    Parameter.CURVE_EXPONENT: (0.4, 0.25),
-    Parameter.DELRIN_PER_MM: (0.02, 0.02),
-}
-
-
-# Displays lie between logarithmic (0) and linear (1, where the curve would have no bend left).
-_LEAST_EXPONENT, _MOST_EXPONENT = -0.4, 0.9
-
-
-_MOST_TAIL = 0.8
-
-
-_RADII = (Parameter.HOLE_RADIUS_EXCESS_MM, Parameter.NAIL_RADIUS_EXCESS_MM)
-
-
-def _reach_of(unknown: Parameter) -> float:
-    """How far from its prior's mean a parameter may go; radii far enough to tell another nail."""
-    if unknown not in PRIOR:
-        return float("inf")
-    return _RADIUS_EXCESS_BOUND_MM if unknown in _RADII else _MOST_DEVIATIONS * PRIOR[unknown][1]
-
-
-_REACH = np.array([_reach_of(unknown) for unknown in Parameter])
-
-
-_MEAN = np.array([PRIOR[u][0] if u in PRIOR else 0.0 for u in Parameter])
-
-
-_PRECISION = np.array([PRIOR[u][1] ** -2 if u in PRIOR else 0.0 for u in Parameter])
+def _log_usual_px(length_detector_mm: float) -> float:
+    # Rounded to whole decimals of a pixel: a blur off by a last digit may have a kernel longer by one.
+    return float(np.log(pixels(length_detector_mm, USUAL_PIXEL_MM)))
 
 
 def prior_mean() -> NDArray[np.float64]:
     """Shape (PARAMETER_COUNT,); zero for the pose."""
-    return _MEAN.copy()
+    return np.array([0.0] * POSE_SIZE + [mean for mean, _ in priors().values()])
 
 
 def prior_precision() -> NDArray[np.float64]:
     """Inverse variances, shape (PARAMETER_COUNT,); zero for the pose."""
-    return _PRECISION.copy()
+    return np.array([0.0] * POSE_SIZE + [deviation**-2 for _, deviation in priors().values()])
 
 
 def clipped_to_bounds(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nuisances clipped to where they still mean something, mostly six standard deviations of their prior."""
-    clipped = np.clip(parameters, prior_mean() - _REACH, prior_mean() + _REACH)
-    exponent = Parameter.CURVE_EXPONENT
-    clipped[exponent] = np.clip(clipped[exponent], _LEAST_EXPONENT, _MOST_EXPONENT)
+    """Nuisance parameters clipped to where the model holds, most to six standard deviations of their prior."""
+    mean, reach = prior_mean(), np.full(PARAMETER_COUNT, np.inf)
+    reach[POSE_SIZE:] = [NAIL_PRIORS.largest_deviations * deviation for _, deviation in priors().values()]
+    reach[_RADII] = NAIL_PRIORS.largest_radius_excess_mm
+    clipped = np.clip(parameters, mean - reach, mean + reach)
+    exponent, tail = Parameter.CURVE_EXPONENT, Parameter.TAIL_SHARE
+    clipped[exponent] = np.clip(clipped[exponent], NAIL_PRIORS.least_exponent, NAIL_PRIORS.largest_exponent)
     clipped[Parameter.HARDENING] = max(clipped[Parameter.HARDENING], 0.0)
-    # below, the curve is straight and nothing would tell the way back
+    # below zero the curve is straight: no derivative would lead back
     clipped[Parameter.CURVE] = max(clipped[Parameter.CURVE], 0.0)
-    clipped[Parameter.TAIL_SHARE] = np.clip(clipped[Parameter.TAIL_SHARE], 0.0, _MOST_TAIL)
+    clipped[tail] = np.clip(clipped[tail], 0.0, NAIL_PRIORS.largest_tail_share)
     return np.asarray(clipped)
+
+
+def attenuation_per_mm(nail: NailPart, parameters: NDArray[np.float64]) -> float:
+    """Mean attenuation of the nail's material."""
+    usual = BEAM.steel_attenuation_per_mm if nail.material == "steel" else BEAM.titanium_attenuation_per_mm
+    return usual * float(np.exp(parameters[Parameter.LOG_ATTENUATION]))
+
+
+def steel_in_material(nail: NailPart) -> float:
+    """How many mm of the nail's material attenuate as 1 mm of steel does."""
+    return 1.0 if nail.material == "steel" else BEAM.steel_in_titanium
+
+
+def chamfer(nail: NailPart, parameters: NDArray[np.float64]) -> tuple[float, float]:
+    """Depth of the holes' chamfers in mm, and its derivative by the parameter; both 0 where no chamfer is left.
+
+    An image hardly determines the depth, and a tilt is off by a tenth of what a chamfer hides of the bore's length:
+    part files should state it.
+    """
+    stated = [hole.chamfer_mm for hole in nail.holes if hole.chamfer_mm is not None]
+    mean, deviation = NAIL_PRIORS.usual_chamfer_mm, NAIL_PRIORS.usual_chamfer_sd_mm
+    if len(stated) == len(nail.holes):
+        mean, deviation = float(np.mean(stated)), NAIL_PRIORS.stated_chamfer_sd_mm
+    depth_mm = mean + deviation * float(parameters[Parameter.CHAMFER_DEVIATIONS])
+    return (depth_mm, deviation) if depth_mm > 0.0 else (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +150,7 @@ class Anchors:
 def anchors_of(nail: NailPart) -> Anchors:
     """Outermost hole positions, or 15 mm on either side of the origin when the holes are closer than 5 mm."""
     along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
-    if max(along) - min(along) < _MINIMAL_ANCHOR_DISTANCE_MM:
+    if max(along) - min(along) < _LEAST_ANCHOR_DISTANCE_MM:
         return Anchors(-_DEFAULT_ANCHOR_MM, _DEFAULT_ANCHOR_MM)
     return Anchors(min(along), max(along))
 

@@ -23,15 +23,14 @@ _OTHERS = np.array(
 SAMPLES_PX = np.concatenate([_FIRST, -_FIRST, _OTHERS, -_OTHERS])
 FIRST_SAMPLES = 2 * len(_FIRST)
 
-# Fewer are followed sooner than handed to another core.
+# Fewer are traced sooner than handed to another core.
 LEAST_RAYS_TO_SHARE = 1000
 
-PARALLEL = 1e-14
-_EVERYWHERE = 1e9
-
-LEAST_STEP_MM = 1e-4
+# Guards: a ray parallel to a cylinder is inside everywhere or nowhere; small lengths would divide by zero.
+PARALLEL, _EVERYWHERE = 1e-14, 1e9
+LEAST_STEP_MM, _LEAST_ACROSS = 1e-4, 1e-6
+# Rays along a chamfer's surface: below this rate of entering it they are taken not to meet it.
 _LEAST_RATE = 0.2
-_LEAST_ACROSS = 1e-6
 
 Ray = tuple[float, float, float, float, float, float]
 Tube = tuple[float, float, float, float]

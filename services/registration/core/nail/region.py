@@ -1,4 +1,4 @@
-"""The pixels that take part in the fit, with their rays: a strip along the nail around its holes."""
+"""The pixels that are compared, with their rays: a region along the nail around its holes."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.imaging_chain import Real, Scale, blurred_image
+from services.registration.core.nail.imaging_chain import Real, Sampling, blurred_image
 from services.registration.core.nail.occluders import (
     Occluders,
     Penumbra,
@@ -23,26 +23,39 @@ from services.registration.core.nail.rays import (
     pixel_rays,
     rays_of,
 )
+from services.registration.core.tuning import FIT_REGION
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 from shared.two_cores import on_both_halves
+from shared.xray.pixel_scale import pixels as pixels_of
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-_LEAST_SIDE = 8
+# Guard: a smaller rectangle has no gradient to take rays from.
+_LEAST_SIDE_PX = 8
 
-_BLUR_REACH_PX = 8
-_INSIDE_APERTURE_PX = 9.0
-_LEAST_PIXELS = 200
-# A ball's shadow may reach so much further than its radius: distortion and the way from the beam's middle stretch it.
-_STRETCH, _WIRE_REACH_MM = 0.3, 0.5
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitInput:
+    """What a fit of the nail is given.
+
+    Attributes
+    ----------
+    pixels
+        Grey values of the un-mirrored image, darker is denser, shape (height, width).
+    """
+
+    pixels: NDArray[np.float32]
+    calibration: CArmCalibration
+    nail: NailPart
+    occluders: Occluders
 
 
 @dataclass(frozen=True, slots=True)
 class RegionBounds:
-    """Part of the nail that is looked at, in the nail's frame: from x to x, and to either side of its axis, in mm."""
+    """Part of the nail's plane that is compared: from x to x, and to either side of the nail's axis, in mm."""
 
     first_x_mm: float
     last_x_mm: float
@@ -87,7 +100,7 @@ class PixelGrid:
         return np.stack([x_px[columns], y_px[rows]], axis=1)
 
     def blocks_of(self, image: NDArray[Scalar]) -> NDArray[Scalar]:
-        """What an image holds, shape (rows, reduction, columns, reduction)."""
+        """The rectangle of an image, shape (rows, reduction, columns, reduction)."""
         rows, columns = self.shape
         side = self.reduction
         block = image[self.top : self.top + rows * side, self.left : self.left + columns * side]
@@ -96,55 +109,53 @@ class PixelGrid:
 
 def grid_around(
     calibration: CArmCalibration,
-    strip: RegionBounds,
+    bounds: RegionBounds,
     camera_from_nail: Transform[Camera, Nail],
     reduction: int,
-    around: int,
+    margin_px: int,
 ) -> PixelGrid | None:
-    """The strip's rectangle with so many reduced pixels around it; `None` when hardly any of it is in the image."""
-    corners = np.array(
-        [(x, y, 0.0) for x in (strip.first_x_mm, strip.last_x_mm) for y in (-strip.half_width_mm, strip.half_width_mm)]
-    )
+    """Rectangle of the bounds with a margin of reduced pixels; `None` when hardly any of it is in the image."""
+    sides_mm = (-bounds.half_width_mm, bounds.half_width_mm)
+    corners = np.array([(x, y, 0.0) for x in (bounds.first_x_mm, bounds.last_x_mm) for y in sides_mm])
     px = calibration.image_from_camera(camera_from_nail.points(corners))
-    margin = around * reduction
+    margin = margin_px * reduction
     low = np.maximum(np.floor(px.min(axis=0)) - margin, 0.0).astype(int)
     limit = np.array([calibration.width_px, calibration.height_px])
     high = np.minimum(np.ceil(px.max(axis=0)) + margin + 1, limit).astype(int)
     columns, rows = (int(v) for v in (high - low) // reduction)
-    if columns < _LEAST_SIDE or rows < _LEAST_SIDE:
+    if columns < _LEAST_SIDE_PX or rows < _LEAST_SIDE_PX:
         return None
     return PixelGrid(int(low[0]), int(low[1]), (rows, columns), reduction)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitRegion:
-    """A rectangle of (perhaps reduced) pixels, the strip in it that is compared, and all rays that it needs.
+    """A rectangle of (perhaps reduced) pixels, those of them that are compared, and all rays that these need.
 
     Attributes
     ----------
-    scale
+    sampling
         Reduction and smoothing of its pixels.
     shape, origin_px
         Rows and columns of the rectangle, and the place of its first pixel in the image.
     support
-        Flat indices into the rectangle where the model is evaluated: the strip and the reach of the blur, shape (S,).
+        Flat indices into the rectangle where rays are traced: compared pixels and reach of the blur, shape (S,).
     compared
-        Flat indices of the strip, shape (N,), a subset of `support`.
+        Flat indices of the compared pixels, shape (N,), a subset of `support`.
     grey
         Grey values of the whole rectangle divided by `grey_scale`, shape of the rectangle.
     along_mm, across_mm
-        Position of the strip's pixels in the nail's plane at the start pose, shape (N,).
+        Position of the compared pixels in the nail's plane at the start pose, shape (N,).
     rays
         Of the support's pixels.
     steel
         Paths in balls and wires of the support's pixels.
     delrin_excess_mm
-        Path in the guide's body beyond the strip's usual one, mean over the samples of each pixel, on the whole
-        rectangle, shape of it, zero off the support: what all of the strip has in common cannot be told from the
-        background.
+        Path in the guide's body beyond the region's median one, mean over the samples of each pixel, zero off the
+        support, shape of the rectangle: what all pixels have in common belongs to the background.
     """
 
-    scale: Scale
+    sampling: Sampling
     shape: tuple[int, int]
     origin_px: tuple[float, float]
     support: NDArray[np.int64]
@@ -157,56 +168,57 @@ class FitRegion:
     steel: SteelPaths
     delrin_excess_mm: NDArray[np.float64]
 
-    def strip(self, picture: NDArray[Real]) -> NDArray[np.float64]:
-        """The strip's pixels, shape (N,), of a picture of the whole rectangle."""
-        return picture.ravel()[self.compared].astype(np.float64, copy=False)
+    def compared_values(self, image: NDArray[Real]) -> NDArray[np.float64]:
+        """The compared pixels, shape (N,), of an image of the whole rectangle."""
+        return image.ravel()[self.compared].astype(np.float64, copy=False)
+
+    def on_rectangle(self, values: NDArray[Real], elsewhere: float) -> NDArray[Real]:
+        """Values of the support's pixels, shape (S,), on the whole rectangle, shape of it."""
+        image = np.full(self.shape, elsewhere, dtype=values.dtype)
+        image.ravel()[self.support] = values
+        return image
 
 
 def cut_region(
-    pixels: NDArray[np.float32],
-    calibration: CArmCalibration,
-    nail: NailPart,
-    surroundings_mm: float,
-    camera_from_nail: Transform[Camera, Nail],
-    occluders: Occluders,
-    scale: Scale,
+    fit_input: FitInput, camera_from_nail: Transform[Camera, Nail], surroundings_mm: float, sampling: Sampling
 ) -> FitRegion | None:
-    """Take the strip out of the image; `None` when fewer than 200 of its pixels are inside image and aperture."""
-    strip = region_bounds(nail, surroundings_mm)
-    grid = grid_around(calibration, strip, camera_from_nail, scale.reduction, _BLUR_REACH_PX + 1)
+    """Cut the holes and their surroundings out of the image; `None` when fewer than 200 pixels are visible."""
+    calibration, occluders = fit_input.calibration, fit_input.occluders
+    bounds = region_bounds(fit_input.nail, surroundings_mm)
+    reach_px = FIT_REGION.blur_reach_px
+    grid = grid_around(calibration, bounds, camera_from_nail, sampling.reduction, reach_px + 1)
     if grid is None:
         return None
     slopes = _slopes(calibration, grid)
     along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
-    inside = (along > strip.first_x_mm) & (along < strip.last_x_mm) & (np.abs(across) < strip.half_width_mm)
+    inside = (along > bounds.first_x_mm) & (along < bounds.last_x_mm) & (np.abs(across) < bounds.half_width_mm)
     inside &= _usable(grid, calibration, occluders).ravel()
-    if np.count_nonzero(inside) * grid.reduction**2 < _LEAST_PIXELS:
+    if np.count_nonzero(inside) * grid.reduction**2 < FIT_REGION.least_pixels:
         return None
     compared = np.flatnonzero(inside)
-    support = np.flatnonzero(_dilated(inside.reshape(grid.shape), _BLUR_REACH_PX))
+    support = np.flatnonzero(_dilated(inside.reshape(grid.shape), reach_px))
     rays = rays_of(pixel_rays(slopes), support)
     penumbra = Penumbra.beside(calibration, float(camera_from_nail.translation_mm[2]), grid.reduction)
-    delrin = _delrin_paths(rays, occluders, penumbra)
+    delrin = _guide_body_paths(rays, occluders, penumbra)
     delrin_excess = np.zeros(grid.shape)
     delrin_excess.ravel()[support] = delrin - np.median(delrin[inside[support]])
-    steel = _steel_beside(rays, grid.centres_of(support), grid.reduction, occluders, calibration, penumbra)
-    grey = grid.blocks_of(pixels).mean(axis=(1, 3), dtype=np.float64)
-    if scale.smoothing > 0.0:
-        grey = blurred_image(grey, scale.smoothing)
+    grey = grid.blocks_of(fit_input.pixels).mean(axis=(1, 3), dtype=np.float64)
+    if sampling.smoothing_px > 0.0:
+        grey = blurred_image(grey, sampling.smoothing_px)
     grey_scale = float(np.percentile(grey.ravel()[compared], 95.0)) or 1.0
     return FitRegion(
-        scale,
-        grid.shape,
-        grid.origin_px,
-        support,
-        compared,
-        grey / grey_scale,
-        grey_scale,
-        along[compared],
-        across[compared],
-        rays,
-        steel,
-        delrin_excess,
+        sampling=sampling,
+        shape=grid.shape,
+        origin_px=grid.origin_px,
+        support=support,
+        compared=compared,
+        grey=grey / grey_scale,
+        grey_scale=grey_scale,
+        along_mm=along[compared],
+        across_mm=across[compared],
+        rays=rays,
+        steel=_steel_beside(rays, grid.centres_of(support), grid.reduction, occluders, calibration, penumbra),
+        delrin_excess_mm=delrin_excess,
     )
 
 
@@ -218,11 +230,11 @@ def _steel_beside(
     calibration: CArmCalibration,
     penumbra: Penumbra,
 ) -> SteelPaths:
-    """Paths in balls and wires; rays far from all are not followed."""
+    """Paths in balls and wires; rays far from all of them are not traced."""
     near = np.zeros(len(centres_px), dtype=bool)
-    wires_px = [rod.discs_px(calibration, _WIRE_REACH_MM) for rod in occluders.rods]
+    wires_px = [rod.discs_px(calibration, FIT_REGION.wire_reach_mm) for rod in occluders.rods]
     discs_px = np.concatenate([ball_discs_px(occluders, calibration), *wires_px])
-    reach_px = discs_px[:, 2:] * (1.0 + _STRETCH) + side_px
+    reach_px = discs_px[:, 2:] * (1.0 + FIT_REGION.shadow_stretch) + side_px
     around = (discs_px[:, :2] + reach_px > centres_px.min(axis=0)) & (
         discs_px[:, :2] - reach_px < centres_px.max(axis=0)
     )
@@ -234,7 +246,7 @@ def _steel_beside(
 
 
 def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
-    """Inside the aperture, and not hidden by something of unknown shape; shape (rows, columns)."""
+    """Inside the aperture, and not covered by something of unknown shape; shape (rows, columns)."""
     seen = _in_aperture(calibration, grid)
     if occluders.hidden is not None:
         seen &= ~grid.blocks_of(occluders.hidden).any(axis=(1, 3))
@@ -262,7 +274,8 @@ def _in_aperture(calibration: CArmCalibration, grid: PixelGrid) -> NDArray[np.bo
     if calibration.aperture is None:
         return np.ones(grid.shape, dtype=bool)
     x_px, y_px = grid.axes_px
-    return calibration.aperture.holds(x_px, y_px[:, None], _INSIDE_APERTURE_PX)
+    margin_px = pixels_of(FIT_REGION.aperture_margin_detector_mm, calibration.pixel_mm)
+    return calibration.aperture.holds(x_px, y_px[:, None], margin_px)
 
 
 def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
@@ -270,7 +283,7 @@ def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return np.asarray(cv2.dilate(mask.astype(np.uint8), square) > 0)
 
 
-def _delrin_paths(rays: PixelRays, occluders: Occluders, penumbra: Penumbra) -> NDArray[np.float64]:
+def _guide_body_paths(rays: PixelRays, occluders: Occluders, penumbra: Penumbra) -> NDArray[np.float64]:
     """Mean path in the guide's body over a few samples of every pixel, shape (S,), in mm."""
     halves = on_both_halves(
         lambda part: guide_body_path_mm(rays_of(rays, part), occluders, penumbra),

@@ -21,6 +21,7 @@ from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import Parts, conclude, unmirrored
 from services.registration.core.nail.fit import NailFit, measure_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, SteelRod
+from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import NAIL_WITH_WIRES, WIRE_VISIBILITY
 from services.registration.core.wires.fit import WireFit, detect_wire
 from services.registration.core.wires.guided_search import locate_nail_near_guide_axes
@@ -140,7 +141,8 @@ def _measured_nail(
     rods = tuple(_rod(image, wire, 0.0) for wire in wires)
     masked = _masked(image, tuple(_rod(image, wire, NAIL_WITH_WIRES.masked_end_sigmas) for wire in wires))
     placed = PlacedGuide(parts.guide, image.camera_from_guide)
-    return measure_nail(image.pixels, image.calibration, parts.nail, start, Occluders(placed, parts.ring, masked, rods))
+    occluders = Occluders(placed, parts.ring, masked, rods)
+    return measure_nail(FitInput(image.pixels, image.calibration, parts.nail, occluders), start)
 
 
 def _wires(

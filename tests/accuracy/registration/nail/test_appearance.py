@@ -9,23 +9,23 @@ import pytest
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.forward_model import (
-    Detail,
-    FitInput,
     ForwardModel,
     model_at,
-    paths,
+    trace_transmission,
     visible_fraction,
     visible_fraction_derivatives,
 )
-from services.registration.core.nail.imaging_chain import Scale, blurred_image
-from services.registration.core.nail.least_squares import ALL_PARAMETERS
+from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.noise import noise_correlation, whitening_filter
 from services.registration.core.nail.parameters import (
+    ALL_PARAMETERS,
     Parameter,
     clipped_to_bounds,
     parameters_from_pose,
     prior_mean,
 )
+from services.registration.core.nail.region import FitInput
+from services.registration.core.tuning import FINAL_STAGE
 from tests.accuracy.registration.nail.fluoroscope import nail_part, posed, shoot
 
 _OF_ALL_BUT_SHAPE = tuple(Parameter)[Parameter.LOG_ATTENUATION : Parameter.DELRIN_PER_MM + 1]
@@ -38,7 +38,7 @@ def model_at_truth() -> tuple[ForwardModel, np.ndarray]:
     truth = posed(3.0, -4.0, 20.0)
     shot = shoot(nail_part("Ti6Al4V", 11.0, 5.3, 4.5), truth, (1.0, -1.0), 3)
     given = FitInput(shot.pixels, shot.calibration, shot.nail, shot.occluders)
-    model = model_at(given, truth, Detail(Scale(1, 0.0), 3.5, 1.5, 0.015))
+    model = model_at(given, truth, FINAL_STAGE, 1)
     assert model is not None
     parameters = prior_mean()
     parameters[:POSE_SIZE] = parameters_from_pose(truth, model.camera, model.anchors)
@@ -70,7 +70,7 @@ def test_derivatives_are_those_of_the_picture(unknown: Parameter, prepared: Call
     _, parameters = scene_and_parameters()
     model = prepared()
     parameters[Parameter.LOG_SHARPENING_WIDTH_PX] = np.log(2.4)
-    traced = paths(model, parameters)
+    traced = trace_transmission(model, parameters)
     free = np.zeros_like(ALL_PARAMETERS)
     free[unknown] = True
     (found,) = visible_fraction_derivatives(model, traced, free)
@@ -78,7 +78,7 @@ def test_derivatives_are_those_of_the_picture(unknown: Parameter, prepared: Call
     for by in (_OWN_STEP, -_OWN_STEP):
         moved = parameters.copy()
         moved[unknown] += by
-        sides.append(visible_fraction(model, paths(model, moved)))
+        sides.append(visible_fraction(model, trace_transmission(model, moved)))
     expected = (sides[0] - sides[1]) / (2.0 * _OWN_STEP)
     # single pixels jump where the number of rays through them changes: the whole is compared
     assert float(found @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.01)
@@ -91,7 +91,7 @@ def test_light_that_spreads_further_makes_a_hole_brighter_outside_and_darker_ins
     shares = []
     for tail in (0.0, 0.4):
         parameters[Parameter.TAIL_SHARE] = tail
-        shares.append(visible_fraction(model, paths(model, parameters)))
+        shares.append(visible_fraction(model, trace_transmission(model, parameters)))
     without, with_tail = shares
     dark = without.min() + 0.02
     assert np.all((with_tail - without)[without < dark] > -1e-6)
@@ -110,7 +110,7 @@ def test_a_curve_that_became_straight_finds_its_way_back() -> None:
     parameters[Parameter.CURVE] = -0.2
     parameters = clipped_to_bounds(parameters)
     assert parameters[Parameter.CURVE] == 0.0
-    traced = paths(model, parameters)
+    traced = trace_transmission(model, parameters)
     free = np.zeros_like(ALL_PARAMETERS)
     free[Parameter.CURVE] = True
     (found,) = visible_fraction_derivatives(model, traced, free)
@@ -126,7 +126,7 @@ def test_a_curve_is_a_power_of_the_intensity() -> None:
     parameters[Parameter.SHARPENING] = parameters[Parameter.TAIL_SHARE] = 0.0
     without_guide = replace(model.region, delrin_excess_mm=np.zeros(model.region.shape))
     model = replace(model, region=without_guide)
-    traced = paths(model, parameters)
+    traced = trace_transmission(model, parameters)
     half = np.full_like(traced.transmission, 0.5)
     found = visible_fraction(model, type(traced)(parameters, half, traced.derivatives))
     grey = np.sqrt(0.5 * (dark**2 + bright**2))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.fit import NailFit, fit_nail
 from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.region import FitInput
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import angle_between_rad
@@ -40,7 +41,7 @@ def start_beside(truth: Transform[Camera, Nail], rng: np.random.Generator) -> Tr
 
 
 def accepted(shot: Shot, start: Transform[Camera, Nail]) -> Outcome:
-    result = fit_nail(shot.pixels, shot.calibration, shot.nail, start, shot.occluders)
+    result = fit_nail(FitInput(shot.pixels, shot.calibration, shot.nail, shot.occluders), start)
     assert isinstance(result, Accepted), result
     fit = result.value
     motion = fit.camera_from_nail.inverse() @ shot.camera_from_nail
@@ -157,7 +158,7 @@ def test_both_holes_are_seen_and_said_to_be() -> None:
 
 
 def refused(shot: Shot, nail: NailPart, start: Transform[Camera, Nail], occluders: Occluders) -> set[ReasonCode]:
-    result = fit_nail(shot.pixels, shot.calibration, nail, start, occluders)
+    result = fit_nail(FitInput(shot.pixels, shot.calibration, nail, occluders), start)
     assert isinstance(result, Rejected), result
     print([reason.message for reason in result.reasons])
     return {reason.code for reason in result.reasons}

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.localise import Parts
-from services.registration.core.nail.forward_model import Detail, FitInput, model_at
+from services.registration.core.nail.forward_model import StageSettings, model_at
 from services.registration.core.nail.least_squares import Problem, problem_for
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
-from services.registration.core.nail.parameters import parameters_from_pose, prior_mean
-from services.registration.core.nail.tilt_ambiguity import POSE_ONLY
+from services.registration.core.nail.parameters import POSE_ONLY, prior_mean
+from services.registration.core.nail.region import FitInput
 from services.registration.parts import parts_from_json
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.calibration import CArmCalibration
@@ -83,15 +82,13 @@ def rendered(shown: Shown, seed: int) -> tuple[NDArray[np.float32], CArmCalibrat
     return received, replace(view, balls=found, mirrored=shown.mirrored)
 
 
-def pose_problem(detail: Detail) -> tuple[Problem, NDArray[np.float64]]:
+def pose_problem(stage: StageSettings, reduction: int) -> tuple[Problem, NDArray[np.float64]]:
     """The nail's fit at the true pose with the pose alone free, and all its unknowns there."""
     parts, (pixels, view) = rendered_parts(), rendered(Shown(), seed=3)
     given = FitInput(pixels, view, parts.nail, Occluders(PlacedGuide(parts.guide, CAMERA_FROM_GUIDE), parts.ring))
-    scene = model_at(given, CAMERA_FROM_NAIL, detail)
-    assert scene is not None
-    parameters = prior_mean()
-    parameters[:POSE_SIZE] = parameters_from_pose(CAMERA_FROM_NAIL, scene.camera, scene.anchors)
-    return problem_for(scene, detail, POSE_ONLY), parameters
+    model = model_at(given, CAMERA_FROM_NAIL, stage, reduction)
+    assert model is not None
+    return problem_for(model, stage, POSE_ONLY), model.with_pose(prior_mean(), CAMERA_FROM_NAIL)
 
 
 def true_guide_from_nail(shown: Shown) -> Transform[Guide, Nail]:

@@ -10,15 +10,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.tuning import NAIL_BAND_SEARCH
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import NailPart
 
-_BAND_SEARCH_PX = 30.0
+# The distortion is smooth: exact on every 16th pixel, linear in between, is far below a pixel.
 _MAP_STEP_PX = 16
-_DETECTOR_TO_NAIL_MM = (80.0, 350.0)
-_EDGE_FRACTION = 0.12
-_DIRECTION_SPREAD_DEG = 4
-_MIN_EDGE_LENGTH_IN_WIDTHS = 1.2
+# Guard: nothing is nearer to the focal spot than its housing.
+_LEAST_DEPTH_MM = 100.0
 # Cosine and sine of all whole degrees, shape (2, 360).
 _DIRECTIONS = np.stack([np.cos(np.radians(np.arange(360))), np.sin(np.radians(np.arange(360)))])
 
@@ -74,7 +73,8 @@ class Band:
 def depth_range_mm(calibration: CArmCalibration) -> tuple[float, float]:
     """Depths from the focal spot, in mm, between which a nail can lie, from the ring's place on the detector."""
     ring_depth_mm = float(calibration.camera_from_ring.translation_mm[2])
-    return max(ring_depth_mm - _DETECTOR_TO_NAIL_MM[1], 100.0), ring_depth_mm - _DETECTOR_TO_NAIL_MM[0]
+    nearest_mm = ring_depth_mm - NAIL_BAND_SEARCH.farthest_from_detector_mm
+    return max(nearest_mm, _LEAST_DEPTH_MM), ring_depth_mm - NAIL_BAND_SEARCH.nearest_to_detector_mm
 
 
 def prepare_search(pixels: NDArray[np.generic], calibration: CArmCalibration, nail: NailPart) -> SearchImage:
@@ -87,18 +87,18 @@ def prepare_search(pixels: NDArray[np.generic], calibration: CArmCalibration, na
     """
     near_mm, far_mm = depth_range_mm(calibration)
     nominal_width_px = nail.diameter_mm * calibration.camera.focal_length_px / (0.5 * (near_mm + far_mm))
-    step = max(1.0, round(nominal_width_px / _BAND_SEARCH_PX))
+    step = max(1.0, round(nominal_width_px / NAIL_BAND_SEARCH.band_width_px))
     columns, rows = int(calibration.width_px / step), int(calibration.height_px / step)
     where = _measured_px_of_grid(calibration, rows, columns, step)
     image = cv2.GaussianBlur(pixels.astype(np.float32), (0, 0), 0.5 * step)
     grey = cv2.remap(image, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     valid = calibration.shows(where[..., 0], where[..., 1], 2.0 * step)
-    low, high = np.percentile(grey[valid], [0.5, 99.0]) if valid.any() else (0.0, 1.0)
+    percentiles = NAIL_BAND_SEARCH.lowest_grey_percentile, NAIL_BAND_SEARCH.highest_grey_percentile
+    low, high = np.percentile(grey[valid], percentiles) if valid.any() else (0.0, 1.0)
     return SearchImage(((grey - low) / max(float(high - low), 1e-9)).astype(np.float32), valid, step)
 
 
 def _measured_px_of_grid(calibration: CArmCalibration, rows: int, columns: int, step_px: float) -> NDArray[np.float32]:
-    # The distortion is smooth: exact on every 16th pixel, linear in between, is far below a pixel.
     nodes_x, nodes_y = (
         np.arange(0, columns + _MAP_STEP_PX, _MAP_STEP_PX),
         np.arange(0, rows + _MAP_STEP_PX, _MAP_STEP_PX),
@@ -126,7 +126,7 @@ def find_bands(image: SearchImage, width_range_px: tuple[float, float], count: i
     best, best_width = _best_pairs(_line_votes(image, centre), width_range_px)
     half = best.shape[1] // 2
     bands: list[Band] = []
-    shortest = _MIN_EDGE_LENGTH_IN_WIDTHS * width_range_px[0]
+    shortest = NAIL_BAND_SEARCH.shortest_edge_in_widths * width_range_px[0]
     for _ in range(count):
         row, column = np.unravel_index(int(np.argmax(best)), best.shape)
         if best[row, column] < shortest:
@@ -134,7 +134,7 @@ def find_bands(image: SearchImage, width_range_px: tuple[float, float], count: i
         bands.append(
             _band_of(int(row), float(column - half), centre, float(best_width[row, column]), best[row, column])
         )
-        _suppress(best, int(row), int(column), 0.35 * width_range_px[0])
+        _suppress(best, int(row), int(column), NAIL_BAND_SEARCH.suppressed_in_widths * width_range_px[0])
     return tuple(bands)
 
 
@@ -142,7 +142,8 @@ def _line_votes(image: SearchImage, centre: NDArray[np.float64]) -> NDArray[np.f
     """Votes by direction of the gradient (degrees, towards the brighter side) and distance from `centre`."""
     x, y, direction_rad, weight = _edge_pixels(image)
     half = int(np.ceil(np.hypot(*centre))) + 2
-    turns_deg = np.arange(-_DIRECTION_SPREAD_DEG, _DIRECTION_SPREAD_DEG + 1)
+    spread_deg = NAIL_BAND_SEARCH.direction_spread_deg
+    turns_deg = np.arange(-spread_deg, spread_deg + 1)
     row = np.rint(np.degrees(direction_rad) + turns_deg[:, None]).astype(np.int64) % 360
     cosine, sine = _DIRECTIONS[:, row]
     distance = (x - centre[0]) * cosine + (y - centre[1]) * sine
@@ -156,7 +157,7 @@ def _line_votes(image: SearchImage, centre: NDArray[np.float64]) -> NDArray[np.f
 def _edge_pixels(
     image: SearchImage,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    smooth = cv2.GaussianBlur(image.grey, (0, 0), 1.2)
+    smooth = cv2.GaussianBlur(image.grey, (0, 0), NAIL_BAND_SEARCH.gradient_smoothing_px)
     gradient_x = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3)
     gradient_y = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3)
     inner = cv2.erode(image.valid.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
@@ -164,7 +165,7 @@ def _edge_pixels(
     if not inner.any():
         nothing = np.zeros(0)
         return nothing, nothing, nothing, nothing
-    threshold = float(np.quantile(steepness[inner], 1.0 - _EDGE_FRACTION))
+    threshold = float(np.quantile(steepness[inner], 1.0 - NAIL_BAND_SEARCH.edge_share))
     scale = 8000.0 / max(float(steepness[inner].max()), 1e-9)
     canny = cv2.Canny(
         (gradient_x * scale).astype(np.int16),
@@ -174,7 +175,7 @@ def _edge_pixels(
         L2gradient=True,
     )
     y, x = np.nonzero((canny > 0) & inner)
-    strong = float(np.quantile(steepness[inner], 0.985))
+    strong = float(np.quantile(steepness[inner], NAIL_BAND_SEARCH.full_weight_quantile))
     weight = np.minimum(steepness[y, x] / strong, 1.0).astype(np.float64)
     direction = np.arctan2(gradient_y[y, x], gradient_x[y, x]).astype(np.float64)
     return x.astype(np.float64), y.astype(np.float64), direction, weight
@@ -212,7 +213,7 @@ def _suppress(best: NDArray[np.float32], row: int, column: int, distance_px: flo
     """Take out the neighbourhood of a band; rows wrap around with the distance's sign reversed."""
     reach = int(np.ceil(distance_px))
     last = best.shape[1] - 1
-    for turn in range(-8, 9):
+    for turn in range(-NAIL_BAND_SEARCH.suppressed_deg, NAIL_BAND_SEARCH.suppressed_deg + 1):
         r = row + turn
         c = column if 0 <= r < 180 else last - column
         best[r % 180, max(c - reach, 0) : c + reach + 1] = 0.0

@@ -25,6 +25,7 @@ from services.registration.core.nail.search.holes import (
     straighten_band,
 )
 from services.registration.core.nail.search.outline import Contour, Opening, measure_contour, measure_opening
+from services.registration.core.tuning import NAIL_BAND_SEARCH
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
@@ -33,13 +34,10 @@ from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 from shared.two_cores import mapped
 
-_BANDS_TRIED = 6
-_LOWEST_DARKNESS = 0.06
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailDetection:
-    """Where the nail is, with its holes taken to be parallel to the rays through them.
+    """The nail detected in an image, with its holes assumed parallel to the rays through them.
 
     Attributes
     ----------
@@ -117,16 +115,18 @@ def _dark_candidates(
 ) -> list[tuple[HolePattern, HolePattern]]:
     near_mm, far_mm = depth_range_mm(calibration)
     width_at_1_mm = nail.diameter_mm * calibration.camera.focal_length_px / image.step_px
-    bands = find_bands(image, (width_at_1_mm / far_mm, width_at_1_mm / near_mm), _BANDS_TRIED)
+    widths_px = (width_at_1_mm / far_mm, width_at_1_mm / near_mm)
+    bands = find_bands(image, widths_px, NAIL_BAND_SEARCH.most_bands)
     strips = [straighten_band(image, band) for band in bands]
-    dark = [strip for strip in strips if strip.typical_darkness >= _LOWEST_DARKNESS]
+    dark = [strip for strip in strips if strip.typical_darkness >= NAIL_BAND_SEARCH.least_darkness]
     return mapped(lambda strip: find_pattern(strip, nail), dark, 2)
 
 
 def _quality(pattern: HolePattern) -> float:
-    """Rank of a band: how open its holes are counts most, then how long its edges are."""
+    """Rank of a band: how open its holes are, then how long its edges are."""
     openness = float(np.clip(pattern.openness.min(), 0.0, 1.0))
-    return openness + 0.2 * pattern.strip.band.edge_length_px / max(pattern.strip.band.width_px, 1.0)
+    band = pattern.strip.band
+    return openness + NAIL_BAND_SEARCH.edge_length_weight * band.edge_length_px / max(band.width_px, 1.0)
 
 
 def _directed(

@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.search.band import Band, SearchImage
+from services.registration.core.tuning import NAIL_HOLE_SEARCH
 from shared.geometry.lines import unit
 from shared.geometry.parts import NailPart, hole_surface_points
 
-_SCALES = np.linspace(0.86, 1.12, 27)
-_LOWEST_CONTRAST = 0.02
+# Openness of columns that cannot be a hole's middle.
 _NOT_A_HOLE = -1.0
-_BEYOND_OPEN = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +39,7 @@ class StraightenedBand:
     outside: NDArray[np.float64]
 
     def search_px(self, column: float, row_from_middle: float) -> NDArray[np.float64]:
-        """Pixel of the search image, shape (2,), of a place in the strip."""
+        """Pixel of the search image, shape (2,), of a column and row of the band."""
         along = self.first_along_px + column
         return self.band.centre_px + along * self.band.along + row_from_middle * self.band.across
 
@@ -85,7 +84,7 @@ class HolePattern:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpennessProfile:
-    """How much every column of a strip looks like the middle of an opening, at one scale.
+    """Openness of every column of a straightened band, as the middle of an opening of one scale.
 
     Attributes
     ----------
@@ -105,7 +104,7 @@ def straighten_band(image: SearchImage, band: Band) -> StraightenedBand:
     height, width = image.grey.shape
     corners = np.array([(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)])
     along = (corners - band.centre_px) @ band.along
-    half_rows = int(np.ceil(1.1 * band.width_px))
+    half_rows = int(np.ceil(NAIL_HOLE_SEARCH.band_half_height * band.width_px))
     columns, rows = np.arange(np.floor(along.min()), np.ceil(along.max()) + 1), np.arange(-half_rows, half_rows + 1)
     points = (
         band.centre_px
@@ -118,11 +117,10 @@ def straighten_band(image: SearchImage, band: Band) -> StraightenedBand:
     keep = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0, 1)
     cut, valid = np.asarray(grey[:, keep], dtype=np.float32), valid[:, keep]
     across = np.abs(rows) / band.width_px
-    inside = _mean_of_rows(cut, valid, (across > 0.27) & (across < 0.4))
-    outside = np.minimum(
-        _mean_of_rows(cut, valid, (across > 0.62) & (across < 0.9) & (rows < 0)),
-        _mean_of_rows(cut, valid, (across > 0.62) & (across < 0.9) & (rows > 0)),
-    )
+    settings = NAIL_HOLE_SEARCH
+    inside = _mean_of_rows(cut, valid, (across > settings.metal_from) & (across < settings.metal_to))
+    beside = (across > settings.beside_from) & (across < settings.beside_to)
+    outside = np.minimum(_mean_of_rows(cut, valid, beside & (rows < 0)), _mean_of_rows(cut, valid, beside & (rows > 0)))
     return StraightenedBand(band, cut, valid[half_rows], float(columns[keep.start]), inside, outside)
 
 
@@ -139,7 +137,8 @@ def find_pattern(strip: StraightenedBand, nail: NailPart) -> tuple[HolePattern, 
     The scale is free within what the band's width allows, the place along the band is free; every hole must be a
     brighter patch with dark metal on both sides along the band.
     """
-    levels = [_opening_level(strip, nail, strip.band.width_px / nail.diameter_mm * scale) for scale in _SCALES]
+    scales = np.linspace(NAIL_HOLE_SEARCH.least_scale, NAIL_HOLE_SEARCH.largest_scale, NAIL_HOLE_SEARCH.scales)
+    levels = [_openness_profile(strip, nail, strip.band.width_px / nail.diameter_mm * scale) for scale in scales]
     return _best_pattern(strip, nail, levels, +1), _best_pattern(strip, nail, levels, -1)
 
 
@@ -156,16 +155,16 @@ def _best_pattern(strip: StraightenedBand, nail: NailPart, levels: list[Openness
     return HolePattern(strip, centres, level.px_per_mm, sign, level.openness[nearest], evidence)
 
 
-def _opening_level(strip: StraightenedBand, nail: NailPart, px_per_mm: float) -> OpennessProfile:
+def _openness_profile(strip: StraightenedBand, nail: NailPart, px_per_mm: float) -> OpennessProfile:
     radius = 0.5 * float(np.mean([hole.diameter_mm for hole in nail.holes])) * px_per_mm
     middle = strip.grey.shape[0] // 2
-    reach = max(int(0.1 * strip.band.width_px), 1)
+    reach = max(int(NAIL_HOLE_SEARCH.lateral_reach * strip.band.width_px), 1)
     rows = slice(middle - reach, middle + reach + 1)
-    disc = _mean_of_disc(strip.grey, rows, 0.75 * radius)
-    side = _mean_of_disc(strip.grey, rows, 0.35 * radius)
-    gap = int(np.rint(1.45 * radius))
+    disc = _mean_of_disc(strip.grey, rows, NAIL_HOLE_SEARCH.disc_in_radii * radius)
+    side = _mean_of_disc(strip.grey, rows, NAIL_HOLE_SEARCH.side_disc_in_radii * radius)
+    gap = int(np.rint(NAIL_HOLE_SEARCH.side_distance_in_radii * radius))
     contrast = disc - np.maximum(np.roll(side, gap, axis=1), np.roll(side, -gap, axis=1))
-    openness = contrast.max(axis=0).astype(np.float64) / max(strip.typical_darkness, _LOWEST_CONTRAST)
+    openness = contrast.max(axis=0).astype(np.float64) / max(strip.typical_darkness, NAIL_HOLE_SEARCH.least_darkness)
     openness[~strip.valid] = _NOT_A_HOLE
     openness[:gap], openness[-gap:] = _NOT_A_HOLE, _NOT_A_HOLE
     return OpennessProfile(px_per_mm, openness, (contrast.argmax(axis=0) - reach).astype(np.float64))
@@ -189,7 +188,7 @@ def _best_column(openness: NDArray[np.float64], offsets_px: NDArray[np.float64])
         [np.interp(columns + o, columns, openness, left=_NOT_A_HOLE, right=_NOT_A_HOLE) for o in offsets_px]
     )
     # A very bright hole must not make up for a dim one; but flat out it would leave ties among places and scales.
-    capped = np.minimum(at_holes, 1.0 + _BEYOND_OPEN * (at_holes - 1.0))
+    capped = np.minimum(at_holes, 1.0 + NAIL_HOLE_SEARCH.beyond_open * (at_holes - 1.0))
     total = capped.mean(axis=0) + capped.min(axis=0)
     best = int(np.argmax(total))
     return float(total[best]), float(best)
@@ -197,8 +196,11 @@ def _best_column(openness: NDArray[np.float64], offsets_px: NDArray[np.float64])
 
 def _tip_evidence(strip: StraightenedBand, nail: NailPart, origin_column: float, px_per_mm: float) -> float:
     """Compare the band's darkness just before and just after the place where the tip should be."""
-    before = _darkness_between(strip, origin_column, px_per_mm, nail.tip_x_mm - 8.0, nail.tip_x_mm - 4.0)
-    after = _darkness_between(strip, origin_column, px_per_mm, nail.tip_x_mm + 3.0, nail.tip_x_mm + 9.0)
+    tip_mm, settings = nail.tip_x_mm, NAIL_HOLE_SEARCH
+    first, last = tip_mm - settings.tip_before_from_mm, tip_mm - settings.tip_before_to_mm
+    before = _darkness_between(strip, origin_column, px_per_mm, first, last)
+    first, last = tip_mm + settings.tip_after_from_mm, tip_mm + settings.tip_after_to_mm
+    after = _darkness_between(strip, origin_column, px_per_mm, first, last)
     if before is None or after is None:
         return 0.5
     return float(np.clip(before, 0.0, 1.0) * (1.0 - np.clip(after, 0.0, 1.0)))
@@ -212,8 +214,9 @@ def _darkness_between(
     columns = np.arange(round(ends[0]), round(ends[1]) + 1)
     if columns.size == 0 or columns[0] < 0 or columns[-1] >= strip.valid.size or not strip.valid[columns].all():
         return None
-    near = np.clip(np.arange(round(origin_column) - 12, round(origin_column) + 13), 0, strip.valid.size - 1)
-    reference = max(float(np.median(strip.darkness[near])), _LOWEST_CONTRAST)
+    reach, origin = NAIL_HOLE_SEARCH.reference_reach_px, round(origin_column)
+    near = np.clip(np.arange(origin - reach, origin + reach + 1), 0, strip.valid.size - 1)
+    reference = max(float(np.median(strip.darkness[near])), NAIL_HOLE_SEARCH.least_darkness)
     return float(np.median(strip.darkness[columns])) / reference
 
 

@@ -9,28 +9,11 @@ from numpy.typing import NDArray
 from services.registration.core.nail.search.band import SearchImage
 from services.registration.core.nail.search.holes import HolePattern
 from services.registration.core.subpixel import subpixel_offset
+from services.registration.core.tuning import NAIL_CONTOUR, OPENING_COVER, OPENING_OUTLINE
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.lines import read_only
-
-_OUTLINE_DIRECTIONS = 96
-_STEP_PX = 0.5
-# How far from the centre the outline is looked for.
-_REACH_IN_RADII = 1.45
-_BLUR_REACH_PX = 6
-_ROUNDS = 6
-_LOWEST_POINTS = 16
-_TOLERANCE_PX = 1.0
-
-_BEYOND_HOLES_MM = 10.0
-_REACH_IN_WIDTHS = 0.16
-
-_INSIDE_RIM_PX = 2.0
-_OPEN_PX = 3.0
-_METAL_PX = (4.0, 10.0)
-_DARK_SHARE = 0.55
-_LEAST_STUB_PX = 6
-_REACH_MM = 1.45
-_BALL_MARGIN_PX = 2.0
+from shared.xray.pixel_scale import pixels as pixels_of
+from shared.xray.pixel_scale import whole_pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,68 +93,80 @@ def measure_opening(
     radius_px
         Radius that the hole would have if seen along its axis.
     """
-    grey, corner_px = _surroundings(pixels, centre_px, radius_px)
+    pixel_mm = calibration.pixel_mm
+    grey, corner_px = _surroundings(pixels, centre_px, radius_px, pixel_mm)
     centre = centre_px
     for _ in range(2):
-        points = _crossings(grey, centre - corner_px, radius_px) + corner_px
-        if len(points) < _LOWEST_POINTS:
+        points = _crossings(grey, centre - corner_px, radius_px, pixel_mm) + corner_px
+        if len(points) < OPENING_OUTLINE.least_points:
             return None
         centre = np.asarray(0.5 * (np.percentile(points, 4, axis=0) + np.percentile(points, 96, axis=0)))
     ideal = calibration.distortion.undistort(points)
-    fitted = _fit_without_covered(ideal, radius_px)
+    fitted = _fit_without_covered(ideal, radius_px, pixel_mm)
     if fitted is None:
         return None
     ellipse, used = fitted
-    return Opening(hole_id, read_only(points[used]), ellipse, float(np.count_nonzero(used)) / _OUTLINE_DIRECTIONS)
+    return Opening(
+        hole_id, read_only(points[used]), ellipse, float(np.count_nonzero(used)) / OPENING_OUTLINE.directions
+    )
 
 
 def _surroundings(
-    pixels: NDArray[np.generic], centre_px: NDArray[np.float64], radius_px: float
+    pixels: NDArray[np.generic], centre_px: NDArray[np.float64], radius_px: float, pixel_mm: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Smoothed grey values wherever the outline is looked for, and the place of their first pixel, shape (2,)."""
-    reach = int(np.ceil(2.0 * _REACH_IN_RADII * radius_px)) + _BLUR_REACH_PX
+    """Smoothed grey values where the outline is searched, and the place of their first pixel, shape (2,)."""
+    margin_px = whole_pixels(OPENING_OUTLINE.smoothing_reach_detector_mm, pixel_mm)
+    reach = int(np.ceil(2.0 * OPENING_OUTLINE.reach_in_radii * radius_px)) + margin_px
     limit = np.array(pixels.shape[::-1])
     low = np.clip(np.rint(centre_px).astype(int) - reach, 0, limit - 1)
     high = np.clip(np.rint(centre_px).astype(int) + reach + 1, low + 1, limit)
     block = pixels[low[1] : high[1], low[0] : high[0]].astype(np.float32)
-    return np.asarray(cv2.GaussianBlur(block, (0, 0), 1.0), dtype=np.float32), low.astype(np.float64)
+    sigma = pixels_of(OPENING_OUTLINE.smoothing_detector_mm, pixel_mm)
+    return np.asarray(cv2.GaussianBlur(block, (0, 0), sigma), dtype=np.float32), low.astype(np.float64)
 
 
-def _crossings(grey: NDArray[np.float32], centre_px: NDArray[np.float64], radius_px: float) -> NDArray[np.float64]:
+def _crossings(
+    grey: NDArray[np.float32], centre_px: NDArray[np.float64], radius_px: float, pixel_mm: float
+) -> NDArray[np.float64]:
     """Points, shape (M, 2), where the grey value falls through the middle level on rays from the centre."""
-    angles = np.linspace(0.0, 2.0 * np.pi, _OUTLINE_DIRECTIONS, endpoint=False)
-    distances = np.arange(0.0, _REACH_IN_RADII * radius_px, _STEP_PX)
+    s, step_px = OPENING_OUTLINE, pixels_of(OPENING_OUTLINE.step_detector_mm, pixel_mm)
+    angles = np.linspace(0.0, 2.0 * np.pi, s.directions, endpoint=False)
+    distances = np.arange(0.0, s.reach_in_radii * radius_px, step_px)
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     where = (centre_px + rays[:, None, :] * distances[None, :, None]).astype(np.float32)
     profile = cv2.remap(grey, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    bright = float(np.percentile(profile[:, distances < 0.55 * radius_px], 70))
+    bright = float(np.percentile(profile[:, distances < s.bright_within_radii * radius_px], s.bright_percentile))
     # Along the band the metal reaches far, across it the band's edge is near: the darkest quarter is metal.
-    dark = float(np.percentile(profile[:, distances > 1.15 * radius_px], 25))
+    dark = float(np.percentile(profile[:, distances > s.dark_beyond_radii * radius_px], s.dark_percentile))
     below = profile < 0.5 * (bright + dark)
     # Outermost crossing: nothing bright may follow within the band, and a ball inside the opening does not count.
-    inner = distances[None, :] < 1.3 * radius_px
+    inner = distances[None, :] < s.inner_in_radii * radius_px
     last_bright = distances.size - 1 - np.argmax((~below & inner)[:, ::-1], axis=1)
     found = (~below & inner).any(axis=1) & (last_bright < np.count_nonzero(inner[0]) - 1)
     row, column = np.flatnonzero(found), last_bright[found]
     here, after = profile[row, column], profile[row, column + 1]
     fraction = (here - 0.5 * (bright + dark)) / np.maximum(here - after, 1e-9)
-    distance = (column + np.clip(fraction, 0.0, 1.0)) * _STEP_PX
+    distance = (column + np.clip(fraction, 0.0, 1.0)) * step_px
     return np.asarray(centre_px + rays[row] * distance[:, None])
 
 
-def _fit_without_covered(points_px: NDArray[np.float64], radius_px: float) -> tuple[Ellipse, NDArray[np.bool_]] | None:
+def _fit_without_covered(
+    points_px: NDArray[np.float64], radius_px: float, pixel_mm: float
+) -> tuple[Ellipse, NDArray[np.bool_]] | None:
     """Fit, leave out points off the outline, fit again: first those far inside, where a ball covers it."""
+    s, least_px = OPENING_OUTLINE, pixels_of(OPENING_OUTLINE.least_tolerance_detector_mm, pixel_mm)
+    smallest_px, largest_px = s.least_semi_axis_in_radii * radius_px, s.largest_semi_axis_in_radii * radius_px
     used = np.ones(len(points_px), dtype=bool)
     ellipse: Ellipse | None = None
-    for attempt in range(_ROUNDS):
-        if np.count_nonzero(used) < _LOWEST_POINTS:
+    for attempt in range(s.rounds):
+        if np.count_nonzero(used) < s.least_points:
             return None
         ellipse = fit_ellipse(points_px[used])
-        if ellipse is None or not 0.35 * radius_px < ellipse.semi_axes_px[0] < 1.5 * radius_px:
+        if ellipse is None or not smallest_px < ellipse.semi_axes_px[0] < largest_px:
             return None
         residual = ellipse.signed_distance_px(points_px)
         residual = residual - np.median(residual[used])
-        tolerance = max(_TOLERANCE_PX, (3.0 - 0.4 * attempt) * 1.48 * float(np.median(np.abs(residual[used]))))
+        tolerance = max(least_px, (3.0 - 0.4 * attempt) * 1.48 * float(np.median(np.abs(residual[used]))))
         used = (residual > -tolerance) & (residual < 1.5 * tolerance)
     return None if ellipse is None else (ellipse, used)
 
@@ -207,8 +202,8 @@ def measure_contour(image: SearchImage, calibration: CArmCalibration, pattern: H
     """Fit a straight line to each edge, over the holes and a little beyond."""
     strip, scale = pattern.strip, pattern.px_per_mm
     along = (pattern.centre_search_px - strip.band.centre_px) @ strip.band.along - strip.first_along_px
-    first = int(max(along.min() - _BEYOND_HOLES_MM * scale, 0))
-    last = int(min(along.max() + _BEYOND_HOLES_MM * scale, strip.valid.size - 1))
+    first = int(max(along.min() - NAIL_CONTOUR.beyond_holes_mm * scale, 0))
+    last = int(min(along.max() + NAIL_CONTOUR.beyond_holes_mm * scale, strip.valid.size - 1))
     columns = np.arange(first, last + 1)
     edges = []
     for side in (-1.0, 1.0):
@@ -226,9 +221,9 @@ def measure_contour(image: SearchImage, calibration: CArmCalibration, pattern: H
 def _steepest_rows(grey: NDArray[np.float32], width_px: float, side: float) -> NDArray[np.float64]:
     """Row from the middle, to a fraction of a pixel, where it brightens most towards one side, for every column."""
     middle = grey.shape[0] // 2
-    smooth = cv2.GaussianBlur(grey, (0, 0), 1.0)
+    smooth = cv2.GaussianBlur(grey, (0, 0), NAIL_CONTOUR.smoothing_px)
     slope = side * np.gradient(smooth, axis=0)
-    reach = max(int(np.ceil(_REACH_IN_WIDTHS * width_px)), 2)
+    reach = max(int(np.ceil(NAIL_CONTOUR.reach_in_widths * width_px)), 2)
     centre = int(np.rint(middle + side * 0.5 * width_px))
     first = max(centre - reach, 1)
     window = slope[first : min(centre + reach + 1, slope.shape[0] - 1)]
@@ -242,10 +237,10 @@ def _robust_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float,
     """Slope and offset; points that lie off the line (a ball on the edge) are left out step by step."""
     used = np.ones(x.size, dtype=bool)
     slope, offset = 0.0, float(np.median(y))
-    for _ in range(6):
+    for _ in range(NAIL_CONTOUR.rounds):
         residual = y - (offset + slope * x)
-        spread = max(1.48 * float(np.median(np.abs(residual[used]))), 0.3)
-        used = np.abs(residual) < 2.5 * spread
+        spread = max(1.48 * float(np.median(np.abs(residual[used]))), NAIL_CONTOUR.least_deviation_px)
+        used = np.abs(residual) < NAIL_CONTOUR.outlier_deviations * spread
         slope, offset = (float(v) for v in np.polyfit(x[used], y[used], 1))
     return slope, offset
 
@@ -275,7 +270,7 @@ def covered_pixels(
         _add_stub(stubs, pixels, calibration, opening, known_discs_px)
     if not stubs.any():
         return np.zeros(pixels.shape, dtype=bool)
-    reach_px = int(np.ceil(_REACH_MM * calibration.camera.focal_length_px / depth_mm))
+    reach_px = int(np.ceil(OPENING_COVER.reach_mm * calibration.camera.focal_length_px / depth_mm))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1, 2 * reach_px + 1))
     return np.asarray(cv2.dilate(stubs, kernel) > 0)
 
@@ -288,27 +283,33 @@ def _add_stub(
     known_discs_px: NDArray[np.float64],
 ) -> None:
     """Mark pixels inside the rim that are as dark as the metal around it and not part of a known ball."""
+    s = OPENING_COVER
+    inside_px, open_px, metal_from_px, metal_to_px, margin_px = (
+        pixels_of(length_mm, calibration.pixel_mm)
+        for length_mm in (
+            s.inside_rim_detector_mm,
+            s.open_detector_mm,
+            s.metal_from_detector_mm,
+            s.metal_to_detector_mm,
+            s.ball_margin_detector_mm,
+        )
+    )
     centre = calibration.distortion.distort(opening.ellipse.centre_px)
-    reach = int(np.ceil(opening.ellipse.semi_axes_px[0] + _METAL_PX[1]))
+    reach = int(np.ceil(opening.ellipse.semi_axes_px[0] + metal_to_px))
     left, top = (max(int(np.rint(c)) - reach, 0) for c in centre)
     right, bottom = (int(np.rint(c)) + reach + 1 for c in centre)
     block = pixels[top:bottom, left:right].astype(np.float64)
     y, x = np.mgrid[top : top + block.shape[0], left : left + block.shape[1]]
     places = np.stack([x, y], axis=-1).reshape(-1, 2).astype(np.float64)
     outside_px = opening.ellipse.signed_distance_px(calibration.distortion.undistort(places)).reshape(block.shape)
-    metal = (outside_px > _METAL_PX[0]) & (outside_px < _METAL_PX[1])
-    if not metal.any() or not (outside_px < -_OPEN_PX).any():
+    metal = (outside_px > metal_from_px) & (outside_px < metal_to_px)
+    if not metal.any() or not (outside_px < -open_px).any():
         return
-    bright = float(np.percentile(block[outside_px < -_OPEN_PX], 70))
-    dark = float(np.percentile(block[metal], 20))
-    stub = (block < _DARK_SHARE * bright + (1.0 - _DARK_SHARE) * dark) & (outside_px < -_INSIDE_RIM_PX)
-    for ball_x, ball_y, radius in _near(known_discs_px, centre, reach):
-        stub &= np.hypot(x - ball_x, y - ball_y) > radius + _BALL_MARGIN_PX
-    if np.count_nonzero(stub) >= _LEAST_STUB_PX:
+    bright = float(np.percentile(block[outside_px < -open_px], s.bright_percentile))
+    dark = float(np.percentile(block[metal], s.dark_percentile))
+    stub = (block < s.dark_share * bright + (1.0 - s.dark_share) * dark) & (outside_px < -inside_px)
+    away = np.abs(known_discs_px[:, :2] - centre).max(axis=1)
+    for ball_x, ball_y, radius in known_discs_px[away < reach + 1.0 + known_discs_px[:, 2] + margin_px]:
+        stub &= np.hypot(x - ball_x, y - ball_y) > radius + margin_px
+    if np.count_nonzero(stub) >= s.least_pixels:
         stubs[top:bottom, left:right] |= stub.astype(np.uint8)
-
-
-def _near(discs_px: NDArray[np.float64], centre_px: NDArray[np.float64], reach_px: int) -> NDArray[np.float64]:
-    """Those discs, margin included, that may touch a square about a centre."""
-    away = np.abs(discs_px[:, :2] - centre_px).max(axis=1)
-    return np.asarray(discs_px[away < reach_px + 1.0 + discs_px[:, 2] + _BALL_MARGIN_PX])

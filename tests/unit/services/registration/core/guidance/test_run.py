@@ -26,7 +26,7 @@ def guide_at(x_mm: float) -> Transform[Camera, Guide]:
 
 def track(x_mm: float = 0.0) -> Track:
     nail: Transform[Guide, Nail] = Transform.identity()
-    reference = Reference(PoseEstimate.of(nail, np.eye(6)), NailAppearance(np.zeros(4), np.eye(6), 1.0))
+    reference = Reference(PoseEstimate.of(nail, np.eye(6)), NailAppearance(np.zeros(4), np.eye(6), 1.0, 1.2))
     return Track(reference, guide_at(x_mm), Margin(None, 0), 0)
 
 

@@ -22,8 +22,8 @@ from services.registration.core.guidance.tracking import (
     track_frame,
 )
 from services.registration.core.localise import localise
-from services.registration.core.nail.forward_model import FitInput
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import FRAME_TRACKING
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration

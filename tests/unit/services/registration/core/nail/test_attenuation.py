@@ -16,14 +16,23 @@ from services.registration.core.nail.attenuation import (
     DERIVATIVES,
     MOTION_SIZE,
     NailShape,
+    TraceLimits,
     trace_pixels,
     transmission_behind,
 )
 from services.registration.core.nail.rays import SAMPLES_PX, PixelRays, SteelPaths
+from services.registration.core.tuning import BEAM, RAY_SAMPLING
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 from simulation.render.attenuation import Material, attenuation_per_mm, spectrum
 
+HARDEST = BEAM.hardest_share
+LIMITS = TraceLimits(
+    RAY_SAMPLING.edge_reach_px,
+    RAY_SAMPLING.uniform_difference,
+    RAY_SAMPLING.softening_px,
+    RAY_SAMPLING.near_edge_in_steps,
+)
 CENTRE_ONLY = np.zeros((4, 2))
 BORES = np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.6], [-15.0, 0.5, 0.0, 0.0, 0.2, np.sqrt(0.96), 2.5, 5.7]])
 ROTATION = np.ascontiguousarray(Rotation.from_euler("zyx", [40.0, 4.0, -6.0], degrees=True).as_matrix())
@@ -47,8 +56,8 @@ def no_steel(count: int) -> SteelPaths:
 def transmitted(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.float64]:
     none = np.zeros_like(rays)
     out, derivatives = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES), dtype=np.float32)
-    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, 0.1, 0.0, 1.0)
-    trace_pixels(PixelRays(rays, none, none), CENTRE_ONLY, no_steel(len(rays)), nail, out, derivatives)
+    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, (0.1, 0.0, HARDEST), 1.0)
+    trace_pixels(PixelRays(rays, none, none), CENTRE_ONLY, no_steel(len(rays)), nail, LIMITS, out, derivatives)
     return out
 
 
@@ -87,11 +96,11 @@ def test_pixels_beside_steel_are_sampled_more_finely() -> None:
     out, derivatives = np.empty(1), np.empty((1, DERIVATIVES), dtype=np.float32)
     path_mm = np.full((1, len(places)), 1e3)
     path_mm[:, :3] = 0.0
-    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0, 1.0)
+    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, (0.1, 0.0, HARDEST), 1.0)
     beside_steel = SteelPaths.of_pixels(1, np.zeros(1, dtype=np.int64), path_mm)
     for steel, pixel, expected in ((beside_steel, right, 3.0 / 8.0), (no_steel(1), 0.01 * right, 1.0)):
         rays_beside = PixelRays(beside, pixel, np.zeros((1, 2)))
-        trace_pixels(rays_beside, places, steel, nail, out, derivatives)
+        trace_pixels(rays_beside, places, steel, nail, LIMITS, out, derivatives)
         assert out[0] == pytest.approx(expected)
 
 
@@ -99,8 +108,8 @@ def test_steel_counts_as_so_much_of_the_nails_material() -> None:
     beside = np.array([[0.2, 0.0]])  # far beside the nail
     out, derivatives = np.empty(1), np.empty((1, DERIVATIVES), dtype=np.float32)
     steel = SteelPaths.of_pixels(1, np.zeros(1, dtype=np.int64), np.full((1, len(CENTRE_ONLY)), 2.0))
-    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, 0.1, 0.0, 1.7)
-    trace_pixels(PixelRays(beside, 0.0 * beside, 0.0 * beside), CENTRE_ONLY, steel, nail, out, derivatives)
+    nail = NailShape(ROTATION, PLACE, 6.0, 0.0, BORES, (0.1, 0.0, HARDEST), 1.7)
+    trace_pixels(PixelRays(beside, 0.0 * beside, 0.0 * beside), CENTRE_ONLY, steel, nail, LIMITS, out, derivatives)
     assert out[0] == pytest.approx(np.exp(-0.1 * 1.7 * 2.0))
 
 
@@ -135,8 +144,7 @@ def nail_in_picture(cannulation_mm: float) -> NailShape:
         5.5,
         cannulation_mm,
         np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.1]]),
-        0.33,
-        0.7,
+        (0.33, 0.7, HARDEST),
         1.0,
     )
 
@@ -151,7 +159,9 @@ def traced(nail: NailShape, *, all_finely: bool = False) -> tuple[NDArray[np.flo
     transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
     # steel so thin that it does not count has its pixels looked at finely all the same
     everywhere = SteelPaths(np.arange(count), np.zeros((count, len(SAMPLES_PX))))
-    trace_pixels(rays, SAMPLES_PX, everywhere if all_finely else no_steel(count), nail, transmission, derivatives)
+    trace_pixels(
+        rays, SAMPLES_PX, everywhere if all_finely else no_steel(count), nail, LIMITS, transmission, derivatives
+    )
     return transmission, derivatives.astype(np.float64)
 
 
@@ -177,9 +187,10 @@ def moved(nail: NailShape, cause: int, by: float) -> NailShape:
         return nail._replace(radius_mm=nail.radius_mm + by, bores=nail.bores + by * np.eye(8)[7])
     if cause == BY_CHAMFER:
         return nail._replace(bores=nail.bores - by * np.eye(8)[7])
+    attenuation, hardening, hardest = nail.material
     if cause == BY_LOG_ATTENUATION:
-        return nail._replace(attenuation=nail.attenuation * np.exp(by))
-    return nail._replace(hardening=nail.hardening + by)
+        return nail._replace(material=(attenuation * float(np.exp(by)), hardening, hardest))
+    return nail._replace(material=(attenuation, hardening + by, hardest))
 
 
 @pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
@@ -195,7 +206,7 @@ def test_derivatives_agree_with_differences_over_a_tenth_of_a_pixel(cause: int, 
 
 
 def law(paths_mm: NDArray[np.float64], attenuation: float, hardening: float) -> NDArray[np.float64]:
-    return np.array([transmission_behind(path, (attenuation, hardening))[0] for path in paths_mm])
+    return np.array([transmission_behind(path, (attenuation, hardening, HARDEST))[0] for path in paths_mm])
 
 
 @pytest.mark.parametrize("metal", [Material.TITANIUM, Material.STEEL])
@@ -221,13 +232,15 @@ def test_the_law_holds_for_the_x_rays_of_a_tube_behind_a_thigh(
 @pytest.mark.parametrize("path_mm", [0.01, 0.8, 9.0])
 def test_derivatives_are_those_of_the_law(hardening: float, path_mm: float) -> None:
     attenuation, step = 0.5, 1e-4
-    _, by_depth, by_hardening = transmission_behind(path_mm, (attenuation, hardening))
-    sides = [transmission_behind(path_mm * np.exp(s), (attenuation, hardening))[0] for s in (step, -step)]
+    _, by_depth, by_hardening = transmission_behind(path_mm, (attenuation, hardening, HARDEST))
+    sides = [transmission_behind(path_mm * np.exp(s), (attenuation, hardening, HARDEST))[0] for s in (step, -step)]
     assert by_depth == pytest.approx((sides[0] - sides[1]) / (2.0 * step), rel=1e-5)
-    above, here = (transmission_behind(path_mm, (attenuation, max(hardening, 0.001) + h))[0] for h in (0.01, 0.0))
+    above, here = (
+        transmission_behind(path_mm, (attenuation, max(hardening, 0.001) + h, HARDEST))[0] for h in (0.01, 0.0)
+    )
     assert by_hardening == pytest.approx((above - here) / 0.01, rel=0.05)
 
 
 def test_nothing_is_lost_without_metal_and_nothing_passes_much() -> None:
-    assert transmission_behind(0.0, (1.6, 0.65)) == (1.0, 0.0, 0.0)
-    assert transmission_behind(200.0, (1.6, 0.65))[0] < 1e-30
+    assert transmission_behind(0.0, (1.6, 0.65, HARDEST)) == (1.0, 0.0, 0.0)
+    assert transmission_behind(200.0, (1.6, 0.65, HARDEST))[0] < 1e-30

@@ -13,6 +13,7 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
+from services.registration.core.nail.region import FitInput
 from services.registration.core.wires.guided_search import locate_nail_near_guide_axes
 from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.nail_fit import (
@@ -81,7 +82,7 @@ def test_the_start_is_near_though_wires_cover_the_holes() -> None:
 def test_wires_that_are_not_modelled_spoil_the_fit_and_modelled_ones_do_not() -> None:
     pixels, camera = lateral_pixels(), calibration(SIZE_PX)
     placed = PlacedGuide(PARTS.guide, LATERAL)
-    blind = fit_nail(pixels, camera, PARTS.nail, LATERAL @ GUIDE_FROM_NAIL, Occluders(placed, PARTS.ring))
+    blind = fit_nail(FitInput(pixels, camera, PARTS.nail, Occluders(placed, PARTS.ring)), LATERAL @ GUIDE_FROM_NAIL)
     assert isinstance(blind, Rejected)
     found = localise_nail_with_wires(registered(pixels), PARTS, None, WIRE_DIAMETER_MM)
     assert isinstance(found, Accepted), found

@@ -151,7 +151,7 @@ def test_without_the_tip_the_direction_is_not_guessed() -> None:
     nail, _, view, pixels = without_tip(seed=9)
     code, message = refused(find_nail(pixels, view, nail))
     assert code is ReasonCode.NAIL_NOT_FOUND
-    assert "which end is distal" in message
+    assert "not its distal end" in message
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
