@@ -120,6 +120,7 @@ def test_duration_and_speed_of_moves_that_translation_or_rotation_limits() -> No
     limits = HEXAPOD.speed_limits
     cases = [
         (PlatformPose(0.0, 0.0, 8.0, 1.0, 0.0, 0.0), 8.0 / limits.translation_mm_per_s),
+        (PlatformPose(0.0, 0.0, 0.5, 0.0, 0.0, 0.0), 0.5 / limits.translation_mm_per_s),
         (PlatformPose(0.0, 0.0, 0.5, 9.0, 0.0, 0.0), 9.0 / limits.rotation_deg_per_s),
     ]
     start = PlatformPose(0.0, 0.0, -2.0, 0.5, 0.0, 0.0)

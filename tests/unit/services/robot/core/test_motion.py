@@ -105,6 +105,7 @@ def test_every_event_is_explained_and_every_request_possible_somewhere() -> None
 
 
 def test_the_safety_page_shows_the_table_as_it_is() -> None:
+    assert len(motion_table_markdown().splitlines()) == 2 + len(Event)
     assert motion_table_markdown() in SAFETY_PAGE.read_text(), (
         f"docs/safety.md shows another motion table; replace it by\n\n{motion_table_markdown()}"
     )
