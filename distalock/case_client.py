@@ -8,7 +8,8 @@ from pydantic import BaseModel, ConfigDict
 
 from distalock.rest_client import JsonObject, RestClient
 
-_PATIENCE_S: Final = 60.0
+# No safety limit: a localisation takes a second, and a minute on a busy machine.
+_PATIENCE_S: Final = 300.0
 _POLL_S: Final = 0.1
 
 

@@ -31,11 +31,15 @@ class RequestRefused(DistalockError):
         self.problem_code = problem_code
 
 
+# The virtual room answers a shot when it is rendered and delivered: seconds, and minutes on a busy machine.
+_ANSWER_S, _CONNECT_S = 300.0, 30.0
+
+
 class RestClient:
     """Requests to one server, as a console would make them."""
 
     def __init__(self, base_url: str) -> None:
-        self._http = httpx.Client(base_url=base_url, timeout=30.0)
+        self._http = httpx.Client(base_url=base_url, timeout=httpx.Timeout(_ANSWER_S, connect=_CONNECT_S))
 
     def __enter__(self) -> Self:
         return self
