@@ -69,7 +69,7 @@ def test_refused_images_are_told(folder: Path, tmp_path: Path, capsys: pytest.Ca
     assert "attention: 1 of 3 images accepted" in printed
     assert "empty.png was refused: the image has only 1 different grey values" in printed
     assert "broken.dcm was refused: broken.dcm: 7 bytes that are not an image" in printed
-    assert "1 images tell nothing of single balls" in printed
+    assert "1 images are too few to report single balls" in printed
 
 
 def test_bad_input_is_one_line(tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,7 +27,7 @@ def test_the_drawing_has_a_colour_for_every_free_tilt() -> None:
             ["--head-extension-mm", "90"],
             "head extension is 90 mm, the head of 'distalock H70' can be set from 40 to 80 mm",
         ),
-        (["--hexapod", "nowhere.json"], "file nowhere.json does not exist"),
+        (["--hexapod", "nowhere.json"], "nowhere.json: cannot be read: No such file or directory; check its name"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(
