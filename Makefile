@@ -6,7 +6,8 @@ INSTALLED := .venv/.installed
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 # How many processes share the tests. A file's tests stay in one of them, with the fixtures that they share; the folders
-# with the longest files come first, so that no process ends long before the others.
+# with the longest files come first, so that no process ends long before the others. End-to-end tests run by themselves:
+# an installation is seven processes, and some of its tests hold safety deadlines.
 WORKERS ?= 2
 PYTEST := $(BIN)/python -m pytest -q
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
@@ -60,7 +61,8 @@ lint: setup
 	@$(BIN)/mypy
 
 tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) tests/accuracy tests/e2e tests/contract tests/property tests/unit
+	$(PYTEST) $(PARALLEL) tests/accuracy tests/contract tests/property tests/unit
+	$(PYTEST) tests/e2e
 
 quick-tests: $(COMPILED)
 	$(PYTEST) $(PARALLEL) tests/contract tests/property tests/unit
