@@ -27,7 +27,7 @@ def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[N
     defaults = Defaults(settings.default_source_to_detector_mm, settings.default_pixel_mm)
     memory = CArmMemory(PositionStore(settings.state_dir / "c-arm-positions"))
     quality = QualityHandler(store, settings.state_dir / "qa", lambda: datetime.now(UTC))
-    service = ImagingService(bus, runtime, store, memory, quality, defaults)
+    service = ImagingService(bus, runtime, store, memory, quality, defaults, settings.run_interval_s)
     with service.running(), ExitStack() as stack:
         places = [stack.enter_context(s.receiving(service.take)) for s in sources(settings, runtime.log)]
         for place in places:

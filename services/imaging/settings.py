@@ -32,6 +32,12 @@ class ImagingSettings(ServiceSettings):
         description="Left, top, width and height of the X-ray image within a frame, in pixels; the whole if not set.",
     )
     video_frames: Annotated[int, Field(ge=1, le=256)] = Field(8, description="Still frames that are averaged.")
+    run_interval_s: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        0.5,
+        description="Longest time between two images of a run (running fluoroscopy). An image of a run is followed for "
+        "guidance; of a run only the newest image is localised in full when that is due. 0: every image is a single "
+        "shot.",
+    )
     default_source_to_detector_mm: Annotated[float, Field(gt=100.0, lt=3000.0)] = Field(
         1000.0, description="Used when neither the case nor the image says."
     )

@@ -1,7 +1,7 @@
 """Guidance while fluoroscopy runs: every calibrated frame is followed, the newest first, none is waited for.
 
-A frame belongs to a run when it comes within `live_interval_s` of the one before it. Shots are localised in full, one
-by one; of a run only its newest frame is, and only when that is due: to begin with, when the track was lost, now and
+Imaging marks the frames of a run (`ImageReference.run_interval_s`). Single shots are localised in full, one by one; of
+a run only its newest frame is, and only when that is due: to begin with, when the track was lost, now and
 then as a check, and when the run has ended.
 """
 
@@ -72,7 +72,6 @@ class LiveGuidance:
         self._robot_pose: PlatformPoseMessage | None = None
         self._arrived: OrderedDict[str, int] = OrderedDict()
         self._arrivals = 0
-        self._last_received_ns = 0
         self._skipped_before = self._unseen = 0
         self._waiting: CalibrationMessage | None = None
         self._newest_at_s = self._localised_at_s = float("-inf")
@@ -90,9 +89,7 @@ class LiveGuidance:
 
     def takes(self, message: CalibrationMessage) -> bool:
         """Follow this frame; True when it belongs to a run, and need not be localised in full one by one."""
-        since_s = 1e-9 * (message.image.received_at_ns - self._last_received_ns)
-        self._last_received_ns = message.image.received_at_ns
-        in_run = 0.0 < since_s < self._settings.live_interval_s
+        in_run = message.image.run_interval_s is not None
         with self._lock:
             self._number(message.image.sha256)
             self._newest_at_s = self._clock_s()
@@ -106,10 +103,12 @@ class LiveGuidance:
         """The newest frame of a run, when it is due to be localised in full; handed out once."""
         with self._lock:
             message, now_s = self._waiting, self._clock_s()
+            if message is None:
+                return None
             lost = self._run.track is None or self._run.track.frames_without_estimate > 0
             checked_s_ago = now_s - self._localised_at_s
-            ended = now_s - self._newest_at_s > self._settings.live_interval_s
-            if message is None or not (lost or ended or checked_s_ago > self._settings.live_check_every_s):
+            ended = now_s - self._newest_at_s > (message.image.run_interval_s or 0.0)
+            if not (lost or ended or checked_s_ago > self._settings.live_check_every_s):
                 return None
             self._waiting = None
             return message

@@ -30,11 +30,6 @@ class RegistrationSettings(ServiceSettings):
     wire_diameter_mm: Annotated[float, Field(gt=0.0, le=6.0)] = Field(
         USUAL_WIRE_DIAMETER_MM, description="Diameter of the K-wires that are used through the guide."
     )
-    live_interval_s: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
-        0.5,
-        description="Images that follow one another faster than this are a running fluoroscopy: they are followed for "
-        "guidance, and only the newest is localised in full when that is due. 0: every image is a single shot.",
-    )
     live_check_every_s: Annotated[float, Field(gt=0.0, le=600.0)] = Field(
         5.0, description="How often a frame of a running fluoroscopy is localised in full to check the guidance."
     )

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import EventDraft
-from services.ui_api.core.fluoroscopy import RunLimits
 from services.ui_api.handlers.cases import CaseHandler
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.commands import CommandHandler
@@ -89,7 +88,6 @@ def _assemble(
     leases = Leases(clock, settings.lease_s, lambda _: _stop_for_lapse(record, stops))
     commands = CommandHandler(bus, keys, record, view, stops, leases, clock)
     context = ContextHandler(bus, keys, record)
-    limits = RunLimits(settings.run_interval_s, settings.run_calibrations)
     feed = Feed()
     record.listen(lambda _: feed.wake())
     gateway = Gateway(
@@ -103,7 +101,7 @@ def _assemble(
         verifications=VerificationHandler(bus, keys, record),
         quality=QualityHandler(bus, keys, record),
         images=ImageHandler(bus, keys, record, settings.images()),
-        inbox=Inbox(bus, keys, record, view, commands, runtime.log, limits),
+        inbox=Inbox(bus, keys, record, view, commands, runtime.log, settings.run_calibrations),
         feed=feed,
         live=LiveHandler(bus, keys, clock),
         clock=clock,

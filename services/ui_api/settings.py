@@ -24,9 +24,6 @@ class UiApiSettings(ServiceSettings):
     lease_s: Annotated[float, Field(ge=0.1, le=2.0)] = Field(
         0.5, description="How long a hold-to-move lease lasts without renewal."
     )
-    run_interval_s: Annotated[float, Field(gt=0.0, le=10.0)] = Field(
-        0.5, description="Images that follow one another faster than this are frames of a running fluoroscopy."
-    )
     run_calibrations: Annotated[int, Field(ge=0, le=256)] = Field(
         8,
         description="Newest frames of a fluoroscopy whose calibrations go on record when it has ended, besides those "

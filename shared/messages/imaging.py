@@ -24,6 +24,22 @@ from shared.messages.base import (
 )
 
 Pixels = NDArray[np.float32]
+RunInterval = Annotated[float | None, Field(gt=0.0, allow_inf_nan=False)]
+_RUN_INTERVAL = (
+    "Present when the image is part of a run of images (running fluoroscopy): it was received within this time after "
+    "the image before it, in seconds. The run ends when no image follows within this time. The first image of a run "
+    "has none, and neither has a single shot."
+)
+
+
+class ImageReference(WireModel):
+    """Which image a result was measured in."""
+
+    sha256: Sha256
+    sop_instance_uid: str
+    sequence: int = Field(ge=0)
+    received_at_ns: UnixNanoseconds
+    run_interval_s: RunInterval = Field(None, description=_RUN_INTERVAL)
 
 
 class FrameHeader(Message):
@@ -51,6 +67,17 @@ class FrameHeader(Message):
     nominal_pixel_mm: Finite
     positioner_primary_angle_deg: Finite | None = None
     positioner_secondary_angle_deg: Finite | None = None
+    run_interval_s: RunInterval = Field(None, description=_RUN_INTERVAL)
+
+    def reference(self) -> ImageReference:
+        """Name this image in a result."""
+        return ImageReference(
+            sha256=self.sha256,
+            sop_instance_uid=self.sop_instance_uid,
+            sequence=self.sequence,
+            received_at_ns=self.received_at_ns,
+            run_interval_s=self.run_interval_s,
+        )
 
     def pixels(self, payload: bytes) -> Pixels:
         """Raw bytes to an array, shape (height, width); raises `MessageInvalid` when the length does not fit."""
@@ -58,15 +85,6 @@ class FrameHeader(Message):
         if len(payload) != expected:
             raise MessageInvalid(f"frame {self.sha256[:12]} has {len(payload)} bytes of pixels, expected {expected}")
         return np.frombuffer(payload, dtype="<f4").reshape(self.height_px, self.width_px)
-
-
-class ImageReference(WireModel):
-    """Which image a result was measured in."""
-
-    sha256: Sha256
-    sop_instance_uid: str
-    sequence: int = Field(ge=0)
-    received_at_ns: UnixNanoseconds
 
 
 class BallMessage(WireModel):

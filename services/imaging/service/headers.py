@@ -17,11 +17,36 @@ class Defaults:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """When an image came, counted from the service's start and by the clock."""
+    """When an image was received.
+
+    Attributes
+    ----------
+    sequence
+        Counts the images since the service started, from 1.
+    boot_epoch
+        Names this start of the service.
+    received_at_ns
+        Unix time.
+    run_interval_s
+        Longest time between two images of a run when this one is part of a run, otherwise None.
+    """
 
     sequence: int
     boot_epoch: str
     received_at_ns: int
+    run_interval_s: float | None
+
+    @staticmethod
+    def after(previous: "Arrival | None", boot_epoch: str, received_at_ns: int, run_interval_s: float) -> "Arrival":
+        """The next arrival: part of a run when it follows the previous one within `run_interval_s`.
+
+        A clock that was set back starts a new run.
+        """
+        if previous is None:
+            return Arrival(1, boot_epoch, received_at_ns, None)
+        since_s = 1e-9 * (received_at_ns - previous.received_at_ns)
+        in_run = 0.0 < since_s < run_interval_s
+        return Arrival(previous.sequence + 1, boot_epoch, received_at_ns, run_interval_s if in_run else None)
 
 
 def frame_header(
@@ -51,6 +76,7 @@ def frame_header(
         nominal_pixel_mm=_first(case.nominal_pixel_mm if case else None, made.pixel_mm, defaults.pixel_mm),
         positioner_primary_angle_deg=made.positioner_primary_angle_deg,
         positioner_secondary_angle_deg=made.positioner_secondary_angle_deg,
+        run_interval_s=arrival.run_interval_s,
     )
 
 

@@ -32,18 +32,15 @@ from shared.runtime.lifecycle import Runtime
 
 _QUEUE = 64
 _WAIT_S = 0.2
-# Images that come closer than this are a run of fluoroscopy; of those that wait, only the newest is worth calibrating.
-_RUN_INTERVAL_NS = 500_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shot:
-    """One received image on its way, with the ring of the case it joined, and whether it follows another in a run."""
+    """One received image that waits for its calibration, with the ring of the case it joined."""
 
     header: FrameHeader
     image: ReceivedImage
     ring: RingPart | None
-    in_run: bool
 
 
 class ImagingService:
@@ -61,6 +58,8 @@ class ImagingService:
         Who makes quality reports.
     defaults
         Nominal C-arm values.
+    run_interval_s
+        Longest time between two images of a run (running fluoroscopy).
     """
 
     def __init__(
@@ -71,10 +70,12 @@ class ImagingService:
         memory: CArmMemory,
         quality: QualityHandler,
         defaults: Defaults,
+        run_interval_s: float,
     ) -> None:
         self._runtime = runtime
         self._store = store
         self._defaults = defaults
+        self._run_interval_s = run_interval_s
         self._bus = bus
         self._frames = bus.publisher(runtime.keys.frame)
         self._calibrations = bus.retained_publisher(runtime.keys.calibration)
@@ -83,8 +84,7 @@ class ImagingService:
         self._lock = threading.Lock()
         self._case: CaseContext | None = None
         self._ring: RingPart | None = None
-        self._sequence = 0
-        self._received_at_ns = 0
+        self._newest: Arrival | None = None
         self._memory = memory
         self._quality = quality
 
@@ -124,13 +124,11 @@ class ImagingService:
         image = read_image(content, sender)
         sha256 = self._store.put(image.dicom)
         with self._lock:
-            self._sequence += 1
-            arrival = Arrival(self._sequence, self._runtime.boot_epoch, time.time_ns())
+            arrival = Arrival.after(self._newest, self._runtime.boot_epoch, time.time_ns(), self._run_interval_s)
+            self._newest = arrival
             header = frame_header(image, sha256, arrival, self._case, self._defaults)
             self._store.put_header(sha256, encode(header))
-            in_run = header.received_at_ns - self._received_at_ns < _RUN_INTERVAL_NS
-            self._received_at_ns = header.received_at_ns
-            queued = self._shots.put(_Shot(header, image, self._ring, in_run))
+            queued = self._shots.put(_Shot(header, image, self._ring))
             if queued:
                 self._announce(header, image)
         if not queued:
@@ -175,11 +173,11 @@ class ImagingService:
         return Answer(encode(reply))
 
     def _work(self) -> None:
-        """Calibrate what is queued, in order of arrival; frames of a run that newer ones overtook are left out."""
+        """Calibrate what is queued, in order of arrival; an image of a run is skipped when a newer one waits."""
         compile_core()
         while not self._ended.is_set():
             shot = self._shots.take(_WAIT_S)
-            if shot is None or (shot.in_run and len(self._shots) > 0):
+            if shot is None or (shot.header.run_interval_s is not None and len(self._shots) > 0):
                 continue
             try:
                 self._calibrate(shot)

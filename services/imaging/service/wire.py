@@ -7,7 +7,7 @@ from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.messages.base import ReasonMessage
-from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader, ImageReference
+from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader
 from shared.runtime.lifecycle import software_version
 
 Outcome = Accepted[CArmCalibration] | Rejected
@@ -22,12 +22,7 @@ def calibration_message(outcome: Outcome, elapsed_ms: float, ring: RingPart, hea
     """An outcome with what it was made from."""
     accepted = isinstance(outcome, Accepted)
     return CalibrationMessage(
-        image=ImageReference(
-            sha256=header.sha256,
-            sop_instance_uid=header.sop_instance_uid,
-            sequence=header.sequence,
-            received_at_ns=header.received_at_ns,
-        ),
+        image=header.reference(),
         case_id=header.case_id,
         case_revision=header.case_revision,
         ring_sha256=ring.sha256,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageCalibrated, ImageReceived, LocalisationReceived, PresenceChanged
 from services.ui_api.core.events import EventData, EventDraft
-from services.ui_api.core.fluoroscopy import FluoroscopyRun, RunLimits
+from services.ui_api.core.fluoroscopy import FluoroscopyRun
 from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.images import FRAME_TIMEOUT_S
 from services.ui_api.handlers.robot_view import RobotView, change_of
@@ -31,6 +31,8 @@ from shared.runtime.logging import Log
 
 WATCHED_SERVICES: tuple[ServiceName, ...] = ("imaging", "registration", "robot")
 _QUEUE_SIZE = 4096
+# How long the thread waits for work before any run of images: nothing depends on it.
+_IDLE_S = 0.5
 
 
 @dataclass(slots=True)
@@ -52,13 +54,13 @@ class Inbox:
         view: RobotView,
         commands: CommandHandler,
         log: Log,
-        limits: RunLimits,
+        run_calibrations: int,
     ) -> None:
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._commands, self._log = view, commands, log
         self._queue: BoundedQueue[Callable[[], None]] = BoundedQueue(_QUEUE_SIZE)
-        self._run: FluoroscopyRun[bytes] = FluoroscopyRun(limits)
-        self._idle_s = limits.interval_s
+        self._run: FluoroscopyRun[bytes] = FluoroscopyRun(run_calibrations)
+        self._run_interval_s = _IDLE_S
         self._ended = False
         self._thread = threading.Thread(target=self._work, name="inbox", daemon=True)
         self.presence = ServicePresence(dict.fromkeys(WATCHED_SERVICES, False))
@@ -85,7 +87,7 @@ class Inbox:
 
     def _work(self) -> None:
         while not self._ended:
-            work = self._queue.take(self._idle_s) or self._run_ended
+            work = self._queue.take(self._run_interval_s) or self._run_ended
             try:
                 work()
             except MessageInvalid as error:
@@ -134,24 +136,20 @@ class Inbox:
     def _frame(self, attachment: bytes) -> None:
         header = decode(FrameHeader, attachment)
         self.presence.image_source = f"{header.manufacturer} {header.model_name}".strip()
-        reference = ImageReference(
-            sha256=header.sha256,
-            sop_instance_uid=header.sop_instance_uid,
-            sequence=header.sequence,
-            received_at_ns=header.received_at_ns,
-        )
         with self._record.write() as unit:
-            self._keep_image(unit, header.case_id, header.case_revision, reference, header)
+            self._keep_image(unit, header.case_id, header.case_revision, header.reference(), header)
 
     def _calibration(self, payload: bytes) -> None:
         message = decode(CalibrationMessage, payload)
-        if not self._run.holds(message.image.sha256, message.image.received_at_ns, payload):
+        run_interval_s = message.image.run_interval_s
+        if run_interval_s is None:
             self._run_ended()
             self._record_calibration(message, payload)
-        elif self._run.was_awaited(message.image.sha256):
-            # two services spoke of it, and the later word came first
-            self._run.claim(message.image.sha256)
+        elif self._run.was_awaited(message.image.sha256):  # its localisation arrived before its calibration
             self._record_calibration(message, payload)
+        else:
+            self._run_interval_s = run_interval_s
+            self._run.hold(message.image.sha256, payload)
 
     def _record_calibration(self, message: CalibrationMessage, payload: bytes) -> None:
         codes = tuple(reason.code.value for reason in message.reasons)

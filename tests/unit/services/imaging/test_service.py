@@ -17,6 +17,7 @@ from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
 from services.imaging.service import Defaults, ImagingService
+from services.imaging.service.headers import Arrival
 from services.imaging.service.quality_handler import QualityHandler
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
@@ -63,7 +64,9 @@ class Room:
 
 
 @contextmanager
-def room_of(store: ImageStore, positions: Path, memory: CArmMemory | None = None) -> Iterator[Room]:
+def room_of(
+    store: ImageStore, positions: Path, memory: CArmMemory | None = None, run_interval_s: float = PATIENCE_S
+) -> Iterator[Room]:
     router = MemoryRouter()
     with router.open() as bus, router.open() as listener:
         status = StatusReporter(bus.retained_publisher(KEYS.status("imaging")), "imaging", "epoch-1", "0")
@@ -71,7 +74,13 @@ def room_of(store: ImageStore, positions: Path, memory: CArmMemory | None = None
         runtime = Runtime("imaging", "epoch-1", KEYS, log, status)
         quality = QualityHandler(store, positions / "qa", lambda: datetime(2026, 1, 2, tzinfo=UTC))
         service = ImagingService(
-            bus, runtime, store, memory or CArmMemory(PositionStore(positions)), quality, Defaults(1000.0, 0.235)
+            bus,
+            runtime,
+            store,
+            memory or CArmMemory(PositionStore(positions)),
+            quality,
+            Defaults(1000.0, 0.235),
+            run_interval_s,
         )
         frames: queue.Queue[Sample] = queue.Queue()
         calibrations: queue.Queue[Sample] = queue.Queue()
@@ -164,6 +173,38 @@ def test_frames_of_a_run_are_published_at_once_and_those_overtaken_not_calibrate
         assert (sequences, room.calibrations.empty()) == ([1, 2, 3, 4, 5], True)
         memory.released.set()
         assert [room.calibration().image.sequence for _ in range(2)] == [1, 5]
+
+
+def marks_of_two_images(folder: Path, run_interval_s: float) -> list[float | None]:
+    """`run_interval_s` of two images in the frame header and in the calibration message."""
+    with room_of(ImageStore(folder), folder / "positions", run_interval_s=run_interval_s) as room:
+        room.open_case()
+        marks = []
+        for _ in range(2):
+            room.service.take(small_dicom(), "CARM")
+            header = decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment)
+            assert room.calibration().image == header.reference()
+            marks.append(header.run_interval_s)
+        return marks
+
+
+def test_an_image_that_follows_another_closely_is_marked_as_part_of_a_run(tmp_path: Path) -> None:
+    assert marks_of_two_images(tmp_path, PATIENCE_S) == [None, PATIENCE_S]
+
+
+def test_images_with_a_pause_between_them_are_single_shots(tmp_path: Path) -> None:
+    assert marks_of_two_images(tmp_path, 1e-9) == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("since_ns", "run_interval_s"),
+    [(1, 0.5), (499_999_999, 0.5), (500_000_000, None), (10**10, None), (0, None), (-(10**9), None)],
+)
+def test_the_time_since_the_image_before_decides(since_ns: int, run_interval_s: float | None) -> None:
+    first = Arrival.after(None, "epoch-1", 10**12, 0.5)
+    second = Arrival.after(first, "epoch-1", 10**12 + since_ns, 0.5)
+    assert (first.sequence, first.run_interval_s) == (1, None)
+    assert (second.sequence, second.run_interval_s) == (2, run_interval_s)
 
 
 def test_a_refusal_is_published_with_its_reasons(room: Room) -> None:

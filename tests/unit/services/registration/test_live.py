@@ -17,7 +17,7 @@ from shared.errors import ReasonCode
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage, decode, encode
 from shared.messages.guidance import Guidance
-from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader, ImageReference
+from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader
 from shared.messages.registration import LocalisationRecord
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
 from shared.parts.files import sha256_of
@@ -30,6 +30,9 @@ from tests.unit.services.registration.rendered_case import (
     SIZE_PX,
 )
 
+# on a busy machine frames that come one after another may be seconds apart
+RUN_INTERVAL_S = 4.0
+
 
 @dataclass
 class CArm:
@@ -41,16 +44,16 @@ class CArm:
     state: RegistrationState
     sequence: int = 0
 
-    def shows(self, pixels: NDArray[np.float32], calibration: CArmCalibration | None, at_s: float) -> int:
+    def shows(self, pixels: NDArray[np.float32], calibration: CArmCalibration | None, *, in_run: bool) -> int:
         """An image arrives with its calibration; its number."""
         self.sequence += 1
-        sha256, received_ns = sha256_of(str(self.sequence).encode()), int(1e9 * at_s)
+        sha256 = sha256_of(str(self.sequence).encode())
         header = FrameHeader(
             sha256=sha256,
             sop_instance_uid="1.2.3",
             sequence=self.sequence,
             boot_epoch="imaging-1",
-            received_at_ns=received_ns,
+            received_at_ns=self.sequence,
             width_px=SIZE_PX,
             height_px=SIZE_PX,
             bits_stored=16,
@@ -60,11 +63,10 @@ class CArm:
             nominal_pixel_mm=0.235,
             positioner_primary_angle_deg=85.0,
             positioner_secondary_angle_deg=3.0,
+            run_interval_s=RUN_INTERVAL_S if in_run else None,
         )
         message = CalibrationMessage(
-            image=ImageReference(
-                sha256=sha256, sop_instance_uid="1.2.3", sequence=self.sequence, received_at_ns=received_ns
-            ),
+            image=header.reference(),
             case_id="case-1",
             case_revision=1,
             ring_sha256=sha256_of(RING_JSON.encode()),
@@ -103,8 +105,7 @@ class CArm:
 @pytest.fixture
 def c_arm() -> Iterator[CArm]:
     router = MemoryRouter()
-    # on a busy machine frames that come one after another may be a second apart
-    settings = RegistrationSettings(live_check_every_s=600.0, live_interval_s=4.0)
+    settings = RegistrationSettings(live_check_every_s=600.0)
     state = RegistrationState("registration-1", settings.kept_images, settings.image_delay_s, lambda: 100.0)
     with router.open() as bus:
         seen = CArm(bus, queue.Queue(), queue.Queue(), state)
@@ -121,13 +122,13 @@ def c_arm() -> Iterator[CArm]:
 
 def test_a_shot_is_localised_and_the_frames_after_it_are_followed(c_arm: CArm) -> None:
     pixels, calibration = still_picture()
-    shot = c_arm.shows(pixels, calibration, at_s=10.0)
+    shot = c_arm.shows(pixels, calibration, in_run=False)
     word = c_arm.next_word()
     assert (word.image.sequence, word.origin, word.verdict) == (shot, "localised", "accepted")
     assert c_arm.records.get(timeout=PATIENCE_S).image.sequence == shot
 
     for number in range(3):
-        frame = c_arm.shows(pixels, calibration, at_s=10.1 + 0.1 * number)
+        frame = c_arm.shows(pixels, calibration, in_run=True)
         word = c_arm.next_word()
         assert (word.image.sequence, word.origin, word.verdict) == (frame, "followed", "accepted"), word.reasons
         assert word.holes is not None
@@ -143,9 +144,9 @@ def test_a_shot_is_localised_and_the_frames_after_it_are_followed(c_arm: CArm) -
 
 def test_a_frame_that_could_not_be_calibrated_repeats_nothing_of_the_one_before(c_arm: CArm) -> None:
     pixels, calibration = still_picture()
-    c_arm.shows(pixels, calibration, at_s=10.0)
+    c_arm.shows(pixels, calibration, in_run=False)
     assert c_arm.next_word().verdict == "accepted"
-    frame = c_arm.shows(BLANK, None, at_s=10.1)
+    frame = c_arm.shows(BLANK, None, in_run=True)
     word = c_arm.next_word()
     assert (word.image.sequence, word.verdict) == (frame, "rejected")
     assert [reason.code for reason in word.reasons] == [ReasonCode.RING_NOT_FOUND]
@@ -153,10 +154,10 @@ def test_a_frame_that_could_not_be_calibrated_repeats_nothing_of_the_one_before(
 
 
 def test_a_run_without_a_key_says_that_it_waits(c_arm: CArm) -> None:
-    c_arm.shows(BLANK, None, at_s=10.0)
+    c_arm.shows(BLANK, None, in_run=False)
     assert c_arm.records.get(timeout=PATIENCE_S).localisation.verdict == "rejected"
     _, calibration = still_picture()
-    frame = c_arm.shows(BLANK, calibration, at_s=10.1)
+    frame = c_arm.shows(BLANK, calibration, in_run=True)
     word = c_arm.next_word()
     assert (word.image.sequence, word.verdict) == (frame, "rejected")
     assert word.reasons[0].code is ReasonCode.NAIL_NOT_FOUND
@@ -165,10 +166,10 @@ def test_a_run_without_a_key_says_that_it_waits(c_arm: CArm) -> None:
 
 def test_a_key_is_worth_nothing_once_the_robot_has_moved(c_arm: CArm) -> None:
     pixels, calibration = still_picture()
-    c_arm.shows(pixels, calibration, at_s=10.0)
+    c_arm.shows(pixels, calibration, in_run=False)
     assert c_arm.next_word().verdict == "accepted"
     c_arm.robot_rests_at(x_mm=0.3)
-    c_arm.shows(pixels, calibration, at_s=10.1)
+    c_arm.shows(pixels, calibration, in_run=True)
     word = c_arm.next_word()
     assert (word.verdict, word.origin) == ("rejected", "followed")
     assert word.reasons[0].code is ReasonCode.NAIL_NOT_FOUND

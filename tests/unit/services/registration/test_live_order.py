@@ -37,14 +37,16 @@ class Lone:
     state: RegistrationState
     words: "queue.Queue[Guidance]"
 
-    def arrives(self, name: str, at_s: float, revision: int = 1) -> None:
+    def arrives(self, name: str, at_s: float, revision: int = 1, *, in_run: bool) -> None:
         """An image with its pixels and its calibration."""
         pixels, calibration = still_picture()
         head = header(name).model_copy(update={"received_at_ns": int(1e9 * at_s), "case_revision": revision})
         self.state.note_frame(head, pixels)
         self.guidance.takes(
             CalibrationMessage(
-                image=reference(name).model_copy(update={"received_at_ns": int(1e9 * at_s)}),
+                image=reference(name).model_copy(
+                    update={"received_at_ns": int(1e9 * at_s), "run_interval_s": 0.5 if in_run else None}
+                ),
                 case_id="case-1",
                 case_revision=revision,
                 ring_sha256=sha256_of(RING_JSON.encode()),
@@ -96,10 +98,10 @@ def lone() -> Iterator[Lone]:
 
 def followed_after_a_shot(lone: Lone) -> Guidance:
     """The word of frame `b`, which came after the shot `a`."""
-    lone.arrives("a", 10.0)
+    lone.arrives("a", 10.0, in_run=False)
     lone.localised("a", found_in_full())
     assert lone.next_word().origin == "localised"
-    lone.arrives("b", 10.1)
+    lone.arrives("b", 10.1, in_run=True)
     word = lone.next_word()
     assert (word.origin, word.verdict) == ("followed", "accepted"), word.reasons
     return word
@@ -125,15 +127,15 @@ def test_an_image_that_was_followed_and_cannot_be_localised_takes_its_word_back(
     word = lone.next_word()
     assert (word.origin, word.verdict, word.image.sha256) == ("localised", "rejected", before.image.sha256)
     assert [reason.code for reason in word.reasons] == [ReasonCode.NAIL_MODEL_MISMATCH]
-    lone.arrives("c", 10.2)
+    lone.arrives("c", 10.2, in_run=True)
     assert "hold the C-arm still" in lone.next_word().reasons[0].message
 
 
 def test_a_localisation_of_a_set_up_that_was_left_begins_nothing(lone: Lone) -> None:
-    lone.arrives("a", 10.0)
+    lone.arrives("a", 10.0, in_run=False)
     lone.state.open_case(OpenCase.of(context(revision=2)))
     lone.localised("a", found_in_full())
-    lone.arrives("b", 10.1, revision=2)
+    lone.arrives("b", 10.1, revision=2, in_run=True)
     word = lone.next_word()
     assert (word.image.sha256, word.case_revision, word.verdict) == (sha256_of(b"b"), 2, "rejected")
     assert "hold the C-arm still" in word.reasons[0].message
@@ -142,12 +144,12 @@ def test_a_localisation_of_a_set_up_that_was_left_begins_nothing(lone: Lone) -> 
 def test_a_localisation_that_took_long_is_not_told_after_a_newer_frame(lone: Lone) -> None:
     """Even when the wall clock was set back between the two images."""
     followed_after_a_shot(lone)
-    lone.arrives("old", 10.15)
+    lone.arrives("old", 10.15, in_run=True)
     assert lone.next_word().image.sha256 == sha256_of(b"old")
-    lone.arrives("set back", 3.0)
+    lone.arrives("set back", 3.0, in_run=False)
     assert lone.next_word().image.sha256 == sha256_of(b"set back")
     found = found_in_full()
     assert found.nail is not None
     lone.localised("old", replace(found, nail=replace(found.nail, camera_from_nail=turned_nail((6.0, 0.0)))))
-    lone.arrives("last", 3.1)
+    lone.arrives("last", 3.1, in_run=True)
     assert lone.next_word().image.sha256 == sha256_of(b"last")

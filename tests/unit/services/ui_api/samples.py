@@ -9,7 +9,7 @@ from services.ui_api.core.event_data import CaseSetup, PartUse
 from shared.errors import ReasonCode
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import Guidance, GuidanceUncertainty, GuidedHole, MirrorCheck
-from shared.messages.imaging import FrameHeader, ImageReference
+from shared.messages.imaging import FrameHeader
 from shared.messages.qa import QaImage, QaReply, QaReport, QaRequest
 from shared.messages.registration import (
     CArmCorrection,
@@ -126,15 +126,6 @@ def pixels() -> bytes:
     return np.linspace(0.0, 1.0, WIDTH_PX * HEIGHT_PX, dtype="<f4").tobytes()
 
 
-def reference(header: FrameHeader) -> ImageReference:
-    return ImageReference(
-        sha256=header.sha256,
-        sop_instance_uid=header.sop_instance_uid,
-        sequence=header.sequence,
-        received_at_ns=header.received_at_ns,
-    )
-
-
 def localisation(image_sha256: str, *reasons: ReasonCode) -> Localisation:
     uncertainty = StandardUncertainty(entry_mm=0.03, axis_deg=0.09)
     hole = LocalisedHole(
@@ -172,7 +163,7 @@ def guidance(header: FrameHeader, about_image_x_deg: float) -> Guidance:
         verdict="accepted",
         reasons=(),
         origin="followed",
-        image=reference(header),
+        image=header.reference(),
         case_id=header.case_id,
         case_revision=header.case_revision,
         holes=(GuidedHole(id="distal", tilt_to_ray_deg=1.5, about_image_x=about_image_x_deg, about_image_y=0.0),),
@@ -189,7 +180,7 @@ def localisation_record(header: FrameHeader, epoch: str, *reasons: ReasonCode) -
     assert header.case_id is not None
     return LocalisationRecord(
         localisation=localisation(header.sha256, *reasons),
-        image=reference(header),
+        image=header.reference(),
         case_id=header.case_id,
         case_revision=header.case_revision,
         registration_epoch=epoch,

@@ -14,26 +14,31 @@ NEWEST, FRAMES = 3, 20
 LONGER_THAN_ANY_TEST_S = 30.0
 
 
-def frame(room: Room, case_id: str, number: int, at_s: float) -> FrameHeader:
+def frame(room: Room, case_id: str, number: int, run_interval_s: float | None) -> FrameHeader:
     """A frame arrives and is calibrated."""
-    header = arriving(room, case_id, number, at_s)
+    header = arriving(room, case_id, number, run_interval_s)
     calibrate(room, header)
     return header
 
 
-def arriving(room: Room, case_id: str, number: int, at_s: float) -> FrameHeader:
-    """A frame of which nothing is known yet."""
-    name = f"frame {number}"
-    header = samples.frame_header(name, case_id, 1, number).model_copy(update={"received_at_ns": int(1e9 * at_s)})
+def arriving(room: Room, case_id: str, number: int, run_interval_s: float | None) -> FrameHeader:
+    """A frame arrives; it is not calibrated yet."""
+    header = samples.frame_header(f"frame {number}", case_id, 1, number)
+    header = header.model_copy(update={"run_interval_s": run_interval_s})
     room.imaging.keep(header)
     room.imaging.bus.publisher(room.imaging.keys.frame).put(samples.pixels(), encode(header))
     return header
 
 
+def run_of_frames(room: Room, case_id: str, run_interval_s: float = LONGER_THAN_ANY_TEST_S) -> list[FrameHeader]:
+    """Frames of a run as imaging marks them: the first one follows no other."""
+    return [frame(room, case_id, number, run_interval_s if number else None) for number in range(FRAMES)]
+
+
 def calibrate(room: Room, header: FrameHeader) -> None:
     """Its calibration arrives (here: rejected, which is as much a calibration)."""
     message = CalibrationMessage(
-        image=samples.reference(header),
+        image=header.reference(),
         case_id=header.case_id,
         case_revision=1,
         ring_sha256=samples.sha("ring"),
@@ -55,9 +60,9 @@ def case_of(room: Room, case_id: str) -> Case:
 
 
 def test_of_a_run_the_newest_and_the_localised_frames_are_recorded_whole(tmp_path: Path) -> None:
-    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
+    with open_room(tmp_path, run_calibrations=NEWEST) as room:
         case_id = room.open_case()
-        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        run = run_of_frames(room, case_id)
         # nothing orders messages of different keys: a localisation may overtake frames that came long before it
         room.log.wait_for(lambda: len(case_of(room, case_id).images) == FRAMES)
         room.registration.publish(run[5])
@@ -66,8 +71,8 @@ def test_of_a_run_the_newest_and_the_localised_frames_are_recorded_whole(tmp_pat
             lambda: len(case_of(room, case_id).localisations) == 1 and len(calibrated(room, case_id)) == 2
         )
         assert calibrated(room, case_id) == [run[0].sha256, run[5].sha256]
-        # the next image comes after a pause: the run has ended
-        shot = frame(room, case_id, FRAMES, 60.0)
+        # a single shot: the run has ended
+        shot = frame(room, case_id, FRAMES, None)
         kept = [run[0], run[5], *run[-NEWEST:], shot]
         room.log.wait_for(lambda: len(calibrated(room, case_id)) == len(kept))
         assert calibrated(room, case_id) == [one.sha256 for one in kept]
@@ -78,10 +83,10 @@ def test_of_a_run_the_newest_and_the_localised_frames_are_recorded_whole(tmp_pat
 
 
 def test_a_frame_whose_localisation_comes_after_the_run_has_ended_is_recorded_whole(tmp_path: Path) -> None:
-    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
+    with open_room(tmp_path, run_calibrations=NEWEST) as room:
         case_id = room.open_case()
-        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
-        shot = frame(room, case_id, FRAMES, 60.0)
+        run = run_of_frames(room, case_id)
+        shot = frame(room, case_id, FRAMES, None)
         kept = [run[0], *run[-NEWEST:], shot]
         room.log.wait_for(lambda: len(calibrated(room, case_id)) == len(kept))
         room.registration.publish(run[5])
@@ -90,10 +95,10 @@ def test_a_frame_whose_localisation_comes_after_the_run_has_ended_is_recorded_wh
 
 
 def test_a_localisation_that_overtakes_its_frames_calibration_loses_nothing(tmp_path: Path) -> None:
-    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
+    with open_room(tmp_path, run_calibrations=NEWEST) as room:
         case_id = room.open_case()
-        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
-        next_one = arriving(room, case_id, FRAMES, 1.0 + 0.1 * FRAMES)
+        run = run_of_frames(room, case_id)
+        next_one = arriving(room, case_id, FRAMES, LONGER_THAN_ANY_TEST_S)
         room.registration.publish(next_one)
         room.log.wait_for(lambda: len(case_of(room, case_id).localisations) == 1)
         calibrate(room, next_one)
@@ -102,17 +107,17 @@ def test_a_localisation_that_overtakes_its_frames_calibration_loses_nothing(tmp_
 
 
 def test_a_run_has_ended_when_no_frame_follows(tmp_path: Path) -> None:
-    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=0.3) as room:
+    with open_room(tmp_path, run_calibrations=NEWEST) as room:
         case_id = room.open_case()
-        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        run = run_of_frames(room, case_id, run_interval_s=0.3)
         room.log.wait_for(lambda: len(calibrated(room, case_id)) > NEWEST)
         assert calibrated(room, case_id)[-1] == run[-1].sha256
 
 
 def test_a_run_that_the_gateways_end_cuts_off_is_recorded(tmp_path: Path) -> None:
-    with open_room(tmp_path, run_calibrations=NEWEST, run_interval_s=LONGER_THAN_ANY_TEST_S) as room:
+    with open_room(tmp_path, run_calibrations=NEWEST) as room:
         case_id = room.open_case()
-        run = [frame(room, case_id, number, 1.0 + 0.1 * number) for number in range(FRAMES)]
+        run = run_of_frames(room, case_id)
         room.log.wait_for(lambda: len(case_of(room, case_id).images) == FRAMES)
     with open_room(tmp_path) as again:
         assert calibrated(again, case_id) == [one.sha256 for one in (run[0], *run[-NEWEST:])]

@@ -43,7 +43,7 @@ def _calibration(*, mirrored: bool) -> CalibrationValues:
 
 def _publish_calibration(room: Room, header: FrameHeader, values: CalibrationValues | None) -> None:
     message = CalibrationMessage(
-        image=samples.reference(header),
+        image=header.reference(),
         case_id=header.case_id,
         case_revision=header.case_revision,
         ring_sha256=samples.sha("ring"),
