@@ -139,7 +139,17 @@ def imaging_chain(sampling: Sampling, parameters: NDArray[np.float64]) -> Imagin
     # so that the bend hardly depends on the exponent
     curve = float(np.clip(2.0 * parameters[Parameter.CURVE] / (1.0 - exponent), _LEAST_BEND, _LARGEST_BEND))
     rise, grey_rise = float(np.expm1(curve)), float(np.expm1(exponent * curve))
-    return _with_optics(ImagingChain(0.0, 0.0, 0.0, rise, grey_rise, exponent, 0.0, 0.0), sampling, parameters)
+    without_optics = ImagingChain(
+        blur_px=0.0,
+        tail_share=0.0,
+        tail_px=0.0,
+        rise=rise,
+        grey_rise=grey_rise,
+        exponent=exponent,
+        sharpening=0.0,
+        sharpening_px=0.0,
+    )
+    return _with_optics(without_optics, sampling, parameters)
 
 
 def _with_optics(chain: ImagingChain, sampling: Sampling, parameters: NDArray[np.float64]) -> ImagingChain:
