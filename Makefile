@@ -29,15 +29,14 @@ help:
 	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
 	@echo "make setup   only the environment in .venv, with the command at .venv/bin/distalock"
 
-setup: $(INSTALLED)
+setup: $(COMPILED)
 
 $(INSTALLED): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "distalock needs Python 3.11 or newer; $(PYTHON) is " + sys.version.split()[0] + ". Call: make PYTHON=python3.12 ...")'
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
-	$(BIN)/python -m distalock.prepare
-	@touch $@ $(COMPILED)
+	@touch $@
 
 $(COMPILED): $(INSTALLED) $(KERNELS)
 	$(BIN)/python -m distalock.prepare
