@@ -9,7 +9,7 @@ from types import ModuleType
 
 from shared.tuning import TunedValue, values_of
 
-_MODULES = (
+MODULES = (
     "services.imaging.core.tuning",
     "shared.xray.tuning",
     "services.registration.core.tuning",
@@ -30,7 +30,7 @@ does to verdicts and errors. Limits that refuse an image are not tuned values: t
 
 def tuning_page() -> str:
     """The page, module by module in the order of processing."""
-    modules = [importlib.import_module(name) for name in _MODULES if importlib.util.find_spec(name) is not None]
+    modules = [importlib.import_module(name) for name in MODULES if importlib.util.find_spec(name) is not None]
     counts = Counter(value.origin.provenance.value for module in modules for value in tuned_values(module))
     summary = ", ".join(f"{number} {provenance}" for provenance, number in sorted(counts.items()))
     return _HEAD.format(counts=f"There are {sum(counts.values())}: {summary}.") + "".join(map(_section, modules))
