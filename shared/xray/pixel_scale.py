@@ -3,14 +3,11 @@
 Blur, noise and the shadows of metal have their size in millimetres at the detector, so tuned lengths are declared in
 millimetres (`_detector_mm`) and converted by the pixel pitch of the image at hand. The pitch is quantised to powers of
 sqrt(2) around the usual one: images of about the usual pitch get the same lengths, whole pixels where they were chosen
-as such, and a length in pixels is off by at most 19 %, less than the tolerance of any tuned length.
+as such, and a length in pixels is off by at most 19 %.
 """
 
 import math
 from typing import Final
-
-import numpy as np
-from numpy.typing import NDArray
 
 USUAL_PIXEL_MM: Final = 0.235
 """Pixel pitch at the detector for which tuned lengths were chosen: a 9-inch field on about 1000 pixels."""
@@ -61,8 +58,3 @@ def pixels_or_more(length_mm: float, pixel_mm: float) -> float:
     Fits of balls need as many pixels however coarse these are; their surroundings follow the pitch continuously.
     """
     return pixels(length_mm, USUAL_PIXEL_MM) * max(1.0, USUAL_PIXEL_MM / pixel_mm)
-
-
-def pixels_of_each(lengths_mm: NDArray[np.float64], pixel_mm: float) -> NDArray[np.float64]:
-    """The same as `pixels` for an array of lengths, of its shape."""
-    return np.round(lengths_mm / quantised_pitch_mm(pixel_mm), _DECIMALS)

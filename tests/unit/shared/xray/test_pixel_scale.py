@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shared.xray.pixel_scale import USUAL_PIXEL_MM, pixels, pixels_of_each, quantised_pitch_mm, whole_pixels
+from shared.xray.pixel_scale import USUAL_PIXEL_MM, pixels, quantised_pitch_mm, whole_pixels
 
 
 @pytest.mark.parametrize("pixel_mm", [0.2, 0.229, 0.235, 0.25, 0.278])
@@ -26,12 +26,6 @@ def test_whole_pixels_are_rounded_and_never_vanish() -> None:
     assert whole_pixels(1.41, 0.235) == 6
     assert whole_pixels(1.41, 0.167) == 8
     assert whole_pixels(0.05, 0.235) == 1
-
-
-def test_an_array_of_lengths_is_converted_like_each_of_them() -> None:
-    lengths_mm = np.array([[0.235, 1.41], [0.3525, 2.0]])
-    expected = [[pixels(float(length), 0.16) for length in row] for row in lengths_mm]
-    assert np.array_equal(pixels_of_each(lengths_mm, 0.16), expected)
 
 
 @pytest.mark.parametrize("pixel_mm", [0.0, -0.2, float("nan"), float("inf")])
