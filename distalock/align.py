@@ -137,17 +137,17 @@ class Guide:
         self._track: Track | None = None
         self._count = 0
 
-    def told(self, frame: Frame) -> Guidance:
-        """What the next frame says."""
+    def advice(self, frame: Frame) -> Guidance:
+        """C-arm positioning advice from the next frame."""
         self._count += 1
         geometry = self._nominal.geometry(frame.acquisition)
         outcome = calibrate_next(frame.pixels, self._parts.ring, geometry, self._before)
         began_s = time.perf_counter()
         if isinstance(outcome, Rejected):
-            sight = FrameEstimate(Origin.FOLLOWED, None, None, outcome.reasons, None)
+            estimate = FrameEstimate(Origin.FOLLOWED, None, None, outcome.reasons, None)
         else:
             self._before = outcome.value
-            sight = self._sight(frame.pixels, outcome.value)
+            estimate = self._estimate(frame.pixels, outcome.value)
         facts = FrameFacts(
             ImageReference(
                 sha256=frame.sha256, sop_instance_uid="", sequence=self._count, received_at_ns=time.time_ns()
@@ -159,12 +159,12 @@ class Guide:
             0,
             1e3 * (time.perf_counter() - began_s),
         )
-        return guidance_message(sight, facts, self._picture)
+        return guidance_message(estimate, facts, self._picture)
 
-    def _sight(self, pixels: NDArray[np.float32], calibration: CArmCalibration) -> FrameEstimate:
+    def _estimate(self, pixels: NDArray[np.float32], calibration: CArmCalibration) -> FrameEstimate:
         if self._track is not None and self._track.frames_without_estimate < _MOST_MISSED:
-            sight, self._track = track_frame(pixels, calibration, self._parts, self._track)
-            return sight
+            estimate, self._track = track_frame(pixels, calibration, self._parts, self._track)
+            return estimate
         found = localise(pixels, calibration, self._parts)
         self._track = start_track(pixels, calibration, self._parts, found) or self._track
         return estimate_of_localisation(found, self._parts)
@@ -183,9 +183,9 @@ def run(given: argparse.Namespace) -> int:
         require_frames(given.images)
         guide = Guide(parts, NominalOptions(given.source_to_detector_mm, given.pixel_mm))
         for frame in frames_of(given.images):
-            told = guide.told(frame)
-            verdict = told.verdict
-            print(encode(told).decode(), flush=True)
+            advice = guide.advice(frame)
+            verdict = advice.verdict
+            print(encode(advice).decode(), flush=True)
     except InputError as error:
         print(f"distalock align: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT

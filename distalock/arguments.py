@@ -98,7 +98,7 @@ def existing_file(text: str) -> Path:
 
 
 def writable_file(text: str) -> Path:
-    """Parse the name of a file to write; a place where none can be written is told before any work is done."""
+    """Parse the name of a file to write; a place where none can be written is refused before any work is done."""
     path = named_path(text)
     try:
         require_writable(path)

@@ -1,4 +1,4 @@
-"""What a frame of running fluoroscopy said, as the message that the bus and `distalock align` carry."""
+"""The estimate from a frame of running fluoroscopy, as the message that the bus and `distalock align` carry."""
 
 from dataclasses import dataclass
 

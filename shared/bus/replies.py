@@ -1,10 +1,10 @@
-"""What a query that failed says, in the same words on every bus."""
+"""The text of a failed query, the same on every bus."""
 
 from shared.errors import DistalockError, NoReply
 
 
 def error_text(error: Exception) -> str:
-    """What the asker is told when a queryable's handler raises: our own sentence, or the kind of the foreign error."""
+    """Error reply when a queryable's handler raises: our own sentence, or the foreign error with its kind."""
     return str(error) if isinstance(error, DistalockError) else f"{type(error).__name__}: {error}"
 
 

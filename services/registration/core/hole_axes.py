@@ -66,7 +66,7 @@ def holes_at(
     covariance
         Of `guide_from_nail`, as a small motion of the nail in its own frame, shape (6, 6); None when it is not known.
     camera_from_nail
-        From where the holes' tilts against their rays are told.
+        View in which the holes' tilts against their rays are computed.
     """
     estimates = []
     for hole, tilt in zip(nail.holes, hole_tilts(camera_from_nail, nail), strict=True):

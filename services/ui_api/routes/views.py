@@ -116,7 +116,7 @@ class ImageView(View):
     received_at_ns: UnixNanoseconds
     header: FrameHeader | None
     localisation: int | None = Field(description="Number of the newest localisation made from it.")
-    calibrated: bool | None = Field(description="Null until imaging has told.")
+    calibrated: bool | None = Field(description="Null until imaging has reported.")
 
     @staticmethod
     def of(case: Case, image: ImageReceived, header: FrameHeader | None) -> "ImageView":
