@@ -22,7 +22,6 @@ from services.registration.overlay import overlay_png
 from services.registration.parts import parts_from_json
 from services.registration.report import (
     Localiser,
-    MeasuredTimes,
     message_of_several,
     timed_localisation,
     uncalibrated_message,
@@ -31,7 +30,7 @@ from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Accepted, ImageUnreadable, InputError, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
-from shared.messages.registration import Localisation, Method, UnreadableImage
+from shared.messages.registration import Localisation, Method, Timing, UnreadableImage
 from shared.parts.files import read_part_file
 
 EXIT_ACCEPTED, EXIT_REJECTED = 0, 3
@@ -107,7 +106,7 @@ def located(image: ImageFile, parts: Parts, nominal: NominalOptions, method: Met
     outcome = _calibrated(pixels, parts, nominal.geometry(image.content.acquisition), method)
     ring_ms = 1e3 * (time.perf_counter() - started)
     if isinstance(outcome, Rejected):
-        times = MeasuredTimes(ring_ms, ring_ms, None, None)
+        times = Timing(total=ring_ms, ring=ring_ms)
         message = uncalibrated_message(outcome.reasons, method, image.sha256, times)
         return LocatedImage(pixels, None, None, message)
     result, message = timed_localisation(

@@ -10,7 +10,7 @@ from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, local
 from services.registration.core.localise import Parts
 from services.registration.core.wires.nail_fit import ImageWithWires
 from services.registration.core.wires.verify import verify_images as verify_wires
-from services.registration.verification import verification_message
+from services.registration.report import verification_message
 from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.errors import InputError
 from shared.messages.base import encode

@@ -67,6 +67,14 @@ def at_least(value: float, unit: str, decimals: int) -> Limit:
 
 
 @dataclass(frozen=True, slots=True)
+class Refusal(Generic[CodeT]):
+    """Why something is not done: stable code, and one sentence with the measured value, its limit and the remedy."""
+
+    code: CodeT
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
 class Criterion(Generic[CodeT]):
     """One measured quantity for which an image, a pair of images, a fluoroscopy frame or a plan is refused.
 
@@ -112,6 +120,10 @@ class Criterion(Generic[CodeT]):
         """The refusal of an image: "<observation, which quotes value and limit>; <remedy>"."""
         return Reason(self.code, f"{observation}; {remedy or self.remedy}")
 
+    def refusal(self, observation: str) -> Refusal[CodeT]:
+        """The refusal of a plan: "<observation, which quotes value and limit>; <remedy>"."""
+        return Refusal(self.code, f"{observation}; {self.remedy}")
+
 
 @dataclass(frozen=True, slots=True)
 class Finding(Generic[CodeT]):
@@ -134,3 +146,7 @@ class Finding(Generic[CodeT]):
     def reason(self: "Finding[ReasonCode]", observation: str = "", remedy: str = "") -> Reason:
         """The refusal of an image: "<observation>; <remedy>"."""
         return Reason(self.code, f"{observation or self.observed}; {remedy or self.remedy}")
+
+    def refusal(self, observation: str = "") -> Refusal[CodeT]:
+        """The refusal of a plan: "<observation>; <remedy>"."""
+        return Refusal(self.code, f"{observation or self.observed}; {self.remedy}")

@@ -18,7 +18,8 @@ from benchmarks.scenes.random_scenes import nominal_of, shipped_parts_of
 from services.imaging.core.calibration import calibrate_image
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import localise
-from services.registration.core.plan import PlanRefused, RobotNow, plan_move
+from services.registration.core.plan import RobotNow, plan_move
+from shared.acceptance import Refusal
 from shared.errors import Rejected
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
@@ -119,7 +120,7 @@ class _Case:
         guide = self.scenario.parts.guide
         robot = RobotNow(self.known, self.pose, np.array(self.known.pivot_mm), self.scenario.head_extension_mm)
         plan = plan_move(holes, guide, tuple(h.id for h in holes), robot)
-        if isinstance(plan, PlanRefused):
+        if isinstance(plan, Refusal):
             return plan.message
         self.pose = plan.value.target_pose
         self.state = replace(self.state, platform=_platform(self.known, self.platform_error, self.pose))

@@ -36,8 +36,8 @@ def plan_between(
         hole_ids=("distal",),
         head_extension_mm=EXTENSION_MM,
         guide_from_target_guide=matrix4(correction),
-        start_pose=_message(start),
-        target_pose=_message(target),
+        start_pose=PlatformPoseMessage.of(start),
+        target_pose=PlatformPoseMessage.of(target),
         pivot_mm=vector3(HEXAPOD.pivot_mm),
         target_leg_lengths_mm=(a, b, c, d, e, f),
         travel_mm=float(np.linalg.norm(target.as_array()[:3] - start.as_array()[:3])),
@@ -45,16 +45,6 @@ def plan_between(
         axial_shift_mm=0.0,
         predicted=(),
     )
-
-
-def pose_value(message: PlatformPoseMessage) -> PlatformPose:
-    """A pose from the wire."""
-    return PlatformPose(message.x_mm, message.y_mm, message.z_mm, message.u_deg, message.v_deg, message.w_deg)
-
-
-def _message(pose: PlatformPose) -> PlatformPoseMessage:
-    x, y, z, u, v, w = (float(value) for value in pose.as_array())
-    return PlatformPoseMessage(x_mm=x, y_mm=y, z_mm=z, u_deg=u, v_deg=v, w_deg=w)
 
 
 def random_target(source: random.Random, size: float) -> PlatformPose:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from benchmarks.robot.memory_port import MemoryPort
-from benchmarks.robot.plans import HEXAPOD, plan_between, pose_value
+from benchmarks.robot.plans import HEXAPOD, plan_between
 from benchmarks.robot.still_bus import StillBus
 from services.robot.core.deviation import Deviation
 from services.robot.core.guard_context import GuardLimits
@@ -148,7 +148,7 @@ class Rig:
 
     def plan_to(self, target: PlatformPose) -> Plan:
         """A plan from where the robot says it stands."""
-        start = HEXAPOD.home_pose if self.state.pose is None else pose_value(self.state.pose)
+        start = HEXAPOD.home_pose if self.state.pose is None else self.state.pose.value()
         return plan_between(start, target, self.epoch, "boot", ("case1", self.case_revision))
 
     # Commands

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import httpx
 
-from benchmarks.robot.plans import HEXAPOD, plan_between, pose_value, random_target
+from benchmarks.robot.plans import HEXAPOD, plan_between, random_target
 from benchmarks.robot.rig import PlainVerb
 from distalock.processes import Fleet, ProcessSpec, free_ports, tcp_port_answers
 from distalock.rest_client import RestClient
@@ -156,7 +156,7 @@ class StopTheatre:
             state = self.make_ready()
             if state.pose is None or time.monotonic() > deadline_s:
                 raise TimeoutError(f"no motion began; the robot is {state}")
-            start, target = pose_value(state.pose), random_target(source, TARGET_SIZE)
+            start, target = state.pose.value(), random_target(source, TARGET_SIZE)
             content = encode(plan_between(start, target, self.epoch, state.boot_epoch, self.case))
             plans.put(content)
             time.sleep(0.02)  # plan and command come on different keys

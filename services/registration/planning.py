@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.registration.core.acceptance.criteria import HEAD_NOT_SEEN
+from services.registration.core.acceptance.criteria import HEAD_NOT_SEEN, HeadTrouble
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.fusion import fuse_localisations
-from services.registration.core.head_check import HeadRefused, MotionView, check_motion, check_place
+from services.registration.core.head_check import MotionView, check_motion, check_place
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult
-from services.registration.core.plan import PlannedMove, PlanRefused, PredictedHole, RobotNow, plan_move
+from services.registration.core.plan import PlannedMove, PredictedHole, RobotNow, plan_move
 from services.registration.frames import (
     POSE_TOLERANCE_DEG,
     POSE_TOLERANCE_MM,
@@ -28,6 +28,7 @@ from services.registration.frames import (
 )
 from services.registration.report import fusion_message, standard_uncertainty
 from services.registration.state import RegistrationState
+from shared.acceptance import Refusal
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.parts import GuidePart
@@ -106,13 +107,9 @@ def _unlike_set_up(localised: LocalisedFrame, robot: RobotState | None, case: Op
             "where the robot stood when the image was made is not certain, for it was moving or had just moved; "
             "take one more image",
         )
-    moved_mm, moved_deg = moved_by(record.robot_pose, pose)
-    if not same_place(record.robot_pose, pose):
-        return refused(
-            "stale",
-            f"the robot was moved by {moved_mm:.3f} mm and {moved_deg:.3f}° since the image was made (limits "
-            f"{POSE_TOLERANCE_MM:g} mm and {POSE_TOLERANCE_DEG:g}°); take one more image",
-        )
+    moved = _moved(record.robot_pose, pose, "since the image was made")
+    if moved is not None:
+        return refused("stale", f"{moved}; take one more image")
     if robot.hexapod_sha256 != case.hexapod.sha256:
         return refused(
             "hexapod_mismatch",
@@ -120,10 +117,6 @@ def _unlike_set_up(localised: LocalisedFrame, robot: RobotState | None, case: Op
             f"{robot.hexapod_sha256[:12]}; give both the same file",
         )
     return None
-
-
-def _pose(message: PlatformPoseMessage) -> PlatformPose:
-    return PlatformPose(message.x_mm, message.y_mm, message.z_mm, message.u_deg, message.v_deg, message.w_deg)
 
 
 def _planned(
@@ -134,9 +127,9 @@ def _planned(
     assert record.robot_pose is not None
     assert record.robot_boot_epoch is not None
     assert robot is not None
-    now = RobotNow(case.hexapod, _pose(record.robot_pose), np.array(robot.pivot_mm), case.context.head_extension_mm)
+    now = RobotNow(case.hexapod, record.robot_pose.value(), np.array(robot.pivot_mm), case.context.head_extension_mm)
     outcome = plan_move(axes.holes, axes.guide, request.hole_ids, now)
-    if isinstance(outcome, PlanRefused):
+    if isinstance(outcome, Refusal):
         return refused(outcome.code.value, outcome.message)
     plan = _plan_message(request, outcome.value, now, record, axes)
     return PlanReply(verdict="accepted", plan=plan)
@@ -156,8 +149,8 @@ def _plan_message(
         hole_ids=request.hole_ids,
         head_extension_mm=now.head_extension_mm,
         guide_from_target_guide=matrix4(move.guide_from_target_guide),
-        start_pose=_pose_message(now.pose),
-        target_pose=_pose_message(move.target_pose),
+        start_pose=PlatformPoseMessage.of(now.pose),
+        target_pose=PlatformPoseMessage.of(move.target_pose),
         pivot_mm=vector3(now.pivot_mm),
         target_leg_lengths_mm=(legs[0], legs[1], legs[2], legs[3], legs[4], legs[5]),
         travel_mm=move.travel_mm,
@@ -166,12 +159,6 @@ def _plan_message(
         predicted=tuple(_predicted(hole) for hole in move.predicted),
         fusion=axes.fusion,
         verified_image_sha256=request.verified_image_sha256,
-    )
-
-
-def _pose_message(pose: PlatformPose) -> PlatformPoseMessage:
-    return PlatformPoseMessage(
-        x_mm=pose.x_mm, y_mm=pose.y_mm, z_mm=pose.z_mm, u_deg=pose.u_deg, v_deg=pose.v_deg, w_deg=pose.w_deg
     )
 
 
@@ -260,13 +247,18 @@ def another_set_up(earlier: LocalisedFrame, newest: LocalisedFrame) -> str | Non
         return f"it was made under revision {a.case_revision} of case '{a.case_id}', the newest under {b.case_revision}"
     if a.robot_pose is None or b.robot_pose is None or a.robot_boot_epoch != b.robot_boot_epoch:
         return "where the robot stood is not known for both"
-    if not same_place(a.robot_pose, b.robot_pose):
-        moved_mm, moved_deg = moved_by(a.robot_pose, b.robot_pose)
-        return (
-            f"the robot was moved by {moved_mm:.3f} mm and {moved_deg:.3f}° since (limits {POSE_TOLERANCE_MM:g} mm "
-            f"and {POSE_TOLERANCE_DEG:g}°)"
-        )
-    return None
+    return _moved(a.robot_pose, b.robot_pose, "since")
+
+
+def _moved(before: PlatformPoseMessage, now: PlatformPoseMessage, since: str) -> str | None:
+    """By how much the robot was moved; None when it was not."""
+    if same_place(before, now):
+        return None
+    moved_mm, moved_deg = moved_by(before, now)
+    return (
+        f"the robot was moved by {moved_mm:.3f} mm and {moved_deg:.3f}° {since} (limits {POSE_TOLERANCE_MM:g} mm "
+        f"and {POSE_TOLERANCE_DEG:g}°)"
+    )
 
 
 def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
@@ -289,13 +281,13 @@ def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
     return PlanAxes(fused.result.holes, frames[-1].case.parts.guide, agreement)
 
 
-def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> HeadRefused | None:
+def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> Refusal[HeadTrouble] | None:
     """Why the guide seems to be held otherwise than the case says; None when nothing speaks against it."""
     # an image of a verification may show no nail, or was not accepted by itself: then one beside it must speak
     candidates = (newest, *state.accepted_beside(newest, ()))
     view = next((view for one in reversed(candidates) if (view := _view(one)) is not None), None)
     if view is None:
-        return HeadRefused(HEAD_NOT_SEEN.code, f"{HEAD_NOT_SEEN.observed}; {HEAD_NOT_SEEN.remedy}")
+        return HEAD_NOT_SEEN.refusal()
     case = newest.case
     extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
     guide_from_nail = view.ring_from_guide.mean.inverse() @ view.ring_from_nail.mean
@@ -311,7 +303,7 @@ def _view(frame: LocalisedFrame) -> MotionView | None:
     pose = frame.record.robot_pose
     if pose is None or frame.calibration is None or frame.result is None:
         return None
-    return motion_view(_pose(pose), frame.calibration, frame.result)
+    return motion_view(pose.value(), frame.calibration, frame.result)
 
 
 def motion_view(pose: PlatformPose, calibration: CArmCalibration, result: LocalisationResult) -> MotionView | None:

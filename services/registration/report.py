@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,19 +29,16 @@ from shared.messages.registration import (
     Method,
     StandardUncertainty,
     Timing,
+    Verification,
+    VerifiedGuideHole,
+    VerifiedWire,
 )
 
+if TYPE_CHECKING:  # locating one image loads no wires
+    from services.registration.core.wires.verify import AxisComparison, WireVerification
+
+Axis = TypeVar("Axis", VerifiedWire, VerifiedGuideHole)
 Localiser = Callable[[NDArray[np.float32], CArmCalibration, Parts, Callable[[Step], None]], LocalisationResult]
-
-
-@dataclass(frozen=True, slots=True)
-class MeasuredTimes:
-    """Wall times in ms; None for steps that were not reached."""
-
-    total_ms: float
-    ring_ms: float | None
-    guide_ms: float | None
-    nail_ms: float | None
 
 
 class LocalisationOfSeveral(Localisation):
@@ -100,7 +97,7 @@ def localisation_message(
     result: LocalisationResult,
     calibration: CArmCalibration,
     image_sha256: str,
-    times: MeasuredTimes,
+    times: Timing,
     method: Method = "model",
 ) -> Localisation:
     """A localisation of a calibrated image, accepted or rejected."""
@@ -118,7 +115,7 @@ def localisation_message(
         c_arm_correction_deg=None
         if correction is None
         else CArmCorrection(about_image_x=correction.about_x_deg, about_image_y=correction.about_y_deg),
-        timing_ms=_timing(times),
+        timing_ms=times,
     )
 
 
@@ -146,13 +143,11 @@ def timed_localisation(
     result = localise_by(pixels, calibration, parts, lambda step: ends.update({step: clock_s()}))
     guide_ms = 1e3 * (ends[Step.GUIDE] - start)
     nail_ms = 1e3 * (ends[Step.NAIL] - ends[Step.GUIDE])
-    times = MeasuredTimes(ring_ms + 1e3 * (clock_s() - start), ring_ms, guide_ms, nail_ms)
+    times = Timing(total=ring_ms + 1e3 * (clock_s() - start), ring=ring_ms, guide=guide_ms, nail=nail_ms)
     return result, localisation_message(result, calibration, image_sha256, times, name)
 
 
-def uncalibrated_message(
-    reasons: tuple[Reason, ...], method: Method, image_sha256: str, times: MeasuredTimes
-) -> Localisation:
+def uncalibrated_message(reasons: tuple[Reason, ...], method: Method, image_sha256: str, times: Timing) -> Localisation:
     """The rejection of an image whose ring was not found: nothing else is known of it."""
     return Localisation(
         verdict="rejected",
@@ -165,17 +160,35 @@ def uncalibrated_message(
         guide_from_nail=None,
         holes=None,
         c_arm_correction_deg=None,
-        timing_ms=_timing(times),
+        timing_ms=times,
+    )
+
+
+def verification_message(image_sha256s: tuple[str, ...], verified: "WireVerification") -> Verification:
+    """What was found in images of these hashes, as a message."""
+    return Verification(
+        verdict="rejected" if verified.reasons else "accepted",
+        reasons=tuple(ReasonMessage.of(reason) for reason in verified.reasons),
+        images=image_sha256s,
+        wires=tuple(_compared(VerifiedWire, comparison) for comparison in verified.wires),
+        guide_holes=tuple(_compared(VerifiedGuideHole, comparison) for comparison in verified.guide_holes),
+    )
+
+
+def _compared(kind: type[Axis], comparison: "AxisComparison") -> Axis:
+    return kind(
+        id=comparison.hole_id,
+        entry_offset_mm=comparison.offset.entry_mm,
+        exit_offset_mm=comparison.offset.exit_mm,
+        angle_deg=comparison.angle_deg,
+        standard_uncertainty=standard_uncertainty(comparison.offset),
+        chance_to_pass=comparison.chance_as_it_stands,
     )
 
 
 def standard_uncertainty(offset: AxisOffset) -> StandardUncertainty:
     """Predicted rms of the two errors that count."""
     return StandardUncertainty(entry_mm=offset.entry_sd_mm, axis_deg=offset.axis_sd_deg)
-
-
-def _timing(times: MeasuredTimes) -> Timing:
-    return Timing(total=times.total_ms, ring=times.ring_ms, guide=times.guide_ms, nail=times.nail_ms)
 
 
 def _camera(calibration: CArmCalibration) -> LocalisedCamera:

@@ -13,10 +13,9 @@ from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
 from services.registration.live import LiveGuidance
 from services.registration.overlay import overlay_png
 from services.registration.planning import another_set_up, answer_plan_request
-from services.registration.report import MeasuredTimes, timed_localisation, uncalibrated_message
+from services.registration.report import timed_localisation, uncalibrated_message, verification_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
-from services.registration.verification import verification_message
 from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import BusError, InputError, Reason
 from shared.geometry.calibration import CArmCalibration
@@ -28,6 +27,7 @@ from shared.messages.registration import (
     LocalisationRecord,
     PlanRequest,
     RegistrationEpoch,
+    Timing,
     VerificationReply,
     VerificationRequest,
 )
@@ -255,7 +255,7 @@ def _located(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase) -> _
     sha256 = job.image.sha256
     if job.values is None:
         reasons = tuple(Reason(reason.code, reason.message) for reason in job.reasons)
-        times = MeasuredTimes(job.elapsed_ms, job.elapsed_ms, None, None)
+        times = Timing(total=job.elapsed_ms, ring=job.elapsed_ms)
         return _Located(None, None, uncalibrated_message(reasons, "model", sha256, times))
     calibration = job.values.calibration()
     result, message = timed_localisation(frame.pixels, calibration, case.parts, sha256, job.elapsed_ms)

@@ -67,22 +67,10 @@ def planned_move(plan_json: bytes) -> PlannedMove:
         hexapod_sha256=plan.hexapod_sha256,
         head_extension_mm=plan.head_extension_mm,
         guide_from_target_guide=guide_from_target_guide,
-        start_pose=platform_pose_value(plan.start_pose),
-        target_pose=platform_pose_value(plan.target_pose),
+        start_pose=plan.start_pose.value(),
+        target_pose=plan.target_pose.value(),
         pivot_mm=np.array(plan.pivot_mm),
         target_leg_lengths_mm=np.array(plan.target_leg_lengths_mm),
-    )
-
-
-def platform_pose_value(message: wire.PlatformPoseMessage) -> PlatformPose:
-    """A pose from the wire."""
-    return PlatformPose(message.x_mm, message.y_mm, message.z_mm, message.u_deg, message.v_deg, message.w_deg)
-
-
-def platform_pose_message(pose: PlatformPose) -> wire.PlatformPoseMessage:
-    """A pose for the wire."""
-    return wire.PlatformPoseMessage(
-        x_mm=pose.x_mm, y_mm=pose.y_mm, z_mm=pose.z_mm, u_deg=pose.u_deg, v_deg=pose.v_deg, w_deg=pose.w_deg
     )
 
 
@@ -100,7 +88,7 @@ def robot_state(
         stop_button=status.stop_button,
         locked=feedback is not None and feedback.locked and status.feedback_generation == status.generation,
         referenced=feedback is not None and feedback.referenced,
-        pose=None if feedback is None else platform_pose_message(feedback.pose),
+        pose=None if feedback is None else wire.PlatformPoseMessage.of(feedback.pose),
         leg_lengths_mm=None if feedback is None else _leg_lengths(hexapod, feedback.pose),
         pivot_mm=vector3(hexapod.pivot_mm),
         hexapod_sha256=hexapod.sha256,

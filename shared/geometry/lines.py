@@ -23,6 +23,14 @@ def angle_between_rad(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
 
 
+def rotations_between_rad(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Smallest rotations, as vectors in radians, that take directions to others, shape (..., 3) all three."""
+    normal = np.cross(start, end)
+    sine = np.linalg.norm(normal, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, np.sum(start * end, axis=-1, keepdims=True))
+    return np.asarray(normal * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0))
+
+
 def cross_matrix(v: NDArray[np.float64]) -> NDArray[np.float64]:
     """The matrix that takes a vector to the cross product of `v` with it, shape (3, 3)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

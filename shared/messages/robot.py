@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from shared.geometry.hexapod import PlatformPose
 from shared.messages.base import Finite, Identifier, Message, Sha256, UnixNanoseconds, Vector3, WireModel
 from shared.robot_states import MotionState as MotionState
 from shared.robot_states import StopButton as StopButton
@@ -25,6 +26,16 @@ class PlatformPoseMessage(WireModel):
     u_deg: Finite
     v_deg: Finite
     w_deg: Finite
+
+    @staticmethod
+    def of(pose: PlatformPose) -> "PlatformPoseMessage":
+        """From the core's value."""
+        x, y, z, u, v, w = pose.as_array().tolist()
+        return PlatformPoseMessage(x_mm=x, y_mm=y, z_mm=z, u_deg=u, v_deg=v, w_deg=w)
+
+    def value(self) -> PlatformPose:
+        """The core's value."""
+        return PlatformPose(self.x_mm, self.y_mm, self.z_mm, self.u_deg, self.v_deg, self.w_deg)
 
 
 class RobotState(Message):

@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_deg, hole_tilts, turned
+from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_deg, hole_tilts
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
-from tests.unit.services.registration.xray_scene import nail_part
+from tests.unit.services.registration.xray_scene import nail_part, turned
 
 angles = st.floats(-15.0, 15.0)
 offsets = st.floats(-60.0, 60.0)

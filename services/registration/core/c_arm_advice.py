@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from services.registration.core.tuning import DISPLAY_ROTATION
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.lines import angle_between_rad, read_only, unit
+from shared.geometry.lines import angle_between_rad, read_only, rotations_between_rad, unit
 from shared.geometry.parts import NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
@@ -92,7 +92,7 @@ class Advice:
 def hole_tilts(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> tuple[HoleTilt, ...]:
     """Tilt of every hole against the ray through its middle, in the order of the nail's file."""
     middles, axes = _middles_and_axes(camera_from_nail, nail)
-    about = np.degrees(_rotations_between_rad(unit(middles), axes))
+    about = np.degrees(rotations_between_rad(unit(middles), axes))
     return tuple(
         HoleTilt(hole.id, float(np.degrees(angle_between_rad(middle, axis))), float(x), float(y))
         for hole, middle, axis, (x, y, _) in zip(nail.holes, middles, axes, about, strict=True)
@@ -129,21 +129,11 @@ def c_arm_correction_deg(camera_from_nail: Transform[Camera, Nail], nail: NailPa
     for _ in range(_ITERATIONS):
         old_from_new = CArmTurn(*np.degrees(turn_rad).tolist()).rotation
         rays = unit((middles - pivot) @ old_from_new + pivot)
-        mean = _rotations_between_rad(rays, axes @ old_from_new).mean(axis=0)[:2]
+        mean = rotations_between_rad(rays, axes @ old_from_new).mean(axis=0)[:2]
         turn_rad = turn_rad + mean
         if float(np.abs(mean).max()) < _CONVERGED_RAD:
             break
     return CArmTurn(*np.degrees(turn_rad).tolist())
-
-
-def turned(camera_from_nail: Transform[Camera, Nail], nail: NailPart, turn: CArmTurn) -> Transform[Camera, Nail]:
-    """Where the nail is for a C-arm that was turned about the point midway between the holes."""
-    middles = np.array([np.mean(hole_surface_points(nail, hole), axis=0) for hole in nail.holes])
-    pivot = camera_from_nail @ np.asarray(middles.mean(axis=0))
-    new_from_old = turn.rotation.T
-    rotation = new_from_old @ camera_from_nail.rotation
-    origin = new_from_old @ (camera_from_nail.translation_mm - pivot) + pivot
-    return Transform.from_rotation_translation(rotation, origin)
 
 
 def _middles_and_axes(
@@ -153,15 +143,6 @@ def _middles_and_axes(
     middles = np.array([np.mean(hole_surface_points(nail, hole), axis=0) for hole in nail.holes])
     axes = np.array([hole.axis.direction for hole in nail.holes])
     return camera_from_nail.points(middles), axes @ camera_from_nail.rotation.T
-
-
-def _rotations_between_rad(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Smallest rotations, as vectors in radians, that take unit directions to others, shape (H, 3) all three."""
-    normal = np.cross(start, end)
-    sine = np.linalg.norm(normal, axis=1)
-    angle = np.arctan2(sine, np.sum(start * end, axis=1))
-    factor = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
-    return np.asarray(normal * factor[:, None])
 
 
 @dataclass(frozen=True, slots=True)

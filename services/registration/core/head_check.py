@@ -31,7 +31,7 @@ from services.registration.core.acceptance.criteria import (
 )
 from services.registration.core.estimation.pose_estimate import PoseEstimate, condition
 from services.registration.core.tuning import HEAD_ERRORS
-from shared.acceptance import Criterion, Finding
+from shared.acceptance import Refusal
 from shared.figures import figure
 from shared.geometry.frames import Guide, Nail, Ring, RobotBase
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top
@@ -42,26 +42,13 @@ from shared.geometry.transform import Transform
 _TURNS_DEG = ((180, 0, 0), (0, 180, 0), (0, 0, 180), (0, 0, 90), (0, 0, -90))
 
 
-@dataclass(frozen=True, slots=True)
-class HeadRefused:
-    """Why nothing is planned: code and one sentence with measured values, limit and remedy."""
-
-    code: HeadTrouble
-    message: str
-
-
-def _refused(criterion: Criterion[HeadTrouble] | Finding[HeadTrouble], observation: str) -> HeadRefused:
-    """No plan for this reason: "<observation>; <remedy>"."""
-    return HeadRefused(criterion.code, f"{observation}; {criterion.remedy}")
-
-
 def check_place(
     hexapod: HexapodPart,
     pose: PlatformPose,
     head_extension_mm: float,
     guide_from_nail: Transform[Guide, Nail],
     mount_name: str,
-) -> HeadRefused | None:
+) -> Refusal[HeadTrouble] | None:
     """Compare where the nail is in the base's frame with where the mount has it.
 
     Parameters
@@ -77,13 +64,12 @@ def check_place(
     return _turned(base_from_nail, mount) or _displaced(base_from_nail, mount, hexapod, head_extension_mm)
 
 
-def _turned(base_from_nail: Transform[RobotBase, Nail], mount: MountPlace) -> HeadRefused | None:
+def _turned(base_from_nail: Transform[RobotBase, Nail], mount: MountPlace) -> Refusal[HeadTrouble] | None:
     between = mount.base_from_nail.inverse() @ base_from_nail
     turned_deg = float(np.degrees(np.linalg.norm(between.rotation_vector_rad)))
     if turned_deg <= mount.tolerance_deg:
         return None
-    return _refused(
-        GUIDE_TURNED_ON_HEAD,
+    return GUIDE_TURNED_ON_HEAD.refusal(
         f"by the image and the head, the nail is turned by {figure(turned_deg, mount.tolerance_deg, 0)}° from where "
         f"mount '{mount.name}' has it (limit {mount.tolerance_deg:g}°)",
     )
@@ -91,7 +77,7 @@ def _turned(base_from_nail: Transform[RobotBase, Nail], mount: MountPlace) -> He
 
 def _displaced(
     base_from_nail: Transform[RobotBase, Nail], mount: MountPlace, hexapod: HexapodPart, head_extension_mm: float
-) -> HeadRefused | None:
+) -> Refusal[HeadTrouble] | None:
     off_mm = base_from_nail.translation_mm - mount.base_from_nail.translation_mm
     beyond = np.abs(off_mm) > mount.tolerance_mm
     if not beyond.any():
@@ -103,12 +89,11 @@ def _displaced(
     )
     fitting_mm = head_extension_mm - float(off_mm[0])
     if not beyond[1:].any() and hexapod.head_extension_mm.contains(fitting_mm):
-        return _refused(
-            EXTENSION_BY_PLACE,
+        return EXTENSION_BY_PLACE.refusal(
             f"by the image and the head, the nail is {far} from where mount '{mount.name}' has it: the head's "
             f"extension was entered as {head_extension_mm:g} mm, {fitting_mm:.0f} mm would fit",
         )
-    return _refused(MOUNT_PLACE, f"by the image and the head, the nail is {far} from where mount '{mount.name}' has it")
+    return MOUNT_PLACE.refusal(f"by the image and the head, the nail is {far} from where mount '{mount.name}' has it")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,13 +124,10 @@ class _Explanation:
 
 def check_motion(
     hexapod: HexapodPart, head_extension_mm: float, before: MotionView, after: MotionView
-) -> HeadRefused | None:
+) -> Refusal[HeadTrouble] | None:
     """Compare the motion between two images with the commanded one.
 
-    Returns
-    -------
-    HeadRefused or None
-        None also when the motion was too small to decide, or when no such mistake explains it.
+    None also when the motion was too small to decide, or when no such mistake explains it.
     """
     commanded = _commanded(hexapod, head_extension_mm, before.pose, after.pose)
     seen = observed_motion(before, after)
@@ -239,9 +221,8 @@ def _covariance_of_robot_and_mount(
     return np.asarray(robot + yields @ yields.T)
 
 
-def _wrong_extension(head_extension_mm: float, found: _Explanation) -> HeadRefused:
-    return _refused(
-        EXTENSION_ERROR,
+def _wrong_extension(head_extension_mm: float, found: _Explanation) -> Refusal[HeadTrouble]:
+    return EXTENSION_ERROR.refusal(
         f"the guide moved as it would with the head's extension at {head_extension_mm + found.extension_error_mm:.0f} "
         f"± {found.extension_sd_mm:.0f} mm; entered is {head_extension_mm:g} mm, a difference of "
         f"{EXTENSION_ERROR.quoted(abs(found.extension_error_mm))}",
@@ -250,11 +231,10 @@ def _wrong_extension(head_extension_mm: float, found: _Explanation) -> HeadRefus
 
 def _guide_turned(
     turn_deg: tuple[int, int, int], commanded: Transform[Guide, Guide], seen: PoseEstimate[Guide, Guide], gain: float
-) -> HeadRefused:
+) -> Refusal[HeadTrouble]:
     asked, went = commanded.translation_mm, seen.mean.translation_mm
     angle = float(np.degrees(Rotation.from_euler("xyz", turn_deg, degrees=True).magnitude()))
-    return _refused(
-        MOTION_GAIN,
+    return MOTION_GAIN.refusal(
         f"the guide was commanded to move by ({_mm(asked)}) mm along its axes and moved by ({_mm(went)}) mm, as one "
         f"put on the head turned by {angle:.0f}° does: chi-square less by {MOTION_GAIN.quoted(gain)}",
     )

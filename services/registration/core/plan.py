@@ -5,12 +5,10 @@ is. Along the drilling axis (and, for a single hole, about it) the guide may be 
 the hexapod cannot make the shortest move.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from services.registration.core.acceptance.criteria import (
     OUT_OF_REACH,
@@ -21,13 +19,13 @@ from services.registration.core.acceptance.criteria import (
 )
 from services.registration.core.drill_clearance import AxisOffset, angle_deg, axis_offset_mm
 from services.registration.core.hole_axes import HoleEstimate
-from shared.acceptance import Criterion, Finding
+from shared.acceptance import Refusal
 from shared.errors import Accepted
 from shared.geometry.frames import Guide, RobotBase, RobotTop
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
 from shared.geometry.hexapod_limits import limit_margins, limit_violations, path_violations
-from shared.geometry.lines import Line, angle_between_rad
+from shared.geometry.lines import Line, angle_between_rad, rotations_between_rad
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
 
@@ -46,14 +44,6 @@ _LEAST_SINGULAR_RATIO = 1e-4
 _PARALLEL_RAD = 1e-6
 # One radian weighs as much as so many millimetres when the shortest motion is sought.
 _LEVER_MM = 50.0
-
-
-@dataclass(frozen=True, slots=True)
-class PlanRefused:
-    """No plan, and why: code and one sentence with the measured value, its limit and the remedy."""
-
-    code: PlanRefusal
-    message: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,6 +97,23 @@ class PlannedMove:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Aim:
+    """A nail hole, and the guide hole's axis that is to lie on its axis, both in the guide's present frame."""
+
+    hole: HoleEstimate
+    axis: Line
+
+    def moved(self, move: Transform[Guide, Guide]) -> Line:
+        """The guide hole's axis after a move of the guide."""
+        return Line(move @ self.axis.point_mm, move.directions(self.axis.direction))
+
+    def offset_mm(self, move: Transform[Guide, Guide]) -> NDArray[np.float64]:
+        """Offset of the moved axis at the hole's entry and exit, shape (4,)."""
+        hole = self.hole
+        return axis_offset_mm(hole.axis_guide, self.moved(move), hole.entry_guide_mm, hole.exit_guide_mm)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Freedom:
     """A use of the freedom along and about the drilling axis, and where the hexapod would stand."""
 
@@ -118,55 +125,43 @@ class _Freedom:
 
 def plan_move(
     holes: tuple[HoleEstimate, ...], guide: GuidePart, hole_ids: tuple[str, ...], robot: RobotNow
-) -> Accepted[PlannedMove] | PlanRefused:
+) -> Accepted[PlannedMove] | Refusal[PlanRefusal]:
     """Plan the move after which the guide's holes of these names lie on the nail's axes.
 
-    Parameters
-    ----------
-    holes
-        Of an accepted localisation.
-    hole_ids
-        One hole, or several when the guide's spacing equals the nail's.
+    The holes are those of an accepted localisation; several when the guide's spacing equals the nail's.
     """
-    wanted = _wanted(holes, guide, hole_ids)
-    if isinstance(wanted, PlanRefused):
-        return wanted
-    pairs = tuple(AxisPair(guide_axis, h.axis_guide, h.entry_guide_mm, h.exit_guide_mm) for h, guide_axis in wanted)
-    shortest = match_axes(pairs)
-    residual_mm = max(
-        float(np.abs(axis_offset_mm(p.target, p.moved(shortest), p.entry_mm, p.exit_mm)).max()) for p in pairs
-    )
+    aims = _aims(holes, guide, hole_ids)
+    if isinstance(aims, Refusal):
+        return aims
+    shortest = _match_axes(aims)
+    residual_mm = float(np.abs(_offsets(aims, shortest)).max())
     if not RESIDUAL.is_met(residual_mm):
-        return _refused(
-            RESIDUAL,
+        return RESIDUAL.refusal(
             f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {RESIDUAL.quoted(residual_mm)} "
             "would remain",
         )
-    turns_deg = _TURNS_DEG if len(pairs) == 1 else np.zeros(1)
-    chosen = _within_reach(shortest, pairs[0].target, turns_deg, robot)
-    if isinstance(chosen, PlanRefused):
-        return chosen
-    return Accepted(_planned(chosen, wanted, robot))
+    turns_deg = _TURNS_DEG if len(aims) == 1 else np.zeros(1)
+    chosen = _within_reach(shortest, aims[0].hole.axis_guide, turns_deg, robot)
+    return chosen if isinstance(chosen, Refusal) else Accepted(_planned(chosen, aims, robot))
 
 
-def _wanted(
+def _aims(
     holes: tuple[HoleEstimate, ...], guide: GuidePart, hole_ids: tuple[str, ...]
-) -> tuple[tuple[HoleEstimate, Line], ...] | PlanRefused:
-    """Nail hole and guide axis of each name."""
+) -> tuple[_Aim, ...] | Refusal[PlanRefusal]:
     nail_holes, guide_holes = {h.id: h for h in holes}, {h.id: h.axis for h in guide.holes}
     known = sorted(nail_holes.keys() & guide_holes.keys())
     unknown = [i for i in hole_ids if i not in known]
     if unknown or not hole_ids or len(set(hole_ids)) < len(hole_ids):
         what = f"hole '{unknown[0]}' is not" if unknown else "the list of holes is empty or names one twice; no hole is"
-        return _refused(UNKNOWN_HOLE, f"{what} one of the holes that guide and nail share: {', '.join(known)}")
+        return UNKNOWN_HOLE.refusal(f"{what} one of the holes that guide and nail share: {', '.join(known)}")
     if any(nail_holes[i].offset is None for i in hole_ids):
-        return _refused(UNKNOWN_UNCERTAINTY, UNKNOWN_UNCERTAINTY.observed)
-    return tuple((nail_holes[i], guide_holes[i]) for i in hole_ids)
+        return UNKNOWN_UNCERTAINTY.refusal()
+    return tuple(_Aim(nail_holes[i], guide_holes[i]) for i in hole_ids)
 
 
 def _within_reach(
     shortest: Transform[Guide, Guide], axis: Line, turns_deg: NDArray[np.float64], robot: RobotNow
-) -> _Freedom | PlanRefused:
+) -> _Freedom | Refusal[PlanRefusal]:
     """The use of the freedom with the least travel that the hexapod can make, along the whole way."""
     uses = sorted(((s, t) for s in _SHIFTS_MM for t in turns_deg), key=lambda u: abs(u[0]) + _MM_PER_DEG * abs(u[1]))
     tried: list[tuple[float, _Freedom]] = []
@@ -177,7 +172,7 @@ def _within_reach(
             return freedom
         tried.append((margin, freedom))
     nearest = max(tried, key=lambda one: one[0])[1]
-    return PlanRefused(OUT_OF_REACH.code, _out_of_reach(tried[0][1], nearest, robot))
+    return Refusal(OUT_OF_REACH.code, _out_of_reach(tried[0][1], nearest, robot))
 
 
 def _margin(pose: PlatformPose, robot: RobotNow) -> float:
@@ -187,8 +182,10 @@ def _margin(pose: PlatformPose, robot: RobotNow) -> float:
 
 
 def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str:
-    violations = list(_violations(shortest, robot))
-    also = list(_violations(nearest, robot))
+    violations, also = (
+        [violation.message for violation in limit_violations(robot.hexapod, one.pose, robot.pivot_mm)]
+        for one in (shortest, nearest)
+    )
     return (
         f"the hexapod cannot bring the guide onto the axes: {'; '.join(violations or also)}. With up to "
         f"{LONGEST_AXIAL_SHIFT_MM:g} mm along the axis it comes nearest at {nearest.shift_mm:+.1f} mm"
@@ -196,18 +193,13 @@ def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str
     )
 
 
-def _violations(freedom: _Freedom, robot: RobotNow) -> Iterator[str]:
-    for violation in limit_violations(robot.hexapod, freedom.pose, robot.pivot_mm):
-        yield violation.message
-
-
 def _freedom(
     shortest: Transform[Guide, Guide], axis: Line, shift_mm: float, turn_deg: float, robot: RobotNow
 ) -> _Freedom:
     """Move the target along and about the nail's axis (given in the guide's frame)."""
     turn: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(turn_deg) * axis.direction, np.zeros(3))
-    fixed_point = axis.point_mm - turn.rotation @ axis.point_mm + shift_mm * axis.direction
-    along: Transform[Guide, Guide] = Transform.from_rotation_translation(turn.rotation, fixed_point)
+    shifted_mm = axis.point_mm - turn.rotation @ axis.point_mm + shift_mm * axis.direction
+    along: Transform[Guide, Guide] = Transform.from_rotation_translation(turn.rotation, shifted_mm)
     guide_from_target_guide = along @ shortest
     return _Freedom(shift_mm, turn_deg, guide_from_target_guide, _platform_pose(guide_from_target_guide, robot))
 
@@ -219,7 +211,7 @@ def _platform_pose(guide_from_target_guide: Transform[Guide, Guide], robot: Robo
     return platform_pose(robot.hexapod, base_from_top_target, robot.pivot_mm)
 
 
-def _planned(chosen: _Freedom, wanted: tuple[tuple[HoleEstimate, Line], ...], robot: RobotNow) -> PlannedMove:
+def _planned(chosen: _Freedom, aims: tuple[_Aim, ...], robot: RobotNow) -> PlannedMove:
     move = chosen.guide_from_target_guide
     return PlannedMove(
         guide_from_target_guide=move,
@@ -229,18 +221,17 @@ def _planned(chosen: _Freedom, wanted: tuple[tuple[HoleEstimate, Line], ...], ro
         travel_deg=float(np.degrees(np.linalg.norm(move.rotation_vector_rad))),
         axial_shift_mm=chosen.shift_mm,
         axial_turn_deg=chosen.turn_deg,
-        predicted=tuple(_predicted(hole, axis, move) for hole, axis in wanted),
+        predicted=tuple(_predicted(aim, move) for aim in aims),
     )
 
 
-def _predicted(hole: HoleEstimate, guide_axis: Line, move: Transform[Guide, Guide]) -> PredictedHole:
+def _predicted(aim: _Aim, move: Transform[Guide, Guide]) -> PredictedHole:
     """Bias of the move and uncertainty of localisation and robot, at one hole."""
-    assert hole.offset is not None  # checked in `_wanted`
-    after = Line(move @ guide_axis.point_mm, move.directions(guide_axis.direction))
-    mean = axis_offset_mm(hole.axis_guide, after, hole.entry_guide_mm, hole.exit_guide_mm)
+    hole, after = aim.hole, aim.moved(move)
+    assert hole.offset is not None  # checked in `_aims`
     lever_mm = float((hole.entry_guide_mm - after.point_mm) @ hole.axis_guide.direction)
     robot = _robot_covariance(np.array([lever_mm, lever_mm + hole.offset.length_mm]))
-    offset = AxisOffset(mean, hole.offset.covariance_mm2 + robot, hole.offset.length_mm)
+    offset = AxisOffset(aim.offset_mm(move), hole.offset.covariance_mm2 + robot, hole.offset.length_mm)
     return PredictedHole(hole.id, offset, angle_deg(hole.axis_guide, after), hole.clearance_probability(offset))
 
 
@@ -250,68 +241,28 @@ def _robot_covariance(levers_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.kron(MOVE_SD_MM**2 + tilt, np.eye(2)))
 
 
-def _refused(criterion: Criterion[PlanRefusal] | Finding[PlanRefusal], observation: str) -> PlanRefused:
-    """No plan for this reason: "<observation>; <remedy>"."""
-    return PlanRefused(criterion.code, f"{observation}; {criterion.remedy}")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AxisPair:
-    """A guide hole's axis and the nail hole's axis that it is to lie on, both in the guide's present frame.
-
-    Attributes
-    ----------
-    entry_mm, exit_mm
-        Of the nail hole, shape (3,): where coincidence counts.
-    """
-
-    axis: Line
-    target: Line
-    entry_mm: NDArray[np.float64]
-    exit_mm: NDArray[np.float64]
-
-    def moved(self, guide_from_target_guide: Transform[Guide, Guide]) -> Line:
-        """The guide hole's axis after a move of the guide, in the guide's present frame."""
-        return Line(
-            guide_from_target_guide @ self.axis.point_mm, guide_from_target_guide.directions(self.axis.direction)
-        )
-
-
-def match_axes(pairs: tuple[AxisPair, ...]) -> Transform[Guide, Guide]:
+def _match_axes(aims: tuple[_Aim, ...]) -> Transform[Guide, Guide]:
     """Least-squares motion of the guide after which its axes cross the nail's entries and exits.
 
-    Gauss-Newton from where the guide is. What the axes leave free (travel along a common direction, rotation about a
-    single axis) stays as small as it can.
-
-    Returns
-    -------
-    Transform
-        `guide_from_target_guide`.
+    Gauss-Newton, from the smallest rotation that makes the mean directions coincide. What the axes leave free (travel
+    along a common direction, rotation about a single axis) stays as small as it can.
     """
-    move: Transform[Guide, Guide] = Transform.from_rotation_translation(_first_rotation(pairs), np.zeros(3))
+    start = np.sum([aim.axis.direction for aim in aims], axis=0)
+    end = np.sum([aim.hole.axis_guide.direction for aim in aims], axis=0)
+    move: Transform[Guide, Guide] = Transform.from_rotvec(rotations_between_rad(start, end), np.zeros(3))
     for _ in range(_ITERATIONS):
-        residual = _offsets(pairs, move)
-        J = np.stack([(_offsets(pairs, _nudged(move, d)) - residual) / _STEP for d in _STEP * np.eye(6)], axis=1)
+        residual = _offsets(aims, move)
+        J = np.stack([(_offsets(aims, _nudged(move, d)) - residual) / _STEP for d in _STEP * np.eye(6)], axis=1)
         step, *_ = np.linalg.lstsq(J, -residual, rcond=_LEAST_SINGULAR_RATIO)
         move = _nudged(move, np.asarray(step, dtype=np.float64))
         if float(np.abs(step).max()) < _CONVERGED:
             break
-    return _without_free_travel(move, pairs)
+    return _without_free_travel(move, aims)
 
 
-def _first_rotation(pairs: tuple[AxisPair, ...]) -> NDArray[np.float64]:
-    """Smallest rotation that takes the mean direction of the guide's axes to that of the nail's."""
-    start = np.sum([p.axis.direction for p in pairs], axis=0)
-    end = np.sum([p.target.direction for p in pairs], axis=0)
-    normal = np.cross(start, end)
-    sine = float(np.linalg.norm(normal))
-    angle = np.arctan2(sine, float(start @ end))
-    return np.asarray(Rotation.from_rotvec(normal * (angle / sine if sine > 0.0 else 0.0)).as_matrix())
-
-
-def _offsets(pairs: tuple[AxisPair, ...], move: Transform[Guide, Guide]) -> NDArray[np.float64]:
-    """Offsets in mm at entries and exits, shape (4 * number of pairs,)."""
-    return np.concatenate([axis_offset_mm(p.target, p.moved(move), p.entry_mm, p.exit_mm) for p in pairs])
+def _offsets(aims: tuple[_Aim, ...], move: Transform[Guide, Guide]) -> NDArray[np.float64]:
+    """Offsets in mm at entries and exits, shape (4 * number of aims,)."""
+    return np.concatenate([aim.offset_mm(move) for aim in aims])
 
 
 def _nudged(move: Transform[Guide, Guide], step: NDArray[np.float64]) -> Transform[Guide, Guide]:
@@ -319,10 +270,10 @@ def _nudged(move: Transform[Guide, Guide], step: NDArray[np.float64]) -> Transfo
     return move @ small
 
 
-def _without_free_travel(move: Transform[Guide, Guide], pairs: tuple[AxisPair, ...]) -> Transform[Guide, Guide]:
+def _without_free_travel(move: Transform[Guide, Guide], aims: tuple[_Aim, ...]) -> Transform[Guide, Guide]:
     """Take back the guide's travel along the nail's axes, if they are parallel: it only costs reach."""
-    along = pairs[0].target.direction
-    if any(angle_between_rad(along, p.target.direction) > _PARALLEL_RAD for p in pairs):
+    along = aims[0].hole.axis_guide.direction
+    if any(angle_between_rad(along, aim.hole.axis_guide.direction) > _PARALLEL_RAD for aim in aims):
         return move
     translation = move.translation_mm - along * float(along @ move.translation_mm)
     return Transform.from_rotation_translation(move.rotation, translation)

@@ -10,8 +10,9 @@ from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.acceptance.criteria import HeadTrouble
 from services.registration.core.head_check import MotionView, check_motion
 from services.registration.core.localise import LocalisationResult, Parts, localise
-from services.registration.core.plan import PlanRefused, RobotNow, plan_move
+from services.registration.core.plan import RobotNow, plan_move
 from services.registration.planning import motion_view
+from shared.acceptance import Refusal
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.errors import Accepted, ReasonCode
 from shared.geometry.frames import Guide
@@ -69,7 +70,7 @@ def test_an_extension_entered_10_mm_wrong_shows_in_a_first_move_that_turns() -> 
     assert before.result.holes is not None
     robot = RobotNow(hexapod, hexapod.home_pose, np.array(hexapod.pivot_mm), entered_mm)
     plan = plan_move(before.result.holes, scenario.parts.guide, tuple(h.id for h in before.result.holes), robot)
-    assert not isinstance(plan, PlanRefused), plan
+    assert not isinstance(plan, Refusal), plan
     print(
         f"seed {EXTENSION_SEED}: {plan.value.travel_mm:.1f} mm, {plan.value.travel_deg:.1f}°, {plan.value.target_pose}"
     )

@@ -11,13 +11,13 @@ from services.registration.core.localise import Parts
 from services.registration.core.wires.verify import AxisComparison, WireVerification
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame
 from services.registration.planning import PlanAxes, axes_for
-from services.registration.report import MeasuredTimes, localisation_message
+from services.registration.report import localisation_message
 from services.registration.state import RegistrationState
 from shared.errors import Reason, ReasonCode
 from shared.geometry.lines import Line
 from shared.messages.base import ReasonMessage
 from shared.messages.cases import CaseContext
-from shared.messages.registration import LocalisationRecord, PlanReply, PlanRequest
+from shared.messages.registration import LocalisationRecord, PlanReply, PlanRequest, Timing
 from shared.messages.robot import PlatformPoseMessage
 from shared.parts.files import sha256_of
 from shared.parts.hexapod_file import hexapod_from_json
@@ -25,7 +25,7 @@ from tests.unit.services.registration.core.test_fusion import AMBIGUOUS, PARTS, 
 from tests.unit.services.registration.outside import HOME, header, reference
 from tests.unit.services.registration.rendered_case import GUIDE_JSON, HEXAPOD_JSON, NAIL_JSON, RING_JSON
 
-TIMES = MeasuredTimes(1.0, 1.0, 1.0, 1.0)
+TIMES = Timing(total=1.0, ring=1.0, guide=1.0, nail=1.0)
 
 
 def case_of(parts: Parts) -> OpenCase:

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.c_arm_advice import CArmTurn
 from shared.geometry.calibration import BallCandidates, CArmCalibration
 from shared.geometry.camera import DisplacementField, PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
-from shared.geometry.parts import BallPattern, Box, GuidePart, Hole, Material, NailPart
+from shared.geometry.parts import BallPattern, Box, GuidePart, Hole, Material, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 from tests.kept import kept
 
@@ -211,3 +212,13 @@ def _ball_path_mm(rays: NDArray[np.float64], centre_mm: NDArray[np.float64], rad
     along = unit @ centre_mm
     square = radius_mm**2 - (centre_mm @ centre_mm - along**2)
     return np.asarray(2.0 * np.sqrt(np.maximum(square, 0.0)))
+
+
+def turned(camera_from_nail: Transform[Camera, Nail], nail: NailPart, turn: CArmTurn) -> Transform[Camera, Nail]:
+    """Where the nail is for a C-arm that was turned about the point midway between the holes."""
+    middles = np.array([np.mean(hole_surface_points(nail, hole), axis=0) for hole in nail.holes])
+    pivot = camera_from_nail @ np.asarray(middles.mean(axis=0))
+    new_from_old = turn.rotation.T
+    rotation = new_from_old @ camera_from_nail.rotation
+    origin = new_from_old @ (camera_from_nail.translation_mm - pivot) + pivot
+    return Transform.from_rotation_translation(rotation, origin)

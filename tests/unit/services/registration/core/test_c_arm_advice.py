@@ -15,12 +15,11 @@ from services.registration.core.c_arm_advice import (
     c_arm_correction_deg,
     hole_tilts,
     picture_turn_rad,
-    turned,
 )
 from services.registration.guidance_report import PictureTurn, ring_turn_rad
 from shared.geometry.frames import Camera, Guide, Nail, Ring
 from shared.geometry.transform import Transform
-from tests.unit.services.registration.xray_scene import calibration, nail_part
+from tests.unit.services.registration.xray_scene import calibration, nail_part, turned
 
 PICTURE_TURN_DEG = 130.0
 RING_TURN_RAD = 3.1

@@ -8,13 +8,13 @@ import pytest
 from services.registration.core.acceptance.criteria import HeadTrouble
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.head_check import (
-    HeadRefused,
     MotionView,
     c_arm_stood_still,
     check_motion,
     check_place,
     observed_motion,
 )
+from shared.acceptance import Refusal
 from shared.geometry.frames import Guide, Nail, Ring, RobotBase, RobotTop
 from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose, base_from_top
 from shared.geometry.hexapod_mount import MountPlace
@@ -131,7 +131,9 @@ def with_mount(off_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> HexapodP
     return replace(hexapod, mounts=(mount,))
 
 
-def checked(hexapod: HexapodPart, entered_mm: float = ENTERED_MM, mount: str = "nail_head") -> HeadRefused | None:
+def checked(
+    hexapod: HexapodPart, entered_mm: float = ENTERED_MM, mount: str = "nail_head"
+) -> Refusal[HeadTrouble] | None:
     return check_place(hexapod, FIRST_POSE, entered_mm, SEEN_IN_FIRST_IMAGE, mount)
 
 

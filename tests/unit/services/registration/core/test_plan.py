@@ -15,10 +15,10 @@ from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.plan import (
     LONGEST_AXIAL_SHIFT_MM,
     PlannedMove,
-    PlanRefused,
     RobotNow,
     plan_move,
 )
+from shared.acceptance import Refusal
 from shared.errors import Accepted
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.hexapod import PlatformPose, base_from_top
@@ -65,9 +65,11 @@ def planned(holes: tuple[HoleEstimate, ...], hole_ids: tuple[str, ...], robot: R
     return outcome.value
 
 
-def refused(holes: tuple[HoleEstimate, ...], hole_ids: tuple[str, ...], robot: RobotNow | None = None) -> PlanRefused:
+def refused(
+    holes: tuple[HoleEstimate, ...], hole_ids: tuple[str, ...], robot: RobotNow | None = None
+) -> Refusal[PlanRefusal]:
     outcome = plan_move(holes, guide_part(), hole_ids, robot or robot_at())
-    assert isinstance(outcome, PlanRefused), outcome
+    assert isinstance(outcome, Refusal), outcome
     return outcome
 
 
