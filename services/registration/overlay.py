@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.drill_clearance import across_basis
 from services.registration.core.guide.locate import GuideFit
+from services.registration.core.guide.measure import shadows
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Nail
@@ -96,9 +97,8 @@ def _draw_ring(canvas: Canvas, calibration: CArmCalibration) -> None:
 
 
 def _draw_guide(canvas: Canvas, calibration: CArmCalibration, guide: GuideFit, parts: Parts) -> None:
-    at_camera = guide.camera_from_guide.points(parts.guide.balls.position_mm)
-    radius = 0.5 * calibration.camera.focal_length_px * parts.guide.balls.diameter_mm / at_camera[:, 2]
-    for place, size, used in zip(calibration.image_from_camera(at_camera), radius, guide.used, strict=True):
+    balls = shadows(calibration, parts.guide.balls, guide.camera_from_guide)
+    for place, size, used in zip(balls.centre_px, balls.radius_px, guide.used, strict=True):
         _circle(canvas, place, float(size) + 2.0, GUIDE if used else LOST)
     for hole in parts.guide.holes:
         ends = hole.axis.point_mm + np.array([[-1.0], [1.0]]) * 10.0 * hole.axis.direction

@@ -73,6 +73,13 @@ def residuals_px(
     return seen.ideal_px - camera.project(camera_from_body.points(seen.body_mm))
 
 
+def reprojection_rms_px(
+    camera: PinholeCamera, camera_from_body: Transform[Camera, Body], seen: Correspondences
+) -> float:
+    """Rms distance of observed points from where a pose puts them."""
+    return float(np.sqrt(np.mean(np.sum(residuals_px(camera, camera_from_body, seen) ** 2, axis=1))))
+
+
 def projection_jacobian(
     camera: PinholeCamera, camera_from_body: Transform[Camera, Body], body_mm: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -117,13 +124,7 @@ def down_weighted(
 def pose_covariance(
     camera: PinholeCamera, camera_from_body: Transform[Camera, Body], seen: Correspondences
 ) -> NDArray[np.float64]:
-    """Covariance of a pose fitted to points with independent errors of the stated size.
-
-    Returns
-    -------
-    NDArray
-        Shape (6, 6), of a small motion of the body in its own frame (see `Transform.exp`).
-    """
+    """Covariance, shape (6, 6), of a pose fitted to points with independent errors of the stated size."""
     J = projection_jacobian(camera, camera_from_body, seen.body_mm) / seen.standard_deviation_px[:, None, None]
     return np.asarray(np.linalg.inv(np.einsum("nik,nil->kl", J, J)))
 
@@ -224,15 +225,7 @@ def _normal_equations(
 
 @compiled
 def refined(intrinsic: NDArray[np.float64], start: Pose, seen: Observed, most_steps: int) -> Pose:
-    """Levenberg-Marquardt with Cauchy weights (see `refine_pose`).
-
-    Parameters
-    ----------
-    intrinsic
-        Intrinsic matrix in px, shape (3, 3).
-    start
-        Rotation, shape (3, 3), and translation in mm, shape (3,).
-    """
+    """Levenberg-Marquardt with Cauchy weights (see `refine_pose`); intrinsic matrix in px, shape (3, 3)."""
     pose, damping = start, _FIRST_DAMPING
     cost = _cost(intrinsic, pose, seen)
     normal, gradient = _normal_equations(intrinsic, pose, seen)

@@ -4,8 +4,6 @@ Between two frames the guide's shadow hardly turns: one shift puts most of its b
 measured, and a few rounds of assignment and fit refine the pose.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -16,6 +14,7 @@ from services.registration.core.estimation.image_points import (
     down_weighted,
     pose_covariance,
     refine_pose,
+    reprojection_rms_px,
 )
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide.identity import Discs, refined_identity
@@ -29,35 +28,10 @@ from shared.geometry.transform import Transform
 from shared.xray.pixel_scale import pixels
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackedGuide:
-    """The guide in this frame.
-
-    Attributes
-    ----------
-    pose
-        As `GuideFit.pose`, but with the errors of the balls alone.
-    balls_found, reprojection_rms_px
-        Number of balls it is estimated from, and their rms distance from their predicted places.
-    """
-
-    pose: PoseEstimate[Camera, Guide]
-    balls_found: int
-    reprojection_rms_px: float
-
-
 def track_guide(
     calibration: CArmCalibration, guide: GuidePart, before: Transform[Camera, Guide]
-) -> Accepted[TrackedGuide] | Rejected:
-    """Find the guide near where it was in an earlier frame.
-
-    Parameters
-    ----------
-    calibration
-        Of this frame; its discs that are not of the ring are the candidates.
-    before
-        Pose in the earlier frame.
-    """
+) -> Accepted[PoseEstimate[Camera, Guide]] | Rejected:
+    """Find the guide near where it was in an earlier frame; the errors are those of the balls alone."""
     chosen = _possible_discs(calibration, guide, before)
     ideal_px = calibration.distortion.undistort(calibration.balls.centre_px[chosen])
     needed = needed_balls(len(guide.balls))
@@ -65,9 +39,10 @@ def track_guide(
         return _lost(len(ideal_px), needed, len(guide.balls))
     balls_mm, camera = guide.balls.position_mm, calibration.camera
     shift_px = _common_shift_px(camera.project(before.points(balls_mm)), ideal_px, calibration.pixel_mm)
-    start = _shifted(before, calibration, shift_px)
-    discs = Discs.of(camera, ideal_px, calibration.pixel_mm)
-    identity = refined_identity(camera, balls_mm, discs, start)
+    # moved across the beam, so that its image shifts
+    by_mm = np.append(shift_px, 0.0) * float(before.translation_mm[2]) / camera.focal_length_px
+    start = Transform[Camera, Guide].from_rotation_translation(before.rotation, before.translation_mm + by_mm)
+    identity = refined_identity(camera, balls_mm, Discs.of(camera, ideal_px, calibration.pixel_mm), start)
     if len(identity) < needed:
         return _lost(len(identity), needed, len(guide.balls))
     disc = chosen[identity.disc_index]
@@ -78,9 +53,8 @@ def track_guide(
 
 def _accepted(
     calibration: CArmCalibration, guide: GuidePart, pose: Transform[Camera, Guide], seen: Correspondences
-) -> Accepted[TrackedGuide] | Rejected:
-    apart = seen.ideal_px - calibration.camera.project(pose.points(seen.body_mm))
-    rms_px = float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
+) -> Accepted[PoseEstimate[Camera, Guide]] | Rejected:
+    rms_px = reprojection_rms_px(calibration.camera, pose, seen)
     if not FRAME_GUIDE_RMS.is_met(rms_px):
         observation = (
             f"{len(seen)} of the guide's {len(guide.balls)} balls lie {FRAME_GUIDE_RMS.quoted(rms_px)} from where the "
@@ -88,8 +62,7 @@ def _accepted(
         )
         return Rejected((FRAME_GUIDE_RMS.reason(observation),))
     weighed = down_weighted(calibration.camera, pose, seen)
-    covariance = pose_covariance(calibration.camera, pose, weighed)
-    return Accepted(TrackedGuide(PoseEstimate.of(pose, covariance), len(seen), rms_px))
+    return Accepted(PoseEstimate.of(pose, pose_covariance(calibration.camera, pose, weighed)))
 
 
 def _possible_discs(
@@ -115,15 +88,6 @@ def _common_shift_px(
     near = cKDTree(shifts).query_ball_point(shifts, pixels(GUIDE_TRACKING.same_shift_detector_mm, pixel_mm))
     best = max(near, key=len)
     return np.asarray(np.median(shifts[best], axis=0))
-
-
-def _shifted(
-    pose: Transform[Camera, Guide], calibration: CArmCalibration, shift_px: NDArray[np.float64]
-) -> Transform[Camera, Guide]:
-    """The pose moved across the beam, so that its image shifts."""
-    by_mm = shift_px * float(pose.translation_mm[2]) / calibration.camera.focal_length_px
-    shifted_mm = pose.translation_mm + np.array([by_mm[0], by_mm[1], 0.0])
-    return Transform.from_rotation_translation(pose.rotation, shifted_mm)
 
 
 def _lost(found: int, needed: int, expected: int) -> Rejected:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import HoleView
-from services.registration.core.estimation.pose_estimate import POSE_SIZE, model_covariance
+from services.registration.core.estimation.pose_estimate import POSE_SIZE, PoseEstimate, model_covariance
 from services.registration.core.nail.fit import hole_views, pose_covariance, residual_statistics
 from services.registration.core.nail.forward_model import model_at
 from services.registration.core.nail.least_squares import (
@@ -75,12 +75,8 @@ class TrackedNail:
 
     Attributes
     ----------
-    camera_from_nail, covariance
-        As in `NailEstimate`.
     blur_px
-        Of this frame.
-    holes
-        How much of each hole is visible.
+        Standard deviation of the blur, in image pixels.
     structure
         Residual at rims and edges over that elsewhere.
     unexplained
@@ -89,8 +85,7 @@ class TrackedNail:
         Of the fit, for `mirror_margin`.
     """
 
-    camera_from_nail: Transform[Camera, Nail]
-    covariance: NDArray[np.float64]
+    pose: PoseEstimate[Camera, Nail]
     blur_px: float
     holes: tuple[HoleView, ...]
     structure: float
@@ -139,18 +134,16 @@ def track_nail(
     noise = estimate_noise(problem, solution.linear)
     residual = residual_statistics(problem, solution, noise)
     beyond = np.abs(solution.linear.residual) > stage.unexplained_sigmas * np.sqrt(noise.variance)
-    pose = model.pose(solution.parameters)
     return Accepted(
         TrackedNail(
-            pose,
-            _covariance(given, problem, solution, noise, appearance),
-            model.region.sampling.blur_px(solution.parameters),
-            hole_views(problem, solution),
-            residual.structure,
-            float(np.mean(beyond)),
-            problem,
-            solution,
-            noise,
+            pose=_pose(problem, solution, noise, appearance),
+            blur_px=model.region.sampling.blur_px(solution.parameters),
+            holes=hole_views(problem, solution),
+            structure=residual.structure,
+            unexplained=float(np.mean(beyond)),
+            problem=problem,
+            solution=solution,
+            noise=noise,
         )
     )
 
@@ -166,7 +159,7 @@ def mirror_margin(found: TrackedNail) -> float | None:
     problem = evenly_weighted(found.problem, found.noise)
     here = minimise_from(problem, found.solution.linear, NAIL_TRACKING.last_steps, NAIL_TRACKING.first_tolerance)
     reflected = minimise(problem, start, NAIL_TRACKING.reflected_steps, NAIL_TRACKING.first_tolerance)
-    apart_rad = angle_between_rad(reflected.hole_direction_camera, found.camera_from_nail.rotation[:, 2])
+    apart_rad = angle_between_rad(reflected.hole_direction_camera, found.pose.mean.rotation[:, 2])
     if apart_rad < np.radians(TILT_SEARCH_STAGE.distinct_deg):
         return None
     return 0.5 * (reflected.cost - here.cost)
@@ -179,12 +172,13 @@ def _reduction(given: FitInput, pose: Transform[Camera, Nail]) -> int:
     return max(NAIL_TRACKING.least_reduction, round(smallest_px / NAIL_TRACKING.hole_px))
 
 
-def _covariance(
-    given: FitInput, problem: Problem, solution: Solution, noise: NoiseModel, appearance: NailAppearance
-) -> NDArray[np.float64]:
-    """Of pose and blur in this frame, of what the reference leaves open, and of the model's own errors."""
+def _pose(
+    problem: Problem, solution: Solution, noise: NoiseModel, appearance: NailAppearance
+) -> PoseEstimate[Camera, Nail]:
+    """With the errors of this frame, of what the reference leaves open, and of the model itself."""
     model = problem.model
+    pose = model.pose(solution.parameters)
     jacobian = motion_by_parameters(solution.parameters[:POSE_SIZE], model.camera, model.anchors)
     shared = jacobian @ appearance.shared_covariance @ jacobian.T
-    own = model_covariance(given.nail, model.pose(solution.parameters))
-    return np.asarray(pose_covariance(problem, solution, noise) + shared + own)
+    by_model = model_covariance(model.nail, pose)
+    return PoseEstimate.of(pose, pose_covariance(problem, solution, noise) + shared + by_model)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.frame import FrameEvidence, frame_reasons, margin_reasons
 from services.registration.core.c_arm_advice import Advice, advice
 from services.registration.core.estimation.pose_estimate import PoseEstimate, weighted_mean
-from services.registration.core.guidance.guide_tracking import TrackedGuide, track_guide
+from services.registration.core.guidance.guide_tracking import track_guide
 from services.registration.core.guidance.nail_tracking import (
     NailAppearance,
     TrackedNail,
@@ -53,47 +53,25 @@ class Margin:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """What later frames need of a fully localised image.
+    """What later frames need of a fully localised image."""
 
-    Attributes
-    ----------
-    guide_from_nail
-        With the errors of the nail's pose there; the guide's are new in every frame.
-    """
-
-    guide_from_nail: PoseEstimate[Guide, Nail]
+    guide_from_nail: PoseEstimate[Guide, Nail]  # with the errors of the nail's pose there: the guide's are always new
     appearance: NailAppearance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """What the next frame is tracked from.
-
-    Attributes
-    ----------
-    camera_from_guide
-        In the last frame in which it was found.
-    margin
-        Measured in the reference, or in the frame that was checked last.
-    frames_without_estimate
-        Frames in a row without an estimate.
-    """
+    """What the next frame is tracked from."""
 
     reference: Reference
-    camera_from_guide: Transform[Camera, Guide]
-    margin: Margin
-    frames_without_estimate: int
+    camera_from_guide: Transform[Camera, Guide]  # in the last frame in which it was found
+    margin: Margin  # measured in the reference, or in the frame that was checked last
+    frames_without_estimate: int  # in a row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameEstimate:
-    """Estimate from one frame: advice, or the reasons why there is none.
-
-    Attributes
-    ----------
-    camera_from_guide
-        Of this frame; None where the guide was not found.
-    """
+    """Estimate from one frame: advice, or the reasons why there is none; no pose where the guide was not found."""
 
     origin: Origin
     advice: Advice | None
@@ -107,12 +85,7 @@ def start_track(
 ) -> Track | None:
     """Make a fully localised image the reference; `None` when it cannot be one.
 
-    Parameters
-    ----------
-    pixels
-        The image as received.
-    found
-        Its localisation.
+    The pixels are the image as received, shape (rows, columns).
     """
     guide, nail = found.guide, found.nail
     usable = all(reason.code in _TRACKABLE for reason in found.reasons)
@@ -143,30 +116,24 @@ def track_frame(
 ) -> tuple[FrameEstimate, Track | None]:
     """Measure one frame, given the track; also the track after it, `None` when it ends here.
 
-    Parameters
-    ----------
-    pixels
-        The image as received, darker is denser, shape (rows, columns).
-    calibration
-        Of the same image.
+    The pixels are the image as received, darker is denser, shape (rows, columns).
     """
     guide = track_guide(calibration, parts.guide, track.camera_from_guide)
     if isinstance(guide, Rejected) and track.frames_without_estimate:
         guide = _relocated_guide(pixels, calibration, parts)
     if isinstance(guide, Rejected):
         return _refused(guide.reasons, None), _missed(track)
-    at = guide.value.pose.mean
+    at = guide.value.mean
     track = replace(track, camera_from_guide=at)
     given = _given(pixels, calibration, parts, at)
-    predicted = guide.value.pose @ track.reference.guide_from_nail
+    predicted = guide.value @ track.reference.guide_from_nail
     nail = track_nail(given, track.reference.appearance, predicted.mean)
     if isinstance(nail, Rejected):
         return _refused(nail.reasons, at), _missed(track)
-    observed = PoseEstimate.of(nail.value.camera_from_nail, nail.value.covariance)
-    reasons = frame_reasons(_evidence(nail.value, track.reference.appearance, observed, predicted))
+    reasons = frame_reasons(_evidence(nail.value, track.reference.appearance, predicted))
     if reasons:
         return _refused(reasons, at), _missed(track)
-    joint = weighted_mean(predicted, observed, FRAME_TRACKING.shared_correlation)
+    joint = weighted_mean(predicted, nail.value.pose, FRAME_TRACKING.shared_correlation)
     return _estimated(nail.value, advice(joint.mean, joint.covariance, parts.nail), track)
 
 
@@ -185,13 +152,10 @@ def disagree(tracked: FrameEstimate, localised: FrameEstimate) -> bool:
 
 def _relocated_guide(
     pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts
-) -> Accepted[TrackedGuide] | Rejected:
+) -> Accepted[PoseEstimate[Camera, Guide]] | Rejected:
     """The guide without a prediction, after the view has jumped: takes several times as long as tracking it."""
     found = locate_guide(unmirrored(pixels, calibration), calibration, parts.ring, parts.guide)
-    if isinstance(found, Rejected):
-        return found
-    fit = found.value
-    return Accepted(TrackedGuide(fit.pose, fit.balls_found, fit.reprojection_rms_px))
+    return found if isinstance(found, Rejected) else Accepted(found.value.pose)
 
 
 def _estimated(nail: TrackedNail, turn: Advice, track: Track) -> tuple[FrameEstimate, Track | None]:
@@ -223,15 +187,10 @@ def _given(
     return FitInput(unmirrored(pixels, calibration), calibration, parts.nail, occluders)
 
 
-def _evidence(
-    nail: TrackedNail,
-    appearance: NailAppearance,
-    observed: PoseEstimate[Camera, Nail],
-    predicted: PoseEstimate[Camera, Nail],
-) -> FrameEvidence:
+def _evidence(nail: TrackedNail, appearance: NailAppearance, predicted: PoseEstimate[Camera, Nail]) -> FrameEvidence:
     """The observed nail, and how far it lies from where guide and reference predict it."""
-    apart = predicted.mean.inverse() @ observed.mean
-    rotation = observed.covariance[:2, :2] + predicted.covariance[:2, :2]
+    apart = predicted.mean.inverse() @ nail.pose.mean
+    rotation = nail.pose.covariance[:2, :2] + predicted.covariance[:2, :2]
     return FrameEvidence(
         holes=nail.holes,
         structure=nail.structure,
@@ -241,5 +200,5 @@ def _evidence(
         across_mm=float(np.linalg.norm(apart.translation_mm[:2])),
         blur_px=nail.blur_px,
         reference_blur_px=appearance.blur_px,
-        tilt_sd_deg=float(np.degrees(np.sqrt(np.diag(nail.covariance)[:2].max()))),
+        tilt_sd_deg=float(np.degrees(np.sqrt(np.diag(nail.pose.covariance)[:2].max()))),
     )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import GUIDE_BALLS, GUIDE_IDENTITY, GUIDE_MARGIN, GUIDE_SHARE
-from services.registration.core.estimation.image_points import Correspondences, residuals_px
+from services.registration.core.estimation.image_points import Correspondences, reprojection_rms_px
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
 from services.registration.core.guide.identity import GuideIdentity
@@ -31,17 +31,13 @@ class GuideFit:
     Attributes
     ----------
     pose
-        Of the guide. The errors of the distortion are in its covariance, those of the camera's intrinsics are not (see
+        The errors of the distortion are in its covariance, those of the camera's intrinsics are not (see
         `guide_from_nail`).
     used
         Balls from which the pose is estimated, shape (N,).
     ideal_px, standard_deviation_px
         Undistorted pixels, shape (N, 2), and the standard deviations of the balls' own errors, shape (N,), as the fit
         used them.
-    balls_expected
-        N.
-    reprojection_rms_px
-        Rms distance of the used balls from where the pose puts them.
     runner_up_margin
         Balls that the identity explains, minus those of the best different one.
     """
@@ -67,15 +63,7 @@ class GuideFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Named:
-    """A chosen identity of the guide's balls.
-
-    Attributes
-    ----------
-    margin
-        Balls that it explains, minus those of the best different one.
-    needed
-        How many balls must then be measured.
-    """
+    """A chosen identity of the guide's balls, its `GuideFit.runner_up_margin`, and how many must then be measured."""
 
     identity: GuideIdentity
     margin: int
@@ -85,14 +73,9 @@ class Named:
 def locate_guide(
     pixels: NDArray[np.float32], calibration: CArmCalibration, ring: RingPart, guide: GuidePart
 ) -> Accepted[GuideFit] | Rejected:
-    """Find the guide in an un-mirrored image, or report why it is not found.
+    """Find the guide in an un-mirrored image, shape (rows, columns), or report why it is not found.
 
-    Parameters
-    ----------
-    pixels
-        Grey values after un-mirroring, darker is denser, shape (rows, columns).
-    calibration
-        Of the same image; its discs that are not of the ring are the candidates.
+    The candidates are the discs of the calibration that are not of the ring.
     """
     candidates = candidate_discs(calibration, guide)
     identities = guide_identities(calibration, guide)
@@ -179,14 +162,13 @@ def _guide_fit(
 ) -> GuideFit:
     chosen = seen.chosen(used)
     fit = fit_with_shared_errors(calibration.camera, pose, chosen, _shared_error(calibration, chosen))
-    residual = residuals_px(calibration.camera, fit.mean, chosen)
     return GuideFit(
         pose=fit,
         used=used,
         ideal_px=read_only(seen.ideal_px),
         standard_deviation_px=read_only(seen.standard_deviation_px),
         balls_expected=len(guide.balls),
-        reprojection_rms_px=float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))),
+        reprojection_rms_px=reprojection_rms_px(calibration.camera, fit.mean, chosen),
         runner_up_margin=margin,
     )
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.estimation.image_points import Correspondences, refine_pose, residuals_px
+from services.registration.core.estimation.image_points import Body, Correspondences, refine_pose, residuals_px
 from services.registration.core.estimation.robust import inliers
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.tuning import GUIDE_MEASUREMENT
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
-from shared.geometry.parts import GuidePart, RingPart
+from shared.geometry.parts import BallPattern, GuidePart, RingPart
 from shared.geometry.transform import Transform
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
 
@@ -36,31 +36,28 @@ class GuideImage:
     shrunk: float
 
 
-def ball_radius_px(
-    calibration: CArmCalibration, guide: GuidePart, pose: Transform[Camera, Guide]
-) -> NDArray[np.float64]:
-    """Geometric radii of the balls' shadows, shape (N,)."""
-    depth_mm = pose.points(guide.balls.position_mm)[:, 2]
-    return np.asarray(0.5 * calibration.camera.focal_length_px * guide.balls.diameter_mm / depth_mm)
+def shadows(calibration: CArmCalibration, balls: BallPattern, camera_from_balls: Transform[Camera, Body]) -> Discs:
+    """Where balls appear, and the geometric radii of their shadows."""
+    at_camera = camera_from_balls.points(balls.position_mm)
+    radius_px = 0.5 * calibration.camera.focal_length_px * balls.diameter_mm / at_camera[:, 2]
+    return Discs(calibration.image_from_camera(at_camera), radius_px)
 
 
 def shrinkage(
     calibration: CArmCalibration, guide: GuidePart, identity: GuideIdentity, disc_radius_px: NDArray[np.float64]
 ) -> float:
     """Measured over geometric radius of the discs that were identified: the display's curve makes shadows smaller."""
-    geometric = ball_radius_px(calibration, guide, identity.camera_from_guide)[identity.ball_index]
+    geometric = shadows(calibration, guide.balls, identity.camera_from_guide).radius_px[identity.ball_index]
     return float(np.clip(np.median(disc_radius_px[identity.disc_index] / geometric), 0.7, 1.1))
 
 
 def ring_shadows(calibration: CArmCalibration, ring: RingPart) -> Discs:
     """All balls of the ring: measured where they were seen, else where they must be, smaller by the same share."""
-    at_camera = calibration.camera_from_ring.points(ring.balls.position_mm)
-    centre = calibration.image_from_camera(at_camera)
-    radius = 0.5 * calibration.camera.focal_length_px * ring.balls.diameter_mm / at_camera[:, 2]
-    index = calibration.balls.ring_index
+    predicted, index = shadows(calibration, ring.balls, calibration.camera_from_ring), calibration.balls.ring_index
     known = index != NOT_OF_THE_RING
     seen_radius = calibration.balls.radius_px[known]
-    radius *= float(np.median(seen_radius / radius[index[known]])) if known.any() else 1.0
+    shrunk = float(np.median(seen_radius / predicted.radius_px[index[known]])) if known.any() else 1.0
+    centre, radius = predicted.centre_px.copy(), shrunk * predicted.radius_px
     centre[index[known]], radius[index[known]] = calibration.balls.centre_px[known], seen_radius
     return Discs(centre, radius)
 
@@ -74,11 +71,10 @@ def measured_and_fitted(
     """
     pose = identity.camera_from_guide
     if len(identity) < GUIDE_MEASUREMENT.enough_identified:
-        pose, seen, used = _measured_and_fitted(
-            image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.wide_drift_px)
-        )
+        wide = _measured_and_fitted(image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.wide_drift_px))
+        pose, _, used = wide
         if np.count_nonzero(used) < 4:
-            return pose, seen, used
+            return wide
     return _measured_and_fitted(image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.drift_px))
 
 
@@ -120,11 +116,10 @@ def _measured(
     image: GuideImage, pose: Transform[Camera, Guide], settings: MeasurementSettings
 ) -> tuple[BallMeasurements, NDArray[np.bool_]]:
     """Measurements of all balls, and whether no ball of the ring lies on them, shape (N,)."""
-    predicted = image.calibration.image_from_camera(pose.points(image.guide.balls.position_mm))
-    radius = image.shrunk * ball_radius_px(image.calibration, image.guide, pose)
-    ring = image.ring_shadows
-    balls = measure_balls(image.pixels, predicted, radius, ring.centre_px, ring.radius_px, settings, image.usable)
-    apart = np.linalg.norm(predicted[:, None] - ring.centre_px[None], axis=-1)
+    predicted, ring = shadows(image.calibration, image.guide.balls, pose), image.ring_shadows
+    centre, radius = predicted.centre_px, image.shrunk * predicted.radius_px
+    balls = measure_balls(image.pixels, centre, radius, ring.centre_px, ring.radius_px, settings, image.usable)
+    apart = np.linalg.norm(centre[:, None] - ring.centre_px[None], axis=-1)
     return balls, (apart > GUIDE_MEASUREMENT.concentric_share * radius[:, None]).all(axis=1)
 
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.guide.measure import shadows
 from services.registration.core.subpixel import sample_bilinear
 from services.registration.core.tuning import WIRE_VISIBILITY
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
@@ -171,16 +172,19 @@ def _inside(
 def balls_mask(registered: RegisteredImage, guide: GuidePart) -> NDArray[np.bool_]:
     """Where balls of guide and ring, with a margin, hide what is behind them, shape (height, width)."""
     calibration = registered.calibration
-    mask = np.zeros((calibration.height_px, calibration.width_px), dtype=np.uint8)
-    in_camera_mm = registered.camera_from_guide.points(guide.balls.position_mm)
-    guide_px = calibration.image_from_camera(in_camera_mm)
-    radii_px = 0.5 * guide.balls.diameter_mm * calibration.camera.focal_length_px / in_camera_mm[:, 2]
+    of_guide = shadows(calibration, guide.balls, registered.camera_from_guide)
     ring = calibration.balls.ring_index != NOT_OF_THE_RING
-    centres = np.concatenate([guide_px, calibration.balls.centre_px[ring]])
-    radii = np.concatenate([radii_px, calibration.balls.radius_px[ring]])
+    centre_px = np.concatenate([of_guide.centre_px, calibration.balls.centre_px[ring]])
+    radius_px = np.concatenate([of_guide.radius_px, calibration.balls.radius_px[ring]])
     margin_px = pixels(WIRE_VISIBILITY.margin_detector_mm, calibration.pixel_mm)
-    for (x, y), radius in zip(centres, radii, strict=True):
-        cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius + margin_px)), 1, thickness=-1)
+    return discs_mask(registered, np.column_stack([centre_px, radius_px + margin_px]))
+
+
+def discs_mask(registered: RegisteredImage, discs_px: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Pixels in discs, centre and radius of shape (N, 3); shape (height, width)."""
+    mask = np.zeros(registered.pixels.shape, dtype=np.uint8)
+    for x, y, radius in discs_px.tolist():
+        cv2.circle(mask, (round(x), round(y)), int(np.ceil(radius)), 1, thickness=-1)
     return np.asarray(mask > 0)
 
 

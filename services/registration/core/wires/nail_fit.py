@@ -8,7 +8,6 @@ of the model, and its pixels, with those that its own error may darken, are mask
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
@@ -25,7 +24,7 @@ from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import NAIL_WITH_WIRES, WIRE_VISIBILITY
 from services.registration.core.wires.fit import WireFit, detect_wire
 from services.registration.core.wires.guided_search import locate_nail_near_guide_axes
-from services.registration.core.wires.image import RegisteredImage, gradient_image
+from services.registration.core.wires.image import RegisteredImage, discs_mask, gradient_image
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, unit
@@ -139,7 +138,9 @@ def _measured_nail(
 ) -> Accepted[NailFit] | Rejected:
     """The nail fitted with the wires in its model and their pixels masked."""
     rods = tuple(_rod(image, wire, 0.0) for wire in wires)
-    masked = _masked(image, tuple(_rod(image, wire, NAIL_WITH_WIRES.masked_end_sigmas) for wire in wires))
+    longer = [_rod(image, wire, NAIL_WITH_WIRES.masked_end_sigmas) for wire in wires]
+    hidden = [rod.discs_px(image.calibration, NAIL_WITH_WIRES.masked_beside_wire_mm) for rod in longer]
+    masked = discs_mask(image, np.concatenate([np.zeros((0, 3)), *hidden]))
     placed = PlacedGuide(parts.guide, image.camera_from_guide)
     occluders = Occluders(placed, parts.ring, masked, rods)
     return measure_nail(FitInput(image.pixels, image.calibration, parts.nail, occluders), start)
@@ -171,15 +172,6 @@ def _rod(image: RegisteredImage, wire: WireFit, longer_sigmas: float) -> SteelRo
     ends = wire.model.ends_guide_mm(wire.offsets_mm, wire.ends_mm + longer_mm)
     start, end = image.camera_from_guide.points(ends)
     return SteelRod(start, end, 2.0 * wire.model.radius_mm)
-
-
-def _masked(image: RegisteredImage, rods: tuple[SteelRod, ...]) -> NDArray[np.bool_]:
-    """Pixels of the rods and of what their errors may darken, shape (rows, columns)."""
-    mask = np.zeros(image.pixels.shape, dtype=np.uint8)
-    for rod in rods:
-        for x, y, radius in rod.discs_px(image.calibration, NAIL_WITH_WIRES.masked_beside_wire_mm):
-            cv2.circle(mask, (round(float(x)), round(float(y))), int(np.ceil(radius)), 1, thickness=-1)
-    return np.asarray(mask > 0)
 
 
 def no_holes_reasons(images: tuple[ImageWithWires, ...], parts: Parts) -> tuple[Reason, ...]:

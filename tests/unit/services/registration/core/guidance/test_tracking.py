@@ -180,7 +180,7 @@ def test_the_guide_is_found_where_it_is_now() -> None:
     found = track_guide(now.calibration, PARTS.guide, CAMERA_FROM_GUIDE)
     assert isinstance(found, Accepted)
     assert now.shown.guide is not None
-    apart = now.shown.guide.inverse() @ found.value.pose.mean
+    apart = now.shown.guide.inverse() @ found.value.mean
     assert np.degrees(np.linalg.norm(apart.rotation_vector_rad)) < 0.3
     assert np.linalg.norm(apart.translation_mm[:2]) < 0.1
 
