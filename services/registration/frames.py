@@ -49,19 +49,12 @@ class OpenCase:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReceivedFrame:
-    """An image as it arrived.
-
-    Attributes
-    ----------
-    epoch
-        Registration epoch that began with it.
-    robot
-        State of the robot when it was exposed; None when it was not known, or not at rest for long enough.
-    """
+    """An image as it arrived."""
 
     header: FrameHeader
     pixels: NDArray[np.float32]
-    epoch: str
+    epoch: str  # registration epoch that began with it
+    # state of the robot when it was exposed; None when it was not known, or not at rest for long enough
     robot: RobotState | None
 
 

@@ -31,20 +31,13 @@ _SAME_PICTURE_RAD = float(np.radians(5.0))
 
 @dataclass(frozen=True, slots=True)
 class FrameFacts:
-    """What is known of a frame besides its picture.
-
-    Attributes
-    ----------
-    angles
-        None when the image does not name them.
-    ring_turn_rad
-        How the ring, which the detector carries, is turned in the picture; None when the ring was not found.
-    """
+    """What is known of a frame besides its picture."""
 
     image: ImageReference
     case_id: str | None
     case_revision: int
-    angles: CArmAngles | None
+    angles: CArmAngles | None  # None when the image does not name them
+    # How the ring, which the detector carries, is turned in the picture; None when the ring was not found
     ring_turn_rad: float | None
     skipped: int
     elapsed_ms: float

@@ -39,19 +39,11 @@ from shared.messages.robot import PlatformPoseMessage, RobotState
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanAxes:
-    """The holes to aim at, and the guide that aims.
-
-    Attributes
-    ----------
-    guide
-        With the wires' axes in place of its holes' after a verification.
-    fusion
-        How several images agree; None for one image, or a verification.
-    """
+    """The holes to aim at, and the guide that aims."""
 
     holes: tuple[HoleEstimate, ...]
-    guide: GuidePart
-    fusion: Fusion | None
+    guide: GuidePart  # with the wires' axes in place of its holes' after a verification
+    fusion: Fusion | None  # how several images agree; None for one image, or a verification
 
 
 def answer_plan_request(request: PlanRequest, state: RegistrationState) -> PlanReply:

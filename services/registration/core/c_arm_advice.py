@@ -29,18 +29,11 @@ _CONVERGED_RAD = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class HoleTilt:
-    """Tilt of one hole's axis against the ray through the hole's middle.
-
-    Attributes
-    ----------
-    tilt_to_ray_deg
-        Angle between them.
-    about_x_deg, about_y_deg
-        The same as a rotation from the ray to the axis, about the camera frame's x and y axes, right-handed.
-    """
+    """Tilt of one hole's axis against the ray through the hole's middle."""
 
     hole_id: str
-    tilt_to_ray_deg: float
+    tilt_to_ray_deg: float  # angle between them
+    # The same as a rotation from the ray to the axis, about the camera frame's x and y axes, right-handed
     about_x_deg: float
     about_y_deg: float
 
@@ -61,21 +54,12 @@ class CArmTurn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Advice:
-    """How to turn the C-arm.
+    """How to turn the C-arm."""
 
-    Attributes
-    ----------
-    tilts
-        Of every hole, in the order of the nail's file.
-    correction
-        Turn of the C-arm that takes their mean away.
-    covariance_deg2
-        Of the nail's rotation about the camera frame's x and y axes, shape (2, 2): that of every tilt and of the
-        correction, because the holes are in one piece of metal.
-    """
-
-    tilts: tuple[HoleTilt, ...]
-    correction: CArmTurn
+    tilts: tuple[HoleTilt, ...]  # of every hole, in the order of the nail's file
+    correction: CArmTurn  # turn of the C-arm that takes their mean away
+    # Of the nail's rotation about the camera frame's x and y axes, shape (2, 2): that of every tilt and of the
+    # correction, because the holes are in one piece of metal
     covariance_deg2: NDArray[np.float64]
 
     @property

@@ -17,21 +17,12 @@ _NEARLY_X = 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisOffset:
-    """How far one axis lies from another across a hole, with the uncertainty of that.
+    """How far one axis lies from another across a hole, with the uncertainty of that."""
 
-    Attributes
-    ----------
-    mean_mm
-        Offset at the hole's entry (two directions across the axis), then at its exit, shape (4,).
-    covariance_mm2
-        Shape (4, 4).
-    length_mm
-        From entry to exit.
-    """
-
+    # Offset at the hole's entry (two directions across the axis), then at its exit, shape (4,)
     mean_mm: NDArray[np.float64]
-    covariance_mm2: NDArray[np.float64]
-    length_mm: float
+    covariance_mm2: NDArray[np.float64]  # shape (4, 4)
+    length_mm: float  # from entry to exit
 
     def __post_init__(self) -> None:
         if self.mean_mm.shape != (4,) or self.covariance_mm2.shape != (4, 4):

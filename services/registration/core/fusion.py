@@ -38,56 +38,33 @@ _RADII = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisedImage:
-    """One image with what was found in it; calibration and result are None when the ring was not found.
+    """One image with what was found in it; calibration and result are None when the ring was not found."""
 
-    Attributes
-    ----------
-    name
-        What it is called in sentences for people.
-    reasons
-        Why it was rejected.
-    """
-
-    name: str
+    name: str  # what it is called in sentences for people
     calibration: CArmCalibration | None
     result: LocalisationResult | None
-    reasons: tuple[Reason, ...]
+    reasons: tuple[Reason, ...]  # why it was rejected
 
 
 @dataclass(frozen=True, slots=True)
 class ImageShare:
-    """What became of one image.
+    """What became of one image."""
 
-    Attributes
-    ----------
-    used
-        Whether the joint estimate rests on it.
-    chi_square
-        By how much the joint chi-square grew through it; about 9 when all is well. None when it was not used, or alone.
-    """
-
-    used: bool
+    used: bool  # whether the joint estimate rests on it
+    # By how much the joint chi-square grew through it; about 9 when all is well. None when it was not used, or alone.
     chi_square: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedLocalisation:
-    """What several images say together.
+    """What several images say together."""
 
-    Attributes
-    ----------
-    result
-        As if from one image: what belongs to an image (guide and nail in the camera's frame, tilts, the C-arm's
-        correction) is that of image `shown`, the newest that was used.
-    shown
-        Its index; the last image's when none was used.
-    chi_square, chi_square_limit, degrees_of_freedom
-        How well the images agree; zero for fewer than two.
-    """
-
+    # As if from one image: what belongs to an image (guide and nail in the camera's frame, tilts, the C-arm's
+    # correction) is that of image `shown`, the newest that was used
     result: LocalisationResult
-    shown: int
+    shown: int  # its index; the last image's when none was used
     shares: tuple[ImageShare, ...]
+    # How well the images agree; zero for fewer than two
     chi_square: float
     chi_square_limit: float
     degrees_of_freedom: int
@@ -155,17 +132,11 @@ def _joint_result(
 
 @dataclass(frozen=True, slots=True)
 class _Grouping:
-    """One way to explain a disagreement: images in two groups, by their indices; each group agrees in itself.
-
-    Attributes
-    ----------
-    chi_square
-        Sum of both groups' own.
-    """
+    """One way to explain a disagreement: images in two groups, by their indices; each group agrees in itself."""
 
     first: tuple[int, ...]
     second: tuple[int, ...]
-    chi_square: float
+    chi_square: float  # sum of both groups' own
 
     @property
     def larger(self) -> tuple[int, ...]:

@@ -27,18 +27,11 @@ _RIM_POINTS, _RIM_SD_PX = 8, 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailEstimate:
-    """The nail in the camera's frame, whichever method found it.
-
-    Attributes
-    ----------
-    errors
-        Of the pose; None for a method that does not know its errors.
-    mirror_margin
-        How much worse the best mirrored pose explains the pixels; None for methods without one.
-    """
+    """The nail in the camera's frame, whichever method found it."""
 
     camera_from_nail: Transform[Camera, Nail]
-    errors: PoseErrors | None
+    errors: PoseErrors | None  # of the pose; None for a method that does not know its errors
+    # How much worse the best mirrored pose explains the pixels; None for methods without one
     mirror_margin: float | None
 
     @property

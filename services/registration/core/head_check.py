@@ -98,17 +98,12 @@ def _displaced(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionView:
-    """Guide and nail in one image, and where the platform stood.
-
-    Attributes
-    ----------
-    source_ring_mm, source_covariance_mm2
-        Focal spot in the ring's frame, shapes (3,) and (3, 3).
-    """
+    """Guide and nail in one image, and where the platform stood."""
 
     pose: PlatformPose
     ring_from_guide: PoseEstimate[Ring, Guide]
     ring_from_nail: PoseEstimate[Ring, Nail]
+    # Focal spot in the ring's frame, shapes (3,) and (3, 3)
     source_ring_mm: NDArray[np.float64]
     source_covariance_mm2: NDArray[np.float64]
 

@@ -15,31 +15,17 @@ from shared.geometry.transform import Transform
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HoleEstimate:
-    """One nail hole in the guide's frame.
-
-    Attributes
-    ----------
-    axis_guide
-        The hole's axis, directed along drilling, through its entry.
-    entry_guide_mm, exit_guide_mm
-        Where the axis enters and leaves the nail, shape (3,).
-    diameter_mm
-        Of the hole, from the nail's file.
-    drill_diameter_mm
-        Of the drill that is to pass it.
-    tilt_to_ray_deg
-        Angle between the axis and the ray through the hole's middle.
-    offset
-        Error of the axis: mean zero, with its covariance; None when the method does not know its errors.
-    """
+    """One nail hole in the guide's frame."""
 
     id: str
-    axis_guide: Line
+    axis_guide: Line  # the hole's axis, directed along drilling, through its entry
+    # Where the axis enters and leaves the nail, shape (3,)
     entry_guide_mm: NDArray[np.float64]
     exit_guide_mm: NDArray[np.float64]
-    diameter_mm: float
-    drill_diameter_mm: float
-    tilt_to_ray_deg: float
+    diameter_mm: float  # of the hole, from the nail's file
+    drill_diameter_mm: float  # of the drill that is to pass it
+    tilt_to_ray_deg: float  # angle between the axis and the ray through the hole's middle
+    # error of the axis: mean zero, with its covariance; None when the method does not know its errors
     offset: AxisOffset | None
 
     @property

@@ -43,17 +43,10 @@ class Parts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationResult:
-    """Estimates from one image. Without reasons it is accepted, and then nothing in it is None but the margin.
+    """Estimates from one image. Without reasons it is accepted, and then nothing in it is None but the margin."""
 
-    Attributes
-    ----------
-    reasons
-        Why it is rejected.
-    guide, nail, guide_from_nail, holes, correction
-        What was found, also on rejection.
-    """
-
-    reasons: tuple[Reason, ...]
+    reasons: tuple[Reason, ...]  # why it is rejected
+    # What was found, also on rejection
     guide: GuideFit | None
     nail: NailEstimate | None
     guide_from_nail: Transform[Guide, Nail] | None

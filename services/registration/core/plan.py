@@ -48,17 +48,11 @@ _LEVER_MM = 50.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotNow:
-    """The hexapod as it stood when the image was taken.
-
-    Attributes
-    ----------
-    pivot_mm
-        Centre of rotation in the top's frame, shape (3,).
-    """
+    """The hexapod as it stood when the image was taken."""
 
     hexapod: HexapodPart
     pose: PlatformPose
-    pivot_mm: NDArray[np.float64]
+    pivot_mm: NDArray[np.float64]  # centre of rotation in the top's frame, shape (3,)
     head_extension_mm: float
 
 
@@ -74,23 +68,15 @@ class PredictedHole:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedMove:
-    """A move of the platform.
-
-    Attributes
-    ----------
-    leg_lengths_mm
-        At the target, shape (6,).
-    travel_mm, travel_deg
-        Displacement of the guide's middle and rotation of the guide.
-    axial_shift_mm, axial_turn_deg
-        Free travel along and about the drilling axis that was used to stay in reach.
-    """
+    """A move of the platform."""
 
     guide_from_target_guide: Transform[Guide, Guide]
     target_pose: PlatformPose
-    leg_lengths_mm: NDArray[np.float64]
+    leg_lengths_mm: NDArray[np.float64]  # at the target, shape (6,)
+    # displacement of the guide's middle and rotation of the guide
     travel_mm: float
     travel_deg: float
+    # Free travel along and about the drilling axis that was used to stay in reach
     axial_shift_mm: float
     axial_turn_deg: float
     predicted: tuple[PredictedHole, ...]

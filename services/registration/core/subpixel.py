@@ -13,20 +13,11 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SubpixelPeaks:
-    """Maxima of M sampled profiles.
+    """Maxima of M sampled profiles."""
 
-    Attributes
-    ----------
-    position
-        Vertex of the parabola through the highest sample and its neighbours, shape (M,).
-    height
-        The highest sample, shape (M,).
-    interior
-        False where a profile is highest at one of its ends: its peak lies outside, shape (M,).
-    """
-
-    position: NDArray[np.float64]
-    height: NDArray[np.float64]
+    position: NDArray[np.float64]  # vertex of the parabola through the highest sample and its neighbours, shape (M,)
+    height: NDArray[np.float64]  # the highest sample, shape (M,)
+    # False where a profile is highest at one of its ends: its peak lies outside, shape (M,)
     interior: NDArray[np.bool_]
 
 

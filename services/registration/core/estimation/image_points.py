@@ -42,21 +42,11 @@ class Observed(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Correspondences:
-    """Points of a body and where they were observed.
+    """Points of a body and where they were observed."""
 
-    Attributes
-    ----------
-    body_mm
-        Shape (N, 3).
-    ideal_px
-        Undistorted pixels, shape (N, 2).
-    standard_deviation_px
-        Per axis, shape (N,).
-    """
-
-    body_mm: NDArray[np.float64]
-    ideal_px: NDArray[np.float64]
-    standard_deviation_px: NDArray[np.float64]
+    body_mm: NDArray[np.float64]  # shape (N, 3)
+    ideal_px: NDArray[np.float64]  # undistorted pixels, shape (N, 2)
+    standard_deviation_px: NDArray[np.float64]  # per axis, shape (N,)
 
     def chosen(self, mask: NDArray[np.bool_]) -> "Correspondences":
         """Those where `mask`, shape (N,), is true."""

@@ -39,24 +39,14 @@ _LEAST_RESPONSE = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointEstimate(Generic[To, From]):
-    """The joint estimate of several.
+    """The joint estimate of several."""
 
-    Attributes
-    ----------
-    pose
-        With its covariance.
-    weights
-        How the error of each pose enters the joint one, shape (K, 6, 6).
-    departures
-        How far each pose is from the joint one, small motions of `From` in its own frame, shape (K, 6).
-    chi_square, degrees_of_freedom
-        Sum of squares of the estimates, of poses and of the nail's shape, about their mean, over their covariance: as
-        large, on average, as its degrees of freedom if nothing has moved.
-    """
-
-    pose: PoseEstimate[To, From]
-    weights: NDArray[np.float64]
+    pose: PoseEstimate[To, From]  # with its covariance
+    weights: NDArray[np.float64]  # how the error of each pose enters the joint one, shape (K, 6, 6)
+    # How far each pose is from the joint one, small motions of `From` in its own frame, shape (K, 6)
     departures: NDArray[np.float64]
+    # sum of squares of the estimates, of poses and of the nail's shape, about their mean, over their covariance: as
+    # large, on average, as its degrees of freedom if nothing has moved
     chi_square: float
     degrees_of_freedom: int
 

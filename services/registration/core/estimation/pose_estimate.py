@@ -31,31 +31,22 @@ class PoseErrors:
     The nail's shape is described by how far radii and chamfers are from what its file states, each in standard
     deviations of its prior. A fit estimates these `S` deviations with the pose, and errs in both together: holes
     wider than estimated have tilted the nail.
-
-    Attributes
-    ----------
-    shape_deviations
-        As estimated, shape (S,).
-    image_covariance
-        Of the errors that come with the image, in the pose and then in the shape, shape (6 + S, 6 + S): the nail's fit
-        to its pixels and, where the pose is relative to the guide, the guide's balls and the C-arm's calibration. Part
-        is noise; the rest (bone texture, which ball lies on which edge) is the same in every image from the same
-        direction.
-    shape_pull
-        By how much pose and shape are off per deviation of the true shape, shape (6 + S, S): the prior draws a fit
-        towards the nail of the file.
-    model_loadings
-        The model's own errors in pose and shape, one standard deviation each, as columns, shape (6 + S, M): partly
-        common to all images.
-    ray
-        Unit direction in which the body was observed, in its own frame, shape (3,); None where the errors do not
-        depend on it.
     """
 
-    shape_deviations: NDArray[np.float64]
+    shape_deviations: NDArray[np.float64]  # as estimated, shape (S,)
+    # Of the errors that come with the image, in the pose and then in the shape, shape (6 + S, 6 + S): the nail's fit
+    # to its pixels and, where the pose is relative to the guide, the guide's balls and the C-arm's calibration. Part
+    # is noise; the rest (bone texture, which ball lies on which edge) is the same in every image from the same
+    # direction.
     image_covariance: NDArray[np.float64]
+    # By how much pose and shape are off per deviation of the true shape, shape (6 + S, S): the prior draws a fit
+    # towards the nail of the file
     shape_pull: NDArray[np.float64]
+    # The model's own errors in pose and shape, one standard deviation each, as columns, shape (6 + S, M): partly
+    # common to all images
     model_loadings: NDArray[np.float64]
+    # Unit direction in which the body was observed, in its own frame, shape (3,); None where the errors do not depend
+    # on it
     ray: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
@@ -150,21 +141,11 @@ def weighted_mean(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Conditioned:
-    """Errors given an observation of them.
+    """Errors given an observation of them."""
 
-    Attributes
-    ----------
-    mean
-        Expected errors, shape (N,).
-    covariance
-        What is left uncertain, shape (N, N).
-    chi_square
-        Of the observation under the prior.
-    """
-
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    chi_square: float
+    mean: NDArray[np.float64]  # expected errors, shape (N,)
+    covariance: NDArray[np.float64]  # what is left uncertain, shape (N, N)
+    chi_square: float  # of the observation under the prior
 
 
 def condition(

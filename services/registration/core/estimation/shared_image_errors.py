@@ -33,21 +33,11 @@ _LEAST_SLOPE = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Normal:
-    """Normal equations under one covariance of the points' errors.
+    """Normal equations under one covariance of the points' errors."""
 
-    Attributes
-    ----------
-    precision
-        Inverse covariance per axis, shape (N, N).
-    whitened
-        It times the Jacobian, shape (N, 2, 6).
-    covariance
-        Of the pose, shape (6, 6).
-    """
-
-    precision: NDArray[np.float64]
-    whitened: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    precision: NDArray[np.float64]  # inverse covariance per axis, shape (N, N)
+    whitened: NDArray[np.float64]  # it times the Jacobian, shape (N, 2, 6)
+    covariance: NDArray[np.float64]  # of the pose, shape (6, 6)
 
 
 def fit_with_shared_errors(

@@ -49,47 +49,26 @@ _FITTED = POSE_ONLY | (np.arange(PARAMETER_COUNT) == Parameter.LOG_BLUR_PX)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailAppearance:
-    """How the C-arm shows the nail, by the reference image.
+    """How the C-arm shows the nail, by the reference image."""
 
-    Attributes
-    ----------
-    parameters
-        All unknowns of its fit, shape (PARAMETER_COUNT,); those of the pose belong to that image alone.
-    shared_covariance
-        Of the pose's parameters, shape (6, 6): by the other unknowns, the same in every frame.
-    weight
-        Median weight of a pixel: inverse variance over the number of correlated pixels.
-    blur_px
-        Standard deviation of the blur, in image pixels.
-    """
-
+    # All unknowns of its fit, shape (PARAMETER_COUNT,); those of the pose belong to that image alone
     parameters: NDArray[np.float64]
+    # Of the pose's parameters, shape (6, 6): by the other unknowns, the same in every frame
     shared_covariance: NDArray[np.float64]
-    weight: float
-    blur_px: float
+    weight: float  # median weight of a pixel: inverse variance over the number of correlated pixels
+    blur_px: float  # standard deviation of the blur, in image pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedNail:
-    """The nail in this frame, with the evidence for and against it.
-
-    Attributes
-    ----------
-    blur_px
-        Standard deviation of the blur, in image pixels.
-    structure
-        Residual at rims and edges over that elsewhere.
-    unexplained
-        Share of the pixels whose residual is beyond four standard deviations of the noise.
-    problem, solution, noise
-        Of the fit, for `mirror_margin`.
-    """
+    """The nail in this frame, with the evidence for and against it."""
 
     pose: PoseEstimate[Camera, Nail]
-    blur_px: float
+    blur_px: float  # standard deviation of the blur, in image pixels
     holes: tuple[HoleView, ...]
-    structure: float
-    unexplained: float
+    structure: float  # residual at rims and edges over that elsewhere
+    unexplained: float  # share of the pixels whose residual is beyond four standard deviations of the noise
+    # Of the fit, for `mirror_margin`
     problem: Problem
     solution: Solution
     noise: NoiseModel

@@ -31,37 +31,19 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class LocalisationOutcome:
-    """What a full localisation means for guidance.
+    """What a full localisation means for guidance."""
 
-    Attributes
-    ----------
-    publish
-        It adds to the frame's tracked estimate, and no later frame has been published.
-    contradicts
-        It differs from the frame's tracked estimate.
-    confirms
-        It agrees with the frame's tracked estimate: neither guide nor nail was moved.
-    starts_track
-        Later frames are tracked from this one.
-    """
-
-    publish: bool
-    contradicts: bool
-    confirms: bool
-    starts_track: bool
+    publish: bool  # it adds to the frame's tracked estimate, and no later frame has been published
+    contradicts: bool  # it differs from the frame's tracked estimate
+    confirms: bool  # it agrees with the frame's tracked estimate: neither guide nor nail was moved
+    starts_track: bool  # later frames are tracked from this one
 
 
 @dataclass(slots=True, eq=False)
 class Run:
-    """The track, and the newest frames' tracked estimates. Not thread-safe.
+    """The track, and the newest frames' tracked estimates. Not thread-safe."""
 
-    Attributes
-    ----------
-    track
-        What the next frame is tracked from; None until a frame was localised in full.
-    """
-
-    track: Track | None = None
+    track: Track | None = None  # what the next frame is tracked from; None until a frame was localised in full
     _estimates: "OrderedDict[str, FrameEstimate]" = field(default_factory=OrderedDict)
     _newest_published: int = 0
     _contradictions: int = 0

@@ -32,27 +32,14 @@ class GuideIdentity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discs:
-    """Discs that may be balls of the guide, in ideal pixels, with a map of where they are.
+    """Discs that may be balls of the guide, in ideal pixels, with a map of where they are."""
 
-    Attributes
-    ----------
-    ideal_px
-        Shape (M, 2), those that are most likely balls first.
-    occupied
-        1 where a disc lies within the search tolerance of a cell, shape (rows, columns).
-    cell_from_slope
-        Affine map from slopes (x/z, y/z) of rays to cells (column, row), shape (2, 3).
-    tree
-        The same discs for nearest-neighbour queries.
-    pixel_mm
-        Pixel pitch at the detector.
-    """
-
-    ideal_px: NDArray[np.float64]
-    occupied: NDArray[np.uint8]
+    ideal_px: NDArray[np.float64]  # shape (M, 2), those that are most likely balls first
+    occupied: NDArray[np.uint8]  # 1 where a disc lies within the search tolerance of a cell, shape (rows, columns)
+    # Affine map from slopes (x/z, y/z) of rays to cells (column, row), shape (2, 3)
     cell_from_slope: NDArray[np.float64]
-    tree: cKDTree
-    pixel_mm: float
+    tree: cKDTree  # the same discs for nearest-neighbour queries
+    pixel_mm: float  # pixel pitch at the detector
 
     @staticmethod
     def of(camera: PinholeCamera, ideal_px: NDArray[np.float64], pixel_mm: float) -> "Discs":

@@ -26,29 +26,19 @@ from shared.xray.pixel_scale import pixels as pixels_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GuideFit:
-    """The guide found in one image.
+    """The guide found in one image."""
 
-    Attributes
-    ----------
-    pose
-        The errors of the distortion are in its covariance, those of the camera's intrinsics are not (see
-        `guide_from_nail`).
-    used
-        Balls from which the pose is estimated, shape (N,).
-    ideal_px, standard_deviation_px
-        Undistorted pixels, shape (N, 2), and the standard deviations of the balls' own errors, shape (N,), as the fit
-        used them.
-    runner_up_margin
-        Balls that the identity explains, minus those of the best different one.
-    """
-
+    # The errors of the distortion are in its covariance, those of the camera's intrinsics are not (see
+    # `guide_from_nail`)
     pose: PoseEstimate[Camera, Guide]
-    used: NDArray[np.bool_]
+    used: NDArray[np.bool_]  # balls from which the pose is estimated, shape (N,)
+    # Undistorted pixels, shape (N, 2), and the standard deviations of the balls' own errors, shape (N,), as the fit
+    # used them
     ideal_px: NDArray[np.float64]
     standard_deviation_px: NDArray[np.float64]
     balls_expected: int
     reprojection_rms_px: float
-    runner_up_margin: int
+    runner_up_margin: int  # balls that the identity explains, minus those of the best different one
 
     @property
     def camera_from_guide(self) -> Transform[Camera, Guide]:

@@ -41,24 +41,15 @@ _STEPS = np.array([1e-3] * (WIRE_UNKNOWNS + 1) + [1e-5] * 3 + [1e-3] * 3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Residuals:
-    """Linearised observations of one image: edges near the wire's outline.
-
-    Attributes
-    ----------
-    derivative
-        Of the outline's points along their normals by the unknowns of wire and image, shape (N, 13).
-    weight
-        Inverse variances, shape (N,).
-    effective_count
-        Number of independent observations.
-    """
+    """Linearised observations of one image: edges near the wire's outline."""
 
     image: GradientImage
     wire: ProjectedWire
     matches: EdgeMatches
+    # Of the outline's points along their normals by the unknowns of wire and image, shape (N, 13)
     derivative: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    effective_count: float
+    weight: NDArray[np.float64]  # inverse variances, shape (N,)
+    effective_count: float  # number of independent observations
 
     @property
     def visible_px(self) -> float:
@@ -155,35 +146,22 @@ def _residuals(image: GradientImage, model: WireModel, unknowns: NDArray[np.floa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WireFit:
-    """Estimate of a wire's axis.
-
-    Attributes
-    ----------
-    line_guide
-        In the guide's frame, directed along drilling.
-    offsets_mm
-        Offsets across the guide hole's axis at the guide and at the nail (see `WireModel`), shape (4,).
-    ends_mm, ends_sd_mm
-        Start and tip of the wire along the guide hole's axis, and their standard deviations, shape (2,).
-    nail_motion
-        Correction of the nail's pose by the wire: a small motion of the nail in its own frame, shape (6,).
-    covariance
-        Of the offsets (mm) and the motion (rad, mm) together, shape (10, 10).
-    found_px, visible_px
-        Length of outline that lies on an edge in each image, and that is visible there, in pixels.
-    darkness
-        Of the wire between the nail's metal (1) and what lies beside the wire (0), weighted median over all images.
-    """
+    """Estimate of a wire's axis."""
 
     model: WireModel
-    line_guide: Line
+    line_guide: Line  # in the guide's frame, directed along drilling
+    # Offsets across the guide hole's axis at the guide and at the nail (see `WireModel`), shape (4,)
     offsets_mm: NDArray[np.float64]
+    # Start and tip of the wire along the guide hole's axis, and their standard deviations, shape (2,)
     ends_mm: NDArray[np.float64]
     ends_sd_mm: NDArray[np.float64]
+    # correction of the nail's pose by the wire: a small motion of the nail in its own frame, shape (6,)
     nail_motion: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    covariance: NDArray[np.float64]  # of the offsets (mm) and the motion (rad, mm) together, shape (10, 10)
+    # length of outline that lies on an edge in each image, and that is visible there, in pixels
     found_px: tuple[float, ...]
     visible_px: tuple[float, ...]
+    # Of the wire between the nail's metal (1) and what lies beside the wire (0), weighted median over all images
     darkness: float
 
 

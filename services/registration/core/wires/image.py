@@ -21,45 +21,28 @@ _MEDIAN_OF_RAYLEIGH = 1.1774
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegisteredImage:
-    """An X-ray image registered to the guide.
+    """An X-ray image registered to the guide."""
 
-    Attributes
-    ----------
-    pixels
-        Un-mirrored image, shape (height, width), darker is denser.
-    guide_covariance
-        Of `camera_from_guide`: a small rotation (rad), then translation (mm), in the guide's own frame, shape (6, 6).
-    """
-
-    pixels: NDArray[np.float32]
+    pixels: NDArray[np.float32]  # un-mirrored image, shape (height, width), darker is denser
     calibration: CArmCalibration
     camera_from_guide: Transform[Camera, Guide]
+    # Of `camera_from_guide`: a small rotation (rad), then translation (mm), in the guide's own frame, shape (6, 6)
     guide_covariance: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GradientImage:
-    """A registered image with its gradient and the mask of where a wire would be visible.
-
-    Attributes
-    ----------
-    smooth, slope_x, slope_y
-        Lightly smoothed image and its derivatives, per pixel, shape (height, width).
-    visible
-        0 where nail, balls, the image's border or a saturated display hide a wire, else 1, shape (height, width).
-    noise
-        Robust standard deviation of the slope where a wire would be visible (texture and noise).
-    metal_grey
-        Grey value of the nail's metal.
-    """
+    """A registered image with its gradient and the mask of where a wire would be visible."""
 
     registered: RegisteredImage
+    # Lightly smoothed image and its derivatives, per pixel, shape (height, width)
     smooth: NDArray[np.float32]
     slope_x: NDArray[np.float32]
     slope_y: NDArray[np.float32]
+    # 0 where nail, balls, the image's border or a saturated display hide a wire, else 1, shape (height, width)
     visible: NDArray[np.float32]
-    noise: float
-    metal_grey: float
+    noise: float  # robust standard deviation of the slope where a wire would be visible (texture and noise)
+    metal_grey: float  # grey value of the nail's metal
 
     def visible_at(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Interpolated visibility at points, shape (..., 2): from 0 to 1, shape (...)."""

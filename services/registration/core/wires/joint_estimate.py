@@ -40,17 +40,12 @@ _DERIVATIVE_STEP_MM = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointRegistration:
-    """Images with the guide's pose in each, and the nail in the guide's frame.
-
-    Attributes
-    ----------
-    covariance
-        Of small motions (rotation in rad, translation in mm): of the guide in its own frame in the first image, in the
-        second ..., and of the nail in its own frame; shape (6 V + 6, 6 V + 6).
-    """
+    """Images with the guide's pose in each, and the nail in the guide's frame."""
 
     images: tuple[RegisteredImage, ...]
     guide_from_nail: Transform[Guide, Nail]
+    # Of small motions (rotation in rad, translation in mm): of the guide in its own frame in the first image, in the
+    # second ..., and of the nail in its own frame; shape (6 V + 6, 6 V + 6)
     covariance: NDArray[np.float64]
 
     def __post_init__(self) -> None:
@@ -109,21 +104,12 @@ def joint_registration(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutlineInnovation:
-    """Observed minus predicted place of the nail's band in one image.
+    """Observed minus predicted place of the nail's band in one image."""
 
-    Attributes
-    ----------
-    motion
-        Across the nail's axis and the ray, midway between the holes (mm), and about the ray (rad), shape (2,).
-    covariance
-        Of it, if nothing moved, shape (2, 2).
-    found_fraction
-        Fraction of the visible outline that has an edge.
-    """
-
+    # Across the nail's axis and the ray, midway between the holes (mm), and about the ray (rad), shape (2,)
     motion: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    found_fraction: float
+    covariance: NDArray[np.float64]  # of it, if nothing moved, shape (2, 2)
+    found_fraction: float  # fraction of the visible outline that has an edge
 
     def __post_init__(self) -> None:
         for name in ("motion", "covariance"):

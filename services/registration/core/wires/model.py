@@ -19,24 +19,12 @@ START, TIP = 4, 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailPassage:
-    """Where a wire can pass the nail's near surface, by its offset across the guide hole's axis at the nail.
+    """Where a wire can pass the nail's near surface, by its offset across the guide hole's axis at the nail."""
 
-    Attributes
-    ----------
-    hole_mm
-        Centre of the nail's hole, shape (2,).
-    clearance_mm
-        Distance from there at which a wire still enters the hole.
-    across_nail
-        Unit direction across the nail's axis, shape (2,).
-    beside_mm
-        Distance from the nail's axis at which a wire passes beside the nail.
-    """
-
-    hole_mm: NDArray[np.float64]
-    clearance_mm: float
-    across_nail: NDArray[np.float64]
-    beside_mm: float
+    hole_mm: NDArray[np.float64]  # centre of the nail's hole, shape (2,)
+    clearance_mm: float  # distance from there at which a wire still enters the hole
+    across_nail: NDArray[np.float64]  # unit direction across the nail's axis, shape (2,)
+    beside_mm: float  # distance from the nail's axis at which a wire passes beside the nail
 
     def interference_mm(self, offset_mm: NDArray[np.float64]) -> float:
         """Least shift that lets a wire at an offset, shape (2,), pass; 0 when it passes."""
@@ -53,16 +41,11 @@ class TipHypothesis:
     A wire that met the nail ends at its surface, or somewhat before; one that passed ends anywhere up to the far
     cortex. In a lateral image the tip's place along the wire and the wire's place across the image are determined by
     the same edge, so the hypothesis matters.
-
-    Attributes
-    ----------
-    passage
-        Wires for which it holds; None: all.
     """
 
     past_entry_mm: float
     sd_mm: float
-    passage: NailPassage | None
+    passage: NailPassage | None  # wires for which it holds; None: all
 
 
 def tip_hypotheses(passage: NailPassage) -> tuple[TipHypothesis, ...]:
@@ -79,29 +62,17 @@ class WireModel:
 
     The unknowns are the offset of the wire's axis across the guide hole's at the point that the guide's file gives
     (two) and at the nail (two), and the wire's start and tip along the hole's axis; all in mm.
-
-    Attributes
-    ----------
-    hole
-        The guide hole it passes through.
-    across
-        Two unit directions across the hole's axis, shape (2, 3), in the guide's frame.
-    nail_along_mm
-        The nail's place along the guide hole's axis.
-    mean, precision
-        Prior of the unknowns, shapes (6,) and (6, 6).
-    latest_start_mm
-        Along the hole's axis: a wire starts on the surgeon's side of the guide's body.
     """
 
-    hole: Hole
+    hole: Hole  # the guide hole it passes through
     radius_mm: float
-    across: NDArray[np.float64]
-    nail_along_mm: float
+    across: NDArray[np.float64]  # two unit directions across the hole's axis, shape (2, 3), in the guide's frame
+    nail_along_mm: float  # the nail's place along the guide hole's axis
+    # prior of the unknowns, shapes (6,) and (6, 6)
     mean: NDArray[np.float64]
     precision: NDArray[np.float64]
     tip: TipHypothesis
-    latest_start_mm: float
+    latest_start_mm: float  # along the hole's axis: a wire starts on the surgeon's side of the guide's body
 
     def points_guide_mm(self, unknowns: NDArray[np.float64], count: int) -> NDArray[np.float64]:
         """Points along the axes of wires, unknowns of shape (B, 6), from start to tip, shape (B, count, 3)."""

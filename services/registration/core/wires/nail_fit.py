@@ -33,18 +33,10 @@ from shared.geometry.transform import Transform
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageWithWires:
-    """One image with wires.
+    """One image with wires."""
 
-    Attributes
-    ----------
-    pixels
-        As received, darker is denser, shape (rows, columns).
-    localised
-        Localisation of this image.
-    """
-
-    pixels: NDArray[np.float32]
-    localised: LocalisedImage
+    pixels: NDArray[np.float32]  # as received, darker is denser, shape (rows, columns)
+    localised: LocalisedImage  # localisation of this image
 
 
 def relocalise_with_wires(image: ImageWithWires, parts: Parts, wire_diameter_mm: float) -> ImageWithWires:

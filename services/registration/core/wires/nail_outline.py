@@ -16,44 +16,23 @@ from shared.xray.pixel_scale import pixels
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailOutline:
-    """Points on the nail's two edges, M in all.
+    """Points on the nail's two edges, M in all."""
 
-    Attributes
-    ----------
-    point_px, outward
-        Measured pixels, and unit directions away from the nail, shape (M, 2).
-    point_nail_mm
-        The same points on the nail, shape (M, 3).
-    side
-        0 or 1, which edge, shape (M,).
-    """
-
+    # Measured pixels, and unit directions away from the nail, shape (M, 2)
     point_px: NDArray[np.float64]
     outward: NDArray[np.float64]
-    point_nail_mm: NDArray[np.float64]
-    side: NDArray[np.int64]
+    point_nail_mm: NDArray[np.float64]  # the same points on the nail, shape (M, 3)
+    side: NDArray[np.int64]  # 0 or 1, which edge, shape (M,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailOutlineMatch:
-    """Edges of the image near points of the nail's outline.
+    """Edges of the image near points of the nail's outline."""
 
-    Attributes
-    ----------
-    index
-        Points of the outline that have an edge, shape (N,).
-    weight
-        Above 0 and up to 1, shape (N,).
-    residual_px
-        Distance of the edge from the outline, outwards, shape (N,).
-    found_fraction
-        Fraction of the visible outline that has an edge, weighted.
-    """
-
-    index: NDArray[np.int64]
-    weight: NDArray[np.float64]
-    residual_px: NDArray[np.float64]
-    found_fraction: float
+    index: NDArray[np.int64]  # points of the outline that have an edge, shape (N,)
+    weight: NDArray[np.float64]  # above 0 and up to 1, shape (N,)
+    residual_px: NDArray[np.float64]  # distance of the edge from the outline, outwards, shape (N,)
+    found_fraction: float  # fraction of the visible outline that has an edge, weighted
 
 
 @dataclass(frozen=True, slots=True, eq=False)

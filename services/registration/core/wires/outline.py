@@ -20,55 +20,29 @@ IMAGE_UNKNOWNS = 7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CrossSections:
-    """Discs along a wire in one image.
+    """Discs along a wire in one image."""
 
-    Attributes
-    ----------
-    centre_px
-        Measured pixels, shape (K, 2).
-    radius_px
-        Shape (K,).
-    """
-
-    centre_px: NDArray[np.float64]
-    radius_px: NDArray[np.float64]
+    centre_px: NDArray[np.float64]  # measured pixels, shape (K, 2)
+    radius_px: NDArray[np.float64]  # shape (K,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Points on a wire's outline.
+    """Points on a wire's outline."""
 
-    Attributes
-    ----------
-    section
-        Index of the cross-section that each point lies on, shape (M,).
-    outward
-        Unit direction away from the wire, shape (M, 2).
-    point_px
-        Shape (M, 2).
-    length_px
-        Length of outline that each point represents, shape (M,).
-    """
-
-    section: NDArray[np.int64]
-    outward: NDArray[np.float64]
-    point_px: NDArray[np.float64]
-    length_px: NDArray[np.float64]
+    section: NDArray[np.int64]  # index of the cross-section that each point lies on, shape (M,)
+    outward: NDArray[np.float64]  # unit direction away from the wire, shape (M, 2)
+    point_px: NDArray[np.float64]  # shape (M, 2)
+    length_px: NDArray[np.float64]  # length of outline that each point represents, shape (M,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedWire:
-    """A wire's cross-sections and outline in one image.
-
-    Attributes
-    ----------
-    visible
-        Visibility of each outline point, from 0 to 1, shape (M,).
-    """
+    """A wire's cross-sections and outline in one image."""
 
     sections: CrossSections
     outline: Outline
-    visible: NDArray[np.float64]
+    visible: NDArray[np.float64]  # visibility of each outline point, from 0 to 1, shape (M,)
 
     @property
     def visible_px(self) -> NDArray[np.float64]:
@@ -78,23 +52,13 @@ class ProjectedWire:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeMatches:
-    """Edges of the image near points of an outline.
+    """Edges of the image near points of an outline."""
 
-    Attributes
-    ----------
-    index
-        Points of the outline that have one, shape (N,).
-    weight
-        Above 0 and up to 1; a hard decision would make the wire's likelihood discontinuous, shape (N,).
-    residual_px
-        Distance of the edge from the outline, outwards, shape (N,).
-    darkness
-        Of the wire just inside, between the nail's metal (1) and what lies just outside (0), shape (N,).
-    """
-
-    index: NDArray[np.int64]
+    index: NDArray[np.int64]  # points of the outline that have one, shape (N,)
+    # Above 0 and up to 1; a hard decision would make the wire's likelihood discontinuous, shape (N,)
     weight: NDArray[np.float64]
-    residual_px: NDArray[np.float64]
+    residual_px: NDArray[np.float64]  # distance of the edge from the outline, outwards, shape (N,)
+    # Of the wire just inside, between the nail's metal (1) and what lies just outside (0), shape (N,)
     darkness: NDArray[np.float64]
 
 

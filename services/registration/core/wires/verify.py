@@ -34,27 +34,14 @@ _DERIVATIVE_STEP_MM = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisComparison:
-    """An axis (of a wire, or of a guide hole) against the axis of the nail hole of the same id.
+    """An axis (of a wire, or of a guide hole) against the axis of the nail hole of the same id."""
 
-    Attributes
-    ----------
-    hole
-        The nail's hole, as estimated from all images together, the wires included.
-    axis_guide
-        The axis that is compared, in the guide's frame.
-    offset
-        Where the axis passes the nail hole's entry and exit, across the nail hole's axis, with the covariance.
-    angle_deg
-        Angle between both axes.
-    chance_as_it_stands
-        Probability that a drill along this axis, wherever it points, passes the nail's hole.
-    """
-
-    hole: HoleEstimate
-    axis_guide: Line
+    hole: HoleEstimate  # the nail's hole, as estimated from all images together, the wires included
+    axis_guide: Line  # the axis that is compared, in the guide's frame
+    # Where the axis passes the nail hole's entry and exit, across the nail hole's axis, with the covariance
     offset: AxisOffset
-    angle_deg: float
-    chance_as_it_stands: float
+    angle_deg: float  # angle between both axes
+    chance_as_it_stands: float  # probability that a drill along this axis, wherever it points, passes the nail's hole
 
     @property
     def hole_id(self) -> str:
@@ -64,44 +51,26 @@ class AxisComparison:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WireVerification:
-    """Wires and guide holes against the nail's holes.
+    """Wires and guide holes against the nail's holes."""
 
-    Attributes
-    ----------
-    reasons
-        Why the measurement is rejected; none when it is accepted. Whether a drill would pass is another question:
-        `chance_as_it_stands` answers it.
-    wires
-        Those that were detected, in the order of the nail's holes, also when there are reasons.
-    guide_holes
-        The guide's own holes: what a drill will follow.
-    images_used
-        Names of the images in which the wires were searched for; in others, ring or guide was not found.
-    """
-
+    # Why the measurement is rejected; none when it is accepted. Whether a drill would pass is another question:
+    # `chance_as_it_stands` answers it.
     reasons: tuple[Reason, ...]
+    # Those that were detected, in the order of the nail's holes, also when there are reasons
     wires: tuple[AxisComparison, ...]
-    guide_holes: tuple[AxisComparison, ...]
+    guide_holes: tuple[AxisComparison, ...]  # the guide's own holes: what a drill will follow
+    # names of the images in which the wires were searched for; in others, ring or guide was not found
     images_used: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointResult:
-    """Joint estimate from all images of one position of the guide.
+    """Joint estimate from all images of one position of the guide."""
 
-    Attributes
-    ----------
-    estimate
-        None when no image shows the nail's holes, or none the guide, or the images contradict one another.
-    reasons
-        Why there is no estimate, or why some image is not in it.
-    used
-        Names of the images that are in it.
-    """
-
+    # None when no image shows the nail's holes, or none the guide, or the images contradict one another
     estimate: JointRegistration | None
-    reasons: tuple[Reason, ...]
-    used: tuple[str, ...]
+    reasons: tuple[Reason, ...]  # why there is no estimate, or why some image is not in it
+    used: tuple[str, ...]  # names of the images that are in it
 
 
 def verify_images(
