@@ -86,6 +86,12 @@ BENCHMARKS: Final = {
     "display": Benchmark(
         "accuracy.display", "display", "the same pictures with other curves, edges, bit depths and compression"
     ),
+    "processing": Benchmark(
+        "robustness.processing", "robustness", "images through what displays and C-arms do to them, kind by kind"
+    ),
+    "foreign_objects": Benchmark(
+        "robustness.foreign_objects", "robustness", "images with things in the way of the beam, kind by kind"
+    ),
     "guidance": Benchmark(
         "accuracy.guidance",
         "guidance",

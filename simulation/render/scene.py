@@ -87,6 +87,8 @@ def pack_scene(scenario: Scenario, world: World, balls: BallsInView) -> tracer.P
         bar_class=shapes.bar_classes(),
         delrin_boxes=boxes,
         delrin_axes=np.ascontiguousarray(world.beam_from_guide.rotation.T),
+        steel_boxes=np.zeros((0, 6)),
+        steel_box_axes=np.zeros((0, 3, 3)),
         tubes=shapes.tube_rows(),
         tube_class=shapes.tube_classes(),
         bone_from_camera=np.ascontiguousarray(world.beam_from_bone.inverse().matrix[:3]),

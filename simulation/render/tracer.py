@@ -34,6 +34,8 @@ class PackedScene(NamedTuple):
     bar_class: Integers
     delrin_boxes: Floats
     delrin_axes: Floats
+    steel_boxes: Floats
+    steel_box_axes: Floats
     tubes: Floats
     tube_class: Integers
     bone_from_camera: Floats
@@ -107,6 +109,9 @@ def _events(scene: PackedScene, tile: int, o: Floats, d: Floats, bone: Floats, t
         a, b = box(scene.delrin_boxes[i], scene.delrin_axes, o, d)
         hit_delrin |= a < b
         n = _add(times, codes, n, a, b, DELRIN)
+    for i in range(scene.steel_boxes.shape[0]):
+        a, b = box(scene.steel_boxes[i], scene.steel_box_axes[i], o, d)
+        n = _add(times, codes, n, a, b, STEEL_PART)
     for i in range(scene.bars.shape[0]):
         kind = scene.bar_class[i]
         if (kind == NAIL_VOID and not hit_nail) or (kind == DELRIN_VOID and not hit_delrin):

@@ -1,0 +1,85 @@
+"""The command that the benchmarks of this folder share: options, the two passes over scenes, and the page."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from benchmarks.common.places import PAGES
+from benchmarks.common.runner import RowFile, add_run_options, run_jobs, run_plan
+from benchmarks.robustness.kinds import CONTROL, CONTROL_KIND, Kind
+from benchmarks.robustness.page import section_of, with_section, write_sheet
+from benchmarks.robustness.rows import Row, key_of, kind_row
+from distalock.arguments import OneLineParser, existing_file, whole_number, writable_file
+
+REPORT = PAGES / "robustness.md"
+# Seeds from 60000 fit parameters of the localisation; those from 65000 judge them and fit nothing.
+SEEDS: Mapping[str, int] = {"fit": 60_000, "judged": 65_000}
+SEEDS_OF_A_SET = 5_000
+
+
+@dataclass(frozen=True, slots=True)
+class RobustnessBench:
+    """A benchmark of this folder."""
+
+    name: str
+    description: str
+    kinds: tuple[Kind, ...]
+
+
+def run_bench(bench: RobustnessBench, arguments: Sequence[str]) -> int:
+    """Localise the scenes of the chosen kinds, print and write the table; 0 when nothing accepted is wrong."""
+    given = _parser(bench).parse_args(list(arguments))
+    kinds = {kind.name: kind for kind in (CONTROL_KIND, *bench.kinds)}
+    chosen = [name for name in kinds if name in (given.kind or kinds)]
+    first = SEEDS[given.seeds] + given.skip
+    rows = rows_of(kinds, chosen, range(first, first + given.count), given)
+    seeds = f"{first}-{first + given.count - 1} ({given.seeds})"
+    before = None if given.before is None else list(_stored(given.before).values())
+    section = section_of(bench.name, seeds, chosen, rows, before)
+    print(section)
+    report = given.report if given.kind else given.report or REPORT
+    if report is not None:
+        write_sheet(report.with_name(f"robustness-{bench.name}.png"), kinds, chosen, first, given.images)
+        report.write_text(with_section(report, bench.name, section))
+    return int(any(row.wrong for row in rows))
+
+
+def rows_of(
+    kinds: Mapping[str, Kind], chosen: Sequence[str], seeds: Sequence[int], given: argparse.Namespace
+) -> list[Row]:
+    """Rows of the controls first, because those of the kinds carry the control's verdict."""
+    plan = run_plan(given)
+    keys = [key_of(CONTROL, seed) for seed in seeds]
+    controls = run_jobs(partial(kind_row, kinds, {}, given.images), keys, Row, plan)
+    codes = {row.seed: row.codes for row in controls.values()}
+    others = [key_of(name, seed) for seed in seeds for name in chosen if name != CONTROL]
+    found = run_jobs(partial(kind_row, kinds, codes, given.images), others, Row, plan)
+    return [*(controls.values() if CONTROL in chosen else ()), *found.values()]
+
+
+def _stored(file: Path) -> dict[str, Row]:
+    return RowFile(file, TypeAdapter(Row)).read()
+
+
+def _parser(bench: RobustnessBench) -> OneLineParser:
+    parser = OneLineParser(prog=f"distalock bench {bench.name}", description=bench.description)
+    number = partial(whole_number, "a number of scenes")
+    names = [CONTROL, *(kind.name for kind in bench.kinds)]
+    parser.add_argument("--kind", action="append", choices=names, help="one kind; may be given again (all kinds)")
+    parser.add_argument("--count", type=number(1, SEEDS_OF_A_SET), default=20, help="scenes of each kind (20)")
+    parser.add_argument(
+        "--seeds",
+        choices=tuple(SEEDS),
+        default="judged",
+        help="fit: seeds from 60000, on which parameters are fitted; judged: seeds from 65000 (judged)",
+    )
+    parser.add_argument("--skip", type=number(0, SEEDS_OF_A_SET - 1), default=0, help="seeds left out at the start (0)")
+    parser.add_argument("--images", type=Path, help="folder that keeps rendered images, so that no run renders again")
+    parser.add_argument("--before", type=existing_file, help="rows of an earlier revision, for a second table")
+    parser.add_argument("--report", type=writable_file, help=f"page to write ({REPORT}; with --kind: none)")
+    add_run_options(parser)
+    return parser

@@ -1,0 +1,136 @@
+"""Own scenes through what displays and C-arms do to the image; writes its part of docs/benchmarks/robustness.md.
+
+usage: distalock bench processing [--kind NAME ...] [--count 20] [--seeds judged] [--rows FILE] [--images FOLDER]
+
+Each image of a seeded scene is processed with parameters drawn from its seed, then localised.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from benchmarks.robustness import tone
+from benchmarks.robustness.command import RobustnessBench, run_bench
+from benchmarks.robustness.kinds import CONTROL, Kind, rendered_kind
+from benchmarks.robustness.scene import (
+    ImageFolder,
+    RobustScene,
+    generator_of,
+    plain_scene,
+    rendered,
+    scene_of_shot,
+)
+from benchmarks.robustness.tone import Grey, Operator, Processed
+from benchmarks.scenes.random_scenes import scene_of_seed
+from services.imaging.core.nominal import NominalGeometry
+from simulation.render.detector import radius_of_pixels
+from simulation.render.image import ImageFaults
+from simulation.scenario.c_arm_angles import CArmAngles
+from simulation.world.poses import starting_state
+
+# Weights of the newest frame and of the three before it: a recursive filter that keeps 40 % of what was shown.
+_LAG_WEIGHTS = (0.6, 0.24, 0.1, 0.06)
+_LAG_STEP_DEG = (0.02, 0.25)
+_DEAD_SHARE = 1e-3
+
+
+def dead_pixels(share: Grey, generator: np.random.Generator) -> Processed:
+    """One pixel in a thousand is black or white."""
+    spoiled = share.copy()
+    dead = generator.random(share.shape) < _DEAD_SHARE
+    spoiled[dead] = generator.integers(0, 2, int(dead.sum())).astype(np.float32)
+    return Processed(spoiled, {"share": _DEAD_SHARE})
+
+
+def dead_line(share: Grey, generator: np.random.Generator) -> Processed:
+    """One row or column of the middle half, where the nail lies, is black or white."""
+    spoiled, along = share.copy(), int(generator.integers(2))
+    at = int(generator.uniform(0.25, 0.75) * share.shape[along])
+    value = int(generator.integers(2))
+    np.moveaxis(spoiled, along, 0)[at] = value
+    return Processed(spoiled, {"along": ("row", "column")[along], "at": at, "value": value})
+
+
+def vignetted(share: Grey, generator: np.random.Generator) -> Processed:
+    """Brightness falls with the squared distance from the middle."""
+    loss = float(generator.uniform(0.2, 0.6))
+    relative = radius_of_pixels(share.shape[0]) / (0.5 * share.shape[0])
+    return Processed((share * np.clip(1.0 - loss * relative**2, 0.05, 1.0)).astype(np.float32), {"loss": loss})
+
+
+def processed_scene(operator: Operator, kind: str, seed: int, images: ImageFolder) -> RobustScene:
+    """The control's image through an operator; the number of bits stays unless the operator ends in 8."""
+    scene = images.scene(CONTROL, seed, plain_scene)
+    white = float(np.iinfo(scene.pixels.dtype).max)
+    result = operator(scene.pixels.astype(np.float32) / np.float32(white), generator_of(kind, seed))
+    grey = np.dtype(np.uint8) if result.bits == 8 else scene.pixels.dtype
+    pixels = np.rint(result.share.astype(np.float64) * np.iinfo(grey).max).astype(grey)
+    factor = scene.pixels.shape[0] / pixels.shape[0]
+    nominal = NominalGeometry(scene.nominal.source_to_detector_mm, scene.nominal.pixel_mm * factor)
+    middle = (scene.middle_px[0] / factor, scene.middle_px[1] / factor)
+    return replace(scene, kind=kind, drawn=result.drawn, pixels=pixels, nominal=nominal, middle_px=middle)
+
+
+def noisy_scene(kind: str, seed: int) -> RobustScene:
+    """Two to four times the usual quantum noise."""
+    factor = float(generator_of(kind, seed).uniform(2.0, 4.0))
+    scenario = scene_of_seed(seed)
+    shot = rendered(scenario, starting_state(scenario), faults=ImageFaults(dose_factor=factor**-2))
+    return scene_of_shot(kind, scenario, shot, {"factor": factor}, shot.truth.holes)
+
+
+def lagging_scene(kind: str, seed: int) -> RobustScene:
+    """Four frames as shown, averaged: the C-arm turned at a steady speed, and the truth is that of the newest."""
+    generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
+    step_deg, direction = float(generator.uniform(*_LAG_STEP_DEG)), float(generator.uniform(0.0, 2.0 * np.pi))
+    state = starting_state(scenario)
+    shots = []
+    for k in range(len(_LAG_WEIGHTS)):
+        turned = CArmAngles(
+            state.angles.orbital_deg + k * step_deg * np.cos(direction),
+            state.angles.angular_deg + k * step_deg * np.sin(direction),
+        )
+        shots.append(rendered(scenario, replace(state, angles=turned), shot_number=k))
+    mean = sum(weight * shot.pixels.astype(np.float64) for weight, shot in zip(_LAG_WEIGHTS, shots, strict=True))
+    newest = replace(shots[0], pixels=np.rint(mean).astype(shots[0].pixels.dtype))
+    drawn: dict[str, float | str] = {"step_deg": step_deg, "direction_rad": direction}
+    return scene_of_shot(kind, scenario, newest, drawn, newest.truth.holes)
+
+
+_OPERATORS: dict[str, Operator] = {
+    "black_cut_off": tone.black_cut_off,
+    "white_cut_off": tone.white_cut_off,
+    "local_contrast": tone.local_contrast,
+    "unsharp_mask": tone.unsharp_mask,
+    "multi_scale": tone.multi_scale,
+    "bilateral_filter": tone.bilateral_filter,
+    "non_local_means": tone.non_local_means,
+    "median_filter": tone.median_filter,
+    "jpeg": tone.jpeg,
+    "monitor_chain": tone.monitor_chain,
+    "gamma": tone.gamma_curve,
+    "s_curve": tone.s_curve,
+    "dead_pixels": dead_pixels,
+    "dead_line": dead_line,
+    "vignetting": vignetted,
+    "half_size": tone.half_size,
+    "six_bits": tone.six_bits,
+}
+KINDS: tuple[Kind, ...] = (
+    *(Kind(name, partial(processed_scene, operator, name)) for name, operator in _OPERATORS.items()),
+    rendered_kind("noise", noisy_scene),
+    rendered_kind("lag", lagging_scene),
+)
+BENCH = RobustnessBench("processing", "images through what displays and C-arms do to them", KINDS)
+
+
+def main(arguments: Sequence[str] = ()) -> int:
+    """Run the kinds of this benchmark."""
+    return run_bench(BENCH, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,74 @@
+"""Things in the way: their shadows lie where their parameters say."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchmarks.robustness.foreign_objects import Around, retractor, screw_half_in, wire_across_rim
+from benchmarks.robustness.objects import Objects
+from shared.geometry.lines import unit
+from simulation.render.attenuation import Material
+from simulation.render.scene import balls_in_view, pack_scene
+from simulation.render.tracer import trace_lengths
+from simulation.world.poses import starting_state, world_at
+from tests.unit.simulation import rooms
+
+SCENARIO = rooms.scenario()
+WORLD = world_at(SCENARIO, starting_state(SCENARIO))
+PACKED = pack_scene(SCENARIO, WORLD, balls_in_view(SCENARIO, WORLD))
+SEEDS = range(6)
+
+
+def around() -> Around:
+    return Around.of(SCENARIO, WORLD, 0)
+
+
+def steel_mm(objects: Objects, points_beam: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Steel on the rays from the focal spot through points, shape (N,), without balls."""
+    packed = objects.added_to(PACKED)
+    targets = points_beam[:, :2] / points_beam[:, 2:] * packed.detector_distance_mm
+    lengths = trace_lengths(packed, np.ascontiguousarray(targets), np.full(len(targets), -1))
+    return np.asarray(lengths[:, Material.STEEL])
+
+
+def rim(of: Around, radius_mm: float, count: int = 720) -> NDArray[np.float64]:
+    """Points on a circle about the hole's middle, across the ray."""
+    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)[:, None]
+    first = unit(np.cross(of.ray, np.array([0.0, 1.0, 0.0])))
+    return np.asarray(of.middle_mm + radius_mm * (np.cos(angle) * first + np.sin(angle) * np.cross(of.ray, first)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_retractor_covers_the_drawn_part_of_the_rim_and_no_other_hole(seed: int) -> None:
+    one = around()
+    objects, drawn = retractor(one, np.random.default_rng(seed))
+    covered = steel_mm(objects, rim(one, one.rim_mm)) > 0.0
+    assert np.mean(covered) == pytest.approx(drawn["covered"], abs=0.01)
+    assert np.all(steel_mm(objects, one.others_mm) == 0.0)
+    assert not covered.all()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_wire_crosses_the_ray_at_its_offset(seed: int) -> None:
+    one = around()
+    objects, drawn = wire_across_rim(one, np.random.default_rng(seed))
+    offset = float(drawn["offset_mm"])
+    assert np.any(steel_mm(objects, rim(one, abs(offset) + 1e-3)) > 0.0)
+    assert steel_mm(objects, rim(one, abs(offset) + 1e-3)).max() <= float(drawn["diameter_mm"]) / np.cos(0.5)
+    assert np.any(steel_mm(objects, rim(one, one.rim_mm)) > 0.0) or abs(offset) > one.rim_mm
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_screw_ends_in_the_middle_of_the_hole(seed: int) -> None:
+    one = around()
+    objects, drawn = screw_half_in(one, np.random.default_rng(seed))
+    points = np.array([row[:3] for row in objects.rods])
+    along = float(drawn["side"]) * (points - one.middle_mm) @ one.axis
+    assert along.min() == pytest.approx(0.0, abs=1e-9)
+    assert along.max() > 20.0
+
+
+def test_nothing_added_changes_nothing() -> None:
+    one = around()
+    points = rim(one, 3.0, 36)
+    assert np.array_equal(steel_mm(Objects(), points), np.zeros(len(points)))

@@ -1,0 +1,44 @@
+"""What counts as wrong, usable and good, and the page's sections."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.robustness.page import section_of, with_section
+from benchmarks.robustness.rows import HoleScore, Row, summary_of
+
+
+def row(axis_deg: float, codes: tuple[str, ...] = (), control: tuple[str, ...] = (), seed: int = 1) -> Row:
+    holes = tuple(HoleScore(name, 0.1, axis_deg, 0.05, 0.1) for name in ("distal", "proximal"))
+    return Row("jpeg", seed, {"quality": 80}, control, codes, holes, 1.0)
+
+
+def test_an_accepted_row_is_wrong_when_one_axis_is_too_far_off() -> None:
+    assert row(1.6).wrong
+    assert row(float("nan")).wrong
+    assert not row(1.4).wrong
+    assert not row(1.6, codes=("clipped",)).wrong
+
+
+def test_a_summary_counts_what_the_control_allows() -> None:
+    rows = [row(0.1), row(0.7), row(0.1, ("clipped",)), row(0.1, ("low_dose",), control=("low_dose",))]
+    summary = summary_of(rows)
+    assert (summary.scenes, summary.accepted, summary.wrong) == (4, 2, 0)
+    assert (summary.usable, summary.usable_accepted, summary.usable_good) == (3, 2, 1)
+    assert summary.refused == (("clipped", 1), ("low_dose", 1))
+    assert summary.beyond == 1
+    assert summary.normalised_axis == pytest.approx(5.0)
+    assert summary.normalised_entry == pytest.approx(2.0)
+
+
+def test_a_section_replaces_its_own_and_keeps_the_others(tmp_path: Path) -> None:
+    page = tmp_path / "robustness.md"
+    page.write_text(with_section(page, "processing", section_of("processing", "1-2 (fit)", ["jpeg"], [row(0.1)], None)))
+    page.write_text(with_section(page, "bent_nails", "## bent_nails\n\nbent\n"))
+    page.write_text(with_section(page, "processing", section_of("processing", "3-4 (fit)", ["jpeg"], [row(0.2)], None)))
+    text = page.read_text()
+    assert text.count("# Robust on images") == 1
+    assert [line for line in text.splitlines() if line.startswith("## ")] == ["## bent_nails", "## processing"]
+    assert "Seeds 3-4" in text
+    assert "Seeds 1-2" not in text
+    assert "| jpeg | 1 | 1 | 0 | 1: 1, 1 |" in text
