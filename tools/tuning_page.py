@@ -5,6 +5,7 @@ import importlib.util
 import inspect
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import astuple, is_dataclass
 from types import ModuleType
 
 from shared.tuning import TunedValue, values_of
@@ -65,6 +66,8 @@ def _row(value: TunedValue) -> str:
 
 
 def _printed(value: object) -> str:
+    if is_dataclass(value) and not isinstance(value, type):
+        value = astuple(value)
     if isinstance(value, tuple):
         return "(" + ", ".join(_printed(one) for one in value) + ")"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -19,7 +19,7 @@ from services.registration.core.guide_from_nail import guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.nail.parameters import SHAPE_PARAMETERS, Parameter, priors
-from services.registration.core.tuning import AGREEMENT
+from services.registration.core.tuning import NAIL_PRIORS
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
@@ -270,9 +270,7 @@ def _other_radii(estimates: Estimates, grouping: _Grouping) -> str:
         for parameter, a, b in zip(SHAPE_PARAMETERS, first, second, strict=False)
         if (name := _RADII.get(parameter)) is not None
     }
-    return "".join(
-        f", {name} by {mm:.2f} mm" for name, mm in apart_mm.items() if mm >= AGREEMENT.radius_worth_reporting_mm
-    )
+    return "".join(f", {name} by {mm:.2f} mm" for name, mm in apart_mm.items() if mm >= NAIL_PRIORS.radius_sd_mm)
 
 
 def _entry_apart_mm(a: HoleEstimate, b: HoleEstimate) -> float:

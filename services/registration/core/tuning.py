@@ -10,13 +10,20 @@ from typing import Final
 from shared.tuning import declared_groups, derived, fitted, physical, standard, tuned
 
 _SCENES: Final = "by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
-_BY_INSPECTION: Final = fitted(f"{_SCENES}; no run that compared alternatives is recorded")
+_INSPECTION: Final = fitted(f"{_SCENES}; no run that compared alternatives is recorded")
 _ON_INDEPENDENT: Final = fitted(
     "28 independent images, `python -m benchmarks.accuracy.nail_fit`; alternatives in docs/nail-likelihood.md"
 )
 _SMOOTHED_SEARCH: Final = fitted(
     "16 starts an image, `python -m benchmarks.accuracy.capture`: one or two end points, without smoothing up to 9"
 )
+_EDGE_REACH: Final = derived("half a diagonal 0.7, softening 0.15, curvature: pixels change by 0.003 (1.0: by 0.009)")
+_MUSCLE: Final = physical("60-80 kV behind 100-200 mm of muscle")
+_SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most")
+_TOLERANCE: Final = physical("manufacturing tolerance, assumed")
+_ABANDONED: Final = fitted("65 abandoned fits, 30 scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred")
+_KEPT: Final = fitted("7 seeded scenes: the fit ends 0.03 standard deviations away at most (docs/nail-likelihood.md)")
+_NINE_PX: Final = fitted("seeds 30000-30239, `distalock bench accuracy`: 11 px accept the same 235, a third slower")
 _REACH_OF_NOISE: Final = fitted(
     "7 seeded scenes, 8 draws of noise each, `python -m benchmarks.accuracy.noise_draws`: 7 px leave a variance factor "
     "of 2.9 instead of 2.1"
@@ -30,155 +37,95 @@ _REACH_OF_NOISE: Final = fitted(
 class NailBandSearch:
     """The nail as a dark band, on a reduced image (`core/nail/search/band.py`); lengths there in search pixels."""
 
-    band_width_px: float = tuned(30.0, "search px", "width to which the image reduces a nail", _BY_INSPECTION)
-    nearest_to_detector_mm: float = tuned(
-        80.0,
-        "mm",
-        "least distance of a nail from the ring's near plate",
-        _BY_INSPECTION,
-    )
-    farthest_from_detector_mm: float = tuned(
-        350.0, "mm", "largest distance of a nail from the ring's near plate", _BY_INSPECTION
-    )
-    lowest_grey_percentile: float = tuned(0.5, "%", "grey value scaled to 0", _BY_INSPECTION)
-    highest_grey_percentile: float = tuned(99.0, "%", "grey value scaled to 1", _BY_INSPECTION)
-    gradient_smoothing_px: float = tuned(1.2, "search px", "Gaussian before the gradient", _BY_INSPECTION)
-    edge_share: float = tuned(0.12, "1", "share of the pixels above the upper edge threshold", _BY_INSPECTION)
-    full_weight_quantile: float = tuned(0.985, "1", "gradient from which an edge pixel has full weight", _BY_INSPECTION)
-    direction_spread_deg: int = tuned(4, "°", "spread of an edge pixel's vote over directions", _BY_INSPECTION)
-    shortest_edge_in_widths: float = tuned(1.2, "band widths", "shortest edge of a band", _BY_INSPECTION)
-    suppressed_deg: int = tuned(8, "°", "directions about a band that propose no other", _BY_INSPECTION)
-    suppressed_in_widths: float = tuned(
-        0.35, "band widths", "distance about a band that proposes no other", _BY_INSPECTION
-    )
-    most_bands: int = tuned(6, "1", "bands in which holes are searched", _BY_INSPECTION)
-    least_darkness: float = tuned(0.06, "1", "darkness of a band in which holes are searched", _BY_INSPECTION)
-    edge_length_weight: float = tuned(
-        0.2, "1/band widths", "weight of an edge's length against open holes", _BY_INSPECTION
-    )
-
-
-NAIL_BAND_SEARCH: Final = NailBandSearch()
+    band_width_px: float = tuned(30.0, "search px", "width to which the image reduces a nail", _INSPECTION)
+    nearest_to_detector_mm: float = tuned(80.0, "mm", "nearest nail to the ring's near plate", _INSPECTION)
+    farthest_from_detector_mm: float = tuned(350.0, "mm", "nail farthest from the ring's near plate", _INSPECTION)
+    lowest_grey_percentile: float = tuned(0.5, "%", "grey value scaled to 0", _INSPECTION)
+    highest_grey_percentile: float = tuned(99.0, "%", "grey value scaled to 1", _INSPECTION)
+    gradient_smoothing_px: float = tuned(1.2, "search px", "Gaussian before the gradient", _INSPECTION)
+    edge_share: float = tuned(0.12, "1", "share of the pixels above the upper edge threshold", _INSPECTION)
+    full_weight_quantile: float = tuned(0.985, "1", "gradient from which an edge pixel has full weight", _INSPECTION)
+    direction_spread_deg: int = tuned(4, "°", "spread of an edge pixel's vote over directions", _INSPECTION)
+    shortest_edge_in_widths: float = tuned(1.2, "band widths", "shortest edge of a band", _INSPECTION)
+    suppressed_deg: int = tuned(8, "°", "directions about a band without another", _INSPECTION)
+    suppressed_in_widths: float = tuned(0.35, "band widths", "distance about a band without another", _INSPECTION)
+    most_bands: int = tuned(6, "1", "bands in which holes are searched", _INSPECTION)
+    least_darkness: float = tuned(0.06, "1", "darkness of a band in which holes are searched", _INSPECTION)
+    edge_length_weight: float = tuned(0.2, "1/band widths", "weight of an edge's length against holes", _INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
 class NailHoleSearch:
     """Holes along a band (`core/nail/search/holes.py`)."""
 
-    least_scale: float = tuned(
-        0.86,
-        "1",
-        "least scale along the band over that of its width",
-        _BY_INSPECTION,
-    )
-    largest_scale: float = tuned(1.12, "1", "largest scale along the band over that of its width", _BY_INSPECTION)
+    least_scale: float = tuned(0.86, "1", "least scale along the band over that of its width", _INSPECTION)
+    largest_scale: float = tuned(1.12, "1", "largest scale along the band over that of its width", _INSPECTION)
     scales: int = tuned(27, "1", "scales tried", derived("steps of 1 %"))
-    band_half_height: float = tuned(1.1, "band widths", "half height of the straightened image", _BY_INSPECTION)
-    metal_from: float = tuned(
-        0.27, "band widths", "from the middle line: where metal is sampled, begin", _BY_INSPECTION
-    )
-    metal_to: float = tuned(0.4, "band widths", "where metal is sampled, end", derived("inside the edge at 0.5"))
-    beside_from: float = tuned(
-        0.62, "band widths", "where the surroundings are sampled, begin", derived("beyond the edge at 0.5")
-    )
-    beside_to: float = tuned(0.9, "band widths", "where the surroundings are sampled, end", _BY_INSPECTION)
-    lateral_reach: float = tuned(0.1, "band widths", "how far from the middle line a hole may lie", _BY_INSPECTION)
-    disc_in_radii: float = tuned(0.75, "hole radii", "disc whose mean is an opening's brightness", _BY_INSPECTION)
-    side_disc_in_radii: float = tuned(
-        0.35, "hole radii", "disc whose mean is the metal beside an opening", _BY_INSPECTION
-    )
-    side_distance_in_radii: float = tuned(
-        1.45, "hole radii", "distance of that metal from the hole's centre", _BY_INSPECTION
-    )
-    least_darkness: float = tuned(0.02, "1", "floor of the darkness by which contrasts are divided", _BY_INSPECTION)
-    beyond_open: float = tuned(
-        0.1,
-        "1",
-        "share that counts of brightness beyond the surroundings'",
-        derived("breaks ties without hiding a dim hole"),
-    )
-    tip_before_from_mm: float = tuned(8.0, "mm", "metal before the tip, begin", _BY_INSPECTION)
-    tip_before_to_mm: float = tuned(4.0, "mm", "metal before the tip, end", _BY_INSPECTION)
-    tip_after_from_mm: float = tuned(3.0, "mm", "no metal after the tip, begin", _BY_INSPECTION)
-    tip_after_to_mm: float = tuned(9.0, "mm", "no metal after the tip, end", _BY_INSPECTION)
-    reference_reach_px: int = tuned(
-        12, "search px", "about the nail's origin: where darkness is compared with", _BY_INSPECTION
-    )
-
-
-NAIL_HOLE_SEARCH: Final = NailHoleSearch()
+    band_half_height: float = tuned(1.1, "band widths", "half height of the straightened image", _INSPECTION)
+    metal_from: float = tuned(0.27, "band widths", "from the middle: metal is sampled, begin", _INSPECTION)
+    metal_to: float = tuned(0.4, "band widths", "metal is sampled, end", derived("inside the edge at 0.5"))
+    beside_from: float = tuned(0.62, "band widths", "surroundings sampled, begin", derived("beyond the edge at 0.5"))
+    beside_to: float = tuned(0.9, "band widths", "surroundings sampled, end", _INSPECTION)
+    lateral_reach: float = tuned(0.1, "band widths", "how far from the middle line a hole may lie", _INSPECTION)
+    disc_in_radii: float = tuned(0.75, "hole radii", "disc whose mean is an opening's brightness", _INSPECTION)
+    side_disc_in_radii: float = tuned(0.35, "hole radii", "disc whose mean is the metal beside it", _INSPECTION)
+    side_distance_in_radii: float = tuned(1.45, "hole radii", "distance of that metal from the centre", _INSPECTION)
+    least_darkness: float = tuned(0.02, "1", "floor of the darkness by which contrasts are divided", _INSPECTION)
+    beyond_open: float = tuned(0.1, "1", "weight of excess brightness", derived("breaks ties; a dim hole still counts"))
+    tip_before_from_mm: float = tuned(8.0, "mm", "metal before the tip, begin", _INSPECTION)
+    tip_before_to_mm: float = tuned(4.0, "mm", "metal before the tip, end", _INSPECTION)
+    tip_after_from_mm: float = tuned(3.0, "mm", "no metal after the tip, begin", _INSPECTION)
+    tip_after_to_mm: float = tuned(9.0, "mm", "no metal after the tip, end", _INSPECTION)
+    reference_reach_px: int = tuned(12, "search px", "about the origin: reference of darkness", _INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
 class OpeningOutline:
     """Outline of a hole's opening in the image as received (`core/nail/search/outline.py`)."""
 
-    directions: int = tuned(96, "1", "rays from the centre", _BY_INSPECTION)
+    directions: int = tuned(96, "1", "rays from the centre", _INSPECTION)
     step_detector_mm: float = tuned(0.1175, "mm", "spacing of samples along a ray", derived("half a usual pixel"))
-    smoothing_detector_mm: float = tuned(0.235, "mm", "Gaussian before sampling", _BY_INSPECTION)
-    smoothing_reach_detector_mm: float = tuned(
-        1.41, "mm", "margin of the smoothed block", derived("six standard deviations of the smoothing")
-    )
-    reach_in_radii: float = tuned(1.45, "hole radii", "how far from the centre the outline is searched", _BY_INSPECTION)
-    inner_in_radii: float = tuned(1.3, "hole radii", "largest distance of a crossing", _BY_INSPECTION)
-    bright_within_radii: float = tuned(0.55, "hole radii", "disc that shows the opening's grey value", _BY_INSPECTION)
-    bright_percentile: float = tuned(70.0, "%", "of that disc: the opening's grey value", _BY_INSPECTION)
-    dark_beyond_radii: float = tuned(1.15, "hole radii", "from where metal shows its grey value", _BY_INSPECTION)
-    dark_percentile: float = tuned(
-        25.0, "%", "of what lies beyond: the metal's grey value", derived("across the band the edge is near")
-    )
-    least_points: int = tuned(16, "1", "fewest points of an outline", _BY_INSPECTION)
-    rounds: int = tuned(6, "1", "ellipse fits with outliers left out", _BY_INSPECTION)
+    smoothing_detector_mm: float = tuned(0.235, "mm", "Gaussian before sampling", _INSPECTION)
+    smoothing_reach_detector_mm: float = tuned(1.41, "mm", "margin of smoothing", derived("six sd of it"))
+    reach_in_radii: float = tuned(1.45, "hole radii", "how far from the centre the outline is searched", _INSPECTION)
+    inner_in_radii: float = tuned(1.3, "hole radii", "largest distance of a crossing", _INSPECTION)
+    bright_within_radii: float = tuned(0.55, "hole radii", "disc that shows the opening's grey value", _INSPECTION)
+    bright_percentile: float = tuned(70.0, "%", "of that disc: the opening's grey value", _INSPECTION)
+    dark_beyond_radii: float = tuned(1.15, "hole radii", "from where metal shows its grey value", _INSPECTION)
+    dark_percentile: float = tuned(25.0, "%", "of what lies beyond: metal's grey", derived("the edge is near"))
+    least_points: int = tuned(16, "1", "fewest points of an outline", _INSPECTION)
+    rounds: int = tuned(6, "1", "ellipse fits with outliers left out", _INSPECTION)
     least_tolerance_detector_mm: float = tuned(0.235, "mm", "residual always tolerated", derived("a usual pixel"))
-    least_semi_axis_in_radii: float = tuned(0.35, "hole radii", "smallest major semi-axis", _BY_INSPECTION)
-    largest_semi_axis_in_radii: float = tuned(1.5, "hole radii", "largest major semi-axis", _BY_INSPECTION)
-
-
-OPENING_OUTLINE: Final = OpeningOutline()
+    least_semi_axis_in_radii: float = tuned(0.35, "hole radii", "smallest major semi-axis", _INSPECTION)
+    largest_semi_axis_in_radii: float = tuned(1.5, "hole radii", "largest major semi-axis", _INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
 class NailContour:
     """The nail's two edges beside its holes."""
 
-    beyond_holes_mm: float = tuned(
-        10.0, "mm", "length beyond the outer holes over which edges are fitted", _BY_INSPECTION
-    )
-    reach_in_widths: float = tuned(
-        0.16, "band widths", "how far from the proposed edge the steepest place is sought", _BY_INSPECTION
-    )
-    smoothing_px: float = tuned(1.0, "search px", "Gaussian before the slope", _BY_INSPECTION)
-    outlier_deviations: float = tuned(
-        2.5, "standard deviations", "beyond it a point is left out", standard("robust line fit")
-    )
-    least_deviation_px: float = tuned(0.3, "search px", "floor of that standard deviation", _BY_INSPECTION)
-    rounds: int = tuned(6, "1", "line fits with outliers left out", _BY_INSPECTION)
-
-
-NAIL_CONTOUR: Final = NailContour()
+    beyond_holes_mm: float = tuned(10.0, "mm", "length beyond the outer holes with fitted edges", _INSPECTION)
+    reach_in_widths: float = tuned(0.16, "band widths", "distance from the proposed edge that is searched", _INSPECTION)
+    smoothing_px: float = tuned(1.0, "search px", "Gaussian before the slope", _INSPECTION)
+    outlier_deviations: float = tuned(2.5, "sd", "a point is left out", standard("robust line fit"))
+    least_deviation_px: float = tuned(0.3, "search px", "floor of that standard deviation", _INSPECTION)
+    rounds: int = tuned(6, "1", "line fits with outliers left out", _INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
 class OpeningCover:
     """What covers an opening and is neither guide nor ball: a wire, a drill, an instrument."""
 
-    inside_rim_detector_mm: float = tuned(0.47, "mm", "distance from the rim at which cover counts", _BY_INSPECTION)
-    open_detector_mm: float = tuned(
-        0.705, "mm", "distance from the rim beyond which the opening is sampled", _BY_INSPECTION
-    )
-    metal_from_detector_mm: float = tuned(0.94, "mm", "metal around the rim, begin", _BY_INSPECTION)
-    metal_to_detector_mm: float = tuned(2.35, "mm", "metal around the rim, end", _BY_INSPECTION)
-    bright_percentile: float = tuned(70.0, "%", "of the opening: its grey value", _BY_INSPECTION)
-    dark_percentile: float = tuned(20.0, "%", "of the metal: its grey value", _BY_INSPECTION)
-    dark_share: float = tuned(
-        0.55, "1", "level between metal (0) and opening (1) below which a pixel is covered", _BY_INSPECTION
-    )
-    least_pixels: int = tuned(6, "1", "fewest covered pixels that count", _BY_INSPECTION)
-    reach_mm: float = tuned(1.45, "mm", "margin around the cover that is left out of the fit", _BY_INSPECTION)
-    ball_margin_detector_mm: float = tuned(0.47, "mm", "margin around known balls", _BY_INSPECTION)
-
-
-OPENING_COVER: Final = OpeningCover()
+    inside_rim_detector_mm: float = tuned(0.47, "mm", "distance from the rim: cover counts", _INSPECTION)
+    open_detector_mm: float = tuned(0.705, "mm", "distance from the rim: opening is sampled", _INSPECTION)
+    metal_from_detector_mm: float = tuned(0.94, "mm", "metal around the rim, begin", _INSPECTION)
+    metal_to_detector_mm: float = tuned(2.35, "mm", "metal around the rim, end", _INSPECTION)
+    bright_percentile: float = tuned(70.0, "%", "of the opening: its grey value", _INSPECTION)
+    dark_percentile: float = tuned(20.0, "%", "of the metal: its grey value", _INSPECTION)
+    dark_share: float = tuned(0.55, "1", "level from metal (0) to opening (1) of a covered pixel", _INSPECTION)
+    least_pixels: int = tuned(6, "1", "fewest covered pixels that count", _INSPECTION)
+    reach_mm: float = tuned(1.45, "mm", "margin around the cover that is left out of the fit", _INSPECTION)
+    ball_margin_detector_mm: float = tuned(0.47, "mm", "margin around known balls", _INSPECTION)
 
 
 # The nail's fit: what is compared
@@ -188,86 +135,39 @@ OPENING_COVER: Final = OpeningCover()
 class FitRegionSettings:
     """Which pixels take part in the fit (`core/nail/region.py`)."""
 
-    blur_reach_px: int = tuned(
-        8,
-        "px of the stage",
-        "margin in which the model is rendered for the blur",
-        derived("three standard deviations of the usual tail, 2.6 px"),
-    )
-    aperture_margin_detector_mm: float = tuned(2.115, "mm", "margin inside the aperture", _BY_INSPECTION)
+    blur_reach_px: int = tuned(8, "stage px", "rendered margin for the blur", derived("3 sd of the usual tail, 2.6 px"))
+    aperture_margin_detector_mm: float = tuned(2.115, "mm", "margin inside the aperture", _INSPECTION)
     least_pixels: int = tuned(200, "image px", "fewest pixels of a fit", derived("ten times the fitted parameters"))
-    shadow_stretch: float = tuned(
-        0.3,
-        "1",
-        "by how much a ball's shadow may exceed its radius",
-        derived("distortion and obliquity; a unit test holds it"),
-    )
-    wire_reach_mm: float = tuned(0.5, "mm", "margin around wires in which their paths are traced", _BY_INSPECTION)
-
-
-FIT_REGION: Final = FitRegionSettings()
+    shadow_stretch: float = tuned(0.3, "1", "excess of a ball's shadow over it", derived("distortion, obliquity"))
+    wire_reach_mm: float = tuned(0.5, "mm", "margin around wires in which their paths are traced", _INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
 class RaySampling:
     """How finely rays are traced (`core/nail/attenuation.py`)."""
 
-    edge_reach_px: float = tuned(
-        1.5,
-        "px of the stage",
-        "distance from an edge within which a pixel has several rays",
-        derived(
-            "half a pixel's diagonal 0.7, softening 0.15, curvature: single pixels change by 0.003 (1.0: by 0.009)"
-        ),
-    )
-    uniform_difference: float = tuned(
-        0.02, "1", "spread of the first four rays below which they suffice", _BY_INSPECTION
-    )
-    softening_px: float = tuned(
-        0.15, "px of the stage", "half width over which a grazed surface is averaged", _BY_INSPECTION
-    )
+    edge_reach_px: float = tuned(1.5, "stage px", "distance from an edge that needs several rays", _EDGE_REACH)
+    uniform_difference: float = tuned(0.02, "1", "spread of four rays that suffice", _INSPECTION)
+    softening_px: float = tuned(0.15, "stage px", "half width of mean at grazed surfaces", _INSPECTION)
     near_edge_in_steps: float = tuned(
-        5.0,
-        "softening steps",
-        "distance from an edge beyond which derivatives are analytic",
-        derived("difference over a step equals the derivative"),
+        5.0, "steps", "distance from edges: analytic derivatives", derived("differences agree")
     )
-
-
-RAY_SAMPLING: Final = RaySampling()
 
 
 @dataclass(frozen=True, slots=True)
 class BeamPhysics:
     """Beam, materials and focal spot."""
 
-    steel_attenuation_per_mm: float = tuned(
-        1.6, "1/mm", "mean attenuation of steel", physical("60-80 kV behind 100-200 mm of muscle")
-    )
-    titanium_attenuation_per_mm: float = tuned(
-        0.5, "1/mm", "mean attenuation of Ti6Al4V", physical("60-80 kV behind 100-200 mm of muscle")
-    )
-    steel_in_titanium: float = tuned(
-        3.2, "mm/mm", "mm of Ti6Al4V that attenuate as 1 mm of steel", derived("1.6 / 0.5")
-    )
-    hardest_share: float = tuned(
-        0.4,
-        "1",
-        "attenuation of the hardest X-rays over the mean",
-        physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most"),
-    )
-    focal_spot_mm: float = tuned(
-        0.5, "mm", "edge of the focal spot", physical("fluoroscopy: 0.3 to 0.6 mm; docs/nail-likelihood.md")
-    )
-    least_spread: float = tuned(
-        0.2,
-        "px of the stage",
-        "least spread of a pixel's rays for sharp edges",
-        derived("rays all alike would jump from pixel to pixel"),
-    )
+    steel_attenuation_per_mm: float = tuned(1.6, "1/mm", "mean attenuation of steel", _MUSCLE)
+    titanium_attenuation_per_mm: float = tuned(0.5, "1/mm", "mean attenuation of Ti6Al4V", _MUSCLE)
+    hardest_share: float = tuned(0.4, "1", "attenuation of hardest X-rays over mean", _SPECTRUM_END)
+    focal_spot_mm: float = tuned(0.5, "mm", "edge of the focal spot", physical("0.3 to 0.6; docs/nail-likelihood.md"))
+    least_spread: float = tuned(0.2, "stage px", "least spread of a pixel's rays", derived("equal rays would jump"))
 
-
-BEAM: Final = BeamPhysics()
+    @property
+    def steel_in_titanium(self) -> float:
+        """Millimetres of Ti6Al4V that attenuate as 1 mm of steel."""
+        return self.steel_attenuation_per_mm / self.titanium_attenuation_per_mm
 
 
 # The nail's fit: priors
@@ -277,51 +177,34 @@ BEAM: Final = BeamPhysics()
 class NailPriors:
     """Means and standard deviations before an image is seen (`core/nail/parameters.py`)."""
 
-    radius_sd_mm: float = tuned(
-        0.03, "mm", "of hole and nail radius about the part file's", physical("manufacturing tolerance, assumed")
-    )
-    largest_radius_excess_mm: float = tuned(
-        0.6, "mm", "bound of both", derived("enough to expose a nail of another size")
-    )
-    usual_chamfer_mm: float = tuned(
-        0.15, "mm", "chamfer depth where the part file states none", physical("rims are at least deburred")
-    )
+    radius_sd_mm: float = tuned(0.03, "mm", "of hole and nail radius about the part file's", _TOLERANCE)
+    largest_radius_excess_mm: float = tuned(0.6, "mm", "bound of both", derived("exposes another nail size"))
+    usual_chamfer_mm: float = tuned(0.15, "mm", "chamfer depth if the file has none", physical("rims are deburred"))
     usual_chamfer_sd_mm: float = tuned(0.15, "mm", "of that depth", physical("deburred to countersunk"))
-    stated_chamfer_sd_mm: float = tuned(0.05, "mm", "of a stated depth", physical("manufacturing tolerance, assumed"))
-    log_attenuation_sd: float = tuned(0.5, "1", "of the logarithm of the attenuation", _BY_INSPECTION)
-    hardening: float = tuned(
-        0.65, "1", "relative variance of the attenuations", physical("tube spectra at 64-76 kV (unit test)")
-    )
+    stated_chamfer_sd_mm: float = tuned(0.05, "mm", "of a stated depth", _TOLERANCE)
+    log_attenuation_sd: float = tuned(0.5, "1", "of the logarithm of the attenuation", _INSPECTION)
+    hardening: float = tuned(0.65, "1", "relative variance of attenuation", physical("spectra, 64-76 kV (unit test)"))
     hardening_sd: float = tuned(0.3, "1", "of that", physical("tube voltage and thickness of the leg"))
-    blur_detector_mm: float = tuned(0.282, "mm", "standard deviation of the detector's blur", _BY_INSPECTION)
-    log_blur_sd: float = tuned(0.35, "1", "of its logarithm", _BY_INSPECTION)
-    tail_share: float = tuned(0.2, "1", "share of the blur's tail", _BY_INSPECTION)
-    tail_share_sd: float = tuned(0.15, "1", "of that", _BY_INSPECTION)
-    largest_tail_share: float = tuned(0.8, "1", "bound of it", _BY_INSPECTION)
-    tail_width: float = tuned(2.2, "blur widths", "width of the tail", _BY_INSPECTION)
-    log_tail_width_sd: float = tuned(0.2, "1", "of its logarithm", _BY_INSPECTION)
-    sharpening: float = tuned(0.2, "1", "strength of the edge enhancement", _BY_INSPECTION)
-    sharpening_sd: float = tuned(0.4, "1", "of that", _BY_INSPECTION)
-    sharpening_detector_mm: float = tuned(0.5875, "mm", "width of the edge enhancement", _BY_INSPECTION)
-    log_sharpening_width_sd: float = tuned(0.4, "1", "of its logarithm", _BY_INSPECTION)
-    curve: float = tuned(0.3, "1", "bend of the display's curve", _BY_INSPECTION)
-    curve_sd: float = tuned(0.3, "1", "of that", _BY_INSPECTION)
-    curve_exponent: float = tuned(
-        0.4, "1", "exponent of the display's curve", derived("between logarithm 0 and linear 1")
-    )
-    curve_exponent_sd: float = tuned(0.25, "1", "of that", _BY_INSPECTION)
-    least_exponent: float = tuned(
-        -0.4, "1", "bound of the exponent", derived("displays lie between logarithmic, 0, and linear, 1")
-    )
+    blur_detector_mm: float = tuned(0.282, "mm", "standard deviation of the detector's blur", _INSPECTION)
+    log_blur_sd: float = tuned(0.35, "1", "of its logarithm", _INSPECTION)
+    tail_share: float = tuned(0.2, "1", "share of the blur's tail", _INSPECTION)
+    tail_share_sd: float = tuned(0.15, "1", "of that", _INSPECTION)
+    largest_tail_share: float = tuned(0.8, "1", "bound of it", _INSPECTION)
+    tail_width: float = tuned(2.2, "blur widths", "width of the tail", _INSPECTION)
+    log_tail_width_sd: float = tuned(0.2, "1", "of its logarithm", _INSPECTION)
+    sharpening: float = tuned(0.2, "1", "strength of the edge enhancement", _INSPECTION)
+    sharpening_sd: float = tuned(0.4, "1", "of that", _INSPECTION)
+    sharpening_detector_mm: float = tuned(0.5875, "mm", "width of the edge enhancement", _INSPECTION)
+    log_sharpening_width_sd: float = tuned(0.4, "1", "of its logarithm", _INSPECTION)
+    curve: float = tuned(0.3, "1", "bend of the display's curve", _INSPECTION)
+    curve_sd: float = tuned(0.3, "1", "of that", _INSPECTION)
+    curve_exponent: float = tuned(0.4, "1", "exponent of that curve", derived("between logarithm 0 and linear 1"))
+    curve_exponent_sd: float = tuned(0.25, "1", "of that", _INSPECTION)
+    least_exponent: float = tuned(-0.4, "1", "bound of the exponent", derived("displays: logarithm 0, linear 1"))
     largest_exponent: float = tuned(0.9, "1", "bound of the exponent", derived("at 1 the curve has no bend"))
     delrin_per_mm: float = tuned(0.02, "1/mm", "attenuation of the guide's body", physical("POM at 60-80 kV"))
     delrin_per_mm_sd: float = tuned(0.02, "1/mm", "of that", physical("from none to twice that of POM: guides differ"))
-    largest_deviations: float = tuned(
-        6.0, "standard deviations", "bound of all other parameters", standard("six sigma")
-    )
-
-
-NAIL_PRIORS: Final = NailPriors()
+    largest_deviations: float = tuned(6.0, "sd", "bound of all other parameters", standard("six sigma"))
 
 
 # The nail's fit: noise
@@ -331,32 +214,17 @@ NAIL_PRIORS: Final = NailPriors()
 class NailNoise:
     """Noise estimated from residuals (`core/nail/noise.py`); lengths in pixels of the stage."""
 
-    assumed_sd: float = tuned(0.025, "1", "noise over brightness before residuals are known", _BY_INSPECTION)
-    clipped_deviations: float = tuned(
-        4.0, "standard deviations", "residuals beyond it count as so much", _BY_INSPECTION
-    )
-    brightness_blur_px: float = tuned(
-        1.5, "px of the stage", "blur of the map from metal to background", _BY_INSPECTION
-    )
-    least_of_a_kind: int = tuned(
-        400, "px of the stage", "fewest dark or bright pixels with a correlation of their own", _BY_INSPECTION
-    )
-    largest_lag_px: int = tuned(9, "px of the stage", "largest lag of the correlation", _REACH_OF_NOISE)
-    taper_px: float = tuned(
-        8.0, "px of the stage", "lag at which the correlation is tapered to zero", derived("within the largest lag")
-    )
-    filter_reach_px: float = tuned(9.0, "px of the stage", "reach of the whitening filter", _REACH_OF_NOISE)
-    lowest_frequency: float = tuned(
-        0.06, "1/px", "below it the filter has gain one", derived("slow residuals are texture as much as noise")
-    )
+    assumed_sd: float = tuned(0.025, "1", "noise over brightness before residuals are known", _INSPECTION)
+    clipped_deviations: float = tuned(4.0, "sd", "residuals beyond it count as so much", _INSPECTION)
+    brightness_blur_px: float = tuned(1.5, "stage px", "blur of the map of brightness", _INSPECTION)
+    least_of_a_kind: int = tuned(400, "stage px", "fewest pixels with a correlation of their own", _INSPECTION)
+    largest_lag_px: int = tuned(9, "stage px", "largest lag of the correlation", _REACH_OF_NOISE)
+    taper_px: float = tuned(8.0, "stage px", "lag where correlation is tapered to 0", derived("within the largest lag"))
+    filter_reach_px: float = tuned(9.0, "stage px", "reach of the whitening filter", _REACH_OF_NOISE)
+    lowest_frequency: float = tuned(0.06, "1/px", "below it the gain is one", derived("slow residuals: texture, too"))
     power_floor: float = tuned(0.002, "1", "power added before inversion", derived("limits the filter's gain to 22"))
-    brightness_classes: int = tuned(12, "1", "classes of the variance by brightness", _BY_INSPECTION)
-    outlier_deviations: float = tuned(
-        3.0, "standard deviations", "residuals beyond it weigh less", standard("Huber's estimator")
-    )
-
-
-NAIL_NOISE: Final = NailNoise()
+    brightness_classes: int = tuned(12, "1", "classes of the variance by brightness", _INSPECTION)
+    outlier_deviations: float = tuned(3.0, "sd", "beyond it residuals weigh less", standard("Huber's estimator"))
 
 
 # The nail's fit: stages, coarse to fine
@@ -367,126 +235,74 @@ class NailSolver:
     """Levenberg-Marquardt (`core/nail/least_squares.py`)."""
 
     least_damping: float = tuned(1e-3, "1", "first and least damping", derived("below, a step hardly depends on it"))
-    damping_after_failure: float = tuned(
-        0.1, "1", "damping after a step that failed", derived("with less it fails once more")
-    )
-    largest_damping: float = tuned(
-        1e6, "1", "damping at which a fit ends", derived("the step is a millionth of a parameter's scale")
-    )
+    damping_after_failure: float = tuned(0.1, "1", "damping after a step that failed", derived("less fails again"))
+    largest_damping: float = tuned(1e6, "1", "damping at which a fit ends", derived("steps are 1e-6 of the scale"))
     damping_factor: float = tuned(10.0, "1", "change of the damping", standard("Marquardt 1963"))
-    useless_share: float = tuned(0.3, "tolerance", "predicted decrease below which no rays are traced", _BY_INSPECTION)
-    trusted_decreases: float = tuned(
-        5.0,
-        "predicted decreases",
-        "overestimate of what a fit may still gain before it is abandoned",
-        fitted("65 abandoned fits of 30 random scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred"),
-    )
-    close_deviations: float = tuned(
-        3.0,
-        "standard deviations",
-        "distance within which derivatives are kept",
-        fitted("7 seeded scenes: the fit ends 0.03 standard deviations away at most (docs/nail-likelihood.md)"),
-    )
-
-
-NAIL_SOLVER: Final = NailSolver()
+    useless_share: float = tuned(0.3, "tolerance", "predicted decrease below which no rays are traced", _INSPECTION)
+    trusted_decreases: float = tuned(5.0, "predicted decreases", "margin of gain before a fit is abandoned", _ABANDONED)
+    close_deviations: float = tuned(3.0, "sd", "distance within which derivatives are kept", _KEPT)
 
 
 @dataclass(frozen=True, slots=True)
 class CentringStage:
     """First stage: the nail moves over its image, its tilt held, on an image so smooth that 3 mm are a small step."""
 
-    hole_width_px: float = tuned(6.0, "px of the stage", "width of the smallest hole after reduction", _BY_INSPECTION)
-    smoothing_px: float = tuned(1.5, "px of the stage", "Gaussian after reduction", _BY_INSPECTION)
-    surroundings_mm: float = tuned(
-        6.0, "mm", "surroundings of the holes that are compared", derived("twice the start's error")
-    )
-    knot_spacing_mm: float = tuned(8.0, "mm", "spacing of the background's knots", _BY_INSPECTION)
-    texture_sd: float = tuned(0.005, "1", "prior of second differences of the background", _BY_INSPECTION)
-    most_steps: int = tuned(8, "1", "steps of the fit", _BY_INSPECTION)
+    hole_width_px: float = tuned(6.0, "stage px", "width of the smallest hole after reduction", _INSPECTION)
+    smoothing_px: float = tuned(1.5, "stage px", "Gaussian after reduction", _INSPECTION)
+    surroundings_mm: float = tuned(6.0, "mm", "compared surroundings of the holes", derived("twice the start's error"))
+    knot_spacing_mm: float = tuned(8.0, "mm", "spacing of the background's knots", _INSPECTION)
+    texture_sd: float = tuned(0.005, "1", "prior of second differences of the background", _INSPECTION)
+    most_steps: int = tuned(8, "1", "steps of the fit", _INSPECTION)
     tolerance: float = tuned(2.0, "1", "decrease of the cost that ends the fit", derived("a log likelihood of 1"))
-
-
-CENTRING_STAGE: Final = CentringStage()
 
 
 @dataclass(frozen=True, slots=True)
 class TiltSearchStage:
     """Second stage: distinct local optima of the pose on a reduced, smoothed image."""
 
-    hole_width_px: float = tuned(
-        9.0,
-        "px of the stage",
-        "width of the smallest hole after reduction",
-        fitted("seeds 30000-30239, `distalock bench accuracy`: 11 px accept the same 235 scenes in a third more time"),
-    )
-    smoothing_px: float = tuned(0.8, "px of the stage", "Gaussian after reduction", _SMOOTHED_SEARCH)
-    surroundings_mm: float = tuned(3.5, "mm", "surroundings of the holes that are compared", _ON_INDEPENDENT)
-    knot_spacing_mm: float = tuned(4.0, "mm", "spacing of the background's knots", _BY_INSPECTION)
-    texture_sd: float = tuned(0.02, "1", "prior of second differences of the background", _BY_INSPECTION)
+    hole_width_px: float = tuned(9.0, "stage px", "width of the smallest hole after reduction", _NINE_PX)
+    smoothing_px: float = tuned(0.8, "stage px", "Gaussian after reduction", _SMOOTHED_SEARCH)
+    surroundings_mm: float = tuned(3.5, "mm", "compared surroundings of the holes", _ON_INDEPENDENT)
+    knot_spacing_mm: float = tuned(4.0, "mm", "spacing of the background's knots", _INSPECTION)
+    texture_sd: float = tuned(0.02, "1", "prior of second differences of the background", _INSPECTION)
     further_tilt_deg: float = tuned(6.0, "°", "pitch and roll of the four further starts", _SMOOTHED_SEARCH)
-    distinct_deg: float = tuned(1.5, "°", "angle from which two optima differ", _BY_INSPECTION)
-    screening_steps: int = tuned(
-        4, "1", "steps before searches that converged to the same pose are merged", _BY_INSPECTION
-    )
-    most_steps: int = tuned(10, "1", "steps of a search", _BY_INSPECTION)
+    distinct_deg: float = tuned(1.5, "°", "angle from which two optima differ", _INSPECTION)
+    screening_steps: int = tuned(4, "1", "steps before equal searches are merged", _INSPECTION)
+    most_steps: int = tuned(10, "1", "steps of a search", _INSPECTION)
     tolerance: float = tuned(2.0, "1", "decrease of the cost that ends a search", derived("a log likelihood of 1"))
-
-
-TILT_SEARCH_STAGE: Final = TiltSearchStage()
 
 
 @dataclass(frozen=True, slots=True)
 class ComparisonStage:
     """Third stage: the two best optima with all parameters free, at half resolution."""
 
-    reduction: int = tuned(2, "image px", "side of a pixel of the stage", _BY_INSPECTION)
-    smoothing_px: float = tuned(0.8, "px of the stage", "Gaussian after reduction", _SMOOTHED_SEARCH)
-    surroundings_mm: float = tuned(3.5, "mm", "surroundings of the holes that are compared", _ON_INDEPENDENT)
-    knot_spacing_mm: float = tuned(2.0, "mm", "spacing of the background's knots", _BY_INSPECTION)
-    texture_sd: float = tuned(0.01, "1", "prior of second differences of the background", _BY_INSPECTION)
-    noise_steps: int = tuned(3, "1", "steps before the noise is estimated", _BY_INSPECTION)
+    reduction: int = tuned(2, "image px", "side of a pixel of the stage", _INSPECTION)
+    smoothing_px: float = tuned(0.8, "stage px", "Gaussian after reduction", _SMOOTHED_SEARCH)
+    surroundings_mm: float = tuned(3.5, "mm", "compared surroundings of the holes", _ON_INDEPENDENT)
+    knot_spacing_mm: float = tuned(2.0, "mm", "spacing of the background's knots", _INSPECTION)
+    texture_sd: float = tuned(0.01, "1", "prior of second differences of the background", _INSPECTION)
+    noise_steps: int = tuned(3, "1", "steps before the noise is estimated", _INSPECTION)
     noise_tolerance: float = tuned(2.0, "1", "decrease of the cost that ends these", derived("a log likelihood of 1"))
-    most_steps: int = tuned(8, "1", "steps of a fit", _BY_INSPECTION)
+    most_steps: int = tuned(8, "1", "steps of a fit", _INSPECTION)
     tolerance: float = tuned(0.2, "1", "decrease of the cost that ends a fit", derived("a log likelihood of 0.1"))
-    abandoned_margin: float = tuned(
-        60.0,
-        "1",
-        "margin beyond which a competing pose is not followed to its end",
-        derived("1.5 times the largest limit, 40"),
-    )
-    nearby_tilt_deg: float = tuned(
-        3.0, "°", "tilts at which the best optimum is tested", derived("twice the angle from which optima differ")
-    )
-    nearby_steps: int = tuned(3, "1", "steps of these tests", _BY_INSPECTION)
+    abandoned_margin: float = tuned(60.0, "1", "margin that ends another fit", derived("1.5 times a limit of 40"))
+    nearby_tilt_deg: float = tuned(3.0, "°", "tilts that test the best optimum", derived("twice `distinct_deg`"))
+    nearby_steps: int = tuned(3, "1", "steps of these tests", _INSPECTION)
     nearby_tolerance: float = tuned(2.0, "1", "decrease of the cost that ends these", derived("a log likelihood of 1"))
-    most_restarts: int = tuned(3, "1", "searches resumed from a better tilt nearby", _BY_INSPECTION)
-
-
-COMPARISON_STAGE: Final = ComparisonStage()
+    most_restarts: int = tuned(3, "1", "searches resumed from a better tilt nearby", _INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
 class FinalStage:
     """Last stage: full resolution, whitened noise."""
 
-    smoothing_px: float = tuned(
-        0.0, "px of the stage", "Gaussian after reduction", derived("none: all of the image counts")
-    )
-    surroundings_mm: float = tuned(3.5, "mm", "surroundings of the holes that are compared", _ON_INDEPENDENT)
+    smoothing_px: float = tuned(0.0, "stage px", "Gaussian after reduction", derived("no detail is lost"))
+    surroundings_mm: float = tuned(3.5, "mm", "compared surroundings of the holes", _ON_INDEPENDENT)
     knot_spacing_mm: float = tuned(1.5, "mm", "spacing of the background's knots", _ON_INDEPENDENT)
     texture_sd: float = tuned(0.015, "1", "prior of second differences of the background", _ON_INDEPENDENT)
-    first_steps: int = tuned(5, "1", "steps before pixels are weighted anew", _BY_INSPECTION)
-    last_steps: int = tuned(4, "1", "steps after", _BY_INSPECTION)
-    tolerance: float = tuned(
-        0.1,
-        "1",
-        "decrease of the cost that ends the fit",
-        derived("a log likelihood of 0.05"),
-    )
-
-
-FINAL_STAGE: Final = FinalStage()
+    first_steps: int = tuned(5, "1", "steps before pixels are weighted anew", _INSPECTION)
+    last_steps: int = tuned(4, "1", "steps after", _INSPECTION)
+    tolerance: float = tuned(0.1, "1", "decrease of the cost that ends the fit", derived("a log likelihood of 0.05"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -494,25 +310,16 @@ class NailEvidence:
     """What is measured of a fit for its acceptance (`core/nail/fit.py`)."""
 
     open_transmission: float = tuned(0.5, "1", "transmission from which a pixel is open", derived("half way"))
-    near_hole_in_radii: float = tuned(1.5, "hole radii", "where a hole's open pixels are counted", _BY_INSPECTION)
-    inside_nail_in_radii: float = tuned(
-        0.8, "nail radii", "how far from the nail's axis they are counted", _BY_INSPECTION
-    )
-    clipped_deviations: float = tuned(
-        6.0, "standard deviations", "residuals beyond it count as so much", _BY_INSPECTION
-    )
-    structure_blur_px: float = tuned(2.0, "px of the stage", "Gaussian before the residual's structure", _BY_INSPECTION)
-    rim_from: float = tuned(0.03, "1", "visible fraction from which a pixel is on a rim", _BY_INSPECTION)
-    rim_to: float = tuned(0.97, "1", "visible fraction up to which a pixel is on a rim", _BY_INSPECTION)
-    spot_blur_px: float = tuned(
-        1.0, "px of the stage", "Gaussian before the largest residual is sought", _BY_INSPECTION
-    )
-    about_hole_mm: float = tuned(1.0, "mm", "margin around holes in which it is sought", _BY_INSPECTION)
-    certain_deviations: float = tuned(8.0, "standard deviations", "residual that is no noise", _BY_INSPECTION)
-    least_step: float = tuned(0.3, "median steps", "floor of the step by which residuals are divided", _BY_INSPECTION)
-
-
-NAIL_EVIDENCE: Final = NailEvidence()
+    near_hole_in_radii: float = tuned(1.5, "hole radii", "where a hole's open pixels are counted", _INSPECTION)
+    inside_nail_in_radii: float = tuned(0.8, "nail radii", "distance from the axis: counted", _INSPECTION)
+    clipped_deviations: float = tuned(6.0, "sd", "residuals beyond it count as so much", _INSPECTION)
+    structure_blur_px: float = tuned(2.0, "stage px", "Gaussian before the residual's structure", _INSPECTION)
+    rim_from: float = tuned(0.03, "1", "visible fraction from which a pixel is on a rim", _INSPECTION)
+    rim_to: float = tuned(0.97, "1", "visible fraction up to which a pixel is on a rim", _INSPECTION)
+    spot_blur_px: float = tuned(1.0, "stage px", "Gaussian before the largest residual", _INSPECTION)
+    about_hole_mm: float = tuned(1.0, "mm", "margin around holes in which it is sought", _INSPECTION)
+    certain_deviations: float = tuned(8.0, "sd", "residual that is no noise", _INSPECTION)
+    least_step: float = tuned(0.3, "median steps", "floor of the step by which residuals are divided", _INSPECTION)
 
 
 # Estimation of poses, the drill guide, several images, the head, wires
@@ -539,7 +346,6 @@ _TWO_IMAGES: Final = fitted(
     "by inspection: without it 3 um between two images turn the joint nail by 0.02 deg (docs/decisions/0011)"
 )
 _SET_UPS: Final = fitted("64 set-ups of `distalock bench fusion`: 0.44 to 0.76; at 5-11 degrees none but about z")
-_RADIUS_PRIOR: Final = derived("prior standard deviation of the radii of a nail's file")
 _HEAD_TOLERANCE: Final = physical("assumed tolerance of heads (docs/decisions/0010)")
 _MISREAD: Final = physical("assumed misreading of the scale (docs/decisions/0010)")
 _HEAD_CHECK: Final = fitted("`distalock bench robot_head_check`")
@@ -567,6 +373,10 @@ _SECTIONS: Final = fitted(
 _TEMPER: Final = fitted(
     "with 0.5, predicted errors exceeded those of seeded wires and the pair dev10, dev11 was rejected (commit 8947a41)"
 )
+
+_GUIDE_REACHES_MM: Final = (2.35, 1.41, 0.94, 0.5875, 0.3525)
+_WIRE_REACHES_MM: Final = (1.41, 1.41, 1.175, 0.94, 0.705, 0.705, 0.5875, 0.5875, 0.5875, 0.5875)
+_NAIL_REACHES_MM: Final = (3.29, 1.88, 1.175, 0.94, 0.705)
 
 
 @dataclass(frozen=True, slots=True)
@@ -596,13 +406,6 @@ class SharedErrors:
 
 
 @dataclass(frozen=True, slots=True)
-class Agreement:
-    """What a contradiction between images of one set-up reports."""
-
-    radius_worth_reporting_mm: float = tuned(0.03, "mm", "difference of radii that a refusal mentions", _RADIUS_PRIOR)
-
-
-@dataclass(frozen=True, slots=True)
 class GuideCandidates:
     """Which discs may be balls of the guide."""
 
@@ -619,38 +422,36 @@ class GuideSearch:
 
     least_depth_mm: float = tuned(420.0, "mm", "nearest origin of the guide to the focal spot", _BETWEEN)
     greatest_depth_mm: float = tuned(920.0, "mm", "farthest origin of the guide from the focal spot", _BETWEEN)
-    usual_tilt_deg: float = tuned(16.0, "deg", "largest tilt of usual views", _BY_INSPECTION)
-    usual_grid_deg: float = tuned(3.0, "deg", "spacing of directions of usual views", _BY_INSPECTION)
+    usual_tilt_deg: float = tuned(16.0, "deg", "largest tilt of usual views", _INSPECTION)
+    usual_grid_deg: float = tuned(3.0, "deg", "spacing of directions of usual views", _INSPECTION)
     usual_pairs: int = tuned(60, "1", "pairs of discs tried there", _TIME)
     steep_from_deg: float = tuned(18.0, "deg", "least tilt of steep views", derived("usual range and half a grid step"))
-    steep_to_deg: float = tuned(46.0, "deg", "largest tilt of steep views: guidance starts there", _BY_INSPECTION)
-    steep_grid_deg: float = tuned(4.0, "deg", "spacing of directions of steep views", _BY_INSPECTION)
+    steep_to_deg: float = tuned(46.0, "deg", "largest tilt of steep views: guidance starts there", _INSPECTION)
+    steep_grid_deg: float = tuned(4.0, "deg", "spacing of directions of steep views", _INSPECTION)
     steep_pairs: int = tuned(30, "1", "pairs of discs tried there", _TIME)
-    shortest_pair: float = tuned(0.3, "1", "shortest pair of balls over the guide's extent", _BY_INSPECTION)
+    shortest_pair: float = tuned(0.3, "1", "shortest pair of balls over the guide's extent", _INSPECTION)
     probes: int = tuned(7, "1", "balls tested before a hypothesis with too few hits is given up", _TIME)
     refined_per_pair: int = tuned(4, "1", "poses refined for each pair of discs", _TIME)
     candidates_per_pair: int = tuned(40, "1", "best scores considered for each pair of discs", _TIME)
-    least_score: int = tuned(6, "1", "balls on discs for which a pose is refined", _BY_INSPECTION)
+    least_score: int = tuned(6, "1", "balls on discs for which a pose is refined", _INSPECTION)
     good_share: float = tuned(0.4, "1", "share of balls that makes an identity good", derived("share to be measured"))
-    clear_share: float = tuned(0.6, "1", "share of balls at which the search ends at once", _BY_INSPECTION)
+    clear_share: float = tuned(0.6, "1", "share of balls at which the search ends at once", _INSPECTION)
     pairs_without_gain: int = tuned(12, "1", "further pairs after which a good identity is kept", _HALF_COVERED)
-    alternative_pairs: int = tuned(8, "1", "pairs of the best identity's discs that may refute it", _BY_INSPECTION)
-    alternative_share: float = tuned(0.5, "1", "share of the best score that refines an alternative", _BY_INSPECTION)
+    alternative_pairs: int = tuned(8, "1", "pairs of the best identity's discs that may refute it", _INSPECTION)
+    alternative_share: float = tuned(0.5, "1", "share of the best score that refines an alternative", _INSPECTION)
     same_start_deg: float = tuned(8.0, "deg", "angle below which two starts are one", derived("some grid steps"))
-    same_start_mm: float = tuned(15.0, "mm", "distance across the beam below which they are", _BY_INSPECTION)
-    same_pose_deg: float = tuned(2.0, "deg", "angle below which two refined poses are one", _BY_INSPECTION)
-    same_pose_mm: float = tuned(3.0, "mm", "distance across the beam below which they are", _BY_INSPECTION)
+    same_start_mm: float = tuned(15.0, "mm", "distance across the beam below which they are", _INSPECTION)
+    same_pose_deg: float = tuned(2.0, "deg", "angle below which two refined poses are one", _INSPECTION)
+    same_pose_mm: float = tuned(3.0, "mm", "distance across the beam below which they are", _INSPECTION)
 
 
 @dataclass(frozen=True, slots=True)
 class GuideIdentification:
     """Assignment of discs to balls and its refinement."""
 
-    search_tolerance_detector_mm: float = tuned(1.41, "mm", "distance from ball to disc that is a hit", _BY_INSPECTION)
+    search_tolerance_detector_mm: float = tuned(1.41, "mm", "distance from ball to disc that is a hit", _INSPECTION)
     map_cell_detector_mm: float = tuned(0.47, "mm", "cell of the map of discs", derived("a third of the tolerance"))
-    tolerances_detector_mm: tuple[float, ...] = tuned(
-        (2.35, 1.41, 0.94, 0.5875, 0.3525), "mm", "shrinking tolerances of the assignment", _BY_INSPECTION
-    )
+    tolerances_detector_mm: tuple[float, ...] = tuned(_GUIDE_REACHES_MM, "mm", "tolerances of assignment", _INSPECTION)
     sd_of_tolerance: float = tuned(0.3, "1", "standard deviation of a disc over the tolerance", derived("3 sigma"))
     refinement_steps: int = tuned(5, "1", "steps of the fit at each tolerance", _TIME)
 
@@ -661,11 +462,11 @@ class GuideMeasurement:
 
     outlier_sigmas: float = tuned(4.0, "sd", "beyond which a ball is left out", standard("4 sigma"))
     systematic_sd_px: float = tuned(0.06, "px", "error of a ball's centre that is no noise", _ROWS_BESIDE_EDGES)
-    concentric_share: float = tuned(0.7, "1", "a ring's ball within this share of a radius merges", _BY_INSPECTION)
-    wide_drift_px: float = tuned(1.0, "px", "error of the prediction from few discs", _BY_INSPECTION)
-    drift_px: float = tuned(0.4, "px", "error of the prediction from many discs", _BY_INSPECTION)
+    concentric_share: float = tuned(0.7, "1", "a ring's ball within this share of a radius merges", _INSPECTION)
+    wide_drift_px: float = tuned(1.0, "px", "error of the prediction from few discs", _INSPECTION)
+    drift_px: float = tuned(0.4, "px", "error of the prediction from many discs", _INSPECTION)
     enough_identified: int = tuned(12, "1", "discs from which a pose predicts well enough to go narrow", _NARROWLY)
-    surroundings_detector_mm: float = tuned(14.1, "mm", "radius about a ball that shows the noise", _BY_INSPECTION)
+    surroundings_detector_mm: float = tuned(14.1, "mm", "radius about a ball that shows the noise", _INSPECTION)
     distortion_correlation_detector_mm: float = tuned(18.8, "mm", "correlation length of distortion", _DISTORTION)
 
 
@@ -745,12 +546,7 @@ class WireStarts:
 class WireFitting:
     """Robust least squares of a wire's axis on edges near its outline."""
 
-    reaches_detector_mm: tuple[float, ...] = tuned(
-        (1.41, 1.41, 1.175, 0.94, 0.705, 0.705, 0.5875, 0.5875, 0.5875, 0.5875),
-        "mm",
-        "largest distance of an edge from the outline, per iteration",
-        _WIRES,
-    )
+    reaches_detector_mm: tuple[float, ...] = tuned(_WIRE_REACHES_MM, "mm", "reach of an edge, per iteration", _WIRES)
     radius_sd_detector_mm: float = tuned(0.0705, "mm", "deviation of the wire's apparent radius in an image", _WIRES)
     edge_sd_detector_mm: float = tuned(0.08225, "mm", "standard deviation of an edge point", _WIRES)
     edge_correlation_detector_mm: float = tuned(0.94, "mm", "length of outline with one independent point", _WIRES)
@@ -774,9 +570,7 @@ class NailOutlineMatching:
     blur_detector_mm: float = tuned(0.282, "mm", "standard deviation of the smoothing", _WIRES)
     beside_detector_mm: float = tuned(1.175, "mm", "where an edge's step is measured", derived("four smoothing sd"))
     least_step: tuple[float, float] = tuned((0.3, 0.4), "1", "step over the median one: an edge; a whole one", _WIRES)
-    reaches_detector_mm: tuple[float, ...] = tuned(
-        (3.29, 1.88, 1.175, 0.94, 0.705), "mm", "largest distance of an edge from the outline, per iteration", _WIRES
-    )
+    reaches_detector_mm: tuple[float, ...] = tuned(_NAIL_REACHES_MM, "mm", "reach of an edge, per iteration", _WIRES)
     edge_sd_detector_mm: float = tuned(0.0705, "mm", "standard deviation of an edge point", _WIRES)
     edge_correlation_detector_mm: float = tuned(1.41, "mm", "length with one independent edge point", _WIRES)
     robust_detector_mm: float = tuned(0.235, "mm", "scale of the Cauchy cost of an edge point", _WIRES)
@@ -795,24 +589,14 @@ class NailWithWires:
     masked_end_sigmas: float = tuned(2.0, "sd", "masked margin at a wire's ends", derived("95 %"))
     converged_deg: float = tuned(0.3, "°", "rotation of the nail in one round that ends the alternation", _WIRES)
     converged_mm: float = tuned(0.1, "mm", "shift of the nail across its holes that ends it", _WIRES)
+    reach_from_axes_mm: float = tuned(18.0, "mm", "largest distance of its holes from the guide's axes", _WIRES)
     guide_to_nail_mm: float = tuned(100.0, "mm", "from the guide: where its tilt to the ray is taken", _AT_THE_NAIL)
-
-
-@dataclass(frozen=True, slots=True)
-class NailNearGuideAxes:
-    """Search for the nail's holes near where the guide's holes point."""
-
-    reach_mm: float = tuned(18.0, "mm", "largest distance of the nail's holes from the guide's axes", _WIRES)
-    bands: int = tuned(6, "1", "bands of the nail's width that are tried", _WIRES)
-    least_darkness: float = tuned(0.06, "1", "least darkness of a band, over the image's range", _WIRES)
-    edge_length_weight: float = tuned(0.2, "1", "weight of a band's length in widths against its open holes", _WIRES)
 
 
 @dataclass(frozen=True, slots=True)
 class GuideGivenNail:
     """Identification of the guide's balls by where each hypothesis places the nail."""
 
-    proximal_of_holes_mm: float = tuned(30.0, "mm", "length of nail proximal of its holes that is used", _WIRES)
     step_mm: float = tuned(1.0, "mm", "spacing of the places along the nail", _WIRES)
     inside_radii: float = tuned(0.6, "radii", "distance from the axis at which metal is expected", _WIRES)
     outside_radii: float = tuned(1.6, "radii", "distance from the axis at which no metal is expected", _WIRES)
@@ -836,10 +620,10 @@ class GuideTracking:
 class NailTracking:
     """The nail's fit in a frame, from its predicted pose (`core/guidance/nail_tracking.py`)."""
 
-    hole_px: float = tuned(12.0, "px of the stage", "width of the smallest hole after reduction", _FRAME_TIME)
+    hole_px: float = tuned(12.0, "stage px", "width of the smallest hole after reduction", _FRAME_TIME)
     least_reduction: int = tuned(2, "image px", "least side of a pixel of the stage", _FRAME_TIME)
-    smoothing_px: float = tuned(0.8, "px of the stage", "Gaussian after reduction", _FILMS)
-    surroundings_mm: float = tuned(3.0, "mm", "surroundings of the holes that are compared", _FILMS)
+    smoothing_px: float = tuned(0.8, "stage px", "Gaussian after reduction", _FILMS)
+    surroundings_mm: float = tuned(3.0, "mm", "compared surroundings of the holes", _FILMS)
     knot_spacing_mm: float = tuned(3.0, "mm", "spacing of the background's knots", _FILMS)
     texture_sd: float = tuned(0.02, "1", "prior of second differences of the background", _FILMS)
     reference_steps: int = tuned(8, "1", "steps of the last fit in the reference image", _FRAME_TIME)
@@ -871,10 +655,25 @@ class DisplayRotation:
     largest_mismatch: float = tuned(0.25, "1", "share by which guide and C-arm may rotate differently", _FILMS)
 
 
+NAIL_BAND_SEARCH: Final = NailBandSearch()
+NAIL_HOLE_SEARCH: Final = NailHoleSearch()
+OPENING_OUTLINE: Final = OpeningOutline()
+NAIL_CONTOUR: Final = NailContour()
+OPENING_COVER: Final = OpeningCover()
+FIT_REGION: Final = FitRegionSettings()
+RAY_SAMPLING: Final = RaySampling()
+BEAM: Final = BeamPhysics()
+NAIL_PRIORS: Final = NailPriors()
+NAIL_NOISE: Final = NailNoise()
+NAIL_SOLVER: Final = NailSolver()
+CENTRING_STAGE: Final = CentringStage()
+TILT_SEARCH_STAGE: Final = TiltSearchStage()
+COMPARISON_STAGE: Final = ComparisonStage()
+FINAL_STAGE: Final = FinalStage()
+NAIL_EVIDENCE: Final = NailEvidence()
 MODEL_ERRORS: Final = ModelErrors()
 ROBUST_POINT_FIT: Final = RobustPointFit()
 SHARED_ERRORS: Final = SharedErrors()
-AGREEMENT: Final = Agreement()
 GUIDE_CANDIDATES: Final = GuideCandidates()
 GUIDE_SEARCH: Final = GuideSearch()
 GUIDE_IDENTIFICATION: Final = GuideIdentification()
@@ -887,7 +686,6 @@ WIRE_STARTS: Final = WireStarts()
 WIRE_FITTING: Final = WireFitting()
 NAIL_OUTLINE_MATCHING: Final = NailOutlineMatching()
 NAIL_WITH_WIRES: Final = NailWithWires()
-NAIL_NEAR_GUIDE_AXES: Final = NailNearGuideAxes()
 GUIDE_GIVEN_NAIL: Final = GuideGivenNail()
 GUIDE_TRACKING: Final = GuideTracking()
 NAIL_TRACKING: Final = NailTracking()

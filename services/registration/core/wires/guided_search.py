@@ -27,7 +27,12 @@ from services.registration.core.nail.search.band import SearchImage, depth_range
 from services.registration.core.nail.search.find import camera_from_nail_facing
 from services.registration.core.nail.search.holes import HolePattern, StraightenedBand, find_pattern, straighten_band
 from services.registration.core.nail.search.outline import measure_opening
-from services.registration.core.tuning import GUIDE_GIVEN_NAIL, NAIL_NEAR_GUIDE_AXES
+from services.registration.core.tuning import (
+    GUIDE_GIVEN_NAIL,
+    NAIL_BAND_SEARCH,
+    NAIL_OUTLINE_MATCHING,
+    NAIL_WITH_WIRES,
+)
 from services.registration.core.wires.image import RegisteredImage, shown_pixels
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -48,7 +53,7 @@ def locate_nail_near_guide_axes(
     openness = 0.0 if best is None else float(best.openness.min())
     if best is None or not OPENNESS_BESIDE_WIRES.is_met(openness):
         observation = (
-            f"within {NAIL_NEAR_GUIDE_AXES.reach_mm:.0f} mm of where the guide's holes point, the contrast of the "
+            f"within {NAIL_WITH_WIRES.reach_from_axes_mm:.0f} mm of where the guide's holes point, the contrast of the "
             f"nail's least visible hole is {OPENNESS_BESIDE_WIRES.quoted(max(openness, 0.0))} of the nail's own"
         )
         return Rejected((OPENNESS_BESIDE_WIRES.reason(observation),))
@@ -75,14 +80,14 @@ def _patterns(
     width_at_1_mm = nail.diameter_mm * calibration.camera.focal_length_px / image.step_px
     distal = camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
     widths_px = (width_at_1_mm / far_mm, width_at_1_mm / near_mm)
-    for band in find_bands(image, widths_px, NAIL_NEAR_GUIDE_AXES.bands):
+    for band in find_bands(image, widths_px, NAIL_BAND_SEARCH.most_bands):
         strip = straighten_band(image, band)
-        if strip.typical_darkness < NAIL_NEAR_GUIDE_AXES.least_darkness:
+        if strip.typical_darkness < NAIL_BAND_SEARCH.least_darkness:
             continue
         px_per_mm = band.width_px / nail.diameter_mm
         depth_mm = calibration.camera.focal_length_px / (px_per_mm * image.step_px)
         places_px = _axes_at_depth_px(calibration, guide, camera_from_guide, depth_mm) / image.step_px
-        valid = strip.valid & _near(strip, places_px, NAIL_NEAR_GUIDE_AXES.reach_mm * px_per_mm)
+        valid = strip.valid & _near(strip, places_px, NAIL_WITH_WIRES.reach_from_axes_mm * px_per_mm)
         if not valid.any():
             continue
         forwards, backwards = find_pattern(replace(strip, valid=valid), nail)
@@ -112,7 +117,7 @@ def _quality(pattern: HolePattern) -> float:
     """Rank of a band: how open its holes are, then how long its edges are."""
     openness = float(np.clip(pattern.openness.min(), 0.0, 1.0))
     band = pattern.strip.band
-    return openness + NAIL_NEAR_GUIDE_AXES.edge_length_weight * band.edge_length_px / max(band.width_px, 1.0)
+    return openness + NAIL_BAND_SEARCH.edge_length_weight * band.edge_length_px / max(band.width_px, 1.0)
 
 
 def _centre_ideal_px(
@@ -167,7 +172,7 @@ def _fraction_on_metal(
     if float(camera_from_nail.translation_mm[2]) <= nail.diameter_mm:
         return 0.0
     along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
-    first_mm, last_mm = min(along) - GUIDE_GIVEN_NAIL.proximal_of_holes_mm, nail.tip_x_mm - nail.radius_mm
+    first_mm, last_mm = min(along) - NAIL_OUTLINE_MATCHING.proximal_of_holes_mm, nail.tip_x_mm - nail.radius_mm
     x = np.arange(first_mm, last_mm, GUIDE_GIVEN_NAIL.step_mm)
     ray_nail = camera_from_nail.inverse().directions(unit(camera_from_nail.translation_mm))
     aside = unit(np.cross([1.0, 0.0, 0.0], ray_nail))
