@@ -311,30 +311,19 @@ def transmission_at_bore(
 
 
 class NailShape(NamedTuple):
-    """The nail as the rays meet it.
+    """The nail as the rays meet it."""
 
-    Attributes
-    ----------
-    rotation, translation_mm
-        `camera_from_nail`, shapes (3, 3) and (3,).
-    radius_mm, cannulation_radius_mm
-        Of the nail and of the canal along it (0: solid).
-    bores
-        Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as
-        it goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
-    material
-        Of the nail.
-    steel_in_nail_material
-        How many mm of the nail's material attenuate as 1 mm of steel does.
-    """
-
+    # `camera_from_nail`, shapes (3, 3) and (3,)
     rotation: NDArray[np.float64]
     translation_mm: NDArray[np.float64]
+    # Of the nail and of the canal along it (0: solid)
     radius_mm: float
     cannulation_radius_mm: float
+    # Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as it
+    # goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
     bores: NDArray[np.float64]
-    material: Material
-    steel_in_nail_material: float
+    material: Material  # of the nail
+    steel_in_nail_material: float  # how many mm of the nail's material attenuate as 1 mm of steel does
 
 
 @compiled

@@ -24,21 +24,12 @@ _LEAST_CELLS_TO_SHARE = 100
 
 
 class BorderedMatrix(NamedTuple):
-    """A symmetric matrix of M + D rows.
+    """A symmetric matrix of M + D rows."""
 
-    Attributes
-    ----------
-    band
-        Of the first M rows: place (m, k) holds what stands in row m + k and column m, shape (M, width).
-    border
-        The last D rows without their last D columns, shape (D, M).
-    corner
-        The last D rows and columns, shape (D, D), of which the lower triangle counts.
-    """
-
+    # Of the first M rows: place (m, k) holds what stands in row m + k and column m, shape (M, width)
     band: NDArray[np.float64]
-    border: NDArray[np.float64]
-    corner: NDArray[np.float64]
+    border: NDArray[np.float64]  # the last D rows without their last D columns, shape (D, M)
+    corner: NDArray[np.float64]  # the last D rows and columns, shape (D, D), of which the lower triangle counts
 
     @staticmethod
     def of_zeros(size: int, width: int, dense: int) -> "BorderedMatrix":
@@ -56,21 +47,11 @@ class BorderedMatrix(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BorderedFactor:
-    """The Cholesky factor, block by block.
+    """The Cholesky factor, block by block."""
 
-    Attributes
-    ----------
-    band
-        Of the field's block, as LAPACK holds it, shape (width, M).
-    border
-        What stands beside it, transposed, shape (M, D).
-    corner
-        The last block, shape (D, D).
-    """
-
-    band: NDArray[np.float64]
-    border: NDArray[np.float64]
-    corner: NDArray[np.float64]
+    band: NDArray[np.float64]  # of the field's block, as LAPACK holds it, shape (width, M)
+    border: NDArray[np.float64]  # what stands beside it, transposed, shape (M, D)
+    corner: NDArray[np.float64]  # the last block, shape (D, D)
 
     def solved(self, sides: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution for right-hand sides of shape (M + D,) or (M + D, T), of the same shape."""
@@ -109,33 +90,18 @@ def lower_band(matrix: NDArray[np.float64], width: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SplineField:
-    """Cubic B-spline basis at given places.
+    """Cubic B-spline basis at given places."""
 
-    Attributes
-    ----------
-    corner
-        Index of the first of the 4 x 4 coefficients that act at each place, shape (N,).
-    order
-        The places, cell by cell, shape (N,).
-    cells
-        Where in `order` each cell begins, and where the last ends, shape (C + 1,).
-    along_weights, across_weights
-        Weights of those coefficients along the two axes, shape (N, 4).
-    grid
-        Number of coefficients along and across.
-    roughness
-        Precision matrix of the prior for unit scale: squared second differences along both axes, shape (M, M).
-    roughness_band
-        The same as a band (see `BorderedMatrix`), as wide as any two coefficients that act at one place are apart.
-    """
-
-    corner: NDArray[np.int64]
-    order: NDArray[np.int64]
-    cells: NDArray[np.int64]
+    corner: NDArray[np.int64]  # index of the first of the 4 x 4 coefficients that act at each place, shape (N,)
+    order: NDArray[np.int64]  # the places, cell by cell, shape (N,)
+    cells: NDArray[np.int64]  # where in `order` each cell begins, and where the last ends, shape (C + 1,)
+    # Weights of those coefficients along the two axes, shape (N, 4)
     along_weights: NDArray[np.float64]
     across_weights: NDArray[np.float64]
-    grid: tuple[int, int]
+    grid: tuple[int, int]  # number of coefficients along and across
+    # Precision matrix of the prior for unit scale: squared second differences along both axes, shape (M, M)
     roughness: NDArray[np.float64]
+    # The same as a band (see `BorderedMatrix`), as wide as any two coefficients that act at one place are apart
     roughness_band: NDArray[np.float64]
 
     @property
@@ -202,30 +168,20 @@ def _evaluate(
 
 
 class DesignMatrix(NamedTuple):
-    """The columns A = [gain * spline basis, dense] and the weights W of N pixels.
+    """The columns A = [gain * spline basis, dense] and the weights W of N pixels."""
 
-    Attributes
-    ----------
-    order, cells, corner, along_weights, across_weights
-        Of the `SplineField`.
-    coefficients, count_across
-        Number of its coefficients, in all and across.
-    gain, weight
-        Shape (N,).
-    dense
-        Columns that act everywhere, shape (N, D).
-    """
-
+    # Of the `SplineField`
     order: NDArray[np.int64]
     cells: NDArray[np.int64]
     corner: NDArray[np.int64]
     along_weights: NDArray[np.float64]
     across_weights: NDArray[np.float64]
+    # Number of its coefficients, in all and across
     coefficients: int
     count_across: int
-    gain: NDArray[np.float64]
-    dense: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    gain: NDArray[np.float64]  # shape (N,)
+    dense: NDArray[np.float64]  # columns that act everywhere, shape (N, D)
+    weight: NDArray[np.float64]  # shape (N,)
 
 
 def design_matrix(

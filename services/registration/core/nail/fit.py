@@ -52,39 +52,24 @@ from shared.geometry.transform import Transform
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailFit:
-    """Pose of the nail with its errors, and the evidence for its acceptance.
+    """Pose of the nail with its errors, and the evidence for its acceptance."""
 
-    Attributes
-    ----------
-    camera_from_nail
-        The pose.
-    errors
-        Of the small motion `m` with true pose = `camera_from_nail @ m`: rotation vector (rad), then translation (mm),
-        both in the nail's frame at its origin. Correlated noise, all nuisances and the model's own errors are included;
-        calibration's and guide's errors are not.
-    mirror_margin
-        Logarithm of the likelihood ratio between this pose and the other optimum (at least 1.5° away, in practice the
-        reflected tilt), or, when there is no other, the best pose with pitch or roll 3° away. The noise's correlation
-        is divided out, so that the ratio is that of as many independent samples. For a
-        competing pose that was abandoned it is a lower bound.
-    hole_radius_excess_mm, nail_radius_excess_mm
-        Fitted radii less those of the part.
-    blur_px
-        Standard deviation of the blur that was fitted.
-    residual
-        Statistics of what the model does not explain.
-    holes
-        How much of each hole was seen.
-    """
-
-    camera_from_nail: Transform[Camera, Nail]
+    camera_from_nail: Transform[Camera, Nail]  # the pose
+    # Of the small motion `m` with true pose = `camera_from_nail @ m`: rotation vector (rad), then translation (mm),
+    # both in the nail's frame at its origin. Correlated noise, all nuisances and the model's own errors are included;
+    # calibration's and guide's errors are not.
     errors: PoseErrors
+    # Logarithm of the likelihood ratio between this pose and the other optimum (at least 1.5° away, in practice the
+    # reflected tilt), or, when there is no other, the best pose with pitch or roll 3° away. The noise's correlation is
+    # divided out, so that the ratio is that of as many independent samples. For a competing pose that was abandoned it
+    # is a lower bound.
     mirror_margin: float
+    # Fitted radii less those of the part
     hole_radius_excess_mm: float
     nail_radius_excess_mm: float
-    blur_px: float
-    residual: ResidualStatistics
-    holes: tuple[HoleView, ...]
+    blur_px: float  # standard deviation of the blur that was fitted
+    residual: ResidualStatistics  # statistics of what the model does not explain
+    holes: tuple[HoleView, ...]  # how much of each hole was seen
 
     @property
     def evidence(self) -> FitEvidence:

@@ -75,18 +75,13 @@ class StageSettings(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForwardModel:
-    """What is fixed during a fit: the region, the camera and the nail's nominal shape.
-
-    Attributes
-    ----------
-    whitening
-        Filter through which image and model pass before they are compared, if any.
-    """
+    """What is fixed during a fit: the region, the camera and the nail's nominal shape."""
 
     region: FitRegion
     camera: PinholeCamera
     anchors: Anchors
     nail: NailPart
+    # Filter through which image and model pass before they are compared, if any
     whitening: WhiteningFilter | None = None
 
     def compared_values(self, image: NDArray[Real]) -> NDArray[np.float64]:
@@ -125,20 +120,12 @@ def model_at(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TracedTransmission:
-    """Transmission of the metal in all pixels, and its derivatives.
+    """Transmission of the metal in all pixels, and its derivatives."""
 
-    Attributes
-    ----------
-    parameters
-        For which the rays were traced.
-    transmission
-        Of the metal, mean over each pixel of the whole rectangle, shape (rows, columns).
-    derivatives
-        By the nail's motion, radii and material (`attenuation.py`), of the support's pixels, shape (S, DERIVATIVES).
-    """
-
-    parameters: NDArray[np.float64]
+    parameters: NDArray[np.float64]  # for which the rays were traced
+    # Of the metal, mean over each pixel of the whole rectangle, shape (rows, columns)
     transmission: NDArray[np.float64]
+    # By the nail's motion, radii and material (`attenuation.py`), of the support's pixels, shape (S, DERIVATIVES)
     derivatives: NDArray[np.float32]
 
 

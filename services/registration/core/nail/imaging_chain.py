@@ -45,22 +45,13 @@ def _blur_kernel(sigma: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """How the image is sampled for a stage of the fit.
+    """How the image is sampled for a stage of the fit."""
 
-    Attributes
-    ----------
-    reduction
-        Side of a pixel of the reduced image in image pixels.
-    smoothing_px
-        Gaussian that the reduced image was smoothed with, in reduced pixels: it keeps the likelihood's surface smooth,
-        so that coarse fits converge in few steps.
-    pixel_mm
-        Pitch of the image at the detector (`quantised_pitch_mm`).
-    """
-
-    reduction: int
+    reduction: int  # side of a pixel of the reduced image in image pixels
+    # Gaussian that the reduced image was smoothed with, in reduced pixels: it keeps the likelihood's surface smooth, so
+    # that coarse fits converge in few steps
     smoothing_px: float
-    pixel_mm: float
+    pixel_mm: float  # pitch of the image at the detector (`quantised_pitch_mm`)
 
     @property
     def usual_pixel_px(self) -> float:

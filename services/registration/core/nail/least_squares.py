@@ -40,29 +40,15 @@ _FLOOR_UNITS_MM = (20.0, 6.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """One least-squares problem.
-
-    Attributes
-    ----------
-    observed
-        Measured values, shape (N,) (those of the model: whitened when it whitens).
-    floor
-        Basis of the grey value where nothing is transmitted, shape (N, D).
-    weight
-        Inverse variance per compared pixel, shape (N,).
-    texture_precision
-        Inverse variance of the field's second differences.
-    free
-        Which parameters move, shape (PARAMETER_COUNT,).
-    """
+    """One least-squares problem."""
 
     model: ForwardModel
     field: SplineField
-    observed: NDArray[np.float64]
-    floor: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    texture_precision: float
-    free: NDArray[np.bool_]
+    observed: NDArray[np.float64]  # measured values, shape (N,) (those of the model: whitened when it whitens)
+    floor: NDArray[np.float64]  # basis of the grey value where nothing is transmitted, shape (N, D)
+    weight: NDArray[np.float64]  # inverse variance per compared pixel, shape (N,)
+    texture_precision: float  # inverse variance of the field's second differences
+    free: NDArray[np.bool_]  # which parameters move, shape (PARAMETER_COUNT,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,22 +68,12 @@ class LinearSolution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalEquations:
-    """The linearised problem with background and floor eliminated.
+    """The linearised problem with background and floor eliminated."""
 
-    Attributes
-    ----------
-    at
-        All parameters where `jacobian` was evaluated, shape (PARAMETER_COUNT,).
-    jacobian
-        Derivative of the modelled grey values, background and floor held, shape (N, P).
-    matrix, gradient
-        Shapes (P, P) and (P,).
-    """
-
-    at: NDArray[np.float64]
-    jacobian: NDArray[np.float64]
-    matrix: NDArray[np.float64]
-    gradient: NDArray[np.float64]
+    at: NDArray[np.float64]  # all parameters where `jacobian` was evaluated, shape (PARAMETER_COUNT,)
+    jacobian: NDArray[np.float64]  # derivative of the modelled grey values, background and floor held, shape (N, P)
+    matrix: NDArray[np.float64]  # shape (P, P)
+    gradient: NDArray[np.float64]  # shape (P,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

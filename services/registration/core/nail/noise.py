@@ -45,18 +45,12 @@ class WhiteningFilter:
 
     Where metal stops the quanta the electronics' noise remains, which no blur has correlated: dark and bright places
     need a filter each.
-
-    Attributes
-    ----------
-    dark, bright
-        Spectra of the two filters on the padded rectangle, packed as OpenCV packs those of real images.
-    brightness
-        Weight of the bright one in each pixel's filter, shape (rows, columns).
     """
 
+    # Spectra of the two filters on the padded rectangle, packed as OpenCV packs those of real images
     dark: NDArray[np.float32]
     bright: NDArray[np.float32]
-    brightness: NDArray[np.float32]
+    brightness: NDArray[np.float32]  # weight of the bright one in each pixel's filter, shape (rows, columns)
 
     def after(self, earlier: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> "WhiteningFilter":
         """A symmetric filter and then this one as one filter, exact but for a rim of the image.
@@ -94,24 +88,14 @@ class WhiteningFilter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseModel:
-    """Noise of a fit: variance and correlation of its residuals.
+    """Noise of a fit: variance and correlation of its residuals."""
 
-    Attributes
-    ----------
-    variance
-        Per compared pixel, shape (N,).
-    brightness
-        From metal (0) to background (1) on the whole rectangle, shape (rows, columns).
-    dark, bright
-        Correlation of the standardised residuals between pixels of either kind.
-    inflation
-        Variance of a mean over many pixels over that of independent ones, by brightness, shape (N,).
-    """
-
-    variance: NDArray[np.float64]
-    brightness: NDArray[np.float64]
+    variance: NDArray[np.float64]  # per compared pixel, shape (N,)
+    brightness: NDArray[np.float64]  # from metal (0) to background (1) on the whole rectangle, shape (rows, columns)
+    # Correlation of the standardised residuals between pixels of either kind
     dark: NoiseCorrelation
     bright: NoiseCorrelation
+    # Variance of a mean over many pixels over that of independent ones, by brightness, shape (N,)
     inflation: NDArray[np.float64]
 
 

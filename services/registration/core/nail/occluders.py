@@ -34,19 +34,13 @@ class Penumbra:
     which acts on the whole image; the guide's edges are softer, those of the ring's balls sharper. Balls have the
     steepest edges in the image: with the nail's blur on them, attenuation and curve become a compromise, and holes are
     estimated too wide and the nail too tilted.
-
-    Attributes
-    ----------
-    plate_mm, nail_mm
-        Depths from the focal spot: of the ring's near plate, which stands for the detector some 2 % behind it, and of
-        the nail.
-    spot_px
-        Edge of the focal spot in pixels at the plate.
     """
 
+    # Depths from the focal spot: of the ring's near plate, which stands for the detector some 2 % behind it, and of the
+    # nail
     plate_mm: float
     nail_mm: float
-    spot_px: float
+    spot_px: float  # edge of the focal spot in pixels at the plate
 
     @staticmethod
     def beside(calibration: CArmCalibration, nail_mm: float, side_px: float) -> "Penumbra":
@@ -71,18 +65,11 @@ class Penumbra:
 
 
 class Balls(NamedTuple):
-    """Balls in the camera's frame.
+    """Balls in the camera's frame."""
 
-    Attributes
-    ----------
-    centre_mm, radius_mm
-        Shapes (B, 3) and (B,).
-    spread
-        By how much the places in a pixel are spread for each of them (`Penumbra`), shape (B,).
-    """
-
-    centre_mm: NDArray[np.float64]
-    radius_mm: NDArray[np.float64]
+    centre_mm: NDArray[np.float64]  # shape (B, 3)
+    radius_mm: NDArray[np.float64]  # shape (B,)
+    # By how much the places in a pixel are spread for each of them (`Penumbra`), shape (B,)
     spread: NDArray[np.float64]
 
 
@@ -122,22 +109,13 @@ def _path_in_ball(cx: float, cy: float, x: float, y: float, z: float, radius_mm:
 
 
 class DrilledBoxes(NamedTuple):
-    """Boxes with bores, in their own frame.
+    """Boxes with bores, in their own frame."""
 
-    Attributes
-    ----------
-    rotation, translation_mm
-        `camera_from_` that frame, shapes (3, 3) and (3,).
-    boxes_mm
-        Centre and size, shape (B, 6).
-    bores
-        Point, unit direction and radius, shape (H, 7).
-    """
-
+    # `camera_from_` that frame, shapes (3, 3) and (3,)
     rotation: NDArray[np.float64]
     translation_mm: NDArray[np.float64]
-    boxes_mm: NDArray[np.float64]
-    bores: NDArray[np.float64]
+    boxes_mm: NDArray[np.float64]  # centre and size, shape (B, 6)
+    bores: NDArray[np.float64]  # point, unit direction and radius, shape (H, 7)
 
 
 @compiled
@@ -201,14 +179,9 @@ def guide_body_path(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteelRod:
-    """A straight round rod.
+    """A straight round rod."""
 
-    Attributes
-    ----------
-    start_camera_mm, end_camera_mm
-        Its ends on the axis, in the camera's frame, shape (3,).
-    """
-
+    # Its ends on the axis, in the camera's frame, shape (3,)
     start_camera_mm: NDArray[np.float64]
     end_camera_mm: NDArray[np.float64]
     diameter_mm: float
@@ -273,22 +246,14 @@ class PlacedGuide:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Occluders:
-    """What shares the image with the nail. `None`: not there, or not known.
+    """What shares the image with the nail. `None`: not there, or not known."""
 
-    Attributes
-    ----------
-    guide, ring
-        Have a known shape and place, and are modelled.
-    hidden
-        Pixels where something of unknown shape covers the nail, shape (rows, columns): they are left out.
-    rods
-        K-wires of known place, modelled too.
-    """
-
+    # Have a known shape and place, and are modelled
     guide: PlacedGuide | None
     ring: RingPart | None
+    # Pixels where something of unknown shape covers the nail, shape (rows, columns): they are left out
     hidden: NDArray[np.bool_] | None = None
-    rods: tuple[SteelRod, ...] = ()
+    rods: tuple[SteelRod, ...] = ()  # K-wires of known place, modelled too
 
 
 def steel_path_mm(

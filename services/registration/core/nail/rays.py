@@ -39,34 +39,19 @@ NO_TUBE = (1.0, 0.0, 1.0, 0.0)
 
 
 class PixelRays(NamedTuple):
-    """Directions (x, y) at z = 1 in the camera's frame, shape (S, 2) each.
+    """Directions (x, y) at z = 1 in the camera's frame, shape (S, 2) each."""
 
-    Attributes
-    ----------
-    slopes
-        Through the middle of each pixel.
-    right, down
-        Their change from column to column and from row to row.
-    """
-
-    slopes: NDArray[np.float64]
+    slopes: NDArray[np.float64]  # through the middle of each pixel
+    # Their change from column to column and from row to row
     right: NDArray[np.float64]
     down: NDArray[np.float64]
 
 
 class SteelPaths(NamedTuple):
-    """Paths in steel other than the nail, which few pixels have.
+    """Paths in steel other than the nail, which few pixels have."""
 
-    Attributes
-    ----------
-    row
-        Which row of `path_mm` is each pixel's, -1 where there is none, shape (S,).
-    path_mm
-        At each of the `SAMPLES_PX`, shape (K, samples).
-    """
-
-    row: NDArray[np.int64]
-    path_mm: NDArray[np.float64]
+    row: NDArray[np.int64]  # which row of `path_mm` is each pixel's, -1 where there is none, shape (S,)
+    path_mm: NDArray[np.float64]  # at each of the `SAMPLES_PX`, shape (K, samples)
 
     @staticmethod
     def of_pixels(count: int, places: NDArray[np.int64], path_mm: NDArray[np.float64]) -> "SteelPaths":

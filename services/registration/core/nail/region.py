@@ -39,15 +39,9 @@ _LEAST_SIDE_PX = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitInput:
-    """What a fit of the nail is given.
+    """What a fit of the nail is given."""
 
-    Attributes
-    ----------
-    pixels
-        Grey values of the un-mirrored image, darker is denser, shape (height, width).
-    """
-
-    pixels: NDArray[np.float32]
+    pixels: NDArray[np.float32]  # grey values of the un-mirrored image, darker is denser, shape (height, width)
     calibration: CArmCalibration
     nail: NailPart
     occluders: Occluders
@@ -130,42 +124,24 @@ def grid_around(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitRegion:
-    """A rectangle of (perhaps reduced) pixels, those of them that are compared, and all rays that these need.
+    """A rectangle of (perhaps reduced) pixels, those of them that are compared, and all rays that these need."""
 
-    Attributes
-    ----------
-    sampling
-        Reduction and smoothing of its pixels.
-    shape, origin_px
-        Rows and columns of the rectangle, and the place of its first pixel in the image.
-    support
-        Flat indices into the rectangle where rays are traced: compared pixels and reach of the blur, shape (S,).
-    compared
-        Flat indices of the compared pixels, shape (N,), a subset of `support`.
-    grey
-        Grey values of the whole rectangle divided by `grey_scale`, shape of the rectangle.
-    along_mm, across_mm
-        Position of the compared pixels in the nail's plane at the start pose, shape (N,).
-    rays
-        Of the support's pixels.
-    steel
-        Paths in balls and wires of the support's pixels.
-    delrin_excess_mm
-        Path in the guide's body beyond the region's median one, mean over the samples of each pixel, zero off the
-        support, shape of the rectangle: what all pixels have in common belongs to the background.
-    """
-
-    sampling: Sampling
+    sampling: Sampling  # reduction and smoothing of its pixels
+    # Rows and columns of the rectangle, and the place of its first pixel in the image
     shape: tuple[int, int]
     origin_px: tuple[float, float]
+    # Flat indices into the rectangle where rays are traced: compared pixels and reach of the blur, shape (S,)
     support: NDArray[np.int64]
-    compared: NDArray[np.int64]
-    grey: NDArray[np.float64]
+    compared: NDArray[np.int64]  # flat indices of the compared pixels, shape (N,), a subset of `support`
+    grey: NDArray[np.float64]  # grey values of the whole rectangle divided by `grey_scale`, shape of the rectangle
     grey_scale: float
+    # Position of the compared pixels in the nail's plane at the start pose, shape (N,)
     along_mm: NDArray[np.float64]
     across_mm: NDArray[np.float64]
-    rays: PixelRays
-    steel: SteelPaths
+    rays: PixelRays  # of the support's pixels
+    steel: SteelPaths  # paths in balls and wires of the support's pixels
+    # Path in the guide's body beyond the region's median one, mean over the samples of each pixel, zero off the
+    # support, shape of the rectangle: what all pixels have in common belongs to the background
     delrin_excess_mm: NDArray[np.float64]
 
     def compared_values(self, image: NDArray[Real]) -> NDArray[np.float64]:

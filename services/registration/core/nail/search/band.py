@@ -24,21 +24,11 @@ _DIRECTIONS = np.stack([np.cos(np.radians(np.arange(360))), np.sin(np.radians(np
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchImage:
-    """Reduced image in ideal pixels.
+    """Reduced image in ideal pixels."""
 
-    Attributes
-    ----------
-    grey
-        Grey values scaled to about 0..1, shape (rows, columns), float32.
-    valid
-        False outside the aperture and the received image, shape (rows, columns).
-    step_px
-        Ideal pixels per pixel of this image.
-    """
-
-    grey: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-    step_px: float
+    grey: NDArray[np.float32]  # grey values scaled to about 0..1, shape (rows, columns), float32
+    valid: NDArray[np.bool_]  # false outside the aperture and the received image, shape (rows, columns)
+    step_px: float  # ideal pixels per pixel of this image
 
     def ideal_px(self, search_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pixels of this image, shape (..., 2), to ideal pixels, shape (..., 2)."""
@@ -47,22 +37,13 @@ class SearchImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """A straight dark band in a search image.
+    """A straight dark band in a search image."""
 
-    Attributes
-    ----------
-    centre_px, along
-        A point on the middle line and the unit direction along it, shape (2,) each, in pixels of the search image.
-    width_px
-        Distance between the two edges, in pixels of the search image.
-    edge_length_px
-        Length of the shorter of its two edges, weighted by contrast.
-    """
-
+    # A point on the middle line and the unit direction along it, shape (2,) each, in pixels of the search image
     centre_px: NDArray[np.float64]
     along: NDArray[np.float64]
-    width_px: float
-    edge_length_px: float
+    width_px: float  # distance between the two edges, in pixels of the search image
+    edge_length_px: float  # length of the shorter of its two edges, weighted by contrast
 
     @property
     def across(self) -> NDArray[np.float64]:

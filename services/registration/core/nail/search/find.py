@@ -37,35 +37,18 @@ from shared.two_cores import mapped
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailDetection:
-    """The nail detected in an image, with its holes assumed parallel to the rays through them.
+    """The nail detected in an image, with its holes assumed parallel to the rays through them."""
 
-    Attributes
-    ----------
-    camera_from_nail
-        Zero tilt: the holes' mean axis runs along the ray through their middle. Depth from the holes' spacing.
-    openings
-        One per hole of the nail's file, in its order.
-    contour
-        The nail's edges beside the holes.
-    edge_length_px
-        Length of the band's shorter edge, in ideal pixels.
-    darkness
-        How much darker the band is than its sides, as a fraction of the image's range of grey values.
-    openness
-        Smallest brightness of an opening between the metal (0) and the band's sides (1).
-    distal_margin
-        Evidence in the image for this direction of the nail minus that for the opposite one, from -1 to about 1.
-    width_over_expected
-        Width of the band over that which the nail's file and the depth from the holes give (1 when all agree).
-    """
-
+    # Zero tilt: the holes' mean axis runs along the ray through their middle. Depth from the holes' spacing.
     camera_from_nail: Transform[Camera, Nail]
-    openings: tuple[Opening, ...]
-    contour: Contour
-    edge_length_px: float
-    darkness: float
-    openness: float
+    openings: tuple[Opening, ...]  # one per hole of the nail's file, in its order
+    contour: Contour  # the nail's edges beside the holes
+    edge_length_px: float  # length of the band's shorter edge, in ideal pixels
+    darkness: float  # how much darker the band is than its sides, as a fraction of the image's range of grey values
+    openness: float  # smallest brightness of an opening between the metal (0) and the band's sides (1)
+    # Evidence in the image for this direction of the nail minus that for the opposite one, from -1 to about 1
     distal_margin: float
+    # Width of the band over that which the nail's file and the depth from the holes give (1 when all agree)
     width_over_expected: float
 
 

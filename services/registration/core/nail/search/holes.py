@@ -17,24 +17,13 @@ _NOT_A_HOLE = -1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StraightenedBand:
-    """The image along a band, turned upright: columns along the band, rows across it, 1 pixel of the search image each.
-
-    Attributes
-    ----------
-    grey
-        Shape (rows, columns), float32; the middle row is the band's middle line.
-    valid
-        Shape (columns,): the middle line is inside the image.
-    first_along_px
-        Place of column 0 along the band, from the band's centre.
-    inside, outside
-        Grey value of the band's dark metal, and of what lies beside it, by column, shape (columns,).
-    """
+    """The image along a band, turned upright: columns along it, rows across it, 1 pixel of the search image each."""
 
     band: Band
-    grey: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-    first_along_px: float
+    grey: NDArray[np.float32]  # shape (rows, columns), float32; the middle row is the band's middle line
+    valid: NDArray[np.bool_]  # shape (columns,): the middle line is inside the image
+    first_along_px: float  # place of column 0 along the band, from the band's centre
+    # Grey value of the band's dark metal, and of what lies beside it, by column, shape (columns,)
     inside: NDArray[np.float64]
     outside: NDArray[np.float64]
 
@@ -56,47 +45,27 @@ class StraightenedBand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HolePattern:
-    """The nail's holes found along a band.
+    """The nail's holes found along a band."""
 
-    Attributes
-    ----------
-    strip
-        Where they were found.
-    centre_search_px
-        One opening per hole of the nail file, in its order, in pixels of the search image, shape (N, 2).
-    px_per_mm
-        Scale along the band, in pixels of the search image.
-    distal_sign
-        +1 when the nail's +x runs along `strip.band.along`, else -1.
-    openness
-        Brightness of each opening between the metal (0) and the band's sides (1), shape (N,).
-    tip_evidence
-        From 0 (the band runs on where this direction has the nail's tip) to 1 (it ends there); 0.5 when out of view.
-    """
-
-    strip: StraightenedBand
+    strip: StraightenedBand  # where they were found
+    # One opening per hole of the nail file, in its order, in pixels of the search image, shape (N, 2)
     centre_search_px: NDArray[np.float64]
-    px_per_mm: float
-    distal_sign: int
+    px_per_mm: float  # scale along the band, in pixels of the search image
+    distal_sign: int  # +1 when the nail's +x runs along `strip.band.along`, else -1
+    # Brightness of each opening between the metal (0) and the band's sides (1), shape (N,)
     openness: NDArray[np.float64]
+    # From 0 (the band runs on where this direction has the nail's tip) to 1 (it ends there); 0.5 when out of view
     tip_evidence: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpennessProfile:
-    """Openness of every column of a straightened band, as the middle of an opening of one scale.
-
-    Attributes
-    ----------
-    openness
-        Brightness between the metal (0) and the band's sides (1), at the best row, shape (columns,).
-    row_from_middle
-        That row, shape (columns,).
-    """
+    """Openness of every column of a straightened band, as the middle of an opening of one scale."""
 
     px_per_mm: float
+    # Brightness between the metal (0) and the band's sides (1), at the best row, shape (columns,)
     openness: NDArray[np.float64]
-    row_from_middle: NDArray[np.float64]
+    row_from_middle: NDArray[np.float64]  # that row, shape (columns,)
 
 
 def straighten_band(image: SearchImage, band: Band) -> StraightenedBand:

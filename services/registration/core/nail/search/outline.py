@@ -18,21 +18,11 @@ from shared.xray.pixel_scale import whole_pixels
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ellipse:
-    """An ellipse in an image.
+    """An ellipse in an image."""
 
-    Attributes
-    ----------
-    centre_px
-        Shape (2,).
-    semi_axes_px
-        Major, then minor.
-    major_axis_rad
-        Direction of the major axis, from +x to +y.
-    """
-
-    centre_px: NDArray[np.float64]
-    semi_axes_px: tuple[float, float]
-    major_axis_rad: float
+    centre_px: NDArray[np.float64]  # shape (2,)
+    semi_axes_px: tuple[float, float]  # major, then minor
+    major_axis_rad: float  # direction of the major axis, from +x to +y
 
     @property
     def aspect_ratio(self) -> float:
@@ -52,23 +42,13 @@ class Ellipse:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Opening:
-    """The visible opening of one nail hole.
+    """The visible opening of one nail hole."""
 
-    Attributes
-    ----------
-    hole_id
-        Name of the hole in the nail's file.
-    outline_px
-        Points of the outline in measured pixels, those that the ellipse explains, shape (M, 2).
-    ellipse
-        Fitted in ideal pixels, where perspective is undistorted.
-    seen_fraction
-        Part of the directions from the centre in which the outline was found (the rest is covered or blurred away).
-    """
-
-    hole_id: str
+    hole_id: str  # name of the hole in the nail's file
+    # Points of the outline in measured pixels, those that the ellipse explains, shape (M, 2)
     outline_px: NDArray[np.float64]
-    ellipse: Ellipse
+    ellipse: Ellipse  # fitted in ideal pixels, where perspective is undistorted
+    # Part of the directions from the centre in which the outline was found (the rest is covered or blurred away)
     seen_fraction: float
 
 
@@ -184,18 +164,10 @@ def fit_ellipse(points_px: NDArray[np.float64]) -> Ellipse | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contour:
-    """Both edges of the nail beside its holes.
+    """Both edges of the nail beside its holes."""
 
-    Attributes
-    ----------
-    ends_px
-        Two edges, two ends each (proximal, distal), in measured pixels, shape (2, 2, 2).
-    width_ideal_px
-        Mean distance of the edges in ideal pixels.
-    """
-
-    ends_px: NDArray[np.float64]
-    width_ideal_px: float
+    ends_px: NDArray[np.float64]  # two edges, two ends each (proximal, distal), in measured pixels, shape (2, 2, 2)
+    width_ideal_px: float  # mean distance of the edges in ideal pixels
 
 
 def measure_contour(image: SearchImage, calibration: CArmCalibration, pattern: HolePattern) -> Contour:
