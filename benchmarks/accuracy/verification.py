@@ -172,7 +172,7 @@ def _errors(set_up: SetUp, verified: WireVerification) -> tuple[WireErrors, ...]
         hole.id: hole for hole in holes_at(set_up.parts.nail, set_up.parts.drill_diameter_mm, truth, None, _SOMEWHERE)
     }
     return tuple(
-        _wire_errors(wire, wire.hole, _offsets_mm(axes[wire.hole_id], true[wire.hole_id])) for wire in verified.wires
+        _wire_errors(wire, wire.hole, _offsets_mm(axes[wire.hole.id], true[wire.hole.id])) for wire in verified.wires
     )
 
 

@@ -76,13 +76,7 @@ class LocalisedFrame:
 
 
 class LocalisedFrames:
-    """The last few localised images, and the last accepted one of each place of the robot. Not for several threads.
-
-    Parameters
-    ----------
-    kept
-        How many images are kept.
-    """
+    """The last few localised images, and the last accepted one of each place of the robot. Not for several threads."""
 
     def __init__(self, kept: int) -> None:
         self._kept = kept

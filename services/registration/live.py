@@ -43,15 +43,7 @@ _NUMBERED = 4096
 
 
 class LiveGuidance:
-    """Follows frames on a thread of its own and publishes what each says.
-
-    Parameters
-    ----------
-    bus, runtime, settings, state
-        As the service has them.
-    clock_s
-        Monotonic clock.
-    """
+    """Tracks frames on a thread of its own and publishes the estimate from each."""
 
     def __init__(
         self,

@@ -8,6 +8,7 @@ from services.registration.core.drill_clearance import across_basis
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide.measure import shadows
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.wires.nail_outline import axis_about_holes_mm, touched_normals
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart, hole_surface_points
@@ -23,6 +24,7 @@ NAIL: Colour = (0, 190, 255)
 AXIS: Colour = (255, 80, 255)
 _GREY_LEVELS = 32
 _AXIS_REACH_MM = 40.0
+_PROXIMAL_MM, _EDGE_STEP_MM = 60.0, 4.0
 _SUBPIXEL_BITS = 4
 _RIM_POINTS = 49
 
@@ -30,15 +32,7 @@ _RIM_POINTS = 49
 def overlay_png(
     pixels: NDArray[np.float32], calibration: CArmCalibration | None, result: LocalisationResult | None, parts: Parts
 ) -> bytes:
-    """PNG of the image as received with everything drawn on it that was found.
-
-    Parameters
-    ----------
-    pixels
-        The image as received, darker is denser, shape (rows, columns).
-    calibration, result
-        None when the ring was not found.
-    """
+    """PNG of the image as received, shape (rows, columns), with everything drawn on it that was found."""
     if calibration is None:
         return _encoded(_canvas(pixels))
     canvas = _canvas(unmirrored(pixels, calibration))
@@ -108,7 +102,8 @@ def _draw_guide(canvas: Canvas, calibration: CArmCalibration, guide: GuideFit, p
 def _draw_nail(
     canvas: Canvas, calibration: CArmCalibration, camera_from_nail: Transform[Camera, Nail], nail: NailPart
 ) -> None:
-    for edge in _silhouette_mm(camera_from_nail, nail):
+    for normal in touched_normals(nail, camera_from_nail):
+        edge = axis_about_holes_mm(nail, _PROXIMAL_MM, _EDGE_STEP_MM) + nail.radius_mm * normal
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(edge)), NAIL)
     angle = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS)
     for hole in nail.holes:
@@ -119,20 +114,6 @@ def _draw_nail(
             _line(canvas, calibration.image_from_camera(camera_from_nail.points(rim)), NAIL)
         axis = np.stack([ends[0] - _AXIS_REACH_MM * hole.axis.direction, ends[1]])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(axis)), AXIS)
-
-
-def _silhouette_mm(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> list[NDArray[np.float64]]:
-    """The two lines on the nail's surface that the beam touches, in the nail's frame, shape (N, 3) each, in mm."""
-    source = camera_from_nail.inverse() @ np.zeros(3)
-    distance = float(np.hypot(source[1], source[2]))
-    middle = np.arctan2(source[2], source[1])
-    spread = np.arccos(np.clip(nail.radius_mm / distance, -1.0, 1.0))
-    along = np.linspace(nail.tip_x_mm - 4.0 * nail.diameter_mm - 60.0, nail.tip_x_mm - nail.radius_mm, 30)
-    edges = []
-    for angle in (middle - spread, middle + spread):
-        across = nail.radius_mm * np.array([np.cos(angle), np.sin(angle)])
-        edges.append(np.column_stack([along, np.tile(across, (len(along), 1))]))
-    return edges
 
 
 def _caption(result: LocalisationResult) -> list[str]:

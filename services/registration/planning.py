@@ -197,7 +197,7 @@ def _of_verification(request: PlanRequest, newest: LocalisedFrame, state: Regist
             f"the newest image {request.image_sha256[:12]} added nothing to the verification: ring or guide was not "
             "found; take it again, and verify again",
         )
-    wires = {wire.hole_id: wire for wire in verified.wires}
+    wires = {wire.hole.id: wire for wire in verified.wires}
     holes = tuple(
         replace(
             wire.hole,

@@ -130,12 +130,7 @@ def timed_localisation(
 ) -> tuple[LocalisationResult, Localisation]:
     """Localise in an image as received, and its message with the time each step took.
 
-    Parameters
-    ----------
-    ring_ms
-        Duration of the calibration, which came before.
-    method
-        Its name in the message, and the function that localises.
+    The calibration came before and took `ring_ms`; a method is its name in the message and the function that localises.
     """
     ends: dict[Step, float] = {}
     start = clock_s()
@@ -177,7 +172,7 @@ def verification_message(image_sha256s: tuple[str, ...], verified: "WireVerifica
 
 def _compared(kind: type[Axis], comparison: "AxisComparison") -> Axis:
     return kind(
-        id=comparison.hole_id,
+        id=comparison.hole.id,
         entry_offset_mm=comparison.offset.entry_mm,
         exit_offset_mm=comparison.offset.exit_mm,
         angle_deg=comparison.angle_deg,

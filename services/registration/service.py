@@ -51,17 +51,7 @@ class _Located:
 
 
 class RegistrationService:
-    """Localises in every image of an open case, in order of arrival, and plans from the newest.
-
-    Parameters
-    ----------
-    bus, runtime
-        Where to publish, and what the process gives every service.
-    settings
-        Limits.
-    state
-        Case, robot and images as they were received.
-    """
+    """Localises in every image of an open case, in order of arrival, and plans from the newest."""
 
     def __init__(self, bus: Bus, runtime: Runtime, settings: RegistrationSettings, state: RegistrationState) -> None:
         self._bus = bus

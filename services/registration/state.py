@@ -24,19 +24,15 @@ _MOST_ANNOUNCED = 256
 
 
 class RegistrationState:
-    """The newest of everything that was received or localised.
+    """The newest of everything that was received or localised; `kept` images of each.
 
     Parameters
     ----------
     boot_epoch
         Of this run of registration: the first half of every registration epoch.
-    kept
-        How many images are kept.
     image_delay_s
         How long an image may take from its exposure to its arrival here: it is bound to the robot's pose only when the
         robot has stood there for so long.
-    clock_s
-        Monotonic clock.
     """
 
     def __init__(self, boot_epoch: str, kept: int, image_delay_s: float, clock_s: Callable[[], float]) -> None:
@@ -59,10 +55,9 @@ class RegistrationState:
     def open_case(self, case: OpenCase | None) -> None:
         """Note the open case, or that none is open; another case or revision begins a new registration epoch."""
         with self._changed:
-            before, now = self._case, case
-            self._case = case
-            if set_up_of(before) != set_up_of(now):
+            if set_up_of(self._case) != set_up_of(case):
                 self._counter += 1
+            self._case = case
             self._changed.notify_all()
 
     def note_robot(self, state: RobotState) -> None:

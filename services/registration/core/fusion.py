@@ -13,7 +13,7 @@ import numpy as np
 from services.registration.core.acceptance.criteria import IMAGES_CHI_SQUARE, chi_square_limit
 from services.registration.core.acceptance.image import uncertainty_reasons
 from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
-from services.registration.core.estimation.joint import fuse, leave_one_out
+from services.registration.core.estimation.joint import JointEstimate, fuse, leave_one_out
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide_from_nail import guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
@@ -157,16 +157,11 @@ def disagreement(
 ) -> Reason | None:
     """Why the images contradict one another, in the order in which they were taken; None when they agree.
 
-    Parameters
-    ----------
-    names
-        What the images are called in the sentence.
-    camera_from_nail
-        Of any of the images.
+    The sentence calls the images by their names; `camera_from_nail` is that of any of them.
     """
-    if len(estimates) < 2 or _agree(estimates, tuple(range(len(estimates)))):
-        return None
     found = fuse(estimates)
+    if _agree(found):
+        return None
     quoted = IMAGES_CHI_SQUARE.quoted(found.chi_square, chi_square_limit(found.degrees_of_freedom))
     grouping = min(_groupings(estimates), key=lambda g: g.chi_square, default=None)
     parted = grouping or _Grouping((0,), tuple(range(1, len(estimates))), np.inf)
@@ -217,39 +212,27 @@ def _groupings(estimates: Estimates) -> Iterator[_Grouping]:
     if count < 3:
         return
     parts = [(tuple(range(k)), tuple(range(k, count))) for k in range(1, count)]
-    parts += [((k,), _without(count, k)) for k in range(1, count - 1)]
+    parts += [((k,), (*range(k), *range(k + 1, count))) for k in range(1, count - 1)]
     for first, second in parts:
-        if _agree(estimates, first) and _agree(estimates, second):
-            yield _Grouping(first, second, _chi_square(estimates, first) + _chi_square(estimates, second))
+        one, other = _fused(estimates, first), _fused(estimates, second)
+        if _agree(one) and _agree(other):
+            yield _Grouping(first, second, one.chi_square + other.chi_square)
 
 
-def _agree(estimates: Estimates, chosen: tuple[int, ...]) -> bool:
-    found = fuse(tuple(estimates[k] for k in chosen))
-    return len(chosen) < 2 or found.chi_square <= chi_square_limit(found.degrees_of_freedom)
+def _fused(estimates: Estimates, chosen: tuple[int, ...]) -> JointEstimate[Guide, Nail]:
+    return fuse(tuple(estimates[k] for k in chosen))
 
 
-def _chi_square(estimates: Estimates, chosen: tuple[int, ...]) -> float:
-    return fuse(tuple(estimates[k] for k in chosen)).chi_square
-
-
-def _without(count: int, left_out: int) -> tuple[int, ...]:
-    return tuple(k for k in range(count) if k != left_out)
+def _agree(joint: JointEstimate[Guide, Nail]) -> bool:
+    return len(joint.weights) < 2 or joint.chi_square <= chi_square_limit(joint.degrees_of_freedom)
 
 
 def _difference(
     estimates: Estimates, grouping: _Grouping, parts: Parts, camera_from_nail: Transform[Camera, Nail]
 ) -> str:
     """How far the axes of both groups lie apart, at the hole where it is most, and how much their nails differ."""
-    first, second = (
-        holes_at(
-            parts.nail,
-            parts.drill_diameter_mm,
-            fuse(tuple(estimates[k] for k in group)).pose.mean,
-            None,
-            camera_from_nail,
-        )
-        for group in (grouping.first, grouping.second)
-    )
+    means = [_fused(estimates, group).pose.mean for group in (grouping.first, grouping.second)]
+    first, second = (holes_at(parts.nail, parts.drill_diameter_mm, mean, None, camera_from_nail) for mean in means)
     apart = [(_entry_apart_mm(a, b), a, b) for a, b in zip(first, second, strict=True)]
     entry_mm, a, b = max(apart, key=lambda one: one[0])
     depth_mm = abs(float((b.entry_guide_mm - a.entry_guide_mm) @ a.axis_guide.direction))

@@ -49,15 +49,7 @@ def check_place(
     guide_from_nail: Transform[Guide, Nail],
     mount_name: str,
 ) -> Refusal[HeadTrouble] | None:
-    """Compare where the nail is in the base's frame with where the mount has it.
-
-    Parameters
-    ----------
-    pose
-        When the image was made.
-    mount_name
-        `bone` or `nail_head`, as in the case.
-    """
+    """Compare where the nail is in the base's frame, for the pose in the image, with where the mount has it."""
     head = hexapod.top_from_guide(head_extension_mm)
     base_from_nail = base_from_top(hexapod, pose, hexapod.pivot_mm) @ head @ guide_from_nail
     mount = hexapod.mount(mount_name)

@@ -47,12 +47,7 @@ def holes_at(
 ) -> tuple[HoleEstimate, ...]:
     """All holes of a nail in a known place, in the order of the nail's file.
 
-    Parameters
-    ----------
-    covariance
-        Of `guide_from_nail`, as a small motion of the nail in its own frame, shape (6, 6); None when it is not known.
-    camera_from_nail
-        View in which the holes' tilts against their rays are computed.
+    The covariance, shape (6, 6), is that of `guide_from_nail`, or None; tilts are those in the view `camera_from_nail`.
     """
     estimates = []
     for hole, tilt in zip(nail.holes, hole_tilts(camera_from_nail, nail), strict=True):

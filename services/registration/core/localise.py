@@ -69,14 +69,8 @@ def localise(
 
     Guide and nail are both searched for, so that all reasons against an image are reported at once.
 
-    Parameters
-    ----------
-    pixels
-        The image as received, darker is denser, shape (rows, columns).
-    calibration
-        Of the same image.
-    completed
-        Called after each step.
+    The pixels are the image as received, darker is denser, shape (rows, columns); `completed` is called after each
+    step.
     """
     upright = unmirrored(pixels, calibration)
     guide = locate_guide(upright, calibration, parts.ring, parts.guide)

@@ -32,13 +32,7 @@ def profile_offsets_px(reach_px: float) -> NDArray[np.float64]:
 
 
 def subpixel_peaks(samples: NDArray[np.float64], positions: NDArray[np.float64]) -> SubpixelPeaks:
-    """Peak of each profile, samples of shape (M, S), by a parabola through the highest sample and its neighbours.
-
-    Parameters
-    ----------
-    positions
-        Of the samples, evenly spaced, shape (S,).
-    """
+    """Peak of each profile, samples of shape (M, S) at evenly spaced positions of shape (S,)."""
     row = np.arange(len(samples))
     peak = np.clip(samples.argmax(axis=1), 1, len(positions) - 2)
     before, at, after = samples[row, peak - 1], samples[row, peak], samples[row, peak + 1]

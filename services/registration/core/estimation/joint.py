@@ -43,8 +43,6 @@ class JointEstimate(Generic[To, From]):
 
     pose: PoseEstimate[To, From]  # with its covariance
     weights: NDArray[np.float64]  # how the error of each pose enters the joint one, shape (K, 6, 6)
-    # How far each pose is from the joint one, small motions of `From` in its own frame, shape (K, 6)
-    departures: NDArray[np.float64]
     # sum of squares of the estimates, of poses and of the nail's shape, about their mean, over their covariance: as
     # large, on average, as its degrees of freedom if nothing has moved
     chi_square: float
@@ -53,7 +51,7 @@ class JointEstimate(Generic[To, From]):
 
 def fuse(estimates: tuple[PoseEstimate[To, From], ...]) -> JointEstimate[To, From]:
     """Weighted mean of one or more estimates."""
-    errors = _errors_of(estimates)
+    errors = tuple(one.errors for one in estimates)
     weights = weights_of(errors)
     return fused_by(estimates, weights, covariance_of_mean(errors, weights))
 
@@ -70,10 +68,8 @@ def fused_by(
         mean = mean.moved(step)
         if float(np.abs(step).max()) < _CONVERGED:
             break
-    departures = _departures(estimates, mean)
-    chi_square, freedom = _disagreement(_errors_of(estimates), departures)
-    pose = PoseEstimate.of(mean, covariance)
-    return JointEstimate(pose, read_only(of_poses), read_only(departures), chi_square, freedom)
+    chi_square, freedom = _disagreement(tuple(one.errors for one in estimates), _departures(estimates, mean))
+    return JointEstimate(PoseEstimate.of(mean, covariance), read_only(of_poses), chi_square, freedom)
 
 
 def leave_one_out(estimates: tuple[PoseEstimate[To, From], ...]) -> NDArray[np.float64]:
@@ -101,7 +97,8 @@ def weights_of(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
 
 def responses(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
     """How the estimates follow the true pose and shape, shape (K (6 + S), 6 + S)."""
-    return np.concatenate([_response(one) for one in errors])
+    by_pulls = [np.hstack([np.zeros((len(one.shape_pull), POSE_SIZE)), one.shape_pull]) for one in errors]
+    return np.concatenate([np.eye(len(by_pull)) - by_pull for by_pull in by_pulls])
 
 
 def covariance_of_mean(errors: tuple[PoseErrors, ...], weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -134,10 +131,6 @@ def image_correlation(first: PoseErrors, second: PoseErrors) -> float:
     return float(SHARED_ERRORS.from_one_direction * np.exp(-0.5 * (apart_deg / SHARED_ERRORS.within_deg) ** 2))
 
 
-def _errors_of(estimates: tuple[PoseEstimate[To, From], ...]) -> tuple[PoseErrors, ...]:
-    return tuple(one.errors for one in estimates)
-
-
 def _departures(estimates: tuple[PoseEstimate[To, From], ...], mean: Transform[To, From]) -> NDArray[np.float64]:
     return np.stack([mean.motion_to(one.mean) for one in estimates])
 
@@ -148,10 +141,7 @@ def _disagreement(errors: tuple[PoseErrors, ...], departures: NDArray[np.float64
     The shape belongs in it because it moves the joint pose: images that find the guide in the same place and the nail's
     holes of different width contradict one another. What an image does not determine of the shape does not count.
 
-    Parameters
-    ----------
-    departures
-        Of each pose from one that is close to all, shape (K, 6).
+    The departures of the poses are those from one that is close to all, shape (K, 6).
     """
     observed = np.hstack([departures, np.stack([one.shape_deviations for one in errors])]).ravel()
     means = responses(errors)
@@ -163,12 +153,6 @@ def _disagreement(errors: tuple[PoseErrors, ...], departures: NDArray[np.float64
     means, observed = means[np.ix_(determined, known)], observed[determined]
     left = observed - means @ np.linalg.solve(means.T @ precision @ means, means.T @ precision @ observed)
     return float(left @ precision @ left), int(np.count_nonzero(determined)) - len(known)
-
-
-def _response(errors: PoseErrors) -> NDArray[np.float64]:
-    response = np.eye(len(errors.own_covariance))
-    response[:, POSE_SIZE:] -= errors.shape_pull
-    return response
 
 
 def _counted_covariances(errors: tuple[PoseErrors, ...]) -> list[NDArray[np.float64]]:

@@ -126,10 +126,7 @@ def weighted_mean(
 ) -> PoseEstimate[To, From]:
     """Mean of two estimates of one pose, weighted as if independent, with its covariance under shared errors.
 
-    Parameters
-    ----------
-    shared
-        Correlation of the two estimates' errors, once each is whitened.
+    Once each is whitened, `shared` is the correlation of their errors.
     """
     gain = np.linalg.solve(first.covariance + second.covariance, first.covariance).T
     rest = np.eye(POSE_SIZE) - gain

@@ -26,14 +26,9 @@ class Loss(Enum):
 
 
 def robust_weight(residual: NDArray[np.float64], scale: float, loss: Loss = Loss.CAUCHY) -> NDArray[np.float64]:
-    """Weights between 0 and 1 by which residuals count in least squares.
+    """Weights between 0 and 1 by which residuals, of any shape, or lengths of residual vectors count in least squares.
 
-    Parameters
-    ----------
-    residual
-        Of any shape, in any unit; lengths of vectors where a point has several coordinates.
-    scale
-        In the same unit: where Cauchy's weight has fallen to a half, or Huber's begins to fall.
+    At the scale, in the residuals' unit, Cauchy's weight has fallen to a half, and Huber's begins to fall.
     """
     ratio = np.abs(residual) / scale
     if loss is Loss.CAUCHY:
@@ -54,12 +49,9 @@ def cauchy_weight(ratio_squared: float) -> float:
 
 
 def robust_spread(residual: NDArray[np.float64], axes: int = 1) -> float:
-    """Standard deviation per axis by the median of the residuals' sizes; half of them may be outliers.
+    """Standard deviation per axis by the median of residuals, or of lengths in the plane where `axes` is 2, shape (N,).
 
-    Parameters
-    ----------
-    residual
-        Shape (N,): along one axis, or lengths in the plane where `axes` is 2.
+    Half of them may be outliers.
     """
     return float(np.median(np.abs(residual))) / _MEDIAN_SIZE[axes]
 
@@ -69,14 +61,8 @@ def inliers(
 ) -> NDArray[np.bool_]:
     """Which residuals, shape (N,), are smaller than `limit` robust standard deviations of those in use.
 
-    One round of trimming: fit to those in use, call this, and repeat until the same ones are in use.
-
-    Parameters
-    ----------
-    used
-        From which the spread is estimated, shape (N,).
-    least_spread
-        The spread is taken to be at least this, in the residuals' unit.
+    One round of trimming: fit to those in use, call this, and repeat until the same ones are in use. The spread is at
+    least `least_spread`, in the residuals' unit.
     """
     spread = max(least_spread, robust_spread(residual[used], axes))
     return np.asarray(np.abs(residual) < limit * spread)

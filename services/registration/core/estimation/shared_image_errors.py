@@ -52,10 +52,8 @@ def fit_with_shared_errors(
     ----------
     start
         Near enough that all weights make sense: where `refine_pose` converged.
-    seen
-        Points and the standard deviations of their own errors.
     shared_px2
-        Covariance per axis of the errors that points share, shape (N, N).
+        Covariance per axis of the errors that points share, shape (N, N); those of `seen` are their own.
     """
     variance = seen.standard_deviation_px**2
     pose, total = start, variance + np.diag(shared_px2)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import WIRE_DARKNESS, WIRE_SEEN, WIRE_SHARE
+from services.registration.core.estimation.robust import robust_weight
 from services.registration.core.tuning import WIRE_FITTING, WIRE_PRIOR
 from services.registration.core.wires.image import GradientImage
 from services.registration.core.wires.model import START, TIP, WIRE_UNKNOWNS, WireModel, wire_models
@@ -140,7 +141,7 @@ def _residuals(image: GradientImage, model: WireModel, unknowns: NDArray[np.floa
     sd_px, robust_px = (
         image.length_px(mm) for mm in (WIRE_FITTING.edge_sd_detector_mm, WIRE_FITTING.robust_detector_mm)
     )
-    weight = effective / (sd_px**2 * (1.0 + (matches.residual_px / robust_px) ** 2))
+    weight = effective * robust_weight(matches.residual_px, robust_px) / sd_px**2
     return Residuals(image, wire, matches, derivative, weight, float(effective.sum()))
 
 
@@ -214,14 +215,9 @@ def detect_wire(
     prior_covariance: NDArray[np.float64],
     wire_diameter_mm: float,
 ) -> WireFit | Reason:
-    """Fit the wire through one guide hole, or give the reason why none was detected.
+    """Fit the wire through one guide hole, of which the nail has one of the same id, or report why none was detected.
 
-    Parameters
-    ----------
-    guide_hole
-        The nail has one of the same id.
-    prior_covariance
-        Of guide and nail, as `JointRegistration.covariance`.
+    The prior covariance is that of guide and nail, as `JointRegistration.covariance`.
     """
     models = wire_models(guide, guide_hole, nail, guide_from_nail, wire_diameter_mm)
     fit = fit_wire(images, models, prior_covariance)
@@ -248,12 +244,8 @@ def fit_wire(
     An image in which the wire would be visible must show it: optima that one image contradicts do not count if there is
     another.
 
-    Parameters
-    ----------
-    models
-        Of the same wire, with equal prior probability; at least one whose wire may be anywhere.
-    prior_covariance
-        Of guide and nail, as `JointRegistration.covariance`, shape (6 V + 6, 6 V + 6).
+    The models are of the same wire, with equal prior probability; in at least one it may be anywhere. The prior
+    covariance is that of guide and nail, as `JointRegistration.covariance`, shape (6 V + 6, 6 V + 6).
     """
     precision = np.asarray(np.linalg.inv(prior_covariance), dtype=np.float64)
     converged = [
@@ -262,10 +254,10 @@ def fit_wire(
     possible = [one for one in converged if one.state[START] <= one.model.latest_start_mm] or converged
     optima = (
         _uncontradicted(possible)
-        or _uncontradicted(_along_least_certain(images, precision, max(possible, key=_likelihood)))
+        or _uncontradicted(_along_least_certain(images, precision, max(possible, key=lambda one: one.log_likelihood)))
         or possible
     )
-    best = max(optima, key=_likelihood)
+    best = max(optima, key=lambda one: one.log_likelihood)
     residuals = best.equations.residuals
     return WireFit(
         model=best.model,
@@ -279,10 +271,6 @@ def fit_wire(
         visible_px=tuple(one.visible_px for one in residuals),
         darkness=_median_darkness(residuals),
     )
-
-
-def _likelihood(optimum: _Optimum) -> float:
-    return optimum.log_likelihood
 
 
 def _mixture_covariance(optima: list[_Optimum], best: _Optimum) -> NDArray[np.float64]:
@@ -300,9 +288,7 @@ def _median_darkness(residuals: tuple[Residuals, ...]) -> float:
     """Weighted median over the outlines' points; 0 when there is none."""
     darkness = np.concatenate([one.matches.darkness for one in residuals])
     weight = np.concatenate([one.matches.weight for one in residuals])
-    order = np.argsort(darkness)
-    up_to = np.cumsum(weight[order])
-    return float(darkness[order][np.searchsorted(up_to, 0.5 * up_to[-1])]) if len(order) else 0.0
+    return float(np.quantile(darkness, 0.5, weights=weight, method="inverted_cdf")) if len(darkness) else 0.0
 
 
 def found_fraction(found_px: Sequence[float], visible_px: Sequence[float]) -> float:

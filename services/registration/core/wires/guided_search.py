@@ -34,6 +34,7 @@ from services.registration.core.tuning import (
     NAIL_WITH_WIRES,
 )
 from services.registration.core.wires.image import RegisteredImage, shown_pixels
+from services.registration.core.wires.nail_outline import axis_about_holes_mm
 from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
@@ -150,8 +151,7 @@ def locate_guide_given_nail(
         ]
     )
     order = np.argsort(-on_metal, kind="stable")
-    best = float(on_metal[order[0]]) if len(order) else 0.0
-    second = float(on_metal[order[1]]) if len(order) > 1 else 0.0
+    best, second = [*on_metal[order].tolist(), 0.0, 0.0][:2]
     if not (GUIDE_ON_NAIL.is_met(best) and GUIDE_ON_NAIL_MARGIN.is_met(best - second)):
         observation = (
             f"of {len(hypotheses)} ways to name {needed} balls of the guide or more, with the nail's place known "
@@ -171,19 +171,16 @@ def _fraction_on_metal(
     """Fraction of the places along the nail, on both sides, that are much darker than what lies beside."""
     if float(camera_from_nail.translation_mm[2]) <= nail.diameter_mm:
         return 0.0
-    along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
-    first_mm, last_mm = min(along) - NAIL_OUTLINE_MATCHING.proximal_of_holes_mm, nail.tip_x_mm - nail.radius_mm
-    x = np.arange(first_mm, last_mm, GUIDE_GIVEN_NAIL.step_mm)
+    on_axis = axis_about_holes_mm(nail, NAIL_OUTLINE_MATCHING.proximal_of_holes_mm, GUIDE_GIVEN_NAIL.step_mm)
     ray_nail = camera_from_nail.inverse().directions(unit(camera_from_nail.translation_mm))
     aside = unit(np.cross([1.0, 0.0, 0.0], ray_nail))
     shown = shown_pixels(calibration)
     percentiles = [GUIDE_GIVEN_NAIL.dark_percentile, GUIDE_GIVEN_NAIL.light_percentile]
     dark, light = np.percentile(pixels[shown], percentiles) if shown.any() else (0.0, 0.0)
-    on_axis = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1)
     hits, places = 0, 0
     for side in (-1.0, 1.0):
         greys = []
-        visible = np.ones(len(x), dtype=np.bool_)
+        visible = np.ones(len(on_axis), dtype=np.bool_)
         for radii in (GUIDE_GIVEN_NAIL.inside_radii, GUIDE_GIVEN_NAIL.outside_radii):
             points = on_axis + side * radii * nail.radius_mm * aside
             column, row = np.rint(calibration.image_from_camera(camera_from_nail @ points)).astype(np.int64).T

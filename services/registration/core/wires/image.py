@@ -71,10 +71,7 @@ def gradient_image(
 ) -> GradientImage:
     """Mask what hides wires (the nail outside its holes, balls, border, saturation) and compute the image's gradient.
 
-    Parameters
-    ----------
-    margin_detector_mm
-        Margin of the mask around the nail: as large as the nail's place is uncertain; by default that of a fitted nail.
+    The margin of the mask around the nail is as large as its place is uncertain; by default that of a fitted nail.
     """
     calibration = registered.calibration
     margin_mm = WIRE_VISIBILITY.margin_detector_mm if margin_detector_mm is None else margin_detector_mm

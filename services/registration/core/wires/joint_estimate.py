@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import OUTLINE_CHI_SQUARE, OUTLINE_SHARE, chi_square_limit
 from services.registration.core.estimation.joint import JointEstimate
+from services.registration.core.estimation.robust import robust_weight
 from services.registration.core.tuning import NAIL_OUTLINE_MATCHING
 from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.nail_outline import (
@@ -28,7 +29,7 @@ from services.registration.core.wires.nail_outline import (
 )
 from shared.errors import Reason
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.lines import cross_matrix, read_only
+from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
 from shared.xray.pixel_scale import pixels
@@ -65,16 +66,13 @@ class JointRegistration:
 
     def moved(self, motion: NDArray[np.float64], covariance: NDArray[np.float64]) -> "JointRegistration":
         """The estimate after small motions, shape (6 V + 6,), with their posterior covariance."""
-        images = []
-        for k, image in enumerate(self.images):
-            own = slice(6 * k, 6 * k + 6)
-            images.append(
-                replace(
-                    image,
-                    camera_from_guide=image.camera_from_guide.moved(motion[own]),
-                    guide_covariance=covariance[own, own],
-                )
+        own = [slice(6 * k, 6 * k + 6) for k in range(len(self.images))]
+        images = tuple(
+            replace(
+                image, camera_from_guide=image.camera_from_guide.moved(motion[k]), guide_covariance=covariance[k, k]
             )
+            for image, k in zip(self.images, own, strict=True)
+        )
         return JointRegistration(tuple(images), self.guide_from_nail.moved(motion[-6:]), covariance)
 
 
@@ -83,10 +81,7 @@ def joint_registration(
 ) -> JointRegistration:
     """Combine the images with the nail's pose fused from several images, or from one.
 
-    Parameters
-    ----------
-    source
-        For each image, its index in `fused`; None for an image in which the nail was not found.
+    The source of each image is its index in `fused`; None for an image in which the nail was not found.
     """
     size = 6 * len(images) + 6
     covariance = np.zeros((size, size))
@@ -112,8 +107,8 @@ class OutlineInnovation:
     found_fraction: float  # fraction of the visible outline that has an edge
 
     def __post_init__(self) -> None:
-        for name in ("motion", "covariance"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        object.__setattr__(self, "motion", read_only(self.motion))
+        object.__setattr__(self, "covariance", read_only(self.covariance))
 
     @property
     def chi_square(self) -> float:
@@ -207,8 +202,8 @@ def _information(
     crowding = max(px(NAIL_OUTLINE_MATCHING.edge_correlation_detector_mm) / max(spacing_px, 1e-6), 1.0)
     one_edge_px = px(NAIL_OUTLINE_MATCHING.one_edge_sd_detector_mm)
     own_sd_px = np.array([px(NAIL_OUTLINE_MATCHING.both_edges_sd_detector_mm), one_edge_px, one_edge_px])
-    cauchy = 1.0 + (match.residual_px / px(NAIL_OUTLINE_MATCHING.robust_detector_mm)) ** 2
-    weight = match.weight / (px(NAIL_OUTLINE_MATCHING.edge_sd_detector_mm) ** 2 * crowding * cauchy)
+    robust = robust_weight(match.residual_px, px(NAIL_OUTLINE_MATCHING.robust_detector_mm))
+    weight = match.weight * robust / (px(NAIL_OUTLINE_MATCHING.edge_sd_detector_mm) ** 2 * crowding)
     normal = J.T @ (weight[:, None] * J) + np.diag(np.concatenate([np.zeros(6), own_sd_px**-2]))
     gradient = J.T @ (weight * match.residual_px)
     eliminated = np.linalg.solve(normal[6:, 6:], np.column_stack([normal[6:, :6], gradient[6:]]))
@@ -226,14 +221,7 @@ def _derivative(
     """Motion of outline points along their normals per small motion of the nail in its own frame, shape (N, 6)."""
     points, outward = outline.point_nail_mm[chosen], outline.outward[chosen]
     here = outline.point_px[chosen]
-    steps = _DERIVATIVE_STEP_MM * np.eye(3)
-    by_axis = np.stack(
-        [
-            np.sum((image_of(registered, camera_from_nail, points + step) - here) * outward, axis=1)
-            / _DERIVATIVE_STEP_MM
-            for step in steps
-        ],
-        axis=1,
-    )
-    turned = np.stack([-cross_matrix(point) for point in points])
-    return np.concatenate([np.einsum("ni,nij->nj", by_axis, turned), by_axis], axis=1)
+    moved = [image_of(registered, camera_from_nail, points + step) for step in _DERIVATIVE_STEP_MM * np.eye(3)]
+    by_axis = np.stack([np.sum((px - here) * outward, axis=1) / _DERIVATIVE_STEP_MM for px in moved], axis=1)
+    # a small rotation w moves a point p by w x p
+    return np.hstack([np.cross(points, by_axis), by_axis])

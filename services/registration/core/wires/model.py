@@ -129,11 +129,8 @@ def wire_model(
     play_sd_mm = max(0.25 * (hole.diameter_mm - wire_diameter_mm), WIRE_PRIOR.least_play_sd_mm)
     precision = np.zeros((WIRE_UNKNOWNS, WIRE_UNKNOWNS))
     for along_mm in ends_mm:
-        fraction = along_mm / nail_along_mm
-        for axis in range(2):
-            row = np.zeros(WIRE_UNKNOWNS)
-            row[axis], row[2 + axis] = 1.0 - fraction, fraction
-            precision += np.outer(row, row) / play_sd_mm**2
+        share = np.array([1.0 - along_mm / nail_along_mm, along_mm / nail_along_mm])
+        precision[:4, :4] += np.kron(np.outer(share, share), np.eye(2)) / play_sd_mm**2
     precision[START, START], precision[TIP, TIP] = WIRE_PRIOR.protrusion_sd_mm**-2, tip.sd_mm**-2
     start_mm, tip_mm = ends_mm[0] - WIRE_PRIOR.protrusion_mm, nail_along_mm + tip.past_entry_mm
     return WireModel(

@@ -66,10 +66,7 @@ def localise_nail_with_wires(
 ) -> Accepted[NailEstimate] | Rejected | None:
     """The nail and the wires in front of it; None when no wire is detected there.
 
-    Parameters
-    ----------
-    nail
-        An accepted estimate that did not model wires, if there is one.
+    The nail is an accepted estimate that did not model wires, if there is one.
     """
     margin_mm, rough_mm = WIRE_VISIBILITY.margin_detector_mm, NAIL_WITH_WIRES.rough_margin_detector_mm
     if nail is not None:
@@ -100,10 +97,9 @@ def _alternating_fit(
         if isinstance(measured, Rejected):
             return measured
         fit = measured.value
-        moved, pose = pose.inverse() @ fit.camera_from_nail, fit.camera_from_nail
-        if wires and _within(moved, NAIL_WITH_WIRES.converged_deg, NAIL_WITH_WIRES.converged_mm):
+        (turn_deg, shift_mm), pose = _turn_and_shift(pose.inverse() @ fit.camera_from_nail), fit.camera_from_nail
+        if wires and turn_deg < NAIL_WITH_WIRES.converged_deg and shift_mm < NAIL_WITH_WIRES.converged_mm:
             break
-    shift_mm, turn_deg = _shift_mm(moved), _turn_deg(moved)
     if not (LAST_SHIFT.is_met(shift_mm) and LAST_TURN.is_met(turn_deg)):
         quoted = f"{LAST_SHIFT.quoted(shift_mm)} and {LAST_TURN.quoted(turn_deg)}"
         observation = f"nail and wires do not converge: the last fit moved the nail by {quoted}"
@@ -112,17 +108,10 @@ def _alternating_fit(
     return Rejected(reasons) if reasons else Accepted(NailEstimate.of_fit(fit))
 
 
-def _within(motion: Transform[Nail, Nail], turn_deg: float, shift_mm: float) -> bool:
-    return _turn_deg(motion) < turn_deg and _shift_mm(motion) < shift_mm
-
-
-def _turn_deg(motion: Transform[Nail, Nail]) -> float:
-    return float(np.degrees(np.linalg.norm(motion.rotation_vector_rad)))
-
-
-def _shift_mm(motion: Transform[Nail, Nail]) -> float:
-    """Across the holes: depth is neither well determined nor of consequence here."""
-    return float(np.linalg.norm(motion.translation_mm[:2]))
+def _turn_and_shift(motion: Transform[Nail, Nail]) -> tuple[float, float]:
+    """In degrees, and in mm across the holes: depth is neither well determined nor of consequence here."""
+    turn_rad, shift_mm = np.linalg.norm(motion.rotation_vector_rad), np.linalg.norm(motion.translation_mm[:2])
+    return float(np.degrees(turn_rad)), float(shift_mm)
 
 
 def _measured_nail(

@@ -52,34 +52,38 @@ def smooth_image(registered: RegisteredImage, guide: GuidePart) -> SmoothImage:
 
 
 def nail_outline(registered: RegisteredImage, nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NailOutline:
-    """The edges of the nail's round bar about its holes, without its tip.
-
-    A point at the nail's surface is on its outline when the ray to it touches the surface: its normal n, across the
-    axis, fulfils n . c = -r for c from the focal spot to the axis.
-    """
-    along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
-    x = np.arange(
-        min(along) - NAIL_OUTLINE_MATCHING.proximal_of_holes_mm,
-        nail.tip_x_mm - nail.radius_mm,
-        NAIL_OUTLINE_MATCHING.step_mm,
-    )
-    towards, distance = towards_axis(camera_from_nail)
-    aside = np.cross([1.0, 0.0, 0.0], towards)
-    sine = nail.radius_mm / distance
-    points, outward, side = [], [], []
-    for k, sign in enumerate((-1.0, 1.0)):
-        normal = -sine * towards + sign * np.sqrt(1.0 - sine**2) * aside
-        on_nail = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1) + nail.radius_mm * normal
-        points.append(on_nail)
+    """The edges of the nail's round bar about its holes, without its tip."""
+    axis_mm = axis_about_holes_mm(nail, NAIL_OUTLINE_MATCHING.proximal_of_holes_mm, NAIL_OUTLINE_MATCHING.step_mm)
+    points, pixels_of_points, outward = [], [], []
+    for normal in touched_normals(nail, camera_from_nail):
+        on_nail = axis_mm + nail.radius_mm * normal
         at_px = image_of(registered, camera_from_nail, on_nail)
         shifted = image_of(registered, camera_from_nail, on_nail + 0.1 * normal) - at_px
         way = np.gradient(at_px, axis=0)
         across = np.stack([-way[:, 1], way[:, 0]], axis=1) / np.linalg.norm(way, axis=1)[:, None]
         outward.append(across * np.sign(np.sum(across * shifted, axis=1))[:, None])
-        side.append(np.full(len(x), k))
-    on_nail = np.concatenate(points)
-    at_px = image_of(registered, camera_from_nail, on_nail)
-    return NailOutline(at_px, np.concatenate(outward), on_nail, np.concatenate(side))
+        points.append(on_nail)
+        pixels_of_points.append(at_px)
+    side = np.repeat([0, 1], len(axis_mm))
+    return NailOutline(np.concatenate(pixels_of_points), np.concatenate(outward), np.concatenate(points), side)
+
+
+def axis_about_holes_mm(nail: NailPart, proximal_of_holes_mm: float, step_mm: float) -> NDArray[np.float64]:
+    """Evenly spaced points on the nail's axis, from so far proximal of its holes to where its tip begins, (N, 3)."""
+    first_mm = min(float(hole.axis.point_mm[0]) for hole in nail.holes) - proximal_of_holes_mm
+    x = np.arange(first_mm, nail.tip_x_mm - nail.radius_mm, step_mm)
+    return np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1)
+
+
+def touched_normals(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
+    """Normals of the nail's surface where rays touch it on either side, in the nail's frame, shape (2, 3).
+
+    Such a normal n, across the axis, fulfils n . c = -r for c from the focal spot to the axis.
+    """
+    towards, distance = towards_axis(camera_from_nail)
+    sine = nail.radius_mm / distance
+    aside = np.sqrt(1.0 - sine**2) * np.cross([1.0, 0.0, 0.0], towards)
+    return np.asarray(-sine * towards + np.stack([-aside, aside]))
 
 
 def towards_axis(camera_from_nail: Transform[Camera, Nail]) -> tuple[NDArray[np.float64], float]:

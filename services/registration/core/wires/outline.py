@@ -128,11 +128,8 @@ def match_edges(image: GradientImage, wire: ProjectedWire, reach_px: float) -> E
 def cross_sections(image: GradientImage, model: WireModel, unknowns: NDArray[np.float64], count: int) -> CrossSections:
     """Cross-sections of wires: centres of shape (B, count, 2), radii of shape (B, count).
 
-    Parameters
-    ----------
-    unknowns
-        Shape (B, 13): of the wire (see `WireModel`), then of the image: the error of the apparent radius (px), then
-        that of the guide's pose (rad, mm, in the guide's own frame).
+    The unknowns, shape (B, 13), are those of the wire (see `WireModel`), then of the image: the error of the apparent
+    radius (px), then that of the guide's pose (rad, mm, in the guide's own frame).
     """
     points = model.points_guide_mm(unknowns[:, :WIRE_UNKNOWNS], count)
     turn, shift = unknowns[:, None, WIRE_UNKNOWNS + 1 : WIRE_UNKNOWNS + 4], unknowns[:, None, WIRE_UNKNOWNS + 4 :]

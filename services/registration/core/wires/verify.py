@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.criteria import NO_SHARED_HOLE, WIRE_AXIS_BOUND, WIRE_ENTRY_BOUND
 from services.registration.core.drill_clearance import AxisOffset, across_basis, angle_deg, axis_offset_mm
 from services.registration.core.estimation.joint import fuse
-from services.registration.core.fusion import Estimates, LocalisedImage, disagreement, usable_estimate
+from services.registration.core.fusion import LocalisedImage, disagreement, usable_estimate
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.localise import Parts, unmirrored
 from services.registration.core.wires.fit import WireFit, detect_wire
@@ -26,7 +26,6 @@ from services.registration.core.wires.nail_fit import ImageWithWires, no_holes_r
 from shared.errors import Reason, Rejected
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, unit
-from shared.geometry.parts import GuidePart, Hole
 from shared.geometry.transform import Transform
 
 _DERIVATIVE_STEP_MM = 1e-4
@@ -42,11 +41,6 @@ class AxisComparison:
     offset: AxisOffset
     angle_deg: float  # angle between both axes
     chance_as_it_stands: float  # probability that a drill along this axis, wherever it points, passes the nail's hole
-
-    @property
-    def hole_id(self) -> str:
-        """Which hole of guide and nail."""
-        return self.hole.id
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,10 +72,7 @@ def verify_images(
 ) -> WireVerification:
     """Verify the wires in one image or more; an unused image gives its reasons when the others do not suffice.
 
-    Parameters
-    ----------
-    earlier
-        Of the same position of the guide, from before the wires, in the order in which they were taken.
+    Earlier images are of the same position of the guide, from before the wires, in the order in which they were taken.
     """
     relocalised = tuple(relocalise_with_wires(image, parts, wire_diameter_mm) for image in images)
     return verify_relocalised(relocalised, earlier, parts, wire_diameter_mm)
@@ -111,7 +102,10 @@ def estimate_jointly(
     if not used:
         return JointResult(None, no_holes_reasons(images, parts), ())
     poses = tuple(evidence[id(one)] for one in used)
-    contradiction = _contradiction(used, poses, parts)
+    newest = used[-1].result
+    assert newest is not None  # `usable_estimate` needs one
+    assert newest.nail is not None
+    contradiction = disagreement(poses, tuple(one.name for one in used), parts, newest.nail.camera_from_nail)
     if contradiction is not None:
         return JointResult(None, (contradiction,), ())
     fused = fuse(poses)
@@ -129,13 +123,6 @@ def estimate_jointly(
                 return JointResult(None, (slipped,), ())
             estimate = update.estimate
     return JointResult(estimate, reasons, tuple(image.name for image, _ in registered))
-
-
-def _contradiction(used: tuple[LocalisedImage, ...], evidence: Estimates, parts: Parts) -> Reason | None:
-    newest = used[-1].result
-    assert newest is not None  # `usable_estimate` needs one
-    assert newest.nail is not None
-    return disagreement(evidence, tuple(one.name for one in used), parts, newest.nail.camera_from_nail)
 
 
 def _registered_images(
@@ -161,12 +148,13 @@ def _registered(
     if calibration is None:
         return Rejected(image.localised.reasons)
     upright = unmirrored(image.pixels, calibration)
-    if result is not None and result.guide is not None:
-        return RegisteredImage(upright, calibration, result.guide.camera_from_guide, result.guide.pose.covariance)
-    guide = locate_guide_given_nail(upright, calibration, parts, guide_from_nail)
-    if isinstance(guide, Rejected):
-        return guide
-    return RegisteredImage(upright, calibration, guide.value.camera_from_guide, guide.value.pose.covariance)
+    guide = None if result is None else result.guide
+    if guide is None:
+        located = locate_guide_given_nail(upright, calibration, parts, guide_from_nail)
+        if isinstance(located, Rejected):
+            return located
+        guide = located.value
+    return RegisteredImage(upright, calibration, guide.camera_from_guide, guide.pose.covariance)
 
 
 def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: float) -> WireVerification:
@@ -175,7 +163,8 @@ def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: fl
     holes = holes_at(
         nail, parts.drill_diameter_mm, estimate.guide_from_nail, estimate.nail_covariance, estimate.camera_from_nail(0)
     )
-    pairs = _paired(guide, holes)
+    guide_holes = {hole.id: hole for hole in guide.holes}
+    pairs = [(guide_holes[hole.id], hole) for hole in holes if hole.id in guide_holes]
     if not pairs:
         return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
     gradients = tuple(gradient_image(image, guide, nail, estimate.guide_from_nail) for image in estimate.images)
@@ -190,17 +179,14 @@ def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: fl
             continue
         wires.append(compare_wire(fit, hole, offsets_by_motion(nail, hole.id, estimate.guide_from_nail)))
         reasons.extend(_too_uncertain(wires[-1], len(gradients)))
-    guide_holes = tuple(_compare_guide_hole(guide_hole.axis, hole) for guide_hole, hole in pairs)
-    return WireVerification(tuple(reasons), tuple(wires), guide_holes)
+    compared = tuple(_compare_guide_hole(guide_hole.axis, hole) for guide_hole, hole in pairs)
+    return WireVerification(tuple(reasons), tuple(wires), compared)
 
 
 def compare_wire(fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.float64]) -> AxisComparison:
     """A fitted wire against a nail hole, with the uncertainties of both.
 
-    Parameters
-    ----------
-    by_nail_motion
-        Derivative of the hole's offsets at entry and exit by the nail's motion, shape (4, 6).
+    The derivative of the hole's offsets at entry and exit by the nail's motion has the shape (4, 6).
     """
 
     def offset_mm(offsets_mm: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -243,11 +229,6 @@ def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate) -> AxisComparison:
     return AxisComparison(hole, axis_guide, offset, between_deg, hole.clearance_probability(offset))
 
 
-def _paired(guide: GuidePart, holes: tuple[HoleEstimate, ...]) -> list[tuple[Hole, HoleEstimate]]:
-    by_id = {hole.id: hole for hole in guide.holes}
-    return [(by_id[hole.id], hole) for hole in holes if hole.id in by_id]
-
-
 def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]:
     bound_mm, bound_deg = comparison.offset.entry_bound_mm, comparison.offset.axis_bound_deg
     if WIRE_ENTRY_BOUND.is_met(bound_mm) and WIRE_AXIS_BOUND.is_met(bound_deg):
@@ -258,4 +239,4 @@ def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]
         else "take both again with more dose, and the lateral one so that the wire shows in the nail's hole"
     )
     known = f"{WIRE_ENTRY_BOUND.quoted(bound_mm)} and {WIRE_AXIS_BOUND.quoted(bound_deg)} with 95 % confidence"
-    return [WIRE_ENTRY_BOUND.reason(f"wire '{comparison.hole_id}' is known to {known}", remedy)]
+    return [WIRE_ENTRY_BOUND.reason(f"wire '{comparison.hole.id}' is known to {known}", remedy)]

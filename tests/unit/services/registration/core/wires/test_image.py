@@ -39,7 +39,7 @@ def burnt(view: RegisteredImage, along_mm: float) -> RegisteredImage:
 @pytest.mark.parametrize("along_mm", [60.0, 75.0])
 def test_a_wire_that_fades_into_white_is_not_taken_to_end_there(along_mm: float) -> None:
     result = verified(view_of(LATERAL, ASKEW, seed=51), burnt(view_of(OBLIQUE, ASKEW, seed=52), along_mm))
-    assert [wire.hole_id for wire in result.wires] == ["distal", "proximal"]
+    assert [wire.hole.id for wire in result.wires] == ["distal", "proximal"]
     for wire in result.wires:
         assert_explains(wire, ASKEW, sigmas=2.5)
 

@@ -38,10 +38,10 @@ from tests.unit.services.registration.xray_scene import (
 def test_a_pair_of_images_measures_both_wires(wires: Wired) -> None:
     result = verified(view_of(LATERAL, wires, seed=31), view_of(oblique(38.0), wires, seed=32))
     assert result.reasons == ()
-    assert [wire.hole_id for wire in result.wires] == ["distal", "proximal"]
+    assert [wire.hole.id for wire in result.wires] == ["distal", "proximal"]
     for wire in result.wires:
         assert_explains(wire, wires)
-        entry_mm, _ = true_offsets_mm(wires, wire.hole_id)
+        entry_mm, _ = true_offsets_mm(wires, wire.hole.id)
         assert wire.offset.entry_mm == pytest.approx(entry_mm, abs=0.3)
         assert wire.offset.entry_sd_mm < 0.4
 
@@ -94,14 +94,14 @@ def test_a_plastic_rod_is_no_wire() -> None:
 def test_one_wire_of_two_is_still_measured() -> None:
     one = Wired({"proximal": np.zeros(4)})
     result = verified(view_of(LATERAL, one, seed=41), view_of(oblique(38.0), one, seed=42))
-    assert [wire.hole_id for wire in result.wires] == ["proximal"]
+    assert [wire.hole.id for wire in result.wires] == ["proximal"]
     assert [reason.code for reason in result.reasons] == [ReasonCode.WIRE_NOT_FOUND]
 
 
 def test_the_guides_own_holes_are_compared_too() -> None:
     result = verified(view_of(LATERAL, Wired({}), seed=43))
     for hole in result.guide_holes:
-        entry_mm, exit_mm = true_offsets_mm(ALONG_THE_GUIDE, hole.hole_id)
+        entry_mm, exit_mm = true_offsets_mm(ALONG_THE_GUIDE, hole.hole.id)
         assert (hole.offset.entry_mm, hole.offset.exit_mm) == pytest.approx((entry_mm, exit_mm), abs=1e-9)
         assert hole.angle_deg == pytest.approx(0.5, abs=0.01)
         assert hole.offset.entry_sd_mm == pytest.approx(0.02 * np.sqrt(2.0))

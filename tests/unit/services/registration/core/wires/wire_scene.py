@@ -110,7 +110,7 @@ def true_offsets_mm(wires: Wired, hole_id: str) -> tuple[float, float]:
 
 
 def assert_explains(comparison: AxisComparison, wires: Wired, sigmas: float = 3.0) -> None:
-    entry_mm, exit_mm = true_offsets_mm(wires, comparison.hole_id)
+    entry_mm, exit_mm = true_offsets_mm(wires, comparison.hole.id)
     assert abs(comparison.offset.entry_mm - entry_mm) < sigmas * comparison.offset.entry_sd_mm
     assert abs(comparison.offset.exit_mm - exit_mm) < sigmas * comparison.offset.entry_sd_mm + 0.2
 
