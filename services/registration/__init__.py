@@ -1,4 +1,4 @@
-"""Registration: find guide, nail and wires in a calibrated image, judge the result, plan the move."""
+"""Registration: find guide, nail and wires in a calibrated image, accept or reject the result, plan the move."""
 
 import os
 

@@ -1,5 +1,6 @@
 """Images as registration keeps them, with the case and the robot's pose under which they were made."""
 
+import threading
 from collections import OrderedDict
 from dataclasses import dataclass
 
@@ -76,27 +77,30 @@ class LocalisedFrame:
 
 
 class LocalisedFrames:
-    """The last few localised images, and the last accepted one of each place of the robot. Not for several threads."""
+    """The last few localised images, and the last accepted one of each place of the robot. Thread-safe."""
 
     def __init__(self, kept: int) -> None:
         self._kept = kept
+        self._lock = threading.Lock()
         self._frames: OrderedDict[str, LocalisedFrame] = OrderedDict()
 
     def note(self, localised: LocalisedFrame) -> None:
         """Keep one more; another may have to go."""
-        self._frames[localised.record.image.sha256] = localised
-        while len(self._frames) > self._kept:
-            self._frames.pop(self._dispensable())
+        with self._lock:
+            self._frames[localised.record.image.sha256] = localised
+            while len(self._frames) > self._kept:
+                self._frames.pop(self._dispensable())
 
     def get(self, sha256: str) -> LocalisedFrame | None:
         """A kept image, or None."""
-        return self._frames.get(sha256)
+        with self._lock:
+            return self._frames.get(sha256)
 
     def accepted_beside(self, frame: LocalisedFrame, apart_from: tuple[str, ...]) -> tuple[LocalisedFrame, ...]:
         """Accepted images with case and robot as they were for another one, in order, without those named by hash."""
         return tuple(
             other
-            for sha256, other in self._frames.items()
+            for sha256, other in self._now()
             if sha256 not in apart_from and same_stand(frame, other) and other.record.localisation.verdict == "accepted"
         )
 
@@ -107,13 +111,17 @@ class LocalisedFrames:
             return ()
         return tuple(
             other
-            for other in self._frames.values()
+            for _, other in self._now()
             if other.record.localisation.verdict == "accepted"
             and other.record.robot_boot_epoch == frame.record.robot_boot_epoch
             and set_up_of(other.case) == setup
             and other.record.robot_pose is not None
             and not same_place(other.record.robot_pose, here)
         )
+
+    def _now(self) -> tuple[tuple[str, LocalisedFrame], ...]:
+        with self._lock:
+            return tuple(self._frames.items())
 
     def _dispensable(self) -> str:
         """The oldest image that is not the last accepted one with the robot where it stood; else the oldest."""
@@ -157,6 +165,6 @@ def moved_by(a: PlatformPoseMessage, b: PlatformPoseMessage) -> tuple[float, flo
 
 
 def same_place(a: PlatformPoseMessage, b: PlatformPoseMessage) -> bool:
-    """Whether two poses are the same as far as encoders can tell."""
+    """Whether two poses are the same within the encoders' tolerances."""
     apart_mm, apart_deg = moved_by(a, b)
     return apart_mm <= POSE_TOLERANCE_MM and apart_deg <= POSE_TOLERANCE_DEG

@@ -12,7 +12,7 @@ from services.registration.core.c_arm_advice import (
     angles_after,
     picture_turn_rad,
 )
-from services.registration.core.guidance.tracking import FrameEstimate, Margin
+from services.registration.core.guidance.tracking import FrameEstimate
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import (
@@ -96,24 +96,30 @@ def _apart(first_rad: float, second_rad: float) -> float:
     return abs((first_rad - second_rad + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def guidance_message(sight: FrameEstimate, facts: FrameFacts, picture: PictureTurn) -> Guidance:
+def guidance_message(estimate: FrameEstimate, facts: FrameFacts, picture: PictureTurn) -> Guidance:
     """The message of one frame; its view is noted in `picture` when it has angles and a guide."""
-    if facts.angles is not None and facts.ring_turn_rad is not None and sight.camera_from_guide is not None:
-        picture.note(AngledView(facts.angles, sight.camera_from_guide), facts.ring_turn_rad)
-    advice, margin = sight.advice, sight.margin
+    if facts.angles is not None and facts.ring_turn_rad is not None and estimate.camera_from_guide is not None:
+        picture.note(AngledView(facts.angles, estimate.camera_from_guide), facts.ring_turn_rad)
+    advice, margin = estimate.advice, estimate.margin
     turn = None if advice is None or facts.angles is None else picture.positioner_turn(facts.angles, advice)
     return Guidance(
         verdict="rejected" if advice is None else "accepted",
-        reasons=tuple(ReasonMessage.of(reason) for reason in sight.reasons),
-        origin=sight.origin.value,
+        reasons=tuple(ReasonMessage.of(reason) for reason in estimate.reasons),
+        origin=estimate.origin.value,
         image=facts.image,
         case_id=facts.case_id,
         case_revision=facts.case_revision,
         holes=None if advice is None else tuple(_hole(tilt) for tilt in advice.tilts),
-        c_arm_correction_deg=None if advice is None else _correction(advice),
+        c_arm_correction_deg=None
+        if advice is None
+        else CArmCorrection(about_image_x=advice.correction.about_x_deg, about_image_y=advice.correction.about_y_deg),
         positioner_turn_deg=turn,
-        standard_uncertainty_deg=None if advice is None else _uncertainty(advice),
-        mirror_check=None if margin is None else _mirror_check(margin),
+        standard_uncertainty_deg=None
+        if advice is None
+        else GuidanceUncertainty(about_image_x=advice.about_x_sd_deg, about_image_y=advice.about_y_sd_deg),
+        mirror_check=None
+        if margin is None
+        else MirrorCheck(log_likelihood_ratio=margin.log_likelihood_ratio, frames_ago=margin.frames_ago),
         skipped=facts.skipped,
         elapsed_ms=facts.elapsed_ms,
     )
@@ -126,15 +132,3 @@ def _hole(tilt: HoleTilt) -> GuidedHole:
         about_image_x=tilt.about_x_deg,
         about_image_y=tilt.about_y_deg,
     )
-
-
-def _correction(advice: Advice) -> CArmCorrection:
-    return CArmCorrection(about_image_x=advice.correction.about_x_deg, about_image_y=advice.correction.about_y_deg)
-
-
-def _uncertainty(advice: Advice) -> GuidanceUncertainty:
-    return GuidanceUncertainty(about_image_x=advice.about_x_sd_deg, about_image_y=advice.about_y_sd_deg)
-
-
-def _mirror_check(margin: Margin) -> MirrorCheck:
-    return MirrorCheck(log_likelihood_ratio=margin.log_likelihood_ratio, frames_ago=margin.frames_ago)

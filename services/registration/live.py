@@ -106,18 +106,18 @@ class LiveGuidance:
             return message
 
     def note_localised(self, localised: LocalisedFrame) -> None:
-        """Begin anew from an image that was localised in full; say what it says if it is still the newest."""
+        """Begin anew from an image that was localised in full; publish its estimate if it is still the newest."""
         calibration, found = localised.calibration, localised.result
         if calibration is None or found is None:
             return
         case, record = localised.case, localised.record
         track = start_track(localised.frame.pixels, calibration, case.parts, found)
-        sight = estimate_of_localisation(found, case.parts)
+        estimate = estimate_of_localisation(found, case.parts)
         with self._lock:
             run = self._run_of(case)
             if run is None:
                 return
-            outcome = run.add_localised(self._numbered(record.image.sha256), sight, track)
+            outcome = run.add_localised(self._numbered(record.image.sha256), estimate, track)
             self._localised_at_s = self._clock_s()
             if outcome.starts_track:
                 self._robot_pose = record.robot_pose
@@ -125,7 +125,7 @@ class LiveGuidance:
                 self._picture.forget_the_guide()
             if outcome.publish:
                 elapsed_ms = record.localisation.timing_ms.total
-                self._publish(sight, record.image, localised.frame, case, ring_turn_rad(calibration), elapsed_ms)
+                self._publish(estimate, record.image, localised.frame, case, ring_turn_rad(calibration), elapsed_ms)
         if outcome.contradicts:
             sha256 = record.image.sha256
             self._runtime.log.warning("guidance disagreed with the full localisation", sha256=sha256)
@@ -178,18 +178,18 @@ class LiveGuidance:
                 run.track = None  # the guide was moved against the nail
             start = run.start()
         calibration = None if message.values is None else message.values.calibration()
-        sight, after = _sight(message, frame, calibration, case.parts, start.track)
+        estimate, after = _estimated(message, frame, calibration, case.parts, start.track)
         with self._lock:
             known = self._run_of(case) is run
-            if known and run.add_tracked(self._numbered(message.image.sha256), start, sight, after):
+            if known and run.add_tracked(self._numbered(message.image.sha256), start, estimate, after):
                 elapsed_ms = 1e3 * (self._clock_s() - began_s)
-                self._publish(sight, message.image, frame, case, ring_turn_rad(calibration), elapsed_ms)
+                self._publish(estimate, message.image, frame, case, ring_turn_rad(calibration), elapsed_ms)
             else:
                 self._unseen += 1
 
     def _publish(
         self,
-        sight: FrameEstimate,
+        estimate: FrameEstimate,
         image: ImageReference,
         frame: ReceivedFrame,
         case: OpenCase,
@@ -204,10 +204,10 @@ class LiveGuidance:
         skipped, self._skipped_before = passed_over - self._skipped_before, passed_over
         context = case.context
         facts = FrameFacts(image, context.case_id, context.revision, angles, ring_turn, skipped, elapsed_ms)
-        self._publisher.put(encode(guidance_message(sight, facts, self._picture)))
+        self._publisher.put(encode(guidance_message(estimate, facts, self._picture)))
 
 
-def _sight(
+def _estimated(
     message: CalibrationMessage,
     frame: ReceivedFrame,
     calibration: CArmCalibration | None,

@@ -15,10 +15,7 @@ def parts_from_json(
 ) -> Parts:
     """Parse ring, guide and nail files.
 
-    Raises
-    ------
-    PartFileInvalid
-        When a file breaks its schema, or a hole of the nail does not cross the nail.
+    Raises `PartFileInvalid` when a file breaks its schema, or a hole of the nail does not cross the nail.
     """
     parts = Parts(
         ring_from_json(ring, sources[0]),

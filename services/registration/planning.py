@@ -47,14 +47,14 @@ class PlanAxes:
 
 
 def answer_plan_request(request: PlanRequest, state: RegistrationState) -> PlanReply:
-    """Plan from the newest accepted localisation, or say why not."""
+    """Plan from the newest accepted localisation, or refuse."""
     case = state.case
     if case is None or case.context.case_id != request.case_id:
         return refused("no_case", f"case '{request.case_id}' is not the open one; open it and take one more image")
     newest = state.newest_sha256
     if newest is None:
         return refused("no_localisation", "no image has arrived in this case yet; take one")
-    localised = state.localised(request.image_sha256)
+    localised = state.images.get(request.image_sha256)
     if newest != request.image_sha256 or localised is None:
         return refused(
             "stale",
@@ -219,7 +219,7 @@ def _earlier(
         return refused("image_twice", f"{len(hashes)} images were named and {len(set(hashes))} differ; name each once")
     found = []
     for sha256 in request.earlier_image_sha256:
-        one = state.localised(sha256)
+        one = state.images.get(sha256)
         if one is None:
             return refused(
                 "unknown_image",
@@ -274,9 +274,9 @@ def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
 
 
 def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> Refusal[HeadTrouble] | None:
-    """Why the guide seems to be held otherwise than the case says; None when nothing speaks against it."""
-    # an image of a verification may show no nail, or was not accepted by itself: then one beside it must speak
-    candidates = (newest, *state.accepted_beside(newest, ()))
+    """Why the guide seems to be held otherwise than the case states; None when no image contradicts it."""
+    # an image of a verification may show no nail, or was not accepted by itself: then one beside it decides
+    candidates = (newest, *state.images.accepted_beside(newest, ()))
     view = next((view for one in reversed(candidates) if (view := _view(one)) is not None), None)
     if view is None:
         return HEAD_NOT_SEEN.refusal()
@@ -284,7 +284,7 @@ def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> Refusal[He
     extension_mm, hexapod = case.context.head_extension_mm, case.hexapod
     guide_from_nail = view.ring_from_guide.mean.inverse() @ view.ring_from_nail.mean
     refused = check_place(hexapod, view.pose, extension_mm, guide_from_nail, case.context.mount)
-    for earlier in state.accepted_elsewhere(newest):
+    for earlier in state.images.accepted_elsewhere(newest):
         before = _view(earlier)
         if refused is None and before is not None:
             refused = check_motion(hexapod, extension_mm, before, view)
@@ -305,7 +305,7 @@ def motion_view(pose: PlatformPose, calibration: CArmCalibration, result: Locali
     ring_from_camera = calibration.camera_from_ring.inverse()
     return MotionView(
         pose=pose,
-        ring_from_guide=PoseEstimate.exact(ring_from_camera) @ result.guide.pose,
+        ring_from_guide=PoseEstimate(ring_from_camera @ result.guide.pose.mean, result.guide.pose.errors),
         ring_from_nail=PoseEstimate(ring_from_camera @ result.nail.camera_from_nail, result.nail.errors),
         source_ring_mm=ring_from_camera.translation_mm,
         source_covariance_mm2=calibration.source_covariance_mm2,

@@ -54,7 +54,11 @@ def message_of_several(
     agreement = fusion_message(fused, messages)
     if fused is None:
         named = zip(names, messages, strict=True)
-        reasons = tuple(_named(name, reason) for name, message in named for reason in message.reasons)
+        reasons = tuple(
+            ReasonMessage(code=reason.code, message=f"image {name}: {reason.message}")
+            for name, message in named
+            for reason in message.reasons
+        )
         return LocalisationOfSeveral(**dict(messages[-1]) | {"reasons": reasons}, fusion=agreement)
     result = fused.result
     joint = {
@@ -87,10 +91,6 @@ def fusion_message(fused: FusedLocalisation | None, messages: tuple[Localisation
         chi_square_limit=fused.chi_square_limit,
         degrees_of_freedom=fused.degrees_of_freedom,
     )
-
-
-def _named(name: str, reason: ReasonMessage) -> ReasonMessage:
-    return ReasonMessage(code=reason.code, message=f"image {name}: {reason.message}")
 
 
 def localisation_message(

@@ -135,7 +135,7 @@ class RegistrationService:
 
     def _on_verification_request(self, query: Query) -> Answer:
         request = decode(VerificationRequest, query.payload)
-        found = [self._state.localised(sha256) for sha256 in request.image_sha256]
+        found = [self._state.images.get(sha256) for sha256 in request.image_sha256]
         case = self._state.case
         known = [f for f in found if f is not None and case is not None and f.case.context == case.context]
         if case is None or case.context.case_id != request.case_id or len(known) < len(found):
@@ -148,7 +148,7 @@ class RegistrationService:
         against = _not_one_set_up(known)
         if against is not None:
             return Answer(encode(against))
-        earlier = self._state.accepted_beside(known[0], request.image_sha256)
+        earlier = self._state.images.accepted_beside(known[0], request.image_sha256)
         images = tuple(ImageWithWires(one.frame.pixels, one.image) for one in known)
         before = tuple(one.image for one in earlier)
         verified = verify_images(images, before, case.parts, self._settings.wire_diameter_mm)
@@ -198,7 +198,7 @@ class RegistrationService:
         located = _located(frame, job, case)
         record = self._record(frame, job, case, located)
         localised = LocalisedFrame(frame, case, record, located.calibration, located.result)
-        self._state.note_localised(localised)
+        self._state.images.note(localised)
         self._localisations.put(encode(record))
         self._guidance.note_localised(localised)
         self._runtime.log.info(

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from services.registration.core.wires.verify import WireVerification
 from services.registration.frames import (
-    LocalisedFrame,
     LocalisedFrames,
     OpenCase,
     ReceivedFrame,
@@ -49,7 +48,7 @@ class RegistrationState:
         self._frames: OrderedDict[str, ReceivedFrame] = OrderedDict()
         # images whose pixels have not come yet, with the epochs that began with them
         self._announced: OrderedDict[str, str] = OrderedDict()
-        self._localised = LocalisedFrames(kept)
+        self.images = LocalisedFrames(kept)
         self._verified: tuple[frozenset[str], WireVerification] | None = None
 
     def open_case(self, case: OpenCase | None) -> None:
@@ -113,26 +112,6 @@ class RegistrationState:
             )
             case = self._case
             return case if case is not None and set_up_of(case) == (case_id, revision) else None
-
-    def note_localised(self, localised: LocalisedFrame) -> None:
-        """Keep a localised image."""
-        with self._changed:
-            self._localised.note(localised)
-
-    def localised(self, sha256: str) -> LocalisedFrame | None:
-        """A kept image with its localisation, or None."""
-        with self._changed:
-            return self._localised.get(sha256)
-
-    def accepted_beside(self, frame: LocalisedFrame, apart_from: tuple[str, ...]) -> tuple[LocalisedFrame, ...]:
-        """Accepted images with case and robot as they were for another one, in order, without those named by hash."""
-        with self._changed:
-            return self._localised.accepted_beside(frame, apart_from)
-
-    def accepted_elsewhere(self, frame: LocalisedFrame) -> tuple[LocalisedFrame, ...]:
-        """Accepted images of the same set-up for which the robot stood elsewhere than for another one, in order."""
-        with self._changed:
-            return self._localised.accepted_elsewhere(frame)
 
     def note_verified(self, sha256s: tuple[str, ...], verified: WireVerification) -> None:
         """Note what the last verification found."""

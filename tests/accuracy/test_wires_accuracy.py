@@ -57,7 +57,7 @@ def errors(kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             pose = oblique(float(rng.uniform(25.0, 50.0)))
             views.append(believed(rng, view_of(pose, wires, int(rng.integers(1 << 30)), tip_mm)))
         for wire in verified(*views).wires:
-            error = wire.offset.mean_mm - true_offsets_mm(wires, wire.hole_id)
+            error = wire.offset.mean_mm - true_offsets_mm(wires, wire.hole.id)
             distances.append(np.hypot(error[0], error[1]))
             predicted.append(wire.offset.entry_sd_mm)
     return np.array(distances), np.array(predicted)

@@ -84,13 +84,10 @@ def hole_tilts(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> tup
 
 
 def advice(camera_from_nail: Transform[Camera, Nail], covariance: NDArray[np.float64], nail: NailPart) -> Advice:
-    """Tilts and correction with what the pose's covariance leaves open.
+    """Tilts and correction with what the pose's covariance, shape (6, 6), leaves open.
 
-    Parameters
-    ----------
-    covariance
-        Of the pose, shape (6, 6), as in `NailEstimate`. Only its rotation counts: a tilt against the ray is seen in the
-        hole itself, so that errors of the nail's place and of the focal spot move ray and axis together.
+    Only that of its rotation counts: a tilt against the ray is observed in the hole itself, so that errors of the
+    nail's place and of the focal spot move ray and axis together.
     """
     to_camera = camera_from_nail.rotation
     turned_deg2 = np.degrees(np.degrees(to_camera @ covariance[:3, :3] @ to_camera.T))
@@ -102,10 +99,7 @@ def advice(camera_from_nail: Transform[Camera, Nail], covariance: NDArray[np.flo
 def c_arm_correction_deg(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> CArmTurn:
     """Turn of the C-arm after which the mean of the holes' tilts to their rays is zero about both axes.
 
-    Returns
-    -------
-    CArmTurn
-        See the module's docstring for the exact definition. To first order it is the mean of the tilts itself.
+    To first order it is the mean of the tilts itself; the module's docstring defines it exactly.
     """
     middles, axes = _middles_and_axes(camera_from_nail, nail)
     pivot = middles.mean(axis=0)
@@ -171,13 +165,7 @@ def picture_turn_rad(first: AngledView, second: AngledView) -> float | None:
 
 
 def angles_after(angles: CArmAngles, turn: CArmTurn, picture_turn: float) -> CArmAngles:
-    """The C-arm's angles after an advised turn.
-
-    Parameters
-    ----------
-    picture_turn
-        As `picture_turn_rad` gives it, in rad.
-    """
+    """The C-arm's angles after an advised turn, given the picture's (see `picture_turn_rad`)."""
     beam_from_camera = Rotation.from_rotvec([0.0, 0.0, picture_turn]).as_matrix()
     x, y, z = (angles.room_from_beam @ beam_from_camera @ turn.rotation)[:, 2]
     return CArmAngles(float(np.degrees(np.arctan2(-y, z))), float(np.degrees(np.arctan2(x, np.hypot(y, z)))))

@@ -50,14 +50,14 @@ class LocalisedImage:
 class ImageShare:
     """What became of one image."""
 
-    used: bool  # whether the joint estimate rests on it
+    used: bool  # whether it contributes to the joint estimate
     # By how much the joint chi-square grew through it; about 9 when all is well. None when it was not used, or alone.
     chi_square: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedLocalisation:
-    """What several images say together."""
+    """The joint localisation of several images."""
 
     # As if from one image: what belongs to an image (guide and nail in the camera's frame, tilts, the C-arm's
     # correction) is that of image `shown`, the newest that was used
@@ -86,8 +86,8 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
         shares = tuple(ImageShare(k == shown, None) for k in range(len(images)))
         return FusedLocalisation(newest, shown, shares, 0.0, 0.0, 0)
     joint = fuse(found)
-    influence = dict(zip(used, leave_one_out(found), strict=True))
-    shares = tuple(ImageShare(k in influence, _share(influence.get(k))) for k in range(len(images)))
+    influence = dict(zip(used, np.maximum(leave_one_out(found), 0.0).tolist(), strict=True))
+    shares = tuple(ImageShare(k in influence, influence.get(k)) for k in range(len(images)))
     return FusedLocalisation(
         _joint_result(images, used, found, parts, newest),
         shown,
@@ -99,17 +99,13 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
 
 
 def usable_estimate(image: LocalisedImage, parts: Parts) -> PoseEstimate[Guide, Nail] | None:
-    """What an image says of `guide_from_nail`; None when it cannot be used."""
+    """Estimate of `guide_from_nail` from one image; None when it cannot be used."""
     result, calibration = image.result, image.calibration
     if calibration is None or result is None or result.guide is None or result.nail is None:
         return None
     if any(reason.code not in _USABLE_THOUGH for reason in image.reasons):
         return None
     return guide_from_nail_of(calibration, parts.guide, parts.nail, result.guide, result.nail)
-
-
-def _share(chi_square: np.float64 | None) -> float | None:
-    return None if chi_square is None else max(float(chi_square), 0.0)
 
 
 def _joint_result(

@@ -102,7 +102,7 @@ class MotionView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Explanation:
-    """How well one idea of the head explains a motion; the error of the extension with its standard deviation."""
+    """How well one hypothesis of the head explains a motion; the extension's error with its standard deviation."""
 
     chi_square: float
     extension_error_mm: float

@@ -99,11 +99,6 @@ class PoseEstimate(Generic[To, From]):
         """Estimate whose errors, shape (6, 6), no other estimate shares."""
         return PoseEstimate(mean, PoseErrors.unshared(covariance))
 
-    @staticmethod
-    def exact(mean: Transform[To, From]) -> "PoseEstimate[To, From]":
-        """Known without error."""
-        return PoseEstimate.of(mean, np.zeros((POSE_SIZE, POSE_SIZE)))
-
     @property
     def covariance(self) -> NDArray[np.float64]:
         """Of a small motion of `From` in its own frame by all errors, shape (6, 6)."""
@@ -151,14 +146,9 @@ def condition(
     jacobian: NDArray[np.float64],
     noise: NDArray[np.float64],
 ) -> Conditioned:
-    """Condition errors of mean zero on ``observed = jacobian @ errors + noise``.
+    """Condition errors of mean zero and covariance `prior`, (N, N), on ``observed = jacobian @ errors + noise``.
 
-    Parameters
-    ----------
-    prior
-        Covariance of the errors, shape (N, N).
-    observed, jacobian, noise
-        Shapes (M,), (M, N) and (M, M); the noise by its covariance.
+    The shapes are (M,), (M, N) and, for the noise's covariance, (M, M).
     """
     spread = noise + jacobian @ prior @ jacobian.T
     gain = np.linalg.solve(spread, jacobian @ prior).T

@@ -90,7 +90,7 @@ def _covariance(
     shared_px2: NDArray[np.float64],
     own_px: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Covariance of the pose, shape (6, 6): the points' own errors as the residuals say, the shared ones as stated.
+    """Covariance of the pose, shape (6, 6): the points' own errors by the residuals, the shared ones as stated.
 
     Neighbours' shared errors hardly show in the residuals. An M-estimate of errors of variance v is as uncertain as
     least squares of errors of variance v times Huber's factor.

@@ -67,7 +67,7 @@ def measured_and_fitted(
 ) -> tuple[Transform[Camera, Guide], Correspondences, NDArray[np.bool_]]:
     """Measure all balls where an identity puts them and fit the pose to them as if no error were shared.
 
-    A pose that rests on few discs is first mended by a wider image.
+    A pose from few discs is first refined in wider surroundings of the balls.
     """
     pose = identity.camera_from_guide
     if len(identity) < GUIDE_MEASUREMENT.enough_identified:
@@ -95,16 +95,16 @@ def _measured_and_fitted(
     balls, alone = _measured(image, pose, settings)
     candidates = balls.seen & alone
     seen = _correspondences(image.calibration, image.guide, balls)
-    doubt_px = np.hypot(seen.standard_deviation_px, _distortion_deviation(image.calibration, balls))
-    unsure = Correspondences(seen.body_mm, seen.ideal_px, doubt_px)
+    total_sd_px = np.hypot(seen.standard_deviation_px, _distortion_deviation(image.calibration, balls))
+    of_both = Correspondences(seen.body_mm, seen.ideal_px, total_sd_px)
     used = candidates
     for _ in range(_REJECTION_ROUNDS):
         if np.count_nonzero(used) < 4:
             break
-        pose = refine_pose(camera, pose, unsure.chosen(used))
+        pose = refine_pose(camera, pose, of_both.chosen(used))
         distance = np.linalg.norm(residuals_px(camera, pose, seen), axis=1)
         kept = candidates & inliers(
-            distance / doubt_px, used, GUIDE_MEASUREMENT.outlier_sigmas, least_spread=1.0, axes=2
+            distance / total_sd_px, used, GUIDE_MEASUREMENT.outlier_sigmas, least_spread=1.0, axes=2
         )
         if np.array_equal(kept, used):
             break

@@ -66,14 +66,8 @@ def search_guide(
     Steep views are tried only when the usual ones name too few discs. After a good identity a few more pairs of its own
     discs are tried, so that an alternative that shares them (the guide turned or shifted) is found too.
 
-    Parameters
-    ----------
-    balls_mm
-        Balls in the guide's frame, shape (N, 3).
-    ideal_px
-        Undistorted centres of the discs, shape (M, 2), those that are most likely balls first.
-    pixel_mm
-        Pixel pitch at the detector.
+    The balls are in the guide's frame, shape (N, 3), the discs' undistorted centres those that are most likely balls
+    first, shape (M, 2).
     """
     if len(ideal_px) < 4:
         return []
@@ -306,18 +300,14 @@ def vote(
 
     Parameters
     ----------
-    turned_mm
-        Balls turned into every direction, shape (D, N, 3).
-    first, second
-        Ball indices of the pairs, shape (P,).
+    turned_mm, first, second
+        As in `_Views`.
     rays
         Slopes (x/z, y/z) of the rays through both discs, shape (2, 2).
     depth_range_mm
         Where the guide's origin may lie.
-    cell_from_slope
-        Affine map from slopes to cells (column, row) of the look-up map, shape (2, 3).
-    occupied
-        1 where a disc is near, shape (rows, columns).
+    cell_from_slope, occupied
+        As in `Discs`.
     probes
         Balls tested before a hypothesis is given up that has fewer than two hits after the second round, or four after
         the third. Balls are missing at random, so the first round decides nothing.

@@ -238,8 +238,8 @@ def fit_wire(
 
     Starts on a grid of axes are ranked by how much outline lies on edges; from the best ones Gauss-Newton steps with
     Cauchy weights converge to local optima, and the most likely optimum is reported. Others that explain the images
-    nearly as well (a wire seen nearly end on looks much the same from its other end; a wire may have passed the nail or
-    not) widen the covariance by their distance, in proportion to their likelihood.
+    nearly as well (seen nearly end on, a wire appears the same from its other end; it may have passed the nail) widen
+    the covariance by their distance, in proportion to their likelihood.
 
     An image in which the wire would be visible must show it: optima that one image contradicts do not count if there is
     another.

@@ -42,8 +42,8 @@ class ImageWithWires:
 def relocalise_with_wires(image: ImageWithWires, parts: Parts, wire_diameter_mm: float) -> ImageWithWires:
     """The image with its nail localised again, the wires in front of it modelled.
 
-    An image is returned as it is if its guide was not found, if it looks at the holes from aside, where they cannot be
-    open, or if no wire is detected in front of them.
+    An image is returned as it is if its guide was not found, if it was taken from aside, where no hole can be open, or
+    if no wire is detected in front of the holes.
     """
     localised, calibration = image.localised, image.localised.calibration
     if calibration is None or localised.result is None or localised.result.guide is None:
@@ -160,7 +160,8 @@ def no_holes_reasons(images: tuple[ImageWithWires, ...], parts: Parts) -> tuple[
 
     An oblique image need not show them, so it gives no reason.
     """
-    tilts = [_tilt_deg(image, parts) for image in images]
+    guides = [None if image.localised.result is None else image.localised.result.guide for image in images]
+    tilts = [None if guide is None else guide_tilt_deg(guide, parts) for guide in guides]
     along = [image for image, tilt in zip(images, tilts, strict=True) if tilt is not None and GUIDE_TILT.is_met(tilt)]
     if along:
         reasons = (reason for image in along for reason in image.localised.reasons)
@@ -181,8 +182,3 @@ def guide_tilt_deg(guide: GuideFit, parts: Parts) -> float:
     drilling = unit(np.sum([hole.axis.direction for hole in parts.guide.holes], axis=0))
     ray = unit(guide.camera_from_guide @ (NAIL_WITH_WIRES.guide_to_nail_mm * drilling))
     return float(np.degrees(angle_between_rad(guide.camera_from_guide.directions(drilling), ray)))
-
-
-def _tilt_deg(image: ImageWithWires, parts: Parts) -> float | None:
-    result = image.localised.result
-    return None if result is None or result.guide is None else guide_tilt_deg(result.guide, parts)

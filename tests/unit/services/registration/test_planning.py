@@ -68,7 +68,7 @@ def frame(
 def asked(newest: LocalisedFrame, *earlier: LocalisedFrame, knows: tuple[LocalisedFrame, ...] | None = None) -> object:
     state = RegistrationState("registration-1", 10, 0.5, lambda: 0.0)
     for one in (*earlier, newest) if knows is None else knows:
-        state.note_localised(one)
+        state.images.note(one)
     request = PlanRequest(
         case_id="case-1",
         image_sha256=newest.record.image.sha256,

@@ -18,7 +18,7 @@ JITTER = HOME.model_copy(update={"x_mm": 0.0004})
 def knowing(*frames: LocalisedFrame, kept: int = 10) -> RegistrationState:
     state = RegistrationState("registration-1", kept, 0.5, lambda: 0.0)
     for one in frames:
-        state.note_localised(one)
+        state.images.note(one)
     return state
 
 
@@ -36,16 +36,16 @@ def test_images_beside_another_are_accepted_ones_with_the_robot_as_far_as_encode
         frame(localised("d"), None),
         newest,
     )
-    assert names(state.accepted_beside(newest, (newest.record.image.sha256,))) == ["a"]
-    assert names(state.accepted_elsewhere(newest)) == ["b"]
+    assert names(state.images.accepted_beside(newest, (newest.record.image.sha256,))) == ["a"]
+    assert names(state.images.accepted_elsewhere(newest)) == ["b"]
 
 
 def test_the_last_accepted_image_of_each_place_outlives_a_run() -> None:
     run = [frame(localised(name), AWAY) for name in "cdefgh"]
     state = knowing(frame(localised("a")), frame(localised("b")), *run, kept=3)
-    assert names(state.accepted_elsewhere(run[-1])) == ["b"]
-    assert state.localised(sha256_of(b"h")) is run[-1]
-    assert state.localised(sha256_of(b"c")) is None
+    assert names(state.images.accepted_elsewhere(run[-1])) == ["b"]
+    assert state.images.get(sha256_of(b"h")) is run[-1]
+    assert state.images.get(sha256_of(b"c")) is None
 
 
 def test_pixels_that_come_late_are_not_the_newest() -> None:

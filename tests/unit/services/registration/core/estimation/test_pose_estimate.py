@@ -65,7 +65,7 @@ def test_a_chain_keeps_the_shared_factors_of_its_last_link() -> None:
     errors = PoseErrors(np.array([0.3]), np.eye(size) * 1e-4, np.full((size, 1), 0.01), np.ones((size, 2)) * 1e-3, ray)
     nail = PoseEstimate(PREDICTED, errors)
     guide: Transform[Guide, Camera] = Transform.from_rotvec([0.0, 0.1, 0.3], [5.0, -2.0, -640.0])
-    chained = PoseEstimate.exact(guide) @ nail
+    chained = PoseEstimate.of(guide, np.zeros((6, 6))) @ nail
     assert chained.covariance == pytest.approx(nail.covariance)
     assert chained.errors.model_loadings == pytest.approx(errors.model_loadings)
     assert chained.errors.ray == pytest.approx(ray)
