@@ -92,6 +92,12 @@ BENCHMARKS: Final = {
     "foreign_objects": Benchmark(
         "robustness.foreign_objects", "robustness", "images with things in the way of the beam, kind by kind"
     ),
+    "bent_nails": Benchmark(
+        "robustness.bent_nails", "robustness", "nails that are bent or made otherwise than their file says"
+    ),
+    "built_parts": Benchmark(
+        "robustness.built_parts", "robustness", "rings, guides and nails built otherwise than their files say"
+    ),
     "guidance": Benchmark(
         "accuracy.guidance",
         "guidance",

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.geometry.frames import Nail
 from shared.geometry.lines import Line
-from shared.geometry.parts import BallPattern
+from shared.geometry.parts import BallPattern, Hole
+from shared.geometry.transform import Transform
 from simulation.render import tracer
 from simulation.render.anatomy import bone_shapes, spongy_row
 from simulation.render.attenuation import Material
@@ -14,12 +16,13 @@ from simulation.render.distortion import measured_from_ideal
 from simulation.render.rows import Shapes, bar_row, ellipsoid_row, joined
 from simulation.render.texture import VOXEL_MM, trabecular_volume
 from simulation.render.tiles import TILE_PX, sort_into_tiles
+from simulation.scenario.frames import Beam
 from simulation.scenario.values import Scenario
 from simulation.world.poses import Rod, World
 
 Floats = NDArray[np.float64]
 
-_NAIL_LENGTH_MM = 330.0
+NAIL_LENGTH_MM = 330.0
 _USUAL_CHAMFER_MM = 0.4
 _BEYOND_MM = 40.0
 
@@ -111,20 +114,25 @@ def _nail_shapes(scenario: Scenario, world: World) -> Shapes:
     radius, x = nail.radius_mm, np.array([1.0, 0.0, 0.0])
     axis = Line(np.zeros(3), x)
     tip = nail.tip_x_mm
-    bars = [(tracer.NAIL, bar_row(pose, axis, radius, -_NAIL_LENGTH_MM, tip - radius))]
+    bars = [(tracer.NAIL, bar_row(pose, axis, radius, -NAIL_LENGTH_MM, tip - radius))]
     if nail.cannulation_diameter_mm > 0.0:
         bars.append(
-            (tracer.NAIL_VOID, bar_row(pose, axis, 0.5 * nail.cannulation_diameter_mm, -_NAIL_LENGTH_MM, tip + 1.0))
+            (tracer.NAIL_VOID, bar_row(pose, axis, 0.5 * nail.cannulation_diameter_mm, -NAIL_LENGTH_MM, tip + 1.0))
         )
-    for hole in nail.holes:
-        chamfer = _USUAL_CHAMFER_MM if hole.chamfer_mm is None else hole.chamfer_mm
-        bore, rim = 0.5 * hole.diameter_mm, radius - chamfer
-        bars.append((tracer.NAIL_VOID, bar_row(pose, hole.axis, bore, -_BEYOND_MM, _BEYOND_MM)))
-        for direction in (hole.axis.direction, -hole.axis.direction):
-            outwards = Line(hole.axis.point_mm, direction)
-            bars.append((tracer.NAIL_VOID, bar_row(pose, outwards, bore - rim, rim, radius + 1.0, slope=1.0)))
+    bars += [(tracer.NAIL_VOID, row) for hole in nail.holes for row in bore_rows(pose, hole, radius)]
     end = ellipsoid_row(pose, np.array([tip - radius, 0.0, 0.0]), np.full(3, radius))
     return Shapes(ellipsoids=((tracer.NAIL, end),), bars=tuple(bars))
+
+
+def bore_rows(pose: Transform[Beam, Nail], hole: Hole, radius_mm: float) -> list[Floats]:
+    """Rows of a hole through a nail of some radius: its bore, and the chamfers of both rims."""
+    chamfer = _USUAL_CHAMFER_MM if hole.chamfer_mm is None else hole.chamfer_mm
+    bore, rim = 0.5 * hole.diameter_mm, radius_mm - chamfer
+    rows = [bar_row(pose, hole.axis, bore, -_BEYOND_MM, _BEYOND_MM)]
+    for direction in (hole.axis.direction, -hole.axis.direction):
+        outwards = Line(hole.axis.point_mm, direction)
+        rows.append(bar_row(pose, outwards, bore - rim, rim, radius_mm + 1.0, slope=1.0))
+    return rows
 
 
 def _delrin_rows(scenario: Scenario, world: World) -> Floats:

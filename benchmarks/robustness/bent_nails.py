@@ -1,0 +1,142 @@
+"""Own scenes with nails that are bent or made otherwise than a straight bar; part of docs/benchmarks/robustness.md.
+
+usage: distalock bench bent_nails [--kind NAME ...] [--count 20] [--seeds judged] [--rows FILE] [--images FOLDER]
+
+The part file that a localisation gets stays that of the straight nail with two parallel round holes. The truth of each
+hole is its own axis. A bent nail keeps the place and the tangent of its file halfway between the holes.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail
+from benchmarks.robustness.changed_parts import with_nail_holes
+from benchmarks.robustness.command import RobustnessBench, run_bench
+from benchmarks.robustness.kinds import Kind, rendered_kind
+from benchmarks.robustness.scene import ChangePacked, Drawn, RobustScene, generator_of, rendered, scene_of_shot
+from benchmarks.scenes.random_scenes import scene_of_seed
+from shared.geometry.lines import Line
+from simulation.render import tracer
+from simulation.render.rows import ellipsoid_row
+from simulation.render.scene import bore_rows
+from simulation.render.tracer import PackedScene
+from simulation.scenario.values import Scenario
+from simulation.world.poses import World, starting_state, world_at
+
+_RADII_MM = ((300.0, 700.0), (700.0, 1500.0), (1500.0, 3000.0))
+_STRAIGHT_BEFORE_MM = 60.0
+# Bores side by side make a slot; by so much apart they leave ridges of less than 0.01 mm.
+_SLOT_STEP_MM = 0.3
+_BULLET = (0.3, 3.0)
+
+
+def bent_scene(radii_mm: tuple[float, float], kind: str, seed: int) -> RobustScene:
+    """Constant curvature in a random plane, from at most 60 mm before the proximal hole."""
+    generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
+    nail, state = scenario.parts.nail, starting_state(scenario)
+    first_mm = min(float(hole.axis.point_mm[0]) for hole in nail.holes)
+    radius = float(np.exp(generator.uniform(*np.log(radii_mm))))
+    direction, before = float(generator.uniform(0.0, 2.0 * np.pi)), float(generator.uniform(0.0, _STRAIGHT_BEFORE_MM))
+    bend = Bend(radius, direction, first_mm - before)
+    shot = rendered(scenario, state, lambda packed, world: with_bent_nail(packed, nail, bend, world))
+    drawn: Drawn = {"radius_mm": radius, "direction_rad": direction, "start_mm": bend.start_mm}
+    return scene_of_shot(kind, scenario, shot, drawn, bent_truths(nail, bend, world_at(scenario, state)))
+
+
+def hole_spacing(kind: str, seed: int) -> RobustScene:
+    """Holes 0.1 to 0.7 mm nearer or farther apart than the file says."""
+    generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
+    off_mm = float(generator.choice([-1.0, 1.0]) * generator.uniform(0.1, 0.7))
+
+    def moved(axis: Line) -> Line:
+        shift = 0.5 * off_mm * np.sign(axis.point_mm[0])
+        return Line(axis.point_mm + np.array([shift, 0.0, 0.0]), axis.direction)
+
+    return _straight_scene(kind, with_nail_holes(scenario, moved), {"off_mm": off_mm})
+
+
+def tilted_holes(kind: str, seed: int) -> RobustScene:
+    """Hole axes 0.2 to 1 degree askew against each other, about the middles of the holes."""
+    generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
+    angle_deg, turn = float(generator.uniform(0.2, 1.0)), float(generator.uniform(0.0, 2.0 * np.pi))
+    lean = np.tan(np.radians(0.5 * angle_deg)) * np.array([np.cos(turn), np.sin(turn), 0.0])
+
+    def tilted(axis: Line) -> Line:
+        direction = axis.direction + np.sign(axis.point_mm[0]) * lean
+        return Line(axis.point_mm, direction / np.linalg.norm(direction))
+
+    return _straight_scene(kind, with_nail_holes(scenario, tilted), {"angle_deg": angle_deg, "turn_rad": turn})
+
+
+def chamfers(kind: str, seed: int) -> RobustScene:
+    """Both rims of both holes countersunk to a depth from none to 1 mm."""
+    depth_mm, scenario = float(generator_of(kind, seed).uniform(0.0, 1.0)), scene_of_seed(seed)
+    nail = scenario.parts.nail
+    holes = tuple(replace(hole, chamfer_mm=depth_mm) for hole in nail.holes)
+    changed = replace(scenario, parts=replace(scenario.parts, nail=replace(nail, holes=holes)))
+    return _straight_scene(kind, changed, {"depth_mm": depth_mm})
+
+
+def rounded_tip(kind: str, seed: int) -> RobustScene:
+    """A tip from nearly flat (0.3 radii deep) to a bullet (3 radii), where the file's is half a ball."""
+    share, scenario = float(generator_of(kind, seed).uniform(*_BULLET)), scene_of_seed(seed)
+    nail = scenario.parts.nail
+    depth = share * nail.radius_mm
+
+    def tipped(packed: PackedScene, world: World) -> PackedScene:
+        half_axes = np.array([depth, nail.radius_mm, nail.radius_mm])
+        end = ellipsoid_row(world.beam_from_nail, np.array([nail.tip_x_mm - depth, 0.0, 0.0]), half_axes)
+        bars, ellipsoids = packed.bars.copy(), packed.ellipsoids.copy()
+        bars[packed.bar_class == tracer.NAIL, 9] = nail.tip_x_mm - depth
+        ellipsoids[packed.ellipsoid_class == tracer.NAIL] = end
+        return packed._replace(bars=bars, ellipsoids=ellipsoids)
+
+    return _straight_scene(kind, scenario, {"radii": share}, tipped)
+
+
+def oblong_slot(kind: str, seed: int) -> RobustScene:
+    """The proximal hole 2 to 6 mm longer along the nail than the file says; its axis is that of the slot's middle."""
+    longer_mm, scenario = float(generator_of(kind, seed).uniform(2.0, 6.0)), scene_of_seed(seed)
+    nail = scenario.parts.nail
+    hole = min(nail.holes, key=lambda one: float(one.axis.point_mm[0]))
+    count = int(np.ceil(longer_mm / _SLOT_STEP_MM)) + 1
+
+    def slotted(packed: PackedScene, world: World) -> PackedScene:
+        rows = []
+        for shift in np.linspace(-0.5 * longer_mm, 0.5 * longer_mm, count):
+            point = hole.axis.point_mm + np.array([shift, 0.0, 0.0])
+            moved = replace(hole, axis=Line(point, hole.axis.direction))
+            rows += bore_rows(world.beam_from_nail, moved, nail.radius_mm)
+        classes = np.full(len(rows), tracer.NAIL_VOID)
+        return packed._replace(
+            bars=np.concatenate([packed.bars, rows]), bar_class=np.concatenate([packed.bar_class, classes])
+        )
+
+    return _straight_scene(kind, scenario, {"longer_mm": longer_mm}, slotted)
+
+
+def _straight_scene(
+    kind: str, scenario: Scenario, drawn: Drawn, change: ChangePacked = lambda packed, _: packed
+) -> RobustScene:
+    shot = rendered(scenario, starting_state(scenario), change)
+    return scene_of_shot(kind, scenario, shot, drawn, shot.truth.holes)
+
+
+KINDS: tuple[Kind, ...] = (
+    *(rendered_kind(f"bent_{low:.0f}_to_{high:.0f}", partial(bent_scene, (low, high))) for low, high in _RADII_MM),
+    *(rendered_kind(make.__name__, make) for make in (hole_spacing, tilted_holes, chamfers, rounded_tip, oblong_slot)),
+)
+BENCH = RobustnessBench("bent_nails", "nails that are bent or made otherwise than their file says", KINDS)
+
+
+def main(arguments: Sequence[str] = ()) -> int:
+    """Run the kinds of this benchmark."""
+    return run_bench(BENCH, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
