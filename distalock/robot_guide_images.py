@@ -10,11 +10,10 @@ from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.localise import unmirrored
+from services.registration.core.tuning import GUIDE_MEASUREMENT
 from shared.errors import Rejected
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.parts import GuidePart, RingPart
-
-LARGEST_GUIDE_RESIDUAL_PX = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,11 +44,12 @@ def observe_guide(
     if isinstance(found, Rejected):
         return Seen(None, found.reasons[0].message)
     fit = found.value
-    if fit.reprojection_rms_px > LARGEST_GUIDE_RESIDUAL_PX:
+    if fit.reprojection_rms_px > GUIDE_MEASUREMENT.calibration_rms_px:
         return Seen(
             None,
-            f"the guide's balls are {fit.reprojection_rms_px:.2f} px from where its file puts them (limit "
-            f"{LARGEST_GUIDE_RESIDUAL_PX:g}); the block is bent or is another guide: replace it or measure it anew",
+            f"the guide's balls are {fit.reprojection_rms_px:.2f} px from where its file puts them "
+            f"(limit {GUIDE_MEASUREMENT.calibration_rms_px:g}); the block is bent or is another guide: replace it or "
+            "measure it anew",
         )
     ring_from_camera = calibration.camera_from_ring.inverse()
     return Seen(

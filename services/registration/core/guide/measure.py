@@ -15,10 +15,6 @@ from shared.geometry.parts import BallPattern, GuidePart, RingPart
 from shared.geometry.transform import Transform
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings, measure_balls
 
-_REJECTION_ROUNDS = 4
-# 1000 mm from focal spot to detector in pixels of 0.235 mm.
-_USUAL_FOCAL_LENGTH_PX = 4255.0
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GuideImage:
@@ -73,7 +69,7 @@ def measured_and_fitted(
     if len(identity) < GUIDE_MEASUREMENT.enough_identified:
         wide = _measured_and_fitted(image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.wide_drift_px))
         pose, _, used = wide
-        if np.count_nonzero(used) < 4:
+        if np.count_nonzero(used) < GUIDE_MEASUREMENT.fewest_balls:
             return wide
     return _measured_and_fitted(image, pose, _settings(image.calibration, GUIDE_MEASUREMENT.drift_px))
 
@@ -81,7 +77,7 @@ def measured_and_fitted(
 def _settings(calibration: CArmCalibration, drift_px: float) -> MeasurementSettings:
     """How to measure: blur is a matter of millimetres, so that finer pixels need wider surroundings."""
     usual = MeasurementSettings()
-    finer = max(1.0, calibration.camera.focal_length_px / _USUAL_FOCAL_LENGTH_PX)
+    finer = max(1.0, calibration.camera.focal_length_px / GUIDE_MEASUREMENT.usual_focal_length_px)
     return MeasurementSettings(
         reach_px=usual.reach_px * finer, blur_px=usual.blur_px * finer, drift_px=drift_px * finer
     )
@@ -98,8 +94,8 @@ def _measured_and_fitted(
     total_sd_px = np.hypot(seen.standard_deviation_px, _distortion_deviation(image.calibration, balls))
     of_both = Correspondences(seen.body_mm, seen.ideal_px, total_sd_px)
     used = candidates
-    for _ in range(_REJECTION_ROUNDS):
-        if np.count_nonzero(used) < 4:
+    for _ in range(GUIDE_MEASUREMENT.most_rounds):
+        if np.count_nonzero(used) < GUIDE_MEASUREMENT.fewest_balls:
             break
         pose = refine_pose(camera, pose, of_both.chosen(used))
         distance = np.linalg.norm(residuals_px(camera, pose, seen), axis=1)

@@ -6,8 +6,7 @@ sharpened by edge enhancement (`imaging_chain.py`).
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,7 @@ from services.registration.core.nail.imaging_chain import (
     ImagingChain,
     Real,
     Sampling,
-    derivative_before_sharpening,
-    derivative_of_sharpening,
+    chain_derivative,
     imaging_chain,
 )
 from services.registration.core.nail.noise import WhiteningFilter
@@ -39,10 +37,18 @@ from services.registration.core.nail.parameters import (
 )
 from services.registration.core.nail.rays import LEAST_RAYS_TO_SHARE, SAMPLES_PX, rays_of
 from services.registration.core.nail.region import FitInput, FitRegion, cut_region
-from services.registration.core.tuning import BEAM, RAY_SAMPLING
+from services.registration.core.tuning import (
+    BEAM,
+    RAY_SAMPLING,
+    CentringStage,
+    ComparisonStage,
+    FinalStage,
+    NailTracking,
+    TiltSearchStage,
+)
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.parts import Hole, NailPart
+from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 from shared.two_cores import mapped, on_both_halves
 from shared.xray.pixel_scale import quantised_pitch_mm
@@ -51,26 +57,8 @@ from shared.xray.pixel_scale import quantised_pitch_mm
 _PATH_PARAMETERS = tuple(Parameter)[: Parameter.HARDENING + 1]
 # Images with fewer pixels in all are done sooner than handed to another core.
 _LEAST_PIXELS_TO_SHARE = 100_000
-
-
-class StageSettings(Protocol):
-    """What a stage of the fit compares (`core/tuning.py`)."""
-
-    @property
-    def smoothing_px(self) -> float:
-        """Gaussian after reduction."""
-
-    @property
-    def surroundings_mm(self) -> float:
-        """Surroundings of the holes."""
-
-    @property
-    def knot_spacing_mm(self) -> float:
-        """Spacing of the background's knots."""
-
-    @property
-    def texture_sd(self) -> float:
-        """Prior of the second differences between knots, in units of the region's brightness."""
+# What a stage of the fit compares.
+StageSettings = CentringStage | TiltSearchStage | ComparisonStage | FinalStage | NailTracking
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,8 +121,8 @@ def trace_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> 
     """Trace all rays of the region."""
     region, count = model.region, len(model.region.support)
     transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
-    shape, s = _nail_shape(model, parameters), RAY_SAMPLING
-    limits = TraceLimits(s.edge_reach_px, s.uniform_difference, s.softening_px, s.near_edge_in_steps)
+    shape = _nail_shape(model, parameters)
+    limits = TraceLimits(*astuple(RAY_SAMPLING))
 
     def trace_part(part: slice) -> None:
         rays, steel = rays_of(region.rays, part), region.steel.of(part)
@@ -149,19 +137,18 @@ def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailSha
     rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], model.camera, model.anchors)
     excess = parameters[Parameter.HOLE_RADIUS_EXCESS_MM]
     radius_mm = float(nail.radius_mm + parameters[Parameter.NAIL_RADIUS_EXCESS_MM])
+    widening_mm = radius_mm - chamfer(nail, parameters)[0]
     return NailShape(
         rotation=np.ascontiguousarray(rotation),
         translation_mm=np.ascontiguousarray(translation_mm),
         radius_mm=radius_mm,
         cannulation_radius_mm=0.5 * nail.cannulation_diameter_mm,
-        bores=np.array([_bore_row(h, excess, radius_mm - chamfer(nail, parameters)[0]) for h in nail.holes]),
+        bores=np.array(
+            [(*h.axis.point_mm, *h.axis.direction, 0.5 * h.diameter_mm + excess, widening_mm) for h in nail.holes]
+        ),
         material=(attenuation_per_mm(nail, parameters), float(parameters[Parameter.HARDENING]), BEAM.hardest_share),
         steel_in_nail_material=steel_in_material(nail),
     )
-
-
-def _bore_row(hole: Hole, excess_mm: float, widening_mm: float) -> tuple[float, ...]:
-    return (*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm)
 
 
 def visible_fraction(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float64]:
@@ -192,10 +179,8 @@ def visible_fraction_derivatives(
         return sharpened_values(slope * chain.blurred(change))
 
     def by_chain(parameter: Parameter) -> NDArray[np.float64]:
-        at = parameter, model.region.sampling, traced.parameters
-        if parameter in SHARPENING_PARAMETERS:
-            return model.compared_values(derivative_of_sharpening(*at, chain, images))
-        return sharpened_values(derivative_before_sharpening(*at, transmission, chain, images))
+        change = chain_derivative(parameter, model.region.sampling, traced.parameters, transmission, images)
+        return model.compared_values(change) if parameter in SHARPENING_PARAMETERS else sharpened_values(change)
 
     by_path = _transmission_derivatives(model, traced, free)
     columns = mapped(lambda change: by_transmission(change * guide_single), by_path, least)

@@ -1,6 +1,6 @@
 """From transmission to grey value: blur, the display's curve, edge enhancement."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeVar
 
@@ -129,73 +129,44 @@ def imaging_chain(sampling: Sampling, parameters: NDArray[np.float64]) -> Imagin
         exponent = _LEAST_BEND
     # so that the bend hardly depends on the exponent
     curve = float(np.clip(2.0 * parameters[Parameter.CURVE] / (1.0 - exponent), _LEAST_BEND, _LARGEST_BEND))
-    rise, grey_rise = float(np.expm1(curve)), float(np.expm1(exponent * curve))
-    without_optics = ImagingChain(
-        blur_px=0.0,
-        tail_share=0.0,
-        tail_px=0.0,
-        rise=rise,
-        grey_rise=grey_rise,
-        exponent=exponent,
-        sharpening=0.0,
-        sharpening_px=0.0,
-    )
-    return _with_optics(without_optics, sampling, parameters)
-
-
-def _with_optics(chain: ImagingChain, sampling: Sampling, parameters: NDArray[np.float64]) -> ImagingChain:
-    """A chain with the same curve, and the parameters' blur and edge enhancement."""
     blur_px = sampling.blur_px(parameters)
     tail_px = float(np.exp(parameters[Parameter.LOG_TAIL_WIDTH])) * blur_px
     sharpening_px = float(np.exp(parameters[Parameter.LOG_SHARPENING_WIDTH_PX])) * sampling.usual_pixel_px
-    return replace(
-        chain,
+    return ImagingChain(
         blur_px=float(np.hypot(blur_px / sampling.reduction, sampling.smoothing_px)),
         tail_share=float(parameters[Parameter.TAIL_SHARE]),
         tail_px=float(np.hypot(tail_px / sampling.reduction, sampling.smoothing_px)),
+        rise=float(np.expm1(curve)),
+        grey_rise=float(np.expm1(exponent * curve)),
+        exponent=exponent,
         sharpening=float(parameters[Parameter.SHARPENING]),
         sharpening_px=sharpening_px / sampling.reduction,
     )
 
 
-def derivative_before_sharpening(
+def chain_derivative(
     parameter: Parameter,
     sampling: Sampling,
     parameters: NDArray[np.float64],
     transmission: NDArray[np.float64],
-    chain: ImagingChain,
     images: ChainImages,
 ) -> NDArray[np.float32]:
-    """Derivative of the tone-mapped fraction by a parameter of blur or curve: a difference, and the curve's slope.
+    """Derivative by a parameter of the chain: of the sharpened fraction by edge enhancement, else of the tone-mapped.
+
+    A difference; for the blur it is taken before the curve and multiplied by the curve's slope.
 
     Parameters
     ----------
-    chain, images
-        The chain with these parameters, and its images of the transmission.
+    images
+        Of the transmission through the chain with these parameters.
     """
-    moved = _moved(parameter, parameters)
-    if parameter in _BLUR_PARAMETERS:
-        blurred = _with_optics(chain, sampling, moved).blurred(transmission)
-        change = chain.tone_slope(images) * (blurred - images.blurred)
-    else:  # of the curve
-        change = imaging_chain(sampling, moved).tone_mapped(images.blurred) - images.tone_mapped
-    return np.asarray(change / _DERIVATIVE_STEP, dtype=np.float32)
-
-
-def derivative_of_sharpening(
-    parameter: Parameter,
-    sampling: Sampling,
-    parameters: NDArray[np.float64],
-    chain: ImagingChain,
-    images: ChainImages,
-) -> NDArray[np.float32]:
-    """Derivative of the sharpened fraction by a parameter of the edge enhancement; arguments as above."""
-    moved = _with_optics(chain, sampling, _moved(parameter, parameters))
-    change = moved.sharpened(images.tone_mapped) - images.sharpened
-    return np.asarray(change / _DERIVATIVE_STEP, dtype=np.float32)
-
-
-def _moved(parameter: Parameter, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     moved = parameters.copy()
     moved[parameter] += _DERIVATIVE_STEP
-    return moved
+    chain = imaging_chain(sampling, moved)
+    if parameter in SHARPENING_PARAMETERS:
+        change = chain.sharpened(images.tone_mapped) - images.sharpened
+    elif parameter in _BLUR_PARAMETERS:
+        change = chain.tone_slope(images) * (chain.blurred(transmission) - images.blurred)
+    else:  # of the curve
+        change = chain.tone_mapped(images.blurred) - images.tone_mapped
+    return np.asarray(change / _DERIVATIVE_STEP, dtype=np.float32)

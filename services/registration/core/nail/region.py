@@ -165,23 +165,28 @@ def cut_region(
     grid = grid_around(calibration, bounds, camera_from_nail, sampling.reduction, reach_px + 1)
     if grid is None:
         return None
-    slopes = _slopes(calibration, grid)
+    rays_camera = calibration.rays_camera_of_grid(*grid.axes_px)
+    slopes = rays_camera[..., :2] / rays_camera[..., 2:]
     along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
     inside = (along > bounds.first_x_mm) & (along < bounds.last_x_mm) & (np.abs(across) < bounds.half_width_mm)
     inside &= _usable(grid, calibration, occluders).ravel()
     if np.count_nonzero(inside) * grid.reduction**2 < FIT_REGION.least_pixels:
         return None
     compared = np.flatnonzero(inside)
-    support = np.flatnonzero(_dilated(inside.reshape(grid.shape), reach_px))
+    square = np.ones((2 * reach_px + 1,) * 2, np.uint8)
+    support = np.flatnonzero(cv2.dilate(inside.reshape(grid.shape).astype(np.uint8), square))
     rays = rays_of(pixel_rays(slopes), support)
     penumbra = Penumbra.beside(calibration, float(camera_from_nail.translation_mm[2]), grid.reduction)
-    delrin = _guide_body_paths(rays, occluders, penumbra)
+    halves = on_both_halves(
+        lambda part: guide_body_path_mm(rays_of(rays, part), occluders, penumbra), len(support), LEAST_RAYS_TO_SHARE
+    )
+    delrin = np.concatenate(halves)
     delrin_excess = np.zeros(grid.shape)
     delrin_excess.ravel()[support] = delrin - np.median(delrin[inside[support]])
     grey = grid.blocks_of(fit_input.pixels).mean(axis=(1, 3), dtype=np.float64)
     if sampling.smoothing_px > 0.0:
         grey = blurred_image(grey, sampling.smoothing_px)
-    grey_scale = float(np.percentile(grey.ravel()[compared], 95.0)) or 1.0
+    grey_scale = float(np.percentile(grey.ravel()[compared], FIT_REGION.white_percentile)) or 1.0
     return FitRegion(
         sampling=sampling,
         shape=grid.shape,
@@ -223,16 +228,14 @@ def _steel_beside(
 
 def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
     """Inside the aperture, and not covered by something of unknown shape; shape (rows, columns)."""
-    seen = _in_aperture(calibration, grid)
+    seen = np.ones(grid.shape, dtype=bool)
+    if calibration.aperture is not None:
+        x_px, y_px = grid.axes_px
+        margin_px = pixels_of(FIT_REGION.aperture_margin_detector_mm, calibration.pixel_mm)
+        seen = calibration.aperture.holds(x_px, y_px[:, None], margin_px)
     if occluders.hidden is not None:
         seen &= ~grid.blocks_of(occluders.hidden).any(axis=(1, 3))
     return seen
-
-
-def _slopes(calibration: CArmCalibration, grid: PixelGrid) -> NDArray[np.float64]:
-    """Directions at z = 1 of the rays through the grid's pixels, shape (rows, columns, 2)."""
-    rays = calibration.rays_camera_of_grid(*grid.axes_px)
-    return np.asarray(rays[..., :2] / rays[..., 2:])
 
 
 def _nail_plane(
@@ -244,26 +247,3 @@ def _nail_plane(
     depth = -(spot @ normal) / (directions @ normal)
     where = spot + depth[:, None] * directions
     return where[:, 0], where @ np.cross(normal, [1.0, 0.0, 0.0])
-
-
-def _in_aperture(calibration: CArmCalibration, grid: PixelGrid) -> NDArray[np.bool_]:
-    if calibration.aperture is None:
-        return np.ones(grid.shape, dtype=bool)
-    x_px, y_px = grid.axes_px
-    margin_px = pixels_of(FIT_REGION.aperture_margin_detector_mm, calibration.pixel_mm)
-    return calibration.aperture.holds(x_px, y_px[:, None], margin_px)
-
-
-def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    square = np.ones((2 * reach + 1,) * 2, np.uint8)
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), square) > 0)
-
-
-def _guide_body_paths(rays: PixelRays, occluders: Occluders, penumbra: Penumbra) -> NDArray[np.float64]:
-    """Mean path in the guide's body over a few samples of every pixel, shape (S,), in mm."""
-    halves = on_both_halves(
-        lambda part: guide_body_path_mm(rays_of(rays, part), occluders, penumbra),
-        len(rays.slopes),
-        LEAST_RAYS_TO_SHARE,
-    )
-    return np.concatenate(halves)

@@ -80,7 +80,8 @@ def measure_opening(
         points = _crossings(grey, centre - corner_px, radius_px, pixel_mm) + corner_px
         if len(points) < OPENING_OUTLINE.least_points:
             return None
-        centre = np.asarray(0.5 * (np.percentile(points, 4, axis=0) + np.percentile(points, 96, axis=0)))
+        tail = OPENING_OUTLINE.extent_percentile
+        centre = np.asarray(np.percentile(points, (tail, 100.0 - tail), axis=0).mean(axis=0))
     ideal = calibration.distortion.undistort(points)
     fitted = _fit_without_covered(ideal, radius_px, pixel_mm)
     if fitted is None:
@@ -146,8 +147,9 @@ def _fit_without_covered(
             return None
         residual = ellipse.signed_distance_px(points_px)
         residual = residual - np.median(residual[used])
-        tolerance = max(least_px, (3.0 - 0.4 * attempt) * 1.48 * float(np.median(np.abs(residual[used]))))
-        used = (residual > -tolerance) & (residual < 1.5 * tolerance)
+        deviations = s.first_tolerance_sd - s.tolerance_step_sd * attempt
+        tolerance = max(least_px, deviations * 1.48 * float(np.median(np.abs(residual[used]))))
+        used = (residual > -tolerance) & (residual < s.outer_tolerance * tolerance)
     return None if ellipse is None else (ellipse, used)
 
 
