@@ -6,8 +6,8 @@ INSTALLED := .venv/.installed
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 # How many processes share the tests. A file's tests stay in one of them, with the fixtures that they share; the folders
-# with the longest files come first, so that no process ends long before the others. End-to-end tests run by themselves:
-# an installation is seven processes, and some of its tests hold safety deadlines.
+# with the longest files come first, so that no process ends long before the others. End-to-end tests run beside them in
+# one more: they mostly wait. Some of them hold safety deadlines, so that the others yield the processor to them.
 WORKERS ?= 2
 PYTEST := $(BIN)/python -m pytest -q
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
@@ -16,7 +16,7 @@ T ?= tests/unit
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
 
-.PHONY: help setup demo test check lint tests unit mutation bench lock generated wheel-check clean
+.PHONY: help setup demo test check lint tests e2e-tests other-tests unit mutation bench lock generated wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
@@ -45,9 +45,9 @@ $(COMPILED): $(INSTALLED) $(KERNELS)
 demo: $(COMPILED)
 	$(BIN)/distalock demo $(ARGS)
 
-# Each half prints little unless it fails, so that both can run at the same time.
+# Each part prints little unless it fails, so that they can run at the same time.
 test: setup
-	@$(MAKE) --no-print-directory --jobs=2 lint tests
+	@$(MAKE) --no-print-directory --jobs=3 lint tests
 
 check: setup
 	@$(MAKE) --no-print-directory --jobs=2 lint quick-tests
@@ -59,9 +59,13 @@ lint: setup
 	@$(BIN)/python -m tools.generate --check
 	@$(BIN)/mypy
 
-tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) tests/accuracy tests/contract tests/property tests/unit
+tests: e2e-tests other-tests
+
+e2e-tests: $(COMPILED)
 	$(PYTEST) tests/e2e
+
+other-tests: $(COMPILED)
+	nice -n 10 $(PYTEST) $(PARALLEL) tests/accuracy tests/contract tests/property tests/unit
 
 quick-tests: $(COMPILED)
 	$(PYTEST) $(PARALLEL) tests/contract tests/property tests/unit
