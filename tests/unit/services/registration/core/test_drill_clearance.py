@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import ncx2
 
-from services.registration.core.drill_clearance import AxisOffset, across_basis, axis_offset_mm
+from services.registration.core.drill_clearance import AxisOffset, across_basis, angle_deg, axis_offset_mm
 from shared.geometry.lines import Line
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -35,6 +35,7 @@ def test_a_bias_counts() -> None:
 
 @pytest.mark.parametrize("hole_mm", [4.0, 3.9])
 def test_no_play_no_chance(hole_mm: float) -> None:
+    assert offset(np.zeros((4, 4))).clearance_probability(hole_mm, 4.0) == 0.0
     assert offset(1e-12 * np.eye(4)).clearance_probability(hole_mm, 4.0) == 0.0
 
 
@@ -47,6 +48,43 @@ def test_predicted_rms_of_both_errors() -> None:
     assert made.axis_bound_deg == pytest.approx(np.degrees(0.03 * np.sqrt(2.0) / 11.0) * 2.4477, rel=1e-4)
 
 
+def test_sizes_of_an_offset_at_entry_and_exit() -> None:
+    made = offset(np.eye(4), (0.3, -0.4, 1.2, 0.5))
+    assert made.entry_mm == pytest.approx(0.5)
+    assert made.exit_mm == pytest.approx(1.3)
+
+
+def test_bounds_follow_the_worst_direction_and_predicted_rms_both() -> None:
+    """Variances across: 0.04 and 0.01 mm² at the entry, 0.06 and 0.0025 mm² at the exit, all independent."""
+    made = offset(np.diag([0.01, 0.04, 0.0025, 0.06]))
+    assert made.entry_sd_mm == pytest.approx(np.sqrt(0.05))
+    assert made.entry_bound_mm == pytest.approx(2.4477 * 0.2, rel=1e-4)
+    assert made.axis_sd_deg == pytest.approx(np.degrees(np.sqrt(0.1125) / 11.0))
+    assert made.axis_bound_deg == pytest.approx(2.4477 * np.degrees(np.sqrt(0.1) / 11.0), rel=1e-4)
+
+
+@pytest.mark.parametrize(("off_mm", "chance"), [(0.75, 1.0), (0.7501, 0.0)])
+@pytest.mark.parametrize("end", [0, 1, 2, 3])
+def test_a_drill_that_touches_the_wall_at_either_end_still_passes(end: int, off_mm: float, chance: float) -> None:
+    mean = off_mm * np.eye(4)[end]
+    assert offset(np.zeros((4, 4)), tuple(mean)).clearance_probability(5.5, 4.0) == chance
+
+
+def test_a_covariance_that_rounding_made_slightly_negative_has_a_chance() -> None:
+    assert offset(np.diag([0.01, 0.01, 0.01, -1e-18])).clearance_probability(5.5, 4.0) > 0.99
+
+
+def test_offset_and_covariance_cannot_be_changed() -> None:
+    made = offset(np.eye(4))
+    for array in (made.mean_mm, made.covariance_mm2):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_the_angle_between_axes_is_in_degrees() -> None:
+    assert angle_deg(Line(np.zeros(3), Z), Line(np.ones(3), np.array([0.0, 1.0, 1.0]))) == pytest.approx(45.0)
+
+
 def test_offsets_are_measured_in_the_planes_across_the_axis() -> None:
     other = Line(np.array([0.3, -0.2, 0.0]), np.array([0.1, 0.0, 1.0]))
     offsets = axis_offset_mm(Line(np.zeros(3), Z), other, np.zeros(3), 10.0 * Z).reshape(2, 2) @ across_basis(Z)
@@ -54,7 +92,7 @@ def test_offsets_are_measured_in_the_planes_across_the_axis() -> None:
 
 
 def test_across_basis_is_orthonormal_for_any_direction() -> None:
-    for direction in np.random.default_rng(1).standard_normal((20, 3)):
+    for direction in [*np.random.default_rng(1).standard_normal((20, 3)), *np.eye(3)]:
         unit = direction / np.linalg.norm(direction)
         basis = np.vstack([across_basis(unit), unit])
         assert basis @ basis.T == pytest.approx(np.eye(3))
@@ -66,6 +104,12 @@ def test_across_basis_turns_with_directions_along_which_holes_run() -> None:
     for tilt in np.random.default_rng(2).uniform(-1e-3, 1e-3, (20, 2)):
         direction = np.array([*tilt, 1.0]) / np.linalg.norm([*tilt, 1.0])
         assert across_basis(direction) == pytest.approx(usual, abs=2e-3)
+
+
+@pytest.mark.parametrize(("mean", "size"), [((0.0,) * 3, 4), ((0.0,) * 4, 3)])
+def test_either_wrong_shape_is_refused(mean: tuple[float, ...], size: int) -> None:
+    with pytest.raises(ValueError, match="expected shapes"):
+        offset(np.eye(size), mean)
 
 
 def test_shapes_are_checked() -> None:

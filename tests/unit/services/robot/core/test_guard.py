@@ -159,6 +159,13 @@ def test_times_exactly_at_their_limits_pass() -> None:
     assert isinstance(check_move(planned(), SHA, context), PermittedMove)
 
 
+@pytest.mark.parametrize(("apart_mm", "code"), [(1e-6, None), (2e-6, RefusalCode.PIVOT_MISMATCH)])
+def test_a_pivot_may_differ_by_rounding(apart_mm: float, code: RefusalCode | None) -> None:
+    plan = replace(planned(), pivot_mm=HEXAPOD.pivot_mm + np.array([0.0, apart_mm, 0.0]))
+    outcome = check_move(plan, SHA, CONTEXT)
+    assert (outcome.code if isinstance(outcome, Refusal) else None) is code
+
+
 def test_a_move_to_where_it_stands_has_a_speed() -> None:
     outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), SHA, CONTEXT)
     assert isinstance(outcome, PermittedMove)

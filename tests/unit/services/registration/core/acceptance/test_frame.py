@@ -27,6 +27,25 @@ def test_within_all_limits_is_accepted() -> None:
 
 
 @pytest.mark.parametrize(
+    "evidence",
+    [
+        replace(GOOD, holes=(HoleView("distal", 0.35, 3.0), HoleView("proximal", 0.12, 3.0))),
+        replace(GOOD, structure=2.5, unexplained=0.02),
+        replace(GOOD, turned_deg=(0.5, -1.0), turn_sd_deg=(0.1, 0.25), across_mm=1.0),
+        replace(GOOD, blur_px=2.0),
+        replace(GOOD, tilt_sd_deg=1.5),
+    ],
+)
+def test_values_exactly_at_their_limits_are_accepted(evidence: FrameEvidence) -> None:
+    assert frame_reasons(evidence) == ()
+
+
+def test_each_rotation_needs_its_predicted_deviation() -> None:
+    with pytest.raises(ValueError, match="shorter"):
+        frame_reasons(replace(GOOD, turn_sd_deg=(0.1,)))
+
+
+@pytest.mark.parametrize(
     ("evidence", "code", "words"),
     [
         (

@@ -108,6 +108,27 @@ def test_each_limit_of_the_fit_has_its_reason(evidence: FitEvidence, code: Reaso
     assert words in reasons[0].message
 
 
+@pytest.mark.parametrize(
+    "evidence",
+    [
+        replace(FIT, holes=(HoleView("distal", 0.35, 3.0), HoleView("proximal", 0.12, 3.0))),
+        replace(FIT, hole_radius_excess_mm=0.12, nail_radius_excess_mm=-0.12),
+        replace(FIT, residual=ResidualStatistics(800.0, 2.0, 10.0, 0.3)),
+        replace(FIT, mirror_margin=8.0),
+        replace(FIT, holes=FIT.holes[:1], mirror_margin=40.0),
+    ],
+)
+def test_values_exactly_at_the_limits_of_the_fit_are_accepted(evidence: FitEvidence) -> None:
+    assert fit_reasons(evidence) == ()
+
+
+def test_the_reason_of_an_ambiguous_tilt_names_the_other_explanation() -> None:
+    (of_two,) = fit_reasons(replace(FIT, mirror_margin=7.9))
+    assert of_two.message.startswith("the reflected tilt explains the image nearly as well")
+    (of_one,) = fit_reasons(replace(FIT, holes=FIT.holes[:1], mirror_margin=39.9))
+    assert of_one.message.startswith("the nail has one hole, and another tilt explains the image nearly as well")
+
+
 def test_one_hole_in_full_and_a_part_of_the_other_are_enough() -> None:
     assert fit_reasons(replace(FIT, holes=(HoleView("distal", 0.15, 12.0), FIT.holes[1]))) == ()
 
@@ -148,6 +169,10 @@ def test_a_tilt_is_refused_with_the_turn_that_removes_it() -> None:
     assert "turn the C-arm by +3.0° about the image's x axis and -2.0° about its y axis" in reason.message
 
 
+def test_a_tilt_exactly_at_its_limit_is_accepted() -> None:
+    assert localisation_reasons(replace(LOCALISED, holes=(hole(tilt_deg=14.0),))) == ()
+
+
 @pytest.mark.parametrize(
     "one",
     [
@@ -186,3 +211,10 @@ def test_ids_that_guide_and_nail_give_to_opposite_holes_are_refused() -> None:
     (reason,) = localisation_reasons(replace(LOCALISED, nail=nail_part(hole_x_mm=(-12.0, 12.0))))
     assert reason.code is ReasonCode.NAIL_MODEL_MISMATCH
     assert "the nail's file goes +24.0 mm along the guide's x axis and the guide's file -30.0 mm" in reason.message
+
+
+@pytest.mark.parametrize(("apart_mm", "refused"), [(-0.01, True), (0.0, False), (0.01, False)])
+def test_the_order_of_holes_is_that_along_the_guides_own(apart_mm: float, *, refused: bool) -> None:
+    """Holes of the nail that lie on one another have no order; where the second one lies decides, not how far."""
+    found = localisation_reasons(replace(LOCALISED, nail=nail_part(hole_x_mm=(apart_mm, 0.0))))
+    assert [reason.code for reason in found] == [ReasonCode.NAIL_MODEL_MISMATCH] * refused
