@@ -97,7 +97,9 @@ def test_too_few_measured_balls_are_refused() -> None:
 def upright(pixels: FloatImage, pixel_mm: float = USUAL_PIXEL_MM) -> UprightImage:
     area = UsableArea(np.ones(pixels.shape, dtype=bool), None)
     none = np.zeros(0)
-    return UprightImage(pixels, area, False, BallCandidates(np.zeros((0, 2)), none, none, none, none), 50.0, pixel_mm)
+    return UprightImage(
+        pixels, area, False, BallCandidates(np.zeros((0, 2)), none, none, none, np.zeros(0, np.int64)), 50.0, pixel_mm
+    )
 
 
 def measured_and_expected() -> tuple[BallMeasurements, Discs]:
