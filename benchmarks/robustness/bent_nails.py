@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail
 from benchmarks.robustness.changed_parts import with_nail_holes
 from benchmarks.robustness.command import RobustnessBench, run_bench
-from benchmarks.robustness.kinds import Kind, rendered_kind
+from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
 from benchmarks.robustness.scene import ChangePacked, Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
@@ -35,7 +35,7 @@ _BULLET = (0.3, 3.0)
 
 
 def bent_scene(radii_mm: tuple[float, float], kind: str, seed: int) -> RobustScene:
-    """Constant curvature in a random plane, from at most 60 mm before the proximal hole."""
+    """Constant curvature of such a radius (mm) in a random plane, from at most 60 mm before the proximal hole."""
     generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
     nail, state = scenario.parts.nail, starting_state(scenario)
     first_mm = min(float(hole.axis.point_mm[0]) for hole in nail.holes)
@@ -126,9 +126,14 @@ def _straight_scene(
     return scene_of_shot(kind, scenario, shot, drawn, shot.truth.holes)
 
 
+def _bent_kind(low_mm: float, high_mm: float) -> Kind:
+    name = f"bent_{low_mm:.0f}_to_{high_mm:.0f}"
+    return rendered_kind(partial(bent_scene, (low_mm, high_mm)), name, first_line(bent_scene))
+
+
 KINDS: tuple[Kind, ...] = (
-    *(rendered_kind(f"bent_{low:.0f}_to_{high:.0f}", partial(bent_scene, (low, high))) for low, high in _RADII_MM),
-    *(rendered_kind(make.__name__, make) for make in (hole_spacing, tilted_holes, chamfers, rounded_tip, oblong_slot)),
+    *(_bent_kind(*radii) for radii in _RADII_MM),
+    *(rendered_kind(make) for make in (hole_spacing, tilted_holes, chamfers, rounded_tip, oblong_slot)),
 )
 BENCH = RobustnessBench("bent_nails", "nails that are bent or made otherwise than their file says", KINDS)
 

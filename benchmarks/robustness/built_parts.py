@@ -20,7 +20,7 @@ from benchmarks.robustness.changed_parts import (
     with_scaled_guide,
 )
 from benchmarks.robustness.command import RobustnessBench, run_bench
-from benchmarks.robustness.kinds import Kind, rendered_kind
+from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
 from benchmarks.robustness.scene import Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
@@ -88,7 +88,9 @@ _BUILT: tuple[Built, ...] = (
     ring_plates_nearer,
     nail_tolerances,
 )
-KINDS: tuple[Kind, ...] = tuple(rendered_kind(built.__name__, partial(built_scene, built)) for built in _BUILT)
+KINDS: tuple[Kind, ...] = tuple(
+    rendered_kind(partial(built_scene, built), built.__name__, first_line(built)) for built in _BUILT
+)
 BENCH = RobustnessBench("built_parts", "parts that were built otherwise than their files say", KINDS)
 
 

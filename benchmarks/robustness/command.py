@@ -1,6 +1,5 @@
 """The command that the benchmarks of this folder share: options, the two passes over scenes, and the page."""
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -9,7 +8,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from benchmarks.common.places import PAGES
-from benchmarks.common.runner import RowFile, add_run_options, run_jobs, run_plan
+from benchmarks.common.runner import RowFile, RunPlan, add_run_options, run_jobs, run_plan
 from benchmarks.robustness.kinds import CONTROL, CONTROL_KIND, Kind
 from benchmarks.robustness.page import section_of, with_section, write_sheet
 from benchmarks.robustness.rows import Row, key_of, kind_row
@@ -29,36 +28,37 @@ class RobustnessBench:
     description: str
     kinds: tuple[Kind, ...]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all kinds, the control's first."""
+        return CONTROL, *(kind.name for kind in self.kinds)
+
 
 def run_bench(bench: RobustnessBench, arguments: Sequence[str]) -> int:
     """Localise the scenes of the chosen kinds, print and write the table; 0 when nothing accepted is wrong."""
     given = _parser(bench).parse_args(list(arguments))
-    kinds = {kind.name: kind for kind in (CONTROL_KIND, *bench.kinds)}
-    chosen = [name for name in kinds if name in (given.kind or kinds)]
+    kinds = tuple(k for k in (CONTROL_KIND, *bench.kinds) if k.name in (given.kind or bench.names))
     first = SEEDS[given.seeds] + given.skip
-    rows = rows_of(kinds, chosen, range(first, first + given.count), given)
+    rows = rows_of(kinds, range(first, first + given.count), given.images, run_plan(given))
     seeds = f"{first}-{first + given.count - 1} ({given.seeds})"
     before = None if given.before is None else list(_stored(given.before).values())
-    section = section_of(bench.name, seeds, chosen, rows, before)
+    section = section_of(bench.name, seeds, kinds, rows, before)
     print(section)
     report = given.report if given.kind else given.report or REPORT
     if report is not None:
-        write_sheet(report.with_name(f"robustness-{bench.name}.png"), kinds, chosen, first, given.images)
+        write_sheet(report.with_name(f"robustness-{bench.name}.png"), kinds, first, given.images)
         report.write_text(with_section(report, bench.name, section))
     return int(any(row.wrong for row in rows))
 
 
-def rows_of(
-    kinds: Mapping[str, Kind], chosen: Sequence[str], seeds: Sequence[int], given: argparse.Namespace
-) -> list[Row]:
+def rows_of(kinds: Sequence[Kind], seeds: Sequence[int], images: Path | None, plan: RunPlan) -> list[Row]:
     """Rows of the controls first, because those of the kinds carry the control's verdict."""
-    plan = run_plan(given)
     keys = [key_of(CONTROL, seed) for seed in seeds]
-    controls = run_jobs(partial(kind_row, kinds, {}, given.images), keys, Row, plan)
+    controls = run_jobs(partial(kind_row, (CONTROL_KIND,), {}, images), keys, Row, plan)
     codes = {row.seed: row.codes for row in controls.values()}
-    others = [key_of(name, seed) for seed in seeds for name in chosen if name != CONTROL]
-    found = run_jobs(partial(kind_row, kinds, codes, given.images), others, Row, plan)
-    return [*(controls.values() if CONTROL in chosen else ()), *found.values()]
+    others = [key_of(kind.name, seed) for seed in seeds for kind in kinds if kind is not CONTROL_KIND]
+    found = run_jobs(partial(kind_row, kinds, codes, images), others, Row, plan)
+    return [*(controls.values() if CONTROL_KIND in kinds else ()), *found.values()]
 
 
 def _stored(file: Path) -> dict[str, Row]:
@@ -68,8 +68,7 @@ def _stored(file: Path) -> dict[str, Row]:
 def _parser(bench: RobustnessBench) -> OneLineParser:
     parser = OneLineParser(prog=f"distalock bench {bench.name}", description=bench.description)
     number = partial(whole_number, "a number of scenes")
-    names = [CONTROL, *(kind.name for kind in bench.kinds)]
-    parser.add_argument("--kind", action="append", choices=names, help="one kind; may be given again (all kinds)")
+    parser.add_argument("--kind", action="append", choices=bench.names, help="one kind; may be given again (all kinds)")
     parser.add_argument("--count", type=number(1, SEEDS_OF_A_SET), default=20, help="scenes of each kind (20)")
     parser.add_argument(
         "--seeds",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.robustness.command import RobustnessBench, run_bench
-from benchmarks.robustness.kinds import Kind, rendered_kind
+from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
 from benchmarks.robustness.objects import (
     Objects,
     SteelBox,
@@ -255,7 +255,9 @@ _DRAWS: tuple[Draw, ...] = (
     gauze_threads,
     other_leg,
 )
-KINDS: tuple[Kind, ...] = tuple(rendered_kind(draw.__name__, partial(cluttered_scene, draw)) for draw in _DRAWS)
+KINDS: tuple[Kind, ...] = tuple(
+    rendered_kind(partial(cluttered_scene, draw), draw.__name__, first_line(draw)) for draw in _DRAWS
+)
 BENCH = RobustnessBench("foreign_objects", "images with things in the way of the beam", KINDS)
 
 

@@ -15,21 +15,30 @@ class Kind:
 
     Attributes
     ----------
+    what
+        What is done, in one sentence: the first line of the docstring of the function that does it.
     make
         The scene of a seed; a function of a module or a `partial` of one, so that other processes can import it.
     """
 
     name: str
+    what: str
     make: Callable[[int, ImageFolder], RobustScene]
 
 
-def rendered_kind(name: str, make: Callable[[str, int], RobustScene]) -> Kind:
-    """A kind whose images take long to render and are kept on file."""
-    return Kind(name, partial(_kept, name, make))
+def rendered_kind(make: Callable[[str, int], RobustScene], name: str = "", what: str = "") -> Kind:
+    """A kind whose images take long to render and are kept on file; named and described as its function is."""
+    name = name or make.__name__
+    return Kind(name, what or first_line(make), partial(_kept, name, make))
+
+
+def first_line(of: Callable[..., object]) -> str:
+    """What a function does."""
+    return (of.__doc__ or "").split("\n", 1)[0]
 
 
 def _kept(name: str, make: Callable[[str, int], RobustScene], seed: int, images: ImageFolder) -> RobustScene:
     return images.scene(name, seed, make)
 
 
-CONTROL_KIND = rendered_kind(CONTROL, plain_scene)
+CONTROL_KIND = rendered_kind(plain_scene, CONTROL)

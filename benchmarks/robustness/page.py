@@ -1,7 +1,7 @@
 """The page: one section of each benchmark, with a table by kind and a picture of each kind."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -44,14 +44,15 @@ _TABLE = (f"| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|")
 _TILE_PX, _CROP_PX, _ACROSS, _LABEL_PX, _GREY_STEP = 128, 300, 6, 16, 12
 
 
-def section_of(name: str, seeds: str, kinds: Sequence[str], rows: Sequence[Row], before: Sequence[Row] | None) -> str:
+def section_of(name: str, seeds: str, kinds: Sequence[Kind], rows: Sequence[Row], before: Sequence[Row] | None) -> str:
     """A benchmark's part of the page, as Markdown; `before` are rows of an earlier revision."""
-    lines = [f"## {name}", "", f"Seeds {seeds}. ![pictures of the kinds](robustness-{name}.png)", ""]
+    lines = [f"## {name}", "", f"![pictures of the kinds](robustness-{name}.png)", ""]
+    lines += [*(f"- `{kind.name}`: {kind.what}" for kind in kinds), "", f"Seeds {seeds}.", ""]
     if before is None:
-        return "\n".join([*lines, *_table(kinds, rows), ""])
+        return "\n".join([*lines, *table_of(rows), ""])
     keys = {(row.kind, row.seed) for row in rows}
     earlier = [row for row in before if (row.kind, row.seed) in keys]
-    return "\n".join([*lines, "Before:", "", *_table(kinds, earlier), "", "After:", "", *_table(kinds, rows), ""])
+    return "\n".join([*lines, "Before:", "", *table_of(earlier), "", "After:", "", *table_of(rows), ""])
 
 
 def with_section(page: Path, name: str, section: str) -> str:
@@ -63,9 +64,10 @@ def with_section(page: Path, name: str, section: str) -> str:
     return _HEAD + "\n".join(sections[heading] for heading in sorted(sections))
 
 
-def _table(kinds: Sequence[str], rows: Sequence[Row]) -> list[str]:
-    of_kind = {kind: [row for row in rows if row.kind == kind] for kind in kinds}
-    return [*_TABLE, *(_line(kind, summary_of(found)) for kind, found in of_kind.items() if found)]
+def table_of(rows: Sequence[Row]) -> list[str]:
+    """Lines of the table by kind, in the order of the rows."""
+    of_kind = {kind: [row for row in rows if row.kind == kind] for kind in dict.fromkeys(row.kind for row in rows)}
+    return [*_TABLE, *(_line(kind, summary_of(found)) for kind, found in of_kind.items())]
 
 
 def _line(kind: str, s: Summary) -> str:
@@ -78,9 +80,9 @@ def _line(kind: str, s: Summary) -> str:
     )
 
 
-def write_sheet(file: Path, kinds: Mapping[str, Kind], chosen: Sequence[str], seed: int, images: Path | None) -> None:
+def write_sheet(file: Path, kinds: Sequence[Kind], seed: int, images: Path | None) -> None:
     """One picture of each kind about the nail's holes, of the same seed, with its name."""
-    tiles = [_tile(name, kinds[name].make(seed, ImageFolder(images))) for name in chosen]
+    tiles = [_tile(kind.name, kind.make(seed, ImageFolder(images))) for kind in kinds]
     blank = np.zeros_like(tiles[0])
     tiles += [blank] * (-len(tiles) % _ACROSS)
     sheet = np.vstack([np.hstack(tiles[k : k + _ACROSS]) for k in range(0, len(tiles), _ACROSS)])

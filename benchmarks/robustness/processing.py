@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.robustness import tone
 from benchmarks.robustness.command import RobustnessBench, run_bench
-from benchmarks.robustness.kinds import CONTROL, Kind, rendered_kind
+from benchmarks.robustness.kinds import CONTROL, Kind, first_line, rendered_kind
 from benchmarks.robustness.scene import (
     ImageFolder,
     RobustScene,
@@ -120,9 +120,9 @@ _OPERATORS: dict[str, Operator] = {
     "six_bits": tone.six_bits,
 }
 KINDS: tuple[Kind, ...] = (
-    *(Kind(name, partial(processed_scene, operator, name)) for name, operator in _OPERATORS.items()),
-    rendered_kind("noise", noisy_scene),
-    rendered_kind("lag", lagging_scene),
+    *(Kind(name, first_line(one), partial(processed_scene, one, name)) for name, one in _OPERATORS.items()),
+    rendered_kind(noisy_scene, "noise"),
+    rendered_kind(lagging_scene, "lag"),
 )
 BENCH = RobustnessBench("processing", "images through what displays and C-arms do to them", KINDS)
 

@@ -89,7 +89,7 @@ def key_of(kind: str, seed: int) -> str:
     return f"{kind}/{seed}"
 
 
-def kind_row(kinds: Mapping[str, Kind], controls: Mapping[int, tuple[str, ...]], images: Path | None, key: str) -> Row:
+def kind_row(kinds: Sequence[Kind], controls: Mapping[int, tuple[str, ...]], images: Path | None, key: str) -> Row:
     """Make the scene of a key and localise in it.
 
     Parameters
@@ -97,12 +97,13 @@ def kind_row(kinds: Mapping[str, Kind], controls: Mapping[int, tuple[str, ...]],
     controls
         Codes of the controls by seed; a seed without one is its own control.
     """
-    kind, seed = key.split("/")
-    scene = kinds[kind].make(int(seed), ImageFolder(images))
+    name, seed = key.split("/")
+    kind = next(one for one in kinds if one.name == name)
+    scene = kind.make(int(seed), ImageFolder(images))
     started = time.perf_counter()
     codes, holes = localised(scene)
     seconds = time.perf_counter() - started
-    return Row(kind, int(seed), scene.drawn, controls.get(int(seed), codes), codes, holes, seconds)
+    return Row(name, int(seed), scene.drawn, controls.get(int(seed), codes), codes, holes, seconds)
 
 
 def localised(scene: RobustScene) -> tuple[tuple[str, ...], tuple[HoleScore, ...] | None]:

@@ -4,8 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.robustness.all_kinds import KINDS
 from benchmarks.robustness.page import section_of, with_section
 from benchmarks.robustness.rows import HoleScore, Row, summary_of
+
+JPEG = (KINDS["jpeg"],)
 
 
 def row(axis_deg: float, codes: tuple[str, ...] = (), control: tuple[str, ...] = (), seed: int = 1) -> Row:
@@ -33,12 +36,13 @@ def test_a_summary_counts_what_the_control_allows() -> None:
 
 def test_a_section_replaces_its_own_and_keeps_the_others(tmp_path: Path) -> None:
     page = tmp_path / "robustness.md"
-    page.write_text(with_section(page, "processing", section_of("processing", "1-2 (fit)", ["jpeg"], [row(0.1)], None)))
+    page.write_text(with_section(page, "processing", section_of("processing", "1-2 (fit)", JPEG, [row(0.1)], None)))
     page.write_text(with_section(page, "bent_nails", "## bent_nails\n\nbent\n"))
-    page.write_text(with_section(page, "processing", section_of("processing", "3-4 (fit)", ["jpeg"], [row(0.2)], None)))
+    page.write_text(with_section(page, "processing", section_of("processing", "3-4 (fit)", JPEG, [row(0.2)], None)))
     text = page.read_text()
     assert text.count("# Robust on images") == 1
     assert [line for line in text.splitlines() if line.startswith("## ")] == ["## bent_nails", "## processing"]
     assert "Seeds 3-4" in text
+    assert "- `jpeg`: Lossy compression." in text
     assert "Seeds 1-2" not in text
     assert "| jpeg | 1 | 1 | 0 | 1: 1, 1 |" in text
