@@ -88,7 +88,7 @@ def retractor(around: Around, generator: np.random.Generator) -> tuple[Objects, 
     covered = float(generator.uniform(0.1, 0.5))
     offset_mm = around.rim_mm * float(np.cos(np.pi * covered))
     turn = around.turn_that_leaves_others_free(generator, offset_mm)
-    size = [generator.uniform(15.0, 40.0), generator.uniform(60.0, 120.0), generator.uniform(1.0, 2.5)]
+    size = [generator.uniform(8.0, 40.0), generator.uniform(16.0, 120.0), generator.uniform(0.8, 2.5)]
     box, drawn = _edge_at(around, generator, turn, offset_mm, size)
     return Objects(boxes=(box,)), drawn | {"covered": covered}
 

@@ -16,6 +16,7 @@ from benchmarks.robustness import tone
 from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.kinds import CONTROL, Kind, first_line, rendered_kind
 from benchmarks.robustness.scene import (
+    Drawn,
     ImageFolder,
     RobustScene,
     generator_of,
@@ -96,7 +97,7 @@ def lagging_scene(kind: str, seed: int) -> RobustScene:
         shots.append(rendered(scenario, replace(state, angles=turned), shot_number=k))
     mean = sum(weight * shot.pixels.astype(np.float64) for weight, shot in zip(_LAG_WEIGHTS, shots, strict=True))
     newest = replace(shots[0], pixels=np.rint(mean).astype(shots[0].pixels.dtype))
-    drawn: dict[str, float | str] = {"step_deg": step_deg, "direction_rad": direction}
+    drawn: Drawn = {"step_deg": step_deg, "direction_rad": direction}
     return scene_of_shot(kind, scenario, newest, drawn, newest.truth.holes)
 
 

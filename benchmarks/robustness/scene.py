@@ -22,7 +22,7 @@ from simulation.render.truth import HoleTruth, image_truth
 from simulation.scenario.values import Scenario
 from simulation.world.poses import World, WorldState, starting_state, world_at
 
-Drawn: TypeAlias = dict[str, float | str]
+Drawn: TypeAlias = dict[str, int | float | str]
 ChangePacked: TypeAlias = Callable[[PackedScene, World], PackedScene]
 Floats = NDArray[np.float64]
 
