@@ -16,7 +16,8 @@ from distalock.arguments import OneLineParser, existing_file, whole_number, writ
 
 REPORT = PAGES / "robustness.md"
 # Seeds from 60000 fit parameters of the localisation; those from 65000 judge them and fit nothing.
-SEEDS: Mapping[str, int] = {"fit": 60_000, "judged": 65_000}
+FIT = "fit"
+SEEDS: Mapping[str, int] = {FIT: 60_000, "judged": 65_000}
 SEEDS_OF_A_SET = 5_000
 
 
@@ -37,7 +38,7 @@ class RobustnessBench:
 def run_bench(bench: RobustnessBench, arguments: Sequence[str]) -> int:
     """Localise the scenes of the chosen kinds, print and write the table; 0 when nothing accepted is wrong."""
     given = _parser(bench).parse_args(list(arguments))
-    kinds = tuple(k for k in (CONTROL_KIND, *bench.kinds) if k.name in (given.kind or bench.names))
+    kinds = chosen_kinds(bench, given.kind or bench.names, given.seeds)
     first = SEEDS[given.seeds] + given.skip
     rows = rows_of(kinds, range(first, first + given.count), given.images, run_plan(given))
     seeds = f"{first}-{first + given.count - 1} ({given.seeds})"
@@ -49,6 +50,12 @@ def run_bench(bench: RobustnessBench, arguments: Sequence[str]) -> int:
         write_sheet(report.with_name(f"robustness-{bench.name}.png"), kinds, first, given.images)
         report.write_text(with_section(report, bench.name, section))
     return int(any(row.wrong for row in rows))
+
+
+def chosen_kinds(bench: RobustnessBench, names: Sequence[str], seeds: str) -> tuple[Kind, ...]:
+    """The named kinds; on seeds that fit, without those that are held out."""
+    named = (kind for kind in (CONTROL_KIND, *bench.kinds) if kind.name in names)
+    return tuple(kind for kind in named if seeds != FIT or not kind.judges_only)
 
 
 def rows_of(kinds: Sequence[Kind], seeds: Sequence[int], images: Path | None, plan: RunPlan) -> list[Row]:
@@ -74,7 +81,7 @@ def _parser(bench: RobustnessBench) -> OneLineParser:
         "--seeds",
         choices=tuple(SEEDS),
         default="judged",
-        help="fit: seeds from 60000, on which parameters are fitted; judged: seeds from 65000 (judged)",
+        help="fit: from 60000, to fit parameters on, without kinds held out; judged: from 65000 (judged)",
     )
     parser.add_argument("--skip", type=number(0, SEEDS_OF_A_SET - 1), default=0, help="seeds left out at the start (0)")
     parser.add_argument("--images", type=Path, help="folder that keeps rendered images, so that no run renders again")

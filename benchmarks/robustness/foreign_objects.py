@@ -7,14 +7,15 @@ Each object is drawn from its seed about one of the nail's holes and rendered wi
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.robustness.around import Around
 from benchmarks.robustness.command import RobustnessBench, run_bench
-from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
+from benchmarks.robustness.held_out import clamp, drill_over_rim, lead_letter
+from benchmarks.robustness.kinds import Kind, first_line, held_out, rendered_kind
 from benchmarks.robustness.objects import (
     Objects,
     SteelBox,
@@ -26,58 +27,9 @@ from benchmarks.robustness.objects import (
 from benchmarks.robustness.scene import Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import unit
-from simulation.scenario.values import Scenario
-from simulation.world.poses import World, starting_state, world_at
+from simulation.world.poses import starting_state, world_at
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Around:
-    """The hole about which an object is placed, in the beam's frame.
-
-    Attributes
-    ----------
-    middle_mm, axis, along_nail
-        The hole's middle and unit vectors along its axis (of drilling) and the nail's axis (distal), shape (3,) each.
-    others_mm
-        Middles of the other holes, shape (N, 3).
-    rim_mm, nail_mm
-        Radius of the rim, and of the nail.
-    """
-
-    middle_mm: Floats
-    axis: Floats
-    along_nail: Floats
-    others_mm: Floats
-    rim_mm: float
-    nail_mm: float
-
-    @staticmethod
-    def of(scenario: Scenario, world: World, hole: int) -> "Around":
-        """Around the hole with a number."""
-        nail, pose = scenario.parts.nail, world.beam_from_nail
-        one = nail.holes[hole]
-        axes = pose.directions(np.array([one.axis.direction, [1.0, 0.0, 0.0]]))
-        others = pose @ np.array([h.axis.point_mm for h in nail.holes if h is not one]).reshape(-1, 3)
-        return Around(pose @ one.axis.point_mm, axes[0], axes[1], others, 0.5 * one.diameter_mm, nail.radius_mm)
-
-    @property
-    def ray(self) -> Floats:
-        """Unit vector of the beam through the hole's middle."""
-        return unit(self.middle_mm)
-
-    def at_depth(self, point_mm: Floats, depth_mm: float) -> Floats:
-        """The point moved along its ray by a depth: its shadow stays."""
-        return point_mm * (1.0 + depth_mm / np.linalg.norm(point_mm))
-
-    def turn_that_leaves_others_free(self, generator: np.random.Generator, offset_mm: float) -> float:
-        """A random direction across the ray, in radians: a shadow that begins at the offset covers no other hole."""
-        while True:
-            turn = float(generator.uniform(0.0, 2.0 * np.pi))
-            inwards, _ = axes_across(self.ray, turn)
-            if np.all((self.others_mm - self.middle_mm) @ inwards < offset_mm - 1.3 * self.rim_mm):
-                return turn
 
 
 Draw = Callable[[Around, np.random.Generator], tuple[Objects, Drawn]]
@@ -255,9 +207,14 @@ _DRAWS: tuple[Draw, ...] = (
     gauze_threads,
     other_leg,
 )
-KINDS: tuple[Kind, ...] = tuple(
-    rendered_kind(partial(cluttered_scene, draw), draw.__name__, first_line(draw)) for draw in _DRAWS
-)
+_HELD_OUT: tuple[Draw, ...] = (drill_over_rim, clamp, lead_letter)
+
+
+def _kind(draw: Draw) -> Kind:
+    return rendered_kind(partial(cluttered_scene, draw), draw.__name__, first_line(draw))
+
+
+KINDS: tuple[Kind, ...] = (*map(_kind, _DRAWS), *(held_out(_kind(draw)) for draw in _HELD_OUT))
 BENCH = RobustnessBench("foreign_objects", "images with things in the way of the beam", KINDS)
 
 

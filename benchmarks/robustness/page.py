@@ -18,7 +18,8 @@ _HEAD = """# Robust on images that real C-arms make
 `distalock bench processing`, `foreign_objects`, `bent_nails` and `built_parts`: seeded scenes with random parts,
 through what displays, C-arms and operating rooms do. Parameters of each kind are drawn from the seed. Seeds
 60000-64999 fit parameters of the localisation (`--seeds fit`); seeds 65000-69999 judge and fit nothing
-(`--seeds judged`). Every hole is compared with its own true axis. The columns:
+(`--seeds judged`), with some kinds that are held out: they run on these seeds alone. Every hole is compared with its
+own true axis. The columns:
 
 - *wrong*: accepted with an axis more than 1.5° or 1 mm (at the entry) off.
 - *usable*: scenes whose control, the same seed without the kind, is accepted; how many of these are accepted, and how
@@ -47,7 +48,8 @@ _TILE_PX, _CROP_PX, _ACROSS, _LABEL_PX, _GREY_STEP = 128, 300, 6, 16, 12
 def section_of(name: str, seeds: str, kinds: Sequence[Kind], rows: Sequence[Row], before: Sequence[Row] | None) -> str:
     """A benchmark's part of the page, as Markdown; `before` are rows of an earlier revision."""
     lines = [f"## {name}", "", f"![pictures of the kinds](robustness-{name}.png)", ""]
-    lines += [*(f"- `{kind.name}`: {kind.what}" for kind in kinds), "", f"Seeds {seeds}.", ""]
+    lines += [f"- `{kind.name}`: {kind.what}{' (Held out.)' * kind.judges_only}" for kind in kinds]
+    lines += ["", f"Seeds {seeds}.", ""]
     if before is None:
         return "\n".join([*lines, *table_of(rows), ""])
     keys = {(row.kind, row.seed) for row in rows}

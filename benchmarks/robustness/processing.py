@@ -12,9 +12,10 @@ from functools import partial
 
 import numpy as np
 
+from benchmarks.robustness import held_out as held_out_kinds
 from benchmarks.robustness import tone
 from benchmarks.robustness.command import RobustnessBench, run_bench
-from benchmarks.robustness.kinds import CONTROL, Kind, first_line, rendered_kind
+from benchmarks.robustness.kinds import CONTROL, Kind, first_line, held_out, rendered_kind
 from benchmarks.robustness.scene import (
     Drawn,
     ImageFolder,
@@ -120,10 +121,24 @@ _OPERATORS: dict[str, Operator] = {
     "half_size": tone.half_size,
     "six_bits": tone.six_bits,
 }
+_HELD_OUT: tuple[Operator, ...] = (
+    held_out_kinds.range_compression,
+    held_out_kinds.local_normalisation,
+    held_out_kinds.anisotropic_diffusion,
+    held_out_kinds.wavelet_shrinkage,
+    held_out_kinds.window_and_jpeg,
+)
+
+
+def _kind(name: str, operator: Operator) -> Kind:
+    return Kind(name, first_line(operator), partial(processed_scene, operator, name))
+
+
 KINDS: tuple[Kind, ...] = (
-    *(Kind(name, first_line(one), partial(processed_scene, one, name)) for name, one in _OPERATORS.items()),
+    *(_kind(name, operator) for name, operator in _OPERATORS.items()),
     rendered_kind(noisy_scene, "noise"),
     rendered_kind(lagging_scene, "lag"),
+    *(held_out(_kind(operator.__name__, operator)) for operator in _HELD_OUT),
 )
 BENCH = RobustnessBench("processing", "images through what displays and C-arms do to them", KINDS)
 

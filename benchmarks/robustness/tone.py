@@ -33,26 +33,26 @@ def black_cut_off(share: Grey, generator: np.random.Generator) -> Processed:
     """Black is put at a quantile of the grey values in the visible field."""
     quantile = float(generator.uniform(0.005, 0.05))
     black = float(np.quantile(share[share > 0.0], quantile))
-    return Processed(_clipped((share - black) / (1.0 - black)), {"quantile": quantile})
+    return Processed(clipped((share - black) / (1.0 - black)), {"quantile": quantile})
 
 
 def white_cut_off(share: Grey, generator: np.random.Generator) -> Processed:
     """White is put at a quantile of the grey values."""
     quantile = float(generator.uniform(0.85, 0.995))
-    return Processed(_clipped(share / np.quantile(share, quantile)), {"quantile": quantile})
+    return Processed(clipped(share / np.quantile(share, quantile)), {"quantile": quantile})
 
 
 def gamma_curve(share: Grey, generator: np.random.Generator) -> Processed:
     """A power of the grey values."""
     gamma = float(np.exp(generator.uniform(np.log(0.5), np.log(2.0))))
-    return Processed(_clipped(share**gamma), {"gamma": gamma})
+    return Processed(clipped(share**gamma), {"gamma": gamma})
 
 
 def s_curve(share: Grey, generator: np.random.Generator) -> Processed:
     """A logistic curve that maps black to black and white to white."""
     slope, centre = float(generator.uniform(3.0, 8.0)), float(generator.uniform(0.35, 0.65))
     low, high, curve = (1.0 / (1.0 + np.exp(-slope * (x - centre))) for x in (0.0, 1.0, share))
-    return Processed(_clipped((curve - low) / (high - low)), {"slope": slope, "centre": centre})
+    return Processed(clipped((curve - low) / (high - low)), {"slope": slope, "centre": centre})
 
 
 def local_contrast(share: Grey, generator: np.random.Generator) -> Processed:
@@ -82,14 +82,14 @@ def multi_scale(share: Grey, generator: np.random.Generator) -> Processed:
         enhanced = gain * largest * np.sign(detail) * (np.abs(detail) / largest) ** power
         residual = np.asarray(cv2.pyrUp(residual, dstsize=detail.shape[::-1])) + enhanced.astype(np.float32)
     drawn: Drawn = {f"gain_{k}": float(gain) for k, gain in enumerate(gains)}
-    return Processed(_clipped(residual), drawn | {"power": power})
+    return Processed(clipped(residual), drawn | {"power": power})
 
 
 def bilateral_filter(share: Grey, generator: np.random.Generator) -> Processed:
     """Edge-preserving smoothing."""
     space_px, range_share = float(generator.uniform(1.5, 4.0)), float(generator.uniform(0.02, 0.08))
     smooth = np.asarray(cv2.bilateralFilter(share, -1, range_share, space_px), dtype=np.float32)
-    return Processed(_clipped(smooth), {"space_px": space_px, "range_share": range_share})
+    return Processed(clipped(smooth), {"space_px": space_px, "range_share": range_share})
 
 
 def non_local_means(share: Grey, generator: np.random.Generator) -> Processed:
@@ -108,13 +108,13 @@ def median_filter(share: Grey, generator: np.random.Generator) -> Processed:
 def jpeg(share: Grey, generator: np.random.Generator) -> Processed:
     """Lossy compression."""
     quality = int(generator.integers(70, 96))
-    return Processed(_compressed(share, quality), {"quality": quality}, bits=8)
+    return Processed(compressed(share, quality), {"quality": quality}, bits=8)
 
 
 def monitor_chain(share: Grey, generator: np.random.Generator) -> Processed:
     """CLAHE, sharpening and JPEG of quality 85, one after another."""
     clip, gain, sigma_px = (float(generator.uniform(*ends)) for ends in ((1.5, 3.0), (0.5, 1.0), (1.0, 2.0)))
-    shown = _compressed(_sharpened(_clahe(share, clip, 8), gain, sigma_px), 85)
+    shown = compressed(_sharpened(_clahe(share, clip, 8), gain, sigma_px), 85)
     return Processed(shown, {"clip": clip, "gain": gain, "sigma_px": sigma_px}, bits=8)
 
 
@@ -129,7 +129,8 @@ def six_bits(share: Grey, _: np.random.Generator) -> Processed:
     return Processed(np.asarray(np.rint(share * 63.0) / 63.0, dtype=np.float32), {"bits": 6})
 
 
-def _clipped(share: NDArray[np.floating]) -> Grey:
+def clipped(share: NDArray[np.floating]) -> Grey:
+    """Within black and white."""
     return np.asarray(np.clip(share, 0.0, 1.0), dtype=np.float32)
 
 
@@ -146,10 +147,11 @@ def _clahe(share: Grey, clip: float, tiles: int) -> Grey:
 
 
 def _sharpened(share: Grey, gain: float, sigma_px: float) -> Grey:
-    return _clipped(share + gain * (share - cv2.GaussianBlur(share, (0, 0), sigma_px)))
+    return clipped(share + gain * (share - cv2.GaussianBlur(share, (0, 0), sigma_px)))
 
 
-def _compressed(share: Grey, quality: int) -> Grey:
+def compressed(share: Grey, quality: int) -> Grey:
+    """What JPEG of a quality leaves."""
     written, code = cv2.imencode(".jpg", _as_bytes(share), [cv2.IMWRITE_JPEG_QUALITY, quality])
     assert written
     return _from_bytes(np.asarray(cv2.imdecode(code, cv2.IMREAD_GRAYSCALE)))

@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.robustness.all_kinds import BENCHES, KINDS
 from benchmarks.robustness.built_parts import guide_3_percent_larger, guide_balls, nail_tolerances, ring_plates_nearer
+from benchmarks.robustness.command import chosen_kinds
 from shared.geometry.lines import angle_between_rad
 from tests.unit.simulation import rooms
 
@@ -40,6 +41,14 @@ def test_each_hole_of_a_nail_has_its_own_tolerance() -> None:
     shifts = [b.axis.point_mm - a.axis.point_mm for a, b in pairs]
     assert not np.allclose(shifts[0], shifts[1])
     assert all(0.0 < np.degrees(angle_between_rad(a.axis.direction, b.axis.direction)) < 1.5 for a, b in pairs)
+
+
+def test_kinds_held_out_do_not_run_on_the_seeds_that_fit() -> None:
+    for bench in BENCHES[:2]:
+        fitting, judging = (chosen_kinds(bench, bench.names, seeds) for seeds in ("fit", "judged"))
+        assert len(judging) == len(bench.names)
+        assert 0 < len(fitting) < len(judging)
+        assert chosen_kinds(bench, ["control"], "fit") == fitting[:1]
 
 
 def test_kinds_have_names_of_their_own() -> None:

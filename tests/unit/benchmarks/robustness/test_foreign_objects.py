@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.robustness.foreign_objects import Around, retractor, screw_half_in, wire_across_rim
+from benchmarks.robustness.around import Around
+from benchmarks.robustness.foreign_objects import retractor, screw_half_in, wire_across_rim
+from benchmarks.robustness.held_out import clamp, drill_over_rim, lead_letter
 from benchmarks.robustness.objects import Objects
 from shared.geometry.lines import unit
 from simulation.render.attenuation import Material
@@ -66,6 +68,15 @@ def test_the_screw_ends_in_the_middle_of_the_hole(seed: int) -> None:
     along = float(drawn["side"]) * (points - one.middle_mm) @ one.axis
     assert along.min() == pytest.approx(0.0, abs=1e-9)
     assert along.max() > 20.0
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_held_out_objects_lie_about_the_hole(seed: int) -> None:
+    one = around()
+    for draw in (drill_over_rim, clamp, lead_letter):
+        objects, drawn = draw(one, np.random.default_rng(seed))
+        circle = rim(one, float(drawn["offset_mm"]) + 0.3)
+        assert np.any(steel_mm(objects, circle) > 0.0), draw.__name__
 
 
 def test_nothing_added_changes_nothing() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.robustness import tone
+from benchmarks.robustness import held_out, tone
 from benchmarks.robustness.processing import dead_line, dead_pixels, vignetted
 from benchmarks.robustness.tone import Operator
 
@@ -28,6 +28,11 @@ OPERATORS: tuple[Operator, ...] = (
     dead_pixels,
     dead_line,
     vignetted,
+    held_out.range_compression,
+    held_out.local_normalisation,
+    held_out.anisotropic_diffusion,
+    held_out.wavelet_shrinkage,
+    held_out.window_and_jpeg,
 )
 CURVES = (tone.gamma_curve, tone.s_curve, tone.white_cut_off)
 
@@ -102,3 +107,13 @@ def test_one_line_is_dead() -> None:
     rows, columns = np.nonzero(after.share != before)
     assert len(rows) == 64
     assert len(set(rows if after.drawn["along"] == "row" else columns)) == 1
+
+
+@pytest.mark.parametrize("smoother", [held_out.anisotropic_diffusion, held_out.wavelet_shrinkage])
+def test_edge_preserving_filters_lower_the_noise_and_keep_the_edge(smoother: Operator) -> None:
+    before = picture()
+    after = smoother(before, np.random.default_rng(7)).share
+    noise = [np.std(np.diff(one[80:, 100:], axis=1)) for one in (before, after)]
+    edge = [np.mean(one[20:, 72:76]) - np.mean(one[20:, 64:68]) for one in (before, after)]
+    assert noise[1] < 0.8 * noise[0]
+    assert edge[1] > 0.9 * edge[0]
