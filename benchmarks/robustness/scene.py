@@ -1,6 +1,7 @@
 """One image of a kind with its truth, made from a seed; and the folder that keeps rendered images."""
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,9 +116,11 @@ class ImageFolder:
 
 
 def _write(image: Path, scene: RobustScene) -> None:
-    """The JSON file last: an image without it was cut off."""
+    """The JSON file last: an image without it was cut off; several runs may share a folder."""
     image.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(image), scene.pixels)
+    unfinished = image.with_name(f"{image.stem}-{os.getpid()}.png")
+    cv2.imwrite(str(unfinished), scene.pixels)
+    unfinished.replace(image)
     nominal = {"source_to_detector_mm": scene.nominal.source_to_detector_mm, "pixel_mm": scene.nominal.pixel_mm}
     holes = [
         {
@@ -129,7 +132,9 @@ def _write(image: Path, scene: RobustScene) -> None:
         for hole in scene.holes
     ]
     content = {"drawn": scene.drawn, "nominal": nominal, "holes": holes, "middle_px": scene.middle_px}
-    image.with_suffix(".json").write_text(json.dumps(content, indent=1))
+    unfinished = unfinished.with_suffix(".json")
+    unfinished.write_text(json.dumps(content, indent=1))
+    unfinished.replace(image.with_suffix(".json"))
 
 
 def _read(image: Path, kind: str, seed: int) -> RobustScene:
