@@ -28,6 +28,16 @@ own true axis. The columns:
 - *normalised*: error over its predicted rms, as rms over all holes of accepted scenes (entry, axis).
 - *> 4*: accepted scenes with an error beyond four times its predicted rms.
 
+The localisation always gets the nominal part files. The guide's frame is that of its file, also where its balls were
+displaced. A bent nail keeps the place and the tangent of its file halfway between its holes; each hole's true axis is
+square to the centreline at its own place, as the file has it there.
+
+`--images FOLDER` keeps rendered images with their truth (`<kind>/<seed>.png` and `.json`), so that the next run need
+not render; delete the folder of a kind whose code changed. `benchmarks.robustness.all_kinds.make_scene(kind, seed)`
+makes one scene, `benchmarks.robustness.rows.localised(scene)` scores it. `--rows FILE` keeps a row of each scene: kind,
+parameters, the control's verdict, codes, errors and predictions hole by hole; `--before FILE` puts the rows of an
+earlier revision beside those of this one.
+
 """
 _COLUMNS = (
     "kind",

@@ -30,20 +30,20 @@ Operator: TypeAlias = Callable[[Grey, np.random.Generator], Processed]
 
 
 def black_cut_off(share: Grey, generator: np.random.Generator) -> Processed:
-    """Black is put at a quantile of the grey values in the visible field."""
+    """Black is put at the 0.5 to 5 % quantile of the grey values in the visible field."""
     quantile = float(generator.uniform(0.005, 0.05))
     black = float(np.quantile(share[share > 0.0], quantile))
     return Processed(clipped((share - black) / (1.0 - black)), {"quantile": quantile})
 
 
 def white_cut_off(share: Grey, generator: np.random.Generator) -> Processed:
-    """White is put at a quantile of the grey values."""
+    """White is put at the 85 to 99.5 % quantile of the grey values."""
     quantile = float(generator.uniform(0.85, 0.995))
     return Processed(clipped(share / np.quantile(share, quantile)), {"quantile": quantile})
 
 
 def gamma_curve(share: Grey, generator: np.random.Generator) -> Processed:
-    """A power of the grey values."""
+    """Grey values to the power of 0.5 to 2."""
     gamma = float(np.exp(generator.uniform(np.log(0.5), np.log(2.0))))
     return Processed(clipped(share**gamma), {"gamma": gamma})
 
@@ -56,19 +56,19 @@ def s_curve(share: Grey, generator: np.random.Generator) -> Processed:
 
 
 def local_contrast(share: Grey, generator: np.random.Generator) -> Processed:
-    """CLAHE, on 8 bits as displays have them."""
+    """CLAHE with a clip limit of 1 to 4 and 2 to 16 tiles across, on 8 bits as displays have them."""
     clip, tiles = float(generator.uniform(1.0, 4.0)), int(generator.choice([2, 4, 8, 16]))
     return Processed(_clahe(share, clip, tiles), {"clip": clip, "tiles": tiles}, bits=8)
 
 
 def unsharp_mask(share: Grey, generator: np.random.Generator) -> Processed:
-    """Edge enhancement."""
+    """Unsharp mask with a gain of 0.3 to 2 and a radius of 0.8 to 4 px."""
     gain, sigma_px = float(generator.uniform(0.3, 2.0)), float(generator.uniform(0.8, 4.0))
     return Processed(_sharpened(share, gain, sigma_px), {"gain": gain, "sigma_px": sigma_px})
 
 
 def multi_scale(share: Grey, generator: np.random.Generator) -> Processed:
-    """Laplacian pyramid: a gain for each level, small details more than large ones (a power of their amplitude)."""
+    """Laplacian pyramid: each level with a gain of 0.8 to 2.2 and its amplitudes to the power of 0.7 to 1."""
     gains = generator.uniform(0.8, 2.2, _LAPLACIAN_LEVELS)
     power = float(generator.uniform(0.7, 1.0))
     residual: NDArray[np.floating] = share
@@ -86,14 +86,14 @@ def multi_scale(share: Grey, generator: np.random.Generator) -> Processed:
 
 
 def bilateral_filter(share: Grey, generator: np.random.Generator) -> Processed:
-    """Edge-preserving smoothing."""
+    """Bilateral filter of 1.5 to 4 px and 2 to 8 % of full scale: smooth but for edges."""
     space_px, range_share = float(generator.uniform(1.5, 4.0)), float(generator.uniform(0.02, 0.08))
     smooth = np.asarray(cv2.bilateralFilter(share, -1, range_share, space_px), dtype=np.float32)
     return Processed(clipped(smooth), {"space_px": space_px, "range_share": range_share})
 
 
 def non_local_means(share: Grey, generator: np.random.Generator) -> Processed:
-    """Patches that resemble one another are averaged, on 8 bits."""
+    """Non-local means of strength 3 to 10 on 8 bits: patches that resemble one another are averaged."""
     strength, search_px = float(generator.uniform(3.0, 10.0)), int(generator.choice([11, 15, 21]))
     smooth = cv2.fastNlMeansDenoising(_as_bytes(share), None, strength, 5, search_px)
     return Processed(_from_bytes(smooth), {"strength": strength, "search_px": search_px}, bits=8)
@@ -106,7 +106,7 @@ def median_filter(share: Grey, generator: np.random.Generator) -> Processed:
 
 
 def jpeg(share: Grey, generator: np.random.Generator) -> Processed:
-    """Lossy compression."""
+    """JPEG of quality 70 to 95."""
     quality = int(generator.integers(70, 96))
     return Processed(compressed(share, quality), {"quality": quality}, bits=8)
 

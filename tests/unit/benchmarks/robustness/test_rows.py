@@ -43,6 +43,6 @@ def test_a_section_replaces_its_own_and_keeps_the_others(tmp_path: Path) -> None
     assert text.count("# Robust on images") == 1
     assert [line for line in text.splitlines() if line.startswith("## ")] == ["## bent_nails", "## processing"]
     assert "Seeds 3-4" in text
-    assert "- `jpeg`: Lossy compression." in text
+    assert "- `jpeg`: JPEG of quality 70 to 95." in text
     assert "Seeds 1-2" not in text
     assert "| jpeg | 1 | 1 | 0 | 1: 1, 1 |" in text
