@@ -1,4 +1,7 @@
-"""A nail that bends: its centreline, the axis of each hole at its own place, and its shapes for the ray tracer."""
+"""A nail that bends: its centreline, the axis of each hole at its own place, and its shapes for the ray tracer.
+
+Also a straight nail with another tip, or with a slot.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -21,6 +24,9 @@ Floats = NDArray[np.float64]
 _X = np.array([1.0, 0.0, 0.0])
 # How far a straight piece may be off the arc.
 _SAGITTA_MM = 0.005
+# Bores side by side make a slot; by so much apart they leave ridges of less than 0.01 mm.
+_SLOT_STEP_MM = 0.3
+_BAR_END = 9  # column of a bar's row
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +112,28 @@ def with_bent_nail(packed: PackedScene, nail: NailPart, bend: Bend, world: World
         bar_class=np.concatenate([shapes.bar_classes(), packed.bar_class[bars]]),
         ellipsoids=np.concatenate([packed.ellipsoids[ellipsoids], shapes.ellipsoid_rows()]),
         ellipsoid_class=np.concatenate([packed.ellipsoid_class[ellipsoids], shapes.ellipsoid_classes()]),
+    )
+
+
+def with_tip(packed: PackedScene, nail: NailPart, depth_mm: float, world: World) -> PackedScene:
+    """The scene with a tip of another depth, half an ellipsoid that ends where the file's tip does."""
+    half_axes = np.array([depth_mm, nail.radius_mm, nail.radius_mm])
+    end = ellipsoid_row(world.beam_from_nail, np.array([nail.tip_x_mm - depth_mm, 0.0, 0.0]), half_axes)
+    bars, ellipsoids = packed.bars.copy(), packed.ellipsoids.copy()
+    bars[packed.bar_class == tracer.NAIL, _BAR_END] = nail.tip_x_mm - depth_mm
+    ellipsoids[packed.ellipsoid_class == tracer.NAIL] = end
+    return packed._replace(bars=bars, ellipsoids=ellipsoids)
+
+
+def with_slot(packed: PackedScene, nail: NailPart, hole: Hole, longer_mm: float, world: World) -> PackedScene:
+    """The scene with a hole that is longer along the nail."""
+    rows = []
+    for shift in np.linspace(-0.5 * longer_mm, 0.5 * longer_mm, int(np.ceil(longer_mm / _SLOT_STEP_MM)) + 1):
+        moved = replace(hole, axis=Line(hole.axis.point_mm + shift * _X, hole.axis.direction))
+        rows += bore_rows(world.beam_from_nail, moved, nail.radius_mm)
+    return packed._replace(
+        bars=np.concatenate([packed.bars, rows]),
+        bar_class=np.concatenate([packed.bar_class, np.full(len(rows), tracer.NAIL_VOID)]),
     )
 
 

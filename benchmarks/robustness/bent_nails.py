@@ -13,24 +13,18 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail
+from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail, with_slot, with_tip
 from benchmarks.robustness.changed_parts import with_nail_holes
 from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
 from benchmarks.robustness.scene import ChangePacked, Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
-from simulation.render import tracer
-from simulation.render.rows import ellipsoid_row
-from simulation.render.scene import bore_rows
-from simulation.render.tracer import PackedScene
 from simulation.scenario.values import Scenario
-from simulation.world.poses import World, starting_state, world_at
+from simulation.world.poses import starting_state, world_at
 
 _RADII_MM = ((300.0, 700.0), (700.0, 1500.0), (1500.0, 3000.0))
 _STRAIGHT_BEFORE_MM = 60.0
-# Bores side by side make a slot; by so much apart they leave ridges of less than 0.01 mm.
-_SLOT_STEP_MM = 0.3
 _BULLET = (0.3, 3.0)
 
 
@@ -85,17 +79,9 @@ def rounded_tip(kind: str, seed: int) -> RobustScene:
     """A tip from nearly flat (0.3 radii deep) to a bullet (3 radii), where the file's is half a ball."""
     share, scenario = float(generator_of(kind, seed).uniform(*_BULLET)), scene_of_seed(seed)
     nail = scenario.parts.nail
-    depth = share * nail.radius_mm
-
-    def tipped(packed: PackedScene, world: World) -> PackedScene:
-        half_axes = np.array([depth, nail.radius_mm, nail.radius_mm])
-        end = ellipsoid_row(world.beam_from_nail, np.array([nail.tip_x_mm - depth, 0.0, 0.0]), half_axes)
-        bars, ellipsoids = packed.bars.copy(), packed.ellipsoids.copy()
-        bars[packed.bar_class == tracer.NAIL, 9] = nail.tip_x_mm - depth
-        ellipsoids[packed.ellipsoid_class == tracer.NAIL] = end
-        return packed._replace(bars=bars, ellipsoids=ellipsoids)
-
-    return _straight_scene(kind, scenario, {"radii": share}, tipped)
+    depth_mm = share * nail.radius_mm
+    drawn: Drawn = {"radii": share}
+    return _straight_scene(kind, scenario, drawn, lambda packed, world: with_tip(packed, nail, depth_mm, world))
 
 
 def oblong_slot(kind: str, seed: int) -> RobustScene:
@@ -103,20 +89,8 @@ def oblong_slot(kind: str, seed: int) -> RobustScene:
     longer_mm, scenario = float(generator_of(kind, seed).uniform(2.0, 6.0)), scene_of_seed(seed)
     nail = scenario.parts.nail
     hole = min(nail.holes, key=lambda one: float(one.axis.point_mm[0]))
-    count = int(np.ceil(longer_mm / _SLOT_STEP_MM)) + 1
-
-    def slotted(packed: PackedScene, world: World) -> PackedScene:
-        rows = []
-        for shift in np.linspace(-0.5 * longer_mm, 0.5 * longer_mm, count):
-            point = hole.axis.point_mm + np.array([shift, 0.0, 0.0])
-            moved = replace(hole, axis=Line(point, hole.axis.direction))
-            rows += bore_rows(world.beam_from_nail, moved, nail.radius_mm)
-        classes = np.full(len(rows), tracer.NAIL_VOID)
-        return packed._replace(
-            bars=np.concatenate([packed.bars, rows]), bar_class=np.concatenate([packed.bar_class, classes])
-        )
-
-    return _straight_scene(kind, scenario, {"longer_mm": longer_mm}, slotted)
+    drawn: Drawn = {"longer_mm": longer_mm}
+    return _straight_scene(kind, scenario, drawn, lambda packed, world: with_slot(packed, nail, hole, longer_mm, world))
 
 
 def _straight_scene(

@@ -13,6 +13,7 @@ from benchmarks.robustness.kinds import CONTROL, CONTROL_KIND, Kind
 from benchmarks.robustness.page import section_of, with_section, write_sheet
 from benchmarks.robustness.rows import Row, key_of, kind_row
 from distalock.arguments import OneLineParser, existing_file, whole_number, writable_file
+from shared.errors import InputError
 
 REPORT = PAGES / "robustness.md"
 # Seeds from 60000 fit parameters of the localisation; those from 65000 judge them and fit nothing.
@@ -53,9 +54,18 @@ def run_bench(bench: RobustnessBench, arguments: Sequence[str]) -> int:
 
 
 def chosen_kinds(bench: RobustnessBench, names: Sequence[str], seeds: str) -> tuple[Kind, ...]:
-    """The named kinds; on seeds that fit, without those that are held out."""
+    """The named kinds; on seeds that fit, without those that are held out.
+
+    Raises
+    ------
+    InputError
+        When none is left.
+    """
     named = (kind for kind in (CONTROL_KIND, *bench.kinds) if kind.name in names)
-    return tuple(kind for kind in named if seeds != FIT or not kind.judges_only)
+    kinds = tuple(kind for kind in named if seeds != FIT or not kind.judges_only)
+    if not kinds:
+        raise InputError(f"held out of the seeds that fit: {', '.join(names)}; use --seeds judged")
+    return kinds
 
 
 def rows_of(kinds: Sequence[Kind], seeds: Sequence[int], images: Path | None, plan: RunPlan) -> list[Row]:
@@ -75,7 +85,13 @@ def _stored(file: Path) -> dict[str, Row]:
 def _parser(bench: RobustnessBench) -> OneLineParser:
     parser = OneLineParser(prog=f"distalock bench {bench.name}", description=bench.description)
     number = partial(whole_number, "a number of scenes")
-    parser.add_argument("--kind", action="append", choices=bench.names, help="one kind; may be given again (all kinds)")
+    parser.add_argument(
+        "--kind",
+        action="append",
+        choices=bench.names,
+        metavar="NAME",
+        help=f"may be given again (all): {', '.join(bench.names)}",
+    )
     parser.add_argument("--count", type=number(1, SEEDS_OF_A_SET), default=20, help="scenes of each kind (20)")
     parser.add_argument(
         "--seeds",
@@ -86,6 +102,8 @@ def _parser(bench: RobustnessBench) -> OneLineParser:
     parser.add_argument("--skip", type=number(0, SEEDS_OF_A_SET - 1), default=0, help="seeds left out at the start (0)")
     parser.add_argument("--images", type=Path, help="folder that keeps rendered images, so that no run renders again")
     parser.add_argument("--before", type=existing_file, help="rows of an earlier revision, for a second table")
-    parser.add_argument("--report", type=writable_file, help=f"page to write ({REPORT}; with --kind: none)")
+    parser.add_argument(
+        "--report", type=writable_file, help="page to write (docs/benchmarks/robustness.md; with --kind: none)"
+    )
     add_run_options(parser)
     return parser

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.robustness.bent_nail import Bend, bent_truths, local_hole, with_bent_nail
+from benchmarks.robustness.bent_nail import Bend, bent_truths, local_hole, with_bent_nail, with_slot, with_tip
 from shared.geometry.lines import angle_between_rad, unit
 from shared.geometry.parts import hole_surface_points
 from simulation.render.attenuation import Material
 from simulation.render.scene import balls_in_view, pack_scene
-from simulation.render.tracer import trace_lengths
+from simulation.render.tracer import PackedScene, trace_lengths
 from simulation.world.poses import starting_state, world_at
 from tests.unit.simulation import rooms
 
@@ -21,8 +21,11 @@ BENDS = (Bend(300.0, 0.4, -40.0), Bend(1000.0, 2.0, -20.0), Bend(3000.0, 4.5, -7
 SURFACE_MM = 0.01
 
 
-def metal_mm(bend: Bend | None, points_beam: NDArray[np.float64]) -> NDArray[np.float64]:
-    packed = PACKED if bend is None else with_bent_nail(PACKED, NAIL, bend, WORLD)
+def metal_mm(bend: Bend, points_beam: NDArray[np.float64]) -> NDArray[np.float64]:
+    return metal_of(with_bent_nail(PACKED, NAIL, bend, WORLD), points_beam)
+
+
+def metal_of(packed: PackedScene, points_beam: NDArray[np.float64]) -> NDArray[np.float64]:
     targets = points_beam[:, :2] / points_beam[:, 2:] * packed.detector_distance_mm
     lengths = trace_lengths(packed, np.ascontiguousarray(targets), np.full(len(targets), -1))
     return np.asarray(lengths[:, Material.TITANIUM])
@@ -95,3 +98,26 @@ def test_a_hardly_bent_nail_has_the_truth_of_the_straight_one() -> None:
         assert np.allclose(truth.entry_point_guide_mm, WORLD.guide_from_nail @ entry, atol=1e-4)
         assert np.allclose(truth.axis_guide, WORLD.guide_from_nail.directions(hole.axis.direction), atol=1e-5)
         assert local_hole(hole).axis.point_mm[0] == 0.0
+
+
+def test_a_slot_is_open_to_its_ends_and_closed_beyond() -> None:
+    hole, longer_mm = NAIL.holes[0], 5.0
+    packed = with_slot(PACKED, NAIL, hole, longer_mm, WORLD)
+    reach = 0.5 * longer_mm + 0.4 * hole.diameter_mm - 1.0
+    shifts = np.linspace(-reach, reach, 9)[:, None] * np.array([1.0, 0.0, 0.0])
+    assert np.all(metal_of(packed, WORLD.beam_from_nail @ (hole.axis.point_mm + shifts)) == 0.0)
+    assert np.any(metal_of(PACKED, WORLD.beam_from_nail @ (hole.axis.point_mm + shifts)) > 0.0)
+    beyond = hole.axis.point_mm + np.array([0.5 * longer_mm + 0.5 * hole.diameter_mm + 1.5, 0.0, 0.0])
+    assert metal_of(packed, WORLD.beam_from_nail @ beyond[None])[0] > 1.0
+
+
+@pytest.mark.parametrize("depth_mm", [2.0, 15.0])
+def test_a_tip_is_half_an_ellipsoid_of_its_depth(depth_mm: float) -> None:
+    packed = with_tip(PACKED, NAIL, depth_mm, WORLD)
+    halfway = np.array([NAIL.tip_x_mm - 0.5 * depth_mm, 0.0, 0.0])
+    outline = np.sqrt(0.75) * NAIL.radius_mm
+    sides = np.array([halfway + np.array([0.0, y, 0.0]) for y in (0.9 * outline, 1.1 * outline)])
+    inside, outside = metal_of(packed, WORLD.beam_from_nail @ sides)
+    assert inside > 0.5
+    assert outside == 0.0
+    assert metal_of(packed, WORLD.beam_from_nail @ np.array([[NAIL.tip_x_mm + 0.3, 0.0, 0.0]]))[0] == 0.0

@@ -6,6 +6,7 @@ import pytest
 from benchmarks.robustness.all_kinds import BENCHES, KINDS
 from benchmarks.robustness.built_parts import guide_3_percent_larger, guide_balls, nail_tolerances, ring_plates_nearer
 from benchmarks.robustness.command import chosen_kinds
+from shared.errors import InputError
 from shared.geometry.lines import angle_between_rad
 from tests.unit.simulation import rooms
 
@@ -49,6 +50,8 @@ def test_kinds_held_out_do_not_run_on_the_seeds_that_fit() -> None:
         assert len(judging) == len(bench.names)
         assert 0 < len(fitting) < len(judging)
         assert chosen_kinds(bench, ["control"], "fit") == fitting[:1]
+    with pytest.raises(InputError, match="held out of the seeds that fit: clamp; use --seeds judged"):
+        chosen_kinds(BENCHES[1], ["clamp"], "fit")
 
 
 def test_kinds_have_names_of_their_own() -> None:
