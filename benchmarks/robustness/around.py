@@ -11,6 +11,7 @@ from simulation.scenario.values import Scenario
 from simulation.world.poses import World
 
 Floats = NDArray[np.float64]
+_RIM_POINTS, _INSIDE_RIM = 90, 0.85
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +48,13 @@ class Around:
     def ray(self) -> Floats:
         """Unit vector of the beam through the hole's middle."""
         return unit(self.middle_mm)
+
+    def inside_rim(self) -> Floats:
+        """Points of the hole next to its rim, at half its depth, shape (N, 3)."""
+        first, second = axes_across(self.axis, 0.0)
+        angle = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)[:, None]
+        circle = np.cos(angle) * first + np.sin(angle) * second
+        return np.asarray(self.middle_mm + _INSIDE_RIM * self.rim_mm * circle)
 
     def at_depth(self, point_mm: Floats, depth_mm: float) -> Floats:
         """The point moved along its ray by a depth: its shadow stays."""

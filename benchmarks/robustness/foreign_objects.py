@@ -24,10 +24,11 @@ from benchmarks.robustness.objects import (
     rod,
     wire_along,
 )
-from benchmarks.robustness.scene import Drawn, RobustScene, generator_of, rendered, scene_of_shot
+from benchmarks.robustness.scene import COVERED, Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import unit
-from simulation.world.poses import starting_state, world_at
+from simulation.scenario.values import Scenario
+from simulation.world.poses import World, starting_state, world_at
 
 Floats = NDArray[np.float64]
 
@@ -182,18 +183,27 @@ def other_leg(around: Around, generator: np.random.Generator) -> tuple[Objects, 
 
 
 def cluttered_scene(draw: Draw, kind: str, seed: int) -> RobustScene:
-    """The scene of a seed with an object about one of its holes (about the proximal one for a plate over the nail)."""
-    generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
+    """The scene of a seed with an object about one of its holes."""
+    scenario = scene_of_seed(seed)
     state = starting_state(scenario)
-    holes = scenario.parts.nail.holes
-    hole = int(generator.integers(len(holes)))
-    if draw is plate_over:
-        hole = int(np.argmin([one.axis.point_mm[0] for one in holes]))
-    around = Around.of(scenario, world_at(scenario, state), hole)
-    objects, drawn = draw(around, generator)
+    objects, drawn = placed(draw, kind, scenario, world_at(scenario, state))
     shot = rendered(scenario, state, lambda packed, _: objects.added_to(packed))
-    named: Drawn = {"hole": holes[hole].id}
-    return scene_of_shot(kind, scenario, shot, named | drawn, shot.truth.holes)
+    return scene_of_shot(kind, scenario, shot, drawn, shot.truth.holes)
+
+
+def placed(draw: Draw, kind: str, scenario: Scenario, world: World) -> tuple[Objects, Drawn]:
+    """An object about a drawn hole (a plate over the nail: about the proximal one), and how much it covers of each."""
+    generator, holes = generator_of(kind, scenario.seed), scenario.parts.nail.holes
+    number = int(generator.integers(len(holes)))
+    if draw is plate_over:
+        number = int(np.argmin([one.axis.point_mm[0] for one in holes]))
+    around = [Around.of(scenario, world, k) for k in range(len(holes))]
+    objects, drawn = draw(around[number], generator)
+    named: Drawn = {"hole": holes[number].id}
+    covered: Drawn = {
+        COVERED + hole.id: objects.covered_share(one.inside_rim()) for hole, one in zip(holes, around, strict=True)
+    }
+    return objects, named | drawn | covered
 
 
 _DRAWS: tuple[Draw, ...] = (

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from shared.geometry.lines import unit
 from simulation.render import tracer
+from simulation.render.shapes import box, frustum
 from simulation.render.tracer import PackedScene
 
 Floats = NDArray[np.float64]
@@ -21,6 +22,11 @@ class SteelBox:
     centre_mm: Floats
     axes: Floats
     half_size_mm: Floats
+
+    @property
+    def row(self) -> Floats:
+        """Row of `shapes.box`."""
+        return np.concatenate([self.centre_mm, self.half_size_mm])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,11 +45,21 @@ class Objects:
     rods: tuple[Floats, ...] = ()
     soft: tuple[Floats, ...] = ()
 
+    def covered_share(self, points_mm: Floats) -> float:
+        """Share of points, shape (N, 3), whose rays from the focal spot's middle meet steel."""
+        return float(np.mean([self._covers(point) for point in np.ascontiguousarray(points_mm)]))
+
+    def _covers(self, point_mm: Floats) -> bool:
+        source = np.zeros(3)
+        stretches = [box(b.row, b.axes, source, point_mm) for b in self.boxes]
+        stretches += [frustum(row, source, point_mm) for row in self.rods]
+        return any(near < far for near, far in stretches)
+
     def added_to(self, packed: PackedScene) -> PackedScene:
         """The scene with these objects."""
         rods, soft = np.array(self.rods).reshape(-1, 10), np.array(self.soft).reshape(-1, 12)
-        boxes = np.array([np.concatenate([box.centre_mm, box.half_size_mm]) for box in self.boxes]).reshape(-1, 6)
-        axes = np.array([box.axes for box in self.boxes]).reshape(-1, 3, 3)
+        boxes = np.array([one.row for one in self.boxes]).reshape(-1, 6)
+        axes = np.array([one.axes for one in self.boxes]).reshape(-1, 3, 3)
         return packed._replace(
             steel_boxes=np.concatenate([packed.steel_boxes, boxes]),
             steel_box_axes=np.concatenate([packed.steel_box_axes, axes]),

@@ -11,9 +11,10 @@ import numpy as np
 from benchmarks.baselines.methods import LARGEST_AXIS_ERROR_DEG, LARGEST_ENTRY_ERROR_MM, run_model
 from benchmarks.common.statistics import Quantiles, quantiles, root_mean_square
 from benchmarks.robustness.kinds import Kind
-from benchmarks.robustness.scene import Drawn, ImageFolder, RobustScene
+from benchmarks.robustness.scene import COVERED, Drawn, ImageFolder, RobustScene
 
 LARGEST_NORMALISED = 4.0
+LARGEST_COVERED = 0.5
 # A result within these is good enough to drill by.
 GOOD_ENTRY_MM, GOOD_AXIS_DEG = 0.2, 0.6
 
@@ -70,8 +71,9 @@ class Row:
 
     @property
     def usable(self) -> bool:
-        """Whether the same scene without the kind is accepted."""
-        return not self.control
+        """Whether the same scene without the kind is accepted, and an object covers at most half of each hole's rim."""
+        covered = [float(share) for name, share in self.drawn.items() if name.startswith(COVERED)]
+        return not self.control and max(covered, default=0.0) <= LARGEST_COVERED
 
     @property
     def wrong(self) -> bool:
@@ -129,7 +131,7 @@ class Summary:
     refused
         How often each code, the most frequent first.
     usable, usable_accepted, usable_good
-        Scenes whose control was accepted, how many of them are accepted, and how many of those are good.
+        Scenes that a person could use, how many of them are accepted, and how many of those are good.
     entry_mm, axis_deg
         Median, 95 % and worst of the worse hole of accepted scenes.
     normalised_entry, normalised_axis

@@ -26,6 +26,8 @@ from simulation.world.poses import World, WorldState, starting_state, world_at
 Drawn: TypeAlias = dict[str, int | float | str]
 ChangePacked: TypeAlias = Callable[[PackedScene, World], PackedScene]
 Floats = NDArray[np.float64]
+# Beginning of the name, among the drawn parameters, of the share that an object covers of a hole.
+COVERED = "covered_"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -79,6 +79,16 @@ def test_held_out_objects_lie_about_the_hole(seed: int) -> None:
         assert np.any(steel_mm(objects, circle) > 0.0), draw.__name__
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_covered_share_is_that_of_the_traced_rays(seed: int) -> None:
+    one = around()
+    for draw in (retractor, screw_half_in, wire_across_rim):
+        objects, _ = draw(one, np.random.default_rng(seed))
+        traced = steel_mm(objects, one.inside_rim()) > 0.0
+        assert objects.covered_share(one.inside_rim()) == pytest.approx(np.mean(traced), abs=0.02)
+    assert objects.covered_share(one.others_mm) in (0.0, 1.0)
+
+
 def test_nothing_added_changes_nothing() -> None:
     one = around()
     points = rim(one, 3.0, 36)

@@ -1,5 +1,6 @@
 """What counts as wrong, usable and good, and the page's sections."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -46,3 +47,12 @@ def test_a_section_replaces_its_own_and_keeps_the_others(tmp_path: Path) -> None
     assert "- `jpeg`: JPEG of quality 70 to 95." in text
     assert "Seeds 1-2" not in text
     assert "| jpeg | 1 | 1 | 0 | 1: 1, 1 |" in text
+
+
+def test_a_hole_that_is_mostly_covered_is_not_usable() -> None:
+    half, more = (
+        replace(row(0.1), drawn={"covered_distal": covered, "covered_proximal": 0.0, "width": 30})
+        for covered in (0.5, 0.51)
+    )
+    assert half.usable
+    assert not more.usable
