@@ -117,10 +117,20 @@ def hole_surface_points(nail: NailPart, hole: Hole) -> tuple[NDArray[np.float64]
     ValueError
         When the axis does not cross the nail.
     """
-    p, d = hole.axis.point_mm[1:], hole.axis.direction[1:]
-    a, b, c = float(d @ d), float(p @ d), float(p @ p) - nail.radius_mm**2
+    try:
+        return crossings_of_cylinder(hole.axis, nail.radius_mm)
+    except ValueError:
+        raise ValueError(
+            f"the axis of hole '{hole.id}' does not cross the nail of {nail.diameter_mm} mm diameter"
+        ) from None
+
+
+def crossings_of_cylinder(axis: Line, radius_mm: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where a line enters and leaves a cylinder about the x axis, shape (3,) each; raises `ValueError` if nowhere."""
+    p, d = axis.point_mm[1:], axis.direction[1:]
+    a, b, c = float(d @ d), float(p @ d), float(p @ p) - radius_mm**2
     if a == 0.0 or b * b <= a * c:
-        raise ValueError(f"the axis of hole '{hole.id}' does not cross the nail of {nail.diameter_mm} mm diameter")
+        raise ValueError(f"the line does not cross a cylinder of {radius_mm} mm radius")
     root = np.sqrt(b * b - a * c)
     near, far = (-b - root) / a, (-b + root) / a
-    return hole.axis.point_mm + near * hole.axis.direction, hole.axis.point_mm + far * hole.axis.direction
+    return axis.point_mm + near * axis.direction, axis.point_mm + far * axis.direction

@@ -4,21 +4,47 @@ The schemas are contracts with other programs: `distalock/ring/1`, `distalock/gu
 """
 
 import hashlib
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from shared.errors import PartFileInvalid
 from shared.geometry.lines import Line, read_only
-from shared.geometry.parts import BallPattern, Box, GuidePart, Hole, Material, NailPart, Plate, RingPart
+from shared.geometry.parts import (
+    BallPattern,
+    Box,
+    GuidePart,
+    Hole,
+    Material,
+    NailPart,
+    Plate,
+    RingPart,
+    crossings_of_cylinder,
+)
 
 Finite = Annotated[float, Field(allow_inf_nan=False, ge=-2000.0, le=2000.0)]
 Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=500.0)]
 NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=500.0)]
 Vector = tuple[Finite, Finite, Finite]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
+Tolerance = Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1.0)]
+ToleranceAngle = Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=5.0)]
+
+# More than any part needs, and few enough that an image takes seconds: time grows with the cube of the balls' number.
+MOST_BALLS: Final = 400
+_MOST_BLOCKS, _MOST_HOLES, _MOST_PLATES = 64, 16, 8
+_LARGEST_FILE_BYTES: Final = 4 * 2**20
+# As many as an image must show (`RING_BALLS_IDENTIFIED`)
+_LEAST_RING_BALLS: Final = 16
+# A ball is glued into a plate; the plates lie between the detector and the patient.
+_BESIDE_PLATE_MM, _DEEPEST_PLATE_MM = 15.0, 400.0
+# Directions in files are rounded to two decimals or more.
+_LENGTH_ROUNDING: Final = 0.02
+_LEAST_ANGLE_TO_NAIL_DEG, _MOST_ANGLE_TO_DRILLING_DEG = 30.0, 100.0
 
 
 class PartModel(BaseModel):
@@ -32,7 +58,7 @@ class BallFile(PartModel):
 
     id: Name
     position_mm: Vector
-    diameter_mm: Positive
+    diameter_mm: Annotated[float, Field(allow_inf_nan=False, ge=0.5, le=10.0)]
 
 
 class PlateFile(PartModel):
@@ -82,7 +108,7 @@ class BallsFile(PartModel):
 
     units: Literal["mm"]
     name: Name | None = None
-    balls: tuple[BallFile, ...] = Field(min_length=4)
+    balls: tuple[BallFile, ...] = Field(min_length=4, max_length=MOST_BALLS)
     ball_count: int | None = None
 
     @model_validator(mode="after")
@@ -105,15 +131,33 @@ class RingFile(BallsFile):
     """A calibration ring."""
 
     schema_name: Literal["distalock/ring/1"] = Field(alias="schema")
-    plates: tuple[PlateFile, ...] = Field(min_length=1)
+    plates: tuple[PlateFile, ...] = Field(min_length=1, max_length=_MOST_PLATES)
+
+    @model_validator(mode="after")
+    def _arrangement(self) -> "RingFile":
+        if len(self.balls) < _LEAST_RING_BALLS:
+            raise ValueError(f"the ring has {len(self.balls)} balls (at least {_LEAST_RING_BALLS} must be identified)")
+        heights = sorted(plate.z_mm for plate in self.plates)
+        if abs(heights[-1]) > _BESIDE_PLATE_MM or heights[0] < -_DEEPEST_PLATE_MM:
+            raise ValueError(
+                f"plates at z = {', '.join(f'{z:g}' for z in heights)} mm: the one next to the detector is at z = 0 "
+                f"and the others are below it, down to -{_DEEPEST_PLATE_MM:g} (+z points to the detector)"
+            )
+        for ball in self.balls:
+            away = min(abs(ball.position_mm[2] - z) for z in heights)
+            if away > _BESIDE_PLATE_MM:
+                raise ValueError(
+                    f"ball '{ball.id}' is {away:.1f} mm from the nearest plate (limit {_BESIDE_PLATE_MM:g})"
+                )
+        return self
 
 
 class GuideFile(BallsFile):
     """A drill guide."""
 
     schema_name: Literal["distalock/guide/1"] = Field(alias="schema")
-    holes: tuple[GuideHoleFile, ...] = Field(min_length=1)
-    body: tuple[BoxFile, ...] = ()
+    holes: tuple[GuideHoleFile, ...] = Field(min_length=1, max_length=_MOST_HOLES)
+    body: tuple[BoxFile, ...] = Field((), max_length=_MOST_BLOCKS)
 
     @model_validator(mode="after")
     def _hole_names(self) -> "GuideFile":
@@ -131,7 +175,7 @@ class NailFile(PartModel):
     diameter_mm: Positive
     cannulation_diameter_mm: NotNegative
     tip_x_mm: Finite
-    holes: tuple[NailHoleFile, ...] = Field(min_length=1)
+    holes: tuple[NailHoleFile, ...] = Field(min_length=1, max_length=_MOST_HOLES)
 
     @model_validator(mode="after")
     def _shape(self) -> "NailFile":
@@ -141,11 +185,51 @@ class NailFile(PartModel):
         ]:
             if value >= self.diameter_mm:
                 raise ValueError(f"{name} of {value} mm does not fit in a nail of {self.diameter_mm} mm")
+        for hole in self.holes:
+            _refuse_impossible_direction(hole)
+            _refuse_outside(hole, self)
         return self
 
 
-def _refuse_repeated(names: list[str], kind: str) -> None:
-    repeated = sorted({n for n in names if names.count(n) > 1})
+def _refuse_impossible_direction(hole: NailHoleFile) -> None:
+    """Refuse a direction along the nail's axis, against drilling, or not of unit length."""
+    length = float(np.linalg.norm(hole.direction))
+    if abs(length - 1.0) > _LENGTH_ROUNDING:
+        raise ValueError(f"the direction of hole '{hole.id}' has length {length:.3f} (1 within {_LENGTH_ROUNDING:g})")
+    x, y, z = np.array(hole.direction) / length
+    to_nail, to_drilling = np.degrees(np.arctan2(np.hypot(y, z), abs(x))), np.degrees(np.arctan2(np.hypot(x, y), z))
+    if to_nail < _LEAST_ANGLE_TO_NAIL_DEG:
+        raise ValueError(
+            f"hole '{hole.id}' runs along the nail: {to_nail:.1f}° to its axis, +x (at least "
+            f"{_LEAST_ANGLE_TO_NAIL_DEG:g}°)"
+        )
+    if to_drilling > _MOST_ANGLE_TO_DRILLING_DEG:
+        raise ValueError(
+            f"hole '{hole.id}' is directed against drilling: {to_drilling:.1f}° to +z (limit "
+            f"{_MOST_ANGLE_TO_DRILLING_DEG:g}°)"
+        )
+
+
+def _refuse_outside(hole: NailHoleFile, nail: NailFile) -> None:
+    """Refuse a hole that breaks through the nail's side or its end."""
+    position, direction = np.array(hole.position_mm), np.array(hole.direction)
+    across = direction[1:] / np.linalg.norm(direction[1:])
+    beside = abs(float(position[1] * across[1] - position[2] * across[0]))
+    radius, room = 0.5 * hole.diameter_mm, 0.5 * (nail.diameter_mm - hole.diameter_mm)
+    if beside > room:
+        raise ValueError(
+            f"the axis of hole '{hole.id}' passes the nail's axis at {beside:.2f} mm (limit {room:.2f} in a nail of "
+            f"{nail.diameter_mm:g} mm)"
+        )
+    axis = Line(position, direction)
+    ends = crossings_of_cylinder(axis, 0.5 * nail.diameter_mm)
+    farthest = max(float(end[0]) for end in ends) + radius
+    if farthest > nail.tip_x_mm:
+        raise ValueError(f"hole '{hole.id}' reaches x = {farthest:.1f} mm (limit: the nail's end at {nail.tip_x_mm:g})")
+
+
+def _refuse_repeated(names: Iterable[str], kind: str) -> None:
+    repeated = sorted(name for name, count in Counter(names).items() if count > 1)
     if repeated:
         raise ValueError(f"{kind} id {repeated[0]!r} appears more than once")
 
@@ -209,9 +293,13 @@ def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
 def read_part_file(path: Path) -> bytes:
     """Bytes of a part file; raises `PartFileInvalid` when it cannot be read."""
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            content = file.read(_LARGEST_FILE_BYTES + 1)
     except OSError as error:
         raise PartFileInvalid(f"{path}: cannot be read: {error.strerror or error}; check its name") from None
+    if len(content) > _LARGEST_FILE_BYTES:
+        raise PartFileInvalid(f"{path}: more than {_LARGEST_FILE_BYTES} bytes are no part file; name another")
+    return content
 
 
 def sha256_of(content: bytes) -> str:

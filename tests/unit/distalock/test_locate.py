@@ -214,7 +214,10 @@ def test_a_hole_beside_the_nail_is_refused(files: dict[str, Path], capsys: pytes
     nail["holes"][0]["position_mm"] = [15.0, 8.0, 0.0]
     files["nail"].write_text(json.dumps(nail))
     assert main(locate(files)) == EXIT_BAD_INPUT
-    assert "the axis of hole 'distal' does not cross the nail of 12.0 mm diameter" in one_sentence(capsys)
+    assert (
+        "the axis of hole 'distal' passes the nail's axis at 8.00 mm (limit 3.00 in a nail of 12 mm)"
+        in one_sentence(capsys)
+    )
 
 
 @pytest.mark.parametrize("value", ["-3", "0", "nan", "inf", "1e-300", "235", "0.2,0.2", ""])

@@ -5,8 +5,10 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from shared.geometry.parts import GuidePart, NailPart, RingPart
-from shared.parts.files import guide_from_json, nail_from_json, ring_from_json
+import numpy as np
+
+from shared.geometry.parts import BallPattern, GuidePart, NailPart, Plate, RingPart
+from shared.parts.files import guide_from_json, nail_from_json
 from simulation.scenario.files import ScenarioFile
 from simulation.scenario.imaging_values import Display, FlatPanel
 from simulation.scenario.sampling import scenario_from_file
@@ -30,11 +32,10 @@ PLAIN_DISPLAY = Display(
 def ring(ball_positions: list[list[float]] | None = None) -> RingPart:
     """A ring with a few balls of 3 mm and two plates."""
     positions = ball_positions or [[40.0, 10.0, 0.0], [-50.0, 20.0, 0.0], [10.0, -60.0, -76.0], [-30.0, -45.0, -76.0]]
-    balls = [{"id": f"R{i}", "position_mm": p, "diameter_mm": 3.0} for i, p in enumerate(positions)]
-    plates = [{"z_mm": z, "radius_mm": 118.0, "thickness_mm": 3.0} for z in (0.0, -76.0)]
-    return ring_from_json(
-        json.dumps({"schema": "distalock/ring/1", "units": "mm", "balls": balls, "plates": plates}).encode()
+    balls = BallPattern(
+        tuple(f"R{i}" for i in range(len(positions))), np.array(positions), np.full(len(positions), 3.0)
     )
+    return RingPart(balls, tuple(Plate(z, 118.0, 3.0) for z in (0.0, -76.0)), "0" * 64)
 
 
 def guide() -> GuidePart:

@@ -31,7 +31,9 @@ RING_JSON = json.dumps(
     {
         "schema": "distalock/ring/1",
         "units": "mm",
-        "balls": [{"id": f"R{k}", "position_mm": [400.0 + 10.0 * k, 400.0, 0.0], "diameter_mm": 2.0} for k in range(4)],
+        "balls": [
+            {"id": f"R{k}", "position_mm": [400.0 + 10.0 * k, 400.0, 0.0], "diameter_mm": 2.0} for k in range(16)
+        ],
         "plates": [{"z_mm": 0.0, "radius_mm": 100.0, "thickness_mm": 3.0}],
     }
 )

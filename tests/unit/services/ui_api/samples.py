@@ -39,7 +39,7 @@ INTRINSIC = ((4000.0, 0.0, 512.0), (0.0, 4000.0, 512.0), (0.0, 0.0, 1.0))
 OVERLAY_PNG = b"\x89PNG overlay"
 
 _BALLS: list[dict[str, object]] = [
-    {"id": str(i), "position_mm": [10.0 * i, float(i * i), 0.0], "diameter_mm": 2.0} for i in range(5)
+    {"id": str(i), "position_mm": [10.0 * i, float(i * i), 0.0], "diameter_mm": 2.0} for i in range(16)
 ]
 
 

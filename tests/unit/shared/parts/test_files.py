@@ -1,12 +1,13 @@
-"""Nail files: what they may say of chamfers."""
+"""Part files: what they may state, and what is refused when they are read."""
 
 import json
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
 from shared.errors import PartFileInvalid
-from shared.parts.files import nail_from_json
+from shared.parts.files import guide_from_json, nail_from_json, read_part_file, ring_from_json
 
 TEXT = (files("shared.parts") / "catalogue" / "nail-femur-ti-10.json").read_text()
 
@@ -40,3 +41,83 @@ def test_a_part_may_carry_a_name() -> None:
 def test_a_chamfer_that_cannot_be_is_refused(value: object) -> None:
     with pytest.raises(PartFileInvalid, match="chamfer_mm"):
         nail_from_json(with_chamfer(value))
+
+
+def part_of(name: str) -> dict[str, object]:
+    return dict(json.loads((files("shared.parts") / "catalogue" / f"{name}.json").read_text()))
+
+
+def with_hole(**changed: object) -> bytes:
+    """The nail with its first hole changed."""
+    part = json.loads(TEXT)
+    part["holes"][0] |= changed
+    return json.dumps(part).encode()
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"direction": [1.0, 0.0, 0.05]}, r"hole 'distal' runs along the nail: 2.9° to its axis, \+x \(at least 30°\)"),
+        ({"direction": [0.0, 0.0, 1.1]}, r"the direction of hole 'distal' has length 1.100 \(1 within 0.02\)"),
+        ({"direction": [0.0, 0.6, -0.8]}, r"hole 'distal' is directed against drilling: 143.1° to \+z \(limit 100°\)"),
+        ({"position_mm": [15.0, 2.6, 0.0]}, r"passes the nail's axis at 2.60 mm \(limit 2.40 in a nail of 10 mm\)"),
+        ({"position_mm": [34.0, 0.0, 0.0]}, r"reaches x = 36.6 mm \(limit: the nail's end at 36\)"),
+        ({"direction": [0.8, 0.0, 0.6], "position_mm": [28.0, 0.0, 0.0]}, r"reaches x = 37.3 mm"),
+    ],
+)
+def test_a_hole_that_cannot_be_is_refused_when_the_file_is_read(changed: dict[str, object], sentence: str) -> None:
+    with pytest.raises(PartFileInvalid, match=sentence):
+        nail_from_json(with_hole(**changed))
+
+
+def test_an_oblique_hole_is_read() -> None:
+    oblique = nail_from_json(with_hole(direction=[0.5, 0.0, 0.87], position_mm=[15.0, 0.0, 3.0])).holes[0]
+    assert oblique.axis.direction[0] == pytest.approx(0.5, abs=0.01)
+
+
+def plate(z_mm: float) -> dict[str, float]:
+    return {"z_mm": z_mm, "radius_mm": 118.0, "thickness_mm": 3.0}
+
+
+def balls(count: int) -> list[dict[str, object]]:
+    places = [[float(k % 20), float(k // 20), 0.0] for k in range(count)]
+    return [{"id": str(k), "position_mm": place, "diameter_mm": 2.0} for k, place in enumerate(places)]
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"balls": balls(20_000), "ball_count": 20_000}, "balls: Tuple should have at most 400 items"),
+        ({"balls": balls(15), "ball_count": 15}, r"the ring has 15 balls \(at least 16 must be identified\)"),
+        (
+            {"plates": [plate(0.0), plate(76.0)]},
+            "plates at z = 0, 76",
+        ),
+        ({"plates": [plate(0.0)]}, "is 76.0 mm from the nearest plate"),
+    ],
+)
+def test_a_ring_that_cannot_be_is_refused_when_the_file_is_read(changed: dict[str, object], sentence: str) -> None:
+    with pytest.raises(PartFileInvalid, match=sentence):
+        ring_from_json(json.dumps(part_of("ring-120") | changed).encode())
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        (
+            {"body": [{"centre_mm": [0, 0, 0], "size_mm": [1, 1, 1]}] * 2_000},
+            "body: Tuple should have at most 64 items",
+        ),
+        ({"balls": balls(5_000), "ball_count": 5_000}, "balls: Tuple should have at most 400 items"),
+    ],
+)
+def test_a_guide_of_thousands_of_pieces_is_refused(changed: dict[str, object], sentence: str) -> None:
+    with pytest.raises(PartFileInvalid, match=sentence):
+        guide_from_json(json.dumps(part_of("guide-28") | changed).encode())
+
+
+def test_a_file_of_many_megabytes_is_not_read_whole(tmp_path: Path) -> None:
+    file = tmp_path / "ring.json"
+    file.write_bytes(b" " * (4 * 2**20 + 1))
+    with pytest.raises(PartFileInvalid, match="more than 4194304 bytes are no part file; name another"):
+        read_part_file(file)

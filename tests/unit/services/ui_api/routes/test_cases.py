@@ -68,7 +68,7 @@ def _without(part: dict[str, object], key: str) -> dict[str, object]:
         (
             {"ring": samples.ring_file() | {"ball_count": 7}},
             "part_file_invalid",
-            "ball_count says 7, the file lists 5 balls",
+            "ball_count says 7, the file lists 16 balls",
         ),
         ({"nail": _without(samples.nail_file(), "material")}, "part_file_invalid", "material: Field required"),
         ({"guide_calibration": samples.ring_file()}, "part_file_invalid", "expected 'distalock/guide/1'"),
@@ -104,7 +104,7 @@ def test_parts_without_a_hole_in_common_are_refused(quiet_room: Room) -> None:
 
 
 def test_a_calibrated_guide_takes_the_place_of_the_nominal_one(room: Room) -> None:
-    measured = samples.guide_file() | {"ball_count": 5}
+    measured = samples.guide_file() | {"ball_count": 16}
     answer = room.post("/cases", samples.case_body(guide_calibration=measured)).json()
     assert answer["guide_calibrated"] is True
     sha256 = answer["guide"]["sha256"]
