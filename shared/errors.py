@@ -43,6 +43,7 @@ class ReasonCode(StrEnum):
     TILT_TOO_LARGE = "tilt_too_large"
     WIRE_NOT_FOUND = "wire_not_found"
     IMAGES_DISAGREE = "images_disagree"
+    IMAGE_PROCESSED = "image_processed"
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,9 @@ _GUIDE_IMAGES: Final = fitted(
 _APERTURES: Final = fitted("by inspection on the seeded images of `tests/unit/shared/xray/test_aperture.py`")
 
 
+_DEAD = fitted("by inspection on images of `tests/unit/shared/xray/test_dead_pixels.py` and own scenes 30044-30063")
+
+
 @dataclass(frozen=True, slots=True)
 class ApertureSearch:
     """The usable area of an image: what is not the black surround of an aperture or of collimator blades."""
@@ -172,10 +175,26 @@ class NoiseWhitening:
     kernel_reach_px: int = tuned(8, "px", "half width of the filter's kernel", derived("a quarter of a 32 px block"))
 
 
+@dataclass(frozen=True, slots=True)
+class DeadPixels:
+    """Pixels that do not answer (`shared/xray/dead_pixels.py`)."""
+
+    neighbourhood_px: int = tuned(
+        5, "px", "side of the square whose median a pixel is compared with", derived("one line is less than half of it")
+    )
+    noise_window_px: int = tuned(31, "px", "side of the square that shows the noise", _DEAD)
+    limit_in_spreads: float = tuned(
+        10.0, "mean deviations", "deviation beyond structure of a dead pixel", derived("eight standard deviations")
+    )
+    least_share_of_range: float = tuned(0.03, "1", "the same, as a share of the image's range of grey", _DEAD)
+    dead_share_of_line: float = tuned(0.4, "1", "share of dead pixels from which a whole line is dead", _DEAD)
+
+
 APERTURE_SEARCH = ApertureSearch()
+DEAD_PIXELS = DeadPixels()
 DISC_DETECTION = DiscDetection()
 DISC_FITTING = DiscFitting()
 BALL_MEASURING = BallMeasuring()
 HIDDEN_BALLS = HiddenBalls()
 NOISE_WHITENING = NoiseWhitening()
-SETTINGS = (APERTURE_SEARCH, DISC_DETECTION, DISC_FITTING, BALL_MEASURING, HIDDEN_BALLS, NOISE_WHITENING)
+SETTINGS = (APERTURE_SEARCH, DEAD_PIXELS, DISC_DETECTION, DISC_FITTING, BALL_MEASURING, HIDDEN_BALLS, NOISE_WHITENING)

@@ -31,6 +31,7 @@ from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, BallCandidates, CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.xray.aperture import find_usable_area
+from shared.xray.dead_pixels import fill_dead_pixels
 from shared.xray.discs import Array, FloatImage, compile_fits
 from shared.xray.measurement import BallMeasurements, Discs, MeasurementSettings
 from shared.xray.pixel_scale import pixels as in_pixels
@@ -75,6 +76,7 @@ def calibrate_image(
     area = find_usable_area(pixels)
     if (unusable := unusable_reason(pixels, area.mask)) is not None:
         return Rejected((unusable,))
+    pixels = fill_dead_pixels(pixels).pixels
     found = find_ring(pixels, area, ring, nominal)
     if isinstance(found, Rejected):
         return found

@@ -33,6 +33,7 @@ class NailEstimate:
     errors: PoseErrors | None  # of the pose; None for a method that does not know its errors
     # How much worse the best mirrored pose explains the pixels; None for methods without one
     mirror_margin: float | None
+    error_ratio: float = 1.0  # by which the errors of its rotation exceed what the image's noise explains
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
@@ -42,7 +43,7 @@ class NailEstimate:
     @staticmethod
     def of_fit(fit: NailFit) -> "NailEstimate":
         """What a fit to the pixels determines of the pose."""
-        return NailEstimate(fit.camera_from_nail, fit.errors, fit.mirror_margin)
+        return NailEstimate(fit.camera_from_nail, fit.errors, fit.mirror_margin, fit.agreement.error_ratio)
 
 
 def guide_from_nail_of(

@@ -12,6 +12,7 @@ from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_d
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.guide_from_nail import NailEstimate, guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
+from services.registration.core.nail.clipping import clipped_pixels
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
 from services.registration.core.nail.region import FitInput
@@ -22,6 +23,7 @@ from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart, RingPart
 from shared.geometry.transform import Transform
+from shared.xray.dead_pixels import FilledImage, fill_dead_pixels
 
 
 class Step(StrEnum):
@@ -72,10 +74,10 @@ def localise(
     The pixels are the image as received, darker is denser, shape (rows, columns); `completed` is called after each
     step.
     """
-    upright = unmirrored(pixels, calibration)
-    guide = locate_guide(upright, calibration, parts.ring, parts.guide)
+    filled = fill_dead_pixels(unmirrored(pixels, calibration))
+    guide = locate_guide(filled.pixels, calibration, parts.ring, parts.guide)
     completed(Step.GUIDE)
-    nail = _locate_nail(upright, calibration, parts, guide.value if isinstance(guide, Accepted) else None)
+    nail = _locate_nail(filled, calibration, parts, guide.value if isinstance(guide, Accepted) else None)
     completed(Step.NAIL)
     return conclude(calibration, parts, guide, nail)
 
@@ -102,7 +104,16 @@ def conclude(
     guide_from_nail = found_guide.camera_from_guide.inverse() @ camera_from_nail
     holes = hole_estimates(calibration, parts, found_guide, found_nail)
     reasons = localisation_reasons(
-        LocalisationEvidence(calibration, parts.guide, parts.nail, camera_from_nail, guide_from_nail, holes, correction)
+        LocalisationEvidence(
+            calibration,
+            parts.guide,
+            parts.nail,
+            camera_from_nail,
+            guide_from_nail,
+            holes,
+            correction,
+            found_nail.error_ratio,
+        )
     )
     return LocalisationResult(reasons, found_guide, found_nail, guide_from_nail, holes, correction)
 
@@ -129,9 +140,10 @@ def known_balls(parts: Parts, guide: GuideFit | None) -> Occluders:
 
 
 def _locate_nail(
-    upright: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, guide: GuideFit | None
+    filled: FilledImage, calibration: CArmCalibration, parts: Parts, guide: GuideFit | None
 ) -> Accepted[NailEstimate] | Rejected:
-    """Search the nail, then fit it."""
+    """Search the nail, then fit it to the pixels that show it: not covered, not clipped, not dead."""
+    upright = filled.pixels
     found = find_nail(upright, calibration, parts.nail, distal_direction(guide))
     if isinstance(found, Rejected):
         return found
@@ -139,5 +151,6 @@ def _locate_nail(
     balls = known_balls(parts, guide)
     depth_mm = float(start.camera_from_nail.translation_mm[2])
     hidden = covered_pixels(upright, calibration, start.openings, depth_mm, ball_discs_px(balls, calibration))
-    fit = fit_nail(FitInput(upright, calibration, parts.nail, replace(balls, hidden=hidden)), start.camera_from_nail)
+    balls = replace(balls, hidden=hidden | clipped_pixels(upright) | filled.dead)
+    fit = fit_nail(FitInput(upright, calibration, parts.nail, balls), start.camera_from_nail)
     return fit if isinstance(fit, Rejected) else Accepted(NailEstimate.of_fit(fit.value))

@@ -20,6 +20,7 @@ _SMOOTHED_SEARCH: Final = fitted(
 _EDGE_REACH: Final = derived("half a diagonal 0.7, softening 0.15, curvature: pixels change by 0.003 (1.0: by 0.009)")
 _MUSCLE: Final = physical("60-80 kV behind 100-200 mm of muscle")
 _SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most")
+_PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
 _TOLERANCE: Final = physical("manufacturing tolerance, assumed")
 _ABANDONED: Final = fitted("65 abandoned fits, 30 scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred")
 _KEPT: Final = fitted("7 seeded scenes: the fit ends 0.03 standard deviations away at most (docs/nail-likelihood.md)")
@@ -145,6 +146,7 @@ class FitRegionSettings:
     least_pixels: int = tuned(200, "image px", "fewest pixels of a fit", derived("ten times the fitted parameters"))
     shadow_stretch: float = tuned(0.3, "1", "excess of a ball's shadow over it", derived("distortion, obliquity"))
     wire_reach_mm: float = tuned(0.5, "mm", "margin around wires in which their paths are traced", _INSPECTION)
+    fill_blur_px: float = tuned(4.0, "px", "spread of background into hidden pixels", derived("half the blur's reach"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +175,16 @@ class BeamPhysics:
     def steel_in_titanium(self) -> float:
         """Millimetres of Ti6Al4V that attenuate as 1 mm of steel."""
         return self.steel_attenuation_per_mm / self.titanium_attenuation_per_mm
+
+
+@dataclass(frozen=True, slots=True)
+class Clipping:
+    """Grey values cut off at the dark end (`core/nail/clipping.py`)."""
+
+    window_px: int = tuned(5, "px", "side of the square in which black pixels are counted", _INSPECTION)
+    largest_share: float = tuned(
+        0.06, "1", "share of black pixels that is tolerated", derived("cut at 1.5 sd: bias a thirtieth of the noise")
+    )
 
 
 # The nail's fit: priors
@@ -207,6 +219,8 @@ class NailPriors:
     curve_exponent_sd: float = tuned(0.25, "1", "of that", _INSPECTION)
     least_exponent: float = tuned(-0.4, "1", "bound of the exponent", derived("displays: logarithm 0, linear 1"))
     largest_exponent: float = tuned(0.9, "1", "bound of the exponent", derived("at 1 the curve has no bend"))
+    bulge_sd: float = tuned(0.15, "1", "the display's further bend, at the middle of an edge", _PROCESSED)
+    s_bend_sd: float = tuned(0.15, "1", "the same, opposite at the edge's dark and bright half", _PROCESSED)
     delrin_per_mm: float = tuned(0.02, "1/mm", "attenuation of the guide's body", physical("POM at 60-80 kV"))
     delrin_per_mm_sd: float = tuned(0.02, "1/mm", "of that", physical("from none to twice that of POM: guides differ"))
     largest_deviations: float = tuned(6.0, "sd", "bound of all other parameters", standard("six sigma"))
@@ -230,6 +244,31 @@ class NailNoise:
     power_floor: float = tuned(0.002, "1", "power added before inversion", derived("limits the filter's gain to 22"))
     brightness_classes: int = tuned(12, "1", "classes of the variance by brightness", _INSPECTION)
     outlier_deviations: float = tuned(3.0, "sd", "beyond it residuals weigh less", standard("Huber's estimator"))
+
+
+# The nail's fit: whether the parts of the evidence agree
+
+
+@dataclass(frozen=True, slots=True)
+class AgreementOfParts:
+    """Sectors of rims and stretches of edges, and what their disagreement does (`core/nail/agreement.py`)."""
+
+    sectors: int = tuned(8, "1", "sectors about a hole", _INSPECTION)
+    about_rim_in_radii: float = tuned(1.45, "hole radii", "reach of the sectors", _INSPECTION)
+    inside_nail_in_radii: float = tuned(0.97, "nail radii", "beyond, pixels belong to the nail's edge", _INSPECTION)
+    stretches: int = tuned(5, "1", "stretches of either edge of the nail", _INSPECTION)
+    parts_that_agree: float = tuned(4.0, "parts", "prior count of parts that pull as predicted", _PROCESSED)
+    usual_bulge: float = tuned(0.1, "1", "bulge of the display's curve that plain images have too", _PROCESSED)
+    bulge_of_one_deviation: float = tuned(0.2, "1", "bulge beyond it that doubles the variance", _PROCESSED)
+    largest_bulge_excess: float = tuned(0.3, "1", "bulge beyond the usual one that counts", _PROCESSED)
+    usual_shape: float = tuned(0.7, "sd", "deviation of the radii that plain images have too", _PROCESSED)
+    shape_of_one_deviation: float = tuned(0.3, "sd", "deviation beyond it that doubles the variance", _PROCESSED)
+    usual_noise_inflation: float = tuned(4.0, "px", "correlation of the noise that plain images have too", _PROCESSED)
+    inflation_of_one_deviation: float = tuned(1.3, "px", "correlation beyond it that doubles the variance", _PROCESSED)
+    usual_softness: float = tuned(1.3, "sd", "hardening below the usual that plain images have too", _PROCESSED)
+    softness_of_one_deviation: float = tuned(1.0, "sd", "softness beyond it that doubles the variance", _PROCESSED)
+    usual_sharpening: float = tuned(2.0, "sd", "edge enhancement that plain images have too", _PROCESSED)
+    sharpening_of_one_deviation: float = tuned(1.0, "sd", "sharpening beyond it that doubles the variance", _PROCESSED)
 
 
 # The nail's fit: stages, coarse to fine
@@ -308,6 +347,8 @@ class FinalStage:
     first_steps: int = tuned(5, "1", "steps before pixels are weighted anew", _INSPECTION)
     last_steps: int = tuned(4, "1", "steps after", _INSPECTION)
     tolerance: float = tuned(0.1, "1", "decrease of the cost that ends the fit", derived("a log likelihood of 0.05"))
+    usual_display_bend: float = tuned(0.12, "1", "bulge or S of the display beyond which they are free", _PROCESSED)
+    evident_decrease: float = tuned(9.2, "1", "decrease of the cost that frees them", derived("chi-square(2) at 1 %"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -674,9 +715,11 @@ OPENING_COVER: Final = OpeningCover()
 FIT_REGION: Final = FitRegionSettings()
 RAY_SAMPLING: Final = RaySampling()
 BEAM: Final = BeamPhysics()
+CLIPPING: Final = Clipping()
 NAIL_PRIORS: Final = NailPriors()
 NAIL_NOISE: Final = NailNoise()
 NAIL_SOLVER: Final = NailSolver()
+AGREEMENT_OF_PARTS: Final = AgreementOfParts()
 CENTRING_STAGE: Final = CentringStage()
 TILT_SEARCH_STAGE: Final = TiltSearchStage()
 COMPARISON_STAGE: Final = ComparisonStage()

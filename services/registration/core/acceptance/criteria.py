@@ -146,6 +146,14 @@ NOISE_INFLATION: Final = Criterion(
     "correlation that is left in the residual around the nail after the noise's own is removed",
     at_most(10.0, "pixels", decimals=1), "check the nail file, or take one more image without what lies there",
     _INSPECTION)
+PROCESSING: Final = Criterion(
+    ReasonCode.IMAGE_PROCESSED,
+    "error of the nail's rotation by which parts of the image disagree, over what the noise explains",
+    at_most(6.0, "times", decimals=1),
+    "switch off local contrast enhancement and noise filters at the C-arm, or export the unprocessed image, and take "
+    "one more", "derived: beyond it the 95 % bound of an axis's angle exceeds 1.5° in the median image")
+# From here processing is the larger part of the error, and dose would not help.
+MUCH_PROCESSED: Final = 2.0
 MIRROR_MARGIN: Final = Criterion(
     ReasonCode.MIRROR_AMBIGUOUS, "logarithm of the likelihood ratio between the pose and its reflected tilt",
     at_least(8.0, "", decimals=1), "turn the C-arm by 5° and take one more image",

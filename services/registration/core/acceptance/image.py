@@ -19,8 +19,10 @@ from services.registration.core.acceptance.criteria import (
     HOLE_ORDER,
     MIRROR_MARGIN,
     MIRROR_MARGIN_OF_ONE_HOLE,
+    MUCH_PROCESSED,
     NO_UNCERTAINTY,
     NOISE_INFLATION,
+    PROCESSING,
     SPOT,
     STRUCTURE,
     TILT,
@@ -85,6 +87,7 @@ class FitEvidence:
     hole_radius_excess_mm: float
     nail_radius_excess_mm: float
     mirror_margin: float
+    error_ratio: float  # of the nail's rotation, over what the noise explains
     openings: Openings = CLEAR_VIEW
 
 
@@ -99,11 +102,17 @@ class LocalisationEvidence:
     guide_from_nail: Transform[Guide, Nail]
     holes: tuple[HoleEstimate, ...]
     correction: CArmTurn
+    error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
 
 
 def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
     """Reasons against a fitted nail; none when it is accepted."""
-    return (*opening_reasons(evidence.holes, evidence.openings), *_mismatch(evidence), *_ambiguity(evidence))
+    return (
+        *opening_reasons(evidence.holes, evidence.openings),
+        *_mismatch(evidence),
+        *_processed(evidence),
+        *_ambiguity(evidence),
+    )
 
 
 def localisation_reasons(evidence: LocalisationEvidence) -> tuple[Reason, ...]:
@@ -112,13 +121,13 @@ def localisation_reasons(evidence: LocalisationEvidence) -> tuple[Reason, ...]:
         *_extrapolated(evidence),
         *_exchanged(evidence),
         *(reason for hole in evidence.holes for reason in _tilted(hole, evidence.correction)),
-        *uncertainty_reasons(evidence.holes),
+        *uncertainty_reasons(evidence.holes, evidence.error_ratio),
     )
 
 
-def uncertainty_reasons(holes: tuple[HoleEstimate, ...]) -> tuple[Reason, ...]:
+def uncertainty_reasons(holes: tuple[HoleEstimate, ...], error_ratio: float = 1.0) -> tuple[Reason, ...]:
     """Reasons against holes whose axes are too uncertain, whether from one image or from several."""
-    return tuple(reason for hole in holes for reason in _uncertain(hole))
+    return tuple(reason for hole in holes for reason in _uncertain(hole, error_ratio))
 
 
 def opening_reasons(
@@ -158,6 +167,14 @@ def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:
             "after the noise's own correlation is removed, the residual around the nail is still correlated over "
             f"{NOISE_INFLATION.quoted(residual.noise_inflation)}: something that the nail file does not describe lies "
             "there"
+        )
+
+
+def _processed(evidence: FitEvidence) -> Iterator[Reason]:
+    if not PROCESSING.is_met(evidence.error_ratio):
+        yield PROCESSING.reason(
+            f"parts of the image disagree about the nail's rotation by {PROCESSING.quoted(evidence.error_ratio)} what "
+            "the noise explains: the display has changed local contrast, or something unknown lies there"
         )
 
 
@@ -208,7 +225,7 @@ def _tilted(hole: HoleEstimate, correction: CArmTurn) -> Iterator[Reason]:
         )
 
 
-def _uncertain(hole: HoleEstimate) -> Iterator[Reason]:
+def _uncertain(hole: HoleEstimate, error_ratio: float) -> Iterator[Reason]:
     if hole.offset is None:
         yield NO_UNCERTAINTY.reason(f"the axis of hole '{hole.id}' has no uncertainty: {NO_UNCERTAINTY.observed}")
         return
@@ -216,8 +233,13 @@ def _uncertain(hole: HoleEstimate) -> Iterator[Reason]:
     chance = hole.clearance_probability(hole.offset)
     if ENTRY_BOUND.is_met(entry_mm) and AXIS_BOUND.is_met(axis_deg) and CHANCE_TO_PASS.is_met(chance):
         return
+    because, remedy = "", ENTRY_BOUND.remedy
+    if error_ratio > MUCH_PROCESSED:
+        because = f"; parts of the image disagree by {error_ratio:.1f} times what the noise explains"
+        remedy = PROCESSING.remedy
     yield ENTRY_BOUND.reason(
         f"the axis of nail hole '{hole.id}' is known to {ENTRY_BOUND.quoted(entry_mm)} and "
         f"{AXIS_BOUND.quoted(axis_deg)} with 95 % confidence, and a {hole.drill_diameter_mm:g} mm drill would "
-        f"pass it with a chance of {CHANCE_TO_PASS.quoted(chance)}"
+        f"pass it with a chance of {CHANCE_TO_PASS.quoted(chance)}{because}",
+        remedy,
     )

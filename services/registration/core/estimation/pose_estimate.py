@@ -80,6 +80,12 @@ class PoseErrors:
         """Of pose and shape by all but the true shape's pull, shape (6 + S, 6 + S)."""
         return np.asarray(self.image_covariance + self.model_loadings @ self.model_loadings.T)
 
+    def with_image_errors_times(self, rotation: float, translation: float, shape: float) -> "PoseErrors":
+        """With errors that come with the image larger by these factors."""
+        factors = np.full(len(self.image_covariance), shape)
+        factors[:3], factors[3:POSE_SIZE] = rotation, translation
+        return replace(self, image_covariance=factors[:, None] * self.image_covariance * factors)
+
     def with_more(self, covariance: NDArray[np.float64]) -> "PoseErrors":
         """With further errors of the pose that come with the image, shape (6, 6)."""
         total = self.image_covariance.copy()

@@ -3,7 +3,7 @@
 `docs/nail-likelihood.md` has the model, the alternatives and their measured gains.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,8 @@ from services.registration.core.estimation.pose_estimate import (
     model_loadings_of_shape,
     ray_to,
 )
-from services.registration.core.nail.forward_model import model_at, visible_fraction_without_metal
+from services.registration.core.nail.agreement import Agreement, PixelScores, agreement
+from services.registration.core.nail.forward_model import ForwardModel, model_at, visible_fraction_without_metal
 from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.least_squares import (
     Problem,
@@ -27,15 +28,19 @@ from services.registration.core.nail.least_squares import (
     linear_response,
     linear_solution_at,
     minimise_from,
+    predicted_decrease,
     problem_for,
     reweighted,
     whitened,
     with_derivatives,
+    with_hidden_filled,
 )
 from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION, NoiseModel, covariance_of_sums
 from services.registration.core.nail.parameters import (
     ALL_PARAMETERS,
+    DISPLAY_BENDS,
     SHAPE_PARAMETERS,
+    STRAIGHT_DISPLAY,
     Parameter,
     motion_by_parameters,
     prior_mean,
@@ -70,6 +75,7 @@ class NailFit:
     blur_px: float  # standard deviation of the blur that was fitted
     residual: ResidualStatistics  # statistics of what the model does not explain
     holes: tuple[HoleView, ...]  # how much of each hole was seen
+    agreement: Agreement  # of the image's parts about the pose
 
     @property
     def evidence(self) -> FitEvidence:
@@ -80,6 +86,7 @@ class NailFit:
             self.hole_radius_excess_mm,
             self.nail_radius_excess_mm,
             self.mirror_margin,
+            self.agreement.error_ratio,
         )
 
 
@@ -109,31 +116,47 @@ def measure_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepte
     model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
     if optimum is None or model is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
-    problem, solution, noise = _refined(problem_for(model, FINAL_STAGE, ALL_PARAMETERS), optimum)
+    problem, solution, noise = _refined(model, optimum)
+    parts = agreement_of_parts(problem, solution, noise)
     return Accepted(
         NailFit(
             camera_from_nail=model.pose(solution.parameters),
-            errors=pose_errors(problem, solution, noise),
-            mirror_margin=optimum.margin,
+            errors=parts.widened(pose_errors(problem, solution, noise)),
+            mirror_margin=optimum.margin / parts.pull_ratio,
             hole_radius_excess_mm=float(solution.parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
             nail_radius_excess_mm=float(solution.parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
             blur_px=model.region.sampling.blur_px(solution.parameters),
             residual=residual_statistics(problem, solution, noise),
             holes=hole_views(problem, solution),
+            agreement=parts,
         )
     )
 
 
-def _refined(problem: Problem, optimum: GlobalOptimum) -> tuple[Problem, Solution, NoiseModel]:
+def _refined(model: ForwardModel, optimum: GlobalOptimum) -> tuple[Problem, Solution, NoiseModel]:
     """Full resolution: estimate the noise where the coarser stage ended, whiten, fit, weight, fit."""
-    problem, here = whitened(problem, linear_solution_at(problem, optimum.parameters))
+    start = optimum.parameters.copy()
+    bent = bool(np.any(np.abs(start[DISPLAY_BENDS]) > FINAL_STAGE.usual_display_bend))
+    if not bent:
+        start[DISPLAY_BENDS] = 0.0
+    problem = problem_for(model, FINAL_STAGE, ALL_PARAMETERS if bent else STRAIGHT_DISPLAY)
+    problem, here = whitened(*with_hidden_filled(problem, linear_solution_at(problem, start)))
     solution = minimise_from(problem, here, FINAL_STAGE.first_steps, FINAL_STAGE.tolerance)
     problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
     # The last steps begin with derivatives from here: those of the first may have led along the valley in which radii,
     # curve and tilt nearly compensate one another, and ended in it.
     solution = minimise_from(problem, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
+    problem, solution = _with_display_bent_where_evident(problem, solution)
     solution = with_derivatives(problem, solution)
     return problem, solution, estimate_noise(problem, solution.linear)
+
+
+def _with_display_bent_where_evident(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
+    """Free bulge and S of the display where the image asks for them: plain images are fitted without."""
+    freed = replace(problem, free=ALL_PARAMETERS)
+    if np.all(problem.free) or predicted_decrease(freed, solution.linear) < FINAL_STAGE.evident_decrease:
+        return problem, solution
+    return freed, minimise_from(freed, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
 
 
 # Covariance
@@ -217,6 +240,16 @@ def _by_noise(problem: Problem, noise: NoiseModel, moved_by: NDArray[np.float64]
 
 
 # Evidence for acceptance
+
+
+def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) -> Agreement:
+    """Whether sectors of rims and stretches of edges pull on the pose as the noise predicts."""
+    linear = linear_response(solution.linear, solution.equations.jacobian)
+    moved_by = _after_background(problem, solution, linear, _motion_gain(problem, solution))
+    variance = problem.weight**2 * noise.variance * noise.inflation
+    pixels = PixelScores(moved_by, problem.weight * solution.linear.residual, variance)
+    model = problem.model
+    return agreement(model.region, model.nail, pixels, float(noise.inflation.mean()), solution.parameters)
 
 
 def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:

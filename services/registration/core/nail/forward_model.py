@@ -157,6 +157,12 @@ def visible_fraction(model: ForwardModel, traced: TracedTransmission) -> NDArray
     return model.compared_values(imaging_chain(model.region.sampling, traced.parameters).apply(transmission))
 
 
+def visible_image(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float64]:
+    """Fraction of the background on the whole rectangle, not whitened."""
+    transmission = traced.transmission * _guide_transmission(model, traced.parameters)
+    return imaging_chain(model.region.sampling, traced.parameters).apply(transmission)
+
+
 def visible_fraction_without_metal(model: ForwardModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same if nothing but the guide's body were there, shape (N,)."""
     guide = _guide_transmission(model, parameters).astype(np.float32)

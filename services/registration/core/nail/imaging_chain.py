@@ -22,7 +22,7 @@ _DERIVATIVE_STEP = 0.005
 _BLUR_PARAMETERS = (Parameter.LOG_BLUR_PX, Parameter.TAIL_SHARE, Parameter.LOG_TAIL_WIDTH)
 SHARPENING_PARAMETERS = (Parameter.SHARPENING, Parameter.LOG_SHARPENING_WIDTH_PX)
 # All parameters that act on the image after the rays.
-CHAIN_PARAMETERS = tuple(Parameter)[Parameter.LOG_BLUR_PX : Parameter.CURVE_EXPONENT + 1]
+CHAIN_PARAMETERS = tuple(Parameter)[Parameter.LOG_BLUR_PX : Parameter.S_BEND + 1]
 
 
 def blurred_image(image: NDArray[Real], sigma: float) -> NDArray[Real]:
@@ -68,6 +68,7 @@ class ChainImages:
     """The visible fraction after each step of the imaging chain, shape (rows, columns) each."""
 
     blurred: NDArray[np.float64]
+    curved: NDArray[np.float64]
     tone_mapped: NDArray[np.float64]
     sharpened: NDArray[np.float64]
 
@@ -79,7 +80,9 @@ class ImagingChain:
     The blur is a Gaussian with a wider one about it: light spreads further in a phosphor than its core does, and
     without the tail holes are estimated too wide. The curve is a power of the intensity (a logarithm when `exponent`
     is 0) between the dark and the bright side of an edge: `rise` is the bright intensity's excess over the dark one,
-    over the dark one, and `grey_rise` the same of their powers. Widths are in pixels of the stage.
+    over the dark one, and `grey_rise` the same of their powers. Local contrast enhancement bends the range between
+    metal and background further, either way: `bulge` brightens its middle, `s_bend` steepens it. Widths are in pixels
+    of the stage.
     """
 
     blur_px: float
@@ -88,6 +91,8 @@ class ImagingChain:
     rise: float
     grey_rise: float
     exponent: float
+    bulge: float
+    s_bend: float
     sharpening: float
     sharpening_px: float
 
@@ -98,8 +103,9 @@ class ImagingChain:
     def steps(self, transmission: NDArray[np.float64]) -> ChainImages:
         """The same, step by step."""
         blurred = self.blurred(transmission)
-        tone_mapped = self.tone_mapped(blurred)
-        return ChainImages(blurred, tone_mapped, self.sharpened(tone_mapped))
+        curved = self.curved(blurred)
+        tone_mapped = self.bent(curved)
+        return ChainImages(blurred, curved, tone_mapped, self.sharpened(tone_mapped))
 
     def blurred(self, image: NDArray[Real]) -> NDArray[Real]:
         """Blur of the detector."""
@@ -109,13 +115,24 @@ class ImagingChain:
 
     def tone_mapped(self, fraction: NDArray[Real]) -> NDArray[Real]:
         """Fraction of the grey step for a fraction of the intensity step."""
+        return self.bent(self.curved(fraction))
+
+    def bent(self, grey: NDArray[Real]) -> NDArray[Real]:
+        """The range between metal (0) and background (1) bent further; both ends stay."""
+        between = grey * (1.0 - grey)
+        return np.asarray(grey + between * (self.bulge + self.s_bend * (2.0 * grey - 1.0)), dtype=grey.dtype)
+
+    def curved(self, fraction: NDArray[Real]) -> NDArray[Real]:
+        """Fraction of the step of the intensity's power, or logarithm."""
         grey = np.expm1(self.exponent * np.log1p(self.rise * fraction)) / self.grey_rise
         return np.asarray(grey, dtype=fraction.dtype)
 
     def tone_slope(self, images: ChainImages) -> NDArray[np.float64]:
         """Derivative of `tone_mapped` by the fraction, where both are known."""
-        steepness = (1.0 + self.grey_rise * images.tone_mapped) / (1.0 + self.rise * images.blurred)
-        return np.asarray(self.exponent * self.rise / self.grey_rise * steepness)
+        steepness = (1.0 + self.grey_rise * images.curved) / (1.0 + self.rise * images.blurred)
+        grey = images.curved
+        by_bend = 1.0 + self.bulge * (1.0 - 2.0 * grey) + self.s_bend * (6.0 * grey * (1.0 - grey) - 1.0)
+        return np.asarray(self.exponent * self.rise / self.grey_rise * steepness * by_bend)
 
     def sharpened(self, image: NDArray[Real]) -> NDArray[Real]:
         """Edge enhancement: differences from the surroundings are enlarged."""
@@ -139,6 +156,8 @@ def imaging_chain(sampling: Sampling, parameters: NDArray[np.float64]) -> Imagin
         rise=float(np.expm1(curve)),
         grey_rise=float(np.expm1(exponent * curve)),
         exponent=exponent,
+        bulge=float(parameters[Parameter.BULGE]),
+        s_bend=float(parameters[Parameter.S_BEND]),
         sharpening=float(parameters[Parameter.SHARPENING]),
         sharpening_px=sharpening_px / sampling.reduction,
     )

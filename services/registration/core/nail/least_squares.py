@@ -26,14 +26,18 @@ from services.registration.core.nail.forward_model import (
     trace_transmission,
     visible_fraction,
     visible_fraction_derivatives,
+    visible_image,
 )
+from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.noise import NoiseModel, noise_model, robust_weight, whitening_filter
 from services.registration.core.nail.parameters import chamfer, clipped_to_bounds, prior_mean, prior_precision
 from services.registration.core.nail.region import FitRegion
-from services.registration.core.tuning import NAIL_NOISE, NAIL_SOLVER
+from services.registration.core.tuning import FIT_REGION, NAIL_NOISE, NAIL_SOLVER
 
 # Guard: a parameter of no effect must not make the damped matrix singular.
 _LEAST_CURVATURE = 1e-3
+# Guard: pixels so far from all compared ones that no filter reaches from them to these.
+_LEAST_SHARE = 1e-9
 # Units of the floor's quadratic, which make its coefficients of one size.
 _FLOOR_UNITS_MM = (20.0, 6.0)
 
@@ -144,6 +148,36 @@ def evenly_weighted(problem: Problem, noise: NoiseModel) -> Problem:
     return replace(problem, weight=1.0 / (noise.variance * noise.inflation))
 
 
+def with_hidden_filled(problem: Problem, linear: LinearSolution) -> tuple[Problem, LinearSolution]:
+    """The same problem and solution with the modelled grey values where the image shows something else.
+
+    Hidden pixels are not compared, but the whitening filter reaches from them into pixels that are.
+    """
+    region = problem.model.region
+    if not region.hidden.any():
+        return problem, linear
+    modelled = modelled_image(problem.model, linear)
+    grey = np.where(region.hidden, modelled, region.grey)
+    filled = replace(problem, model=replace(problem.model, region=replace(region, grey=grey)))
+    return filled, _linear_solution(filled, linear.traced, linear.visible)
+
+
+def modelled_image(model: ForwardModel, linear: LinearSolution) -> NDArray[np.float64]:
+    """Modelled grey values on the whole rectangle; background and floor of the compared pixels are spread smoothly."""
+    region = model.region
+    visible = visible_image(model, linear.traced)
+    present = np.zeros(region.shape)
+    present.ravel()[region.compared] = 1.0
+    share = np.maximum(blurred_image(present, FIT_REGION.fill_blur_px), _LEAST_SHARE)
+
+    def spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        image = np.zeros(region.shape)
+        image.ravel()[region.compared] = values
+        return blurred_image(image, FIT_REGION.fill_blur_px) / share
+
+    return visible * spread(linear.background) + (1.0 - visible) * spread(linear.floor)
+
+
 def whitened(problem: Problem, linear: LinearSolution) -> tuple[Problem, LinearSolution]:
     """The same problem on the whitened image with renewed weights, and its solution with the old ones."""
     noise = estimate_noise(problem, linear)
@@ -193,6 +227,12 @@ def normal_equations_at(problem: Problem, here: LinearSolution) -> NormalEquatio
     matrix = jacobian.T @ (problem.weight[:, None] * jacobian) - cross.T @ here.factor.solved(cross)
     matrix[np.diag_indices(len(matrix))] += prior_precision()[problem.free]
     return NormalEquations(here.traced.parameters, jacobian, matrix, _gradient(problem, here, jacobian))
+
+
+def predicted_decrease(problem: Problem, here: LinearSolution) -> float:
+    """By how much the cost would fall at the optimum of all free parameters, to second order."""
+    equations = normal_equations_at(problem, here)
+    return float(equations.gradient @ np.linalg.solve(equations.matrix, equations.gradient))
 
 
 def _gradient(problem: Problem, here: LinearSolution, jacobian: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -157,7 +157,8 @@ def _response(correlation: NoiseCorrelation, padded_shape: tuple[int, int]) -> N
     power = correlation.spectrum(padded_shape)
     frequency = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :])
     slow = frequency < NAIL_NOISE.lowest_frequency
-    level = float(power[slow].mean())
+    # residuals without slow parts, as after a filter, must not leave nothing to divide by
+    level = max(float(power[slow].mean()), NAIL_NOISE.power_floor * float(power.mean()))
     # slow residuals are texture as much as noise: the filter must not act on them
     power[slow] = level
     impulse = fft.irfft2((power / level + NAIL_NOISE.power_floor) ** -0.5, (rows, columns))

@@ -52,12 +52,17 @@ class Parameter(IntEnum):
     LOG_SHARPENING_WIDTH_PX = 15
     CURVE = 16
     CURVE_EXPONENT = 17
-    DELRIN_PER_MM = 18
+    BULGE = 18
+    S_BEND = 19
+    DELRIN_PER_MM = 20
 
 
 PARAMETER_COUNT = len(Parameter)
 ALL_PARAMETERS = np.ones(PARAMETER_COUNT, dtype=bool)
 POSE_ONLY = np.arange(PARAMETER_COUNT) < POSE_SIZE
+# What the display does beyond a power of the intensity; plain images are fitted without.
+DISPLAY_BENDS = [Parameter.BULGE, Parameter.S_BEND]
+STRAIGHT_DISPLAY = ~np.isin(np.arange(PARAMETER_COUNT), DISPLAY_BENDS)
 TILTS = [Parameter.PITCH_RAD, Parameter.ROLL_RAD]
 # Deviations from the part file: the same in every image of one nail.
 SHAPE_PARAMETERS = (Parameter.HOLE_RADIUS_EXCESS_MM, Parameter.NAIL_RADIUS_EXCESS_MM, Parameter.CHAMFER_DEVIATIONS)
@@ -80,6 +85,8 @@ def priors() -> dict[Parameter, tuple[float, float]]:
         Parameter.LOG_SHARPENING_WIDTH_PX: (_log_usual_px(p.sharpening_detector_mm), p.log_sharpening_width_sd),
         Parameter.CURVE: (p.curve, p.curve_sd),
         Parameter.CURVE_EXPONENT: (p.curve_exponent, p.curve_exponent_sd),
+        Parameter.BULGE: (0.0, p.bulge_sd),
+        Parameter.S_BEND: (0.0, p.s_bend_sd),
         Parameter.DELRIN_PER_MM: (p.delrin_per_mm, p.delrin_per_mm_sd),
     }
 

@@ -140,6 +140,7 @@ class FitRegion:
     across_mm: NDArray[np.float64]
     rays: PixelRays  # of the support's pixels
     steel: SteelPaths  # paths in balls and wires of the support's pixels
+    hidden: NDArray[np.bool_]  # pixels that are left out although they lie inside, shape of the rectangle
     # Path in the guide's body beyond the region's median one, mean over the samples of each pixel, zero off the
     # support, shape of the rectangle: what all pixels have in common belongs to the background
     delrin_excess_mm: NDArray[np.float64]
@@ -169,7 +170,8 @@ def cut_region(
     slopes = rays_camera[..., :2] / rays_camera[..., 2:]
     along, across = _nail_plane(slopes.reshape(-1, 2), camera_from_nail)
     inside = (along > bounds.first_x_mm) & (along < bounds.last_x_mm) & (np.abs(across) < bounds.half_width_mm)
-    inside &= _usable(grid, calibration, occluders).ravel()
+    hidden = _hidden(grid, occluders)
+    inside &= (_in_aperture(grid, calibration) & ~hidden).ravel()
     if np.count_nonzero(inside) * grid.reduction**2 < FIT_REGION.least_pixels:
         return None
     compared = np.flatnonzero(inside)
@@ -199,6 +201,7 @@ def cut_region(
         across_mm=across[compared],
         rays=rays,
         steel=_steel_beside(rays, grid.centres_of(support), grid.reduction, occluders, calibration, penumbra),
+        hidden=hidden,
         delrin_excess_mm=delrin_excess,
     )
 
@@ -226,16 +229,20 @@ def _steel_beside(
     return SteelPaths.of_pixels(len(centres_px), places, path_mm)
 
 
-def _usable(grid: PixelGrid, calibration: CArmCalibration, occluders: Occluders) -> NDArray[np.bool_]:
-    """Inside the aperture, and not covered by something of unknown shape; shape (rows, columns)."""
-    seen = np.ones(grid.shape, dtype=bool)
-    if calibration.aperture is not None:
-        x_px, y_px = grid.axes_px
-        margin_px = pixels_of(FIT_REGION.aperture_margin_detector_mm, calibration.pixel_mm)
-        seen = calibration.aperture.holds(x_px, y_px[:, None], margin_px)
-    if occluders.hidden is not None:
-        seen &= ~grid.blocks_of(occluders.hidden).any(axis=(1, 3))
-    return seen
+def _in_aperture(grid: PixelGrid, calibration: CArmCalibration) -> NDArray[np.bool_]:
+    """Inside the aperture with a margin, shape (rows, columns)."""
+    if calibration.aperture is None:
+        return np.ones(grid.shape, dtype=bool)
+    x_px, y_px = grid.axes_px
+    margin_px = pixels_of(FIT_REGION.aperture_margin_detector_mm, calibration.pixel_mm)
+    return calibration.aperture.holds(x_px, y_px[:, None], margin_px)
+
+
+def _hidden(grid: PixelGrid, occluders: Occluders) -> NDArray[np.bool_]:
+    """Covered by something of unknown shape, or clipped; shape (rows, columns)."""
+    if occluders.hidden is None:
+        return np.zeros(grid.shape, dtype=bool)
+    return np.asarray(grid.blocks_of(occluders.hidden).any(axis=(1, 3)))
 
 
 def _nail_plane(

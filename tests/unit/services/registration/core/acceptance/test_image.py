@@ -26,7 +26,7 @@ from tests.unit.services.registration.xray_scene import calibration, guide_part,
 
 NAIL_MM = 12.0
 RESIDUAL = ResidualStatistics(800.0, 1.1, 5.0, 0.1)
-FIT = FitEvidence((HoleView("distal", 0.9, 12.0), HoleView("proximal", 0.8, 9.0)), RESIDUAL, 0.01, -0.02, 120.0)
+FIT = FitEvidence((HoleView("distal", 0.9, 12.0), HoleView("proximal", 0.8, 9.0)), RESIDUAL, 0.01, -0.02, 120.0, 1.2)
 NAN = float("nan")
 
 
@@ -51,6 +51,16 @@ LOCALISED = LocalisationEvidence(
 )
 
 
+def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (by_noise,), (by_processing,) = (localisation_reasons(replace(uncertain, error_ratio=r)) for r in (1.9, 3.4))
+    assert by_noise.code is by_processing.code is ReasonCode.UNCERTAINTY_TOO_LARGE
+    assert "more dose" in by_noise.message
+    assert "disagree by 3.4 times" in by_processing.message
+    assert "local contrast" in by_processing.message
+    assert "dose" not in by_processing.message
+
+
 def test_within_all_limits_is_accepted() -> None:
     assert fit_reasons(FIT) == ()
     assert localisation_reasons(LOCALISED) == ()
@@ -73,6 +83,11 @@ def test_within_all_limits_is_accepted() -> None:
             replace(FIT, holes=(HoleView("distal", 0.9, 1.2), FIT.holes[1])),
             ReasonCode.HOLE_NOT_VISIBLE,
             "brighter than the metal around it by 1.2 (at least 3) standard deviations",
+        ),
+        (
+            replace(FIT, error_ratio=6.1),
+            ReasonCode.IMAGE_PROCESSED,
+            "disagree about the nail's rotation by 6.1 times (limit 6 times) what the noise explains",
         ),
         (
             replace(FIT, hole_radius_excess_mm=0.2),

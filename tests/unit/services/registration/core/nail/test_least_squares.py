@@ -13,8 +13,11 @@ from services.registration.core.nail.least_squares import (
     linear_solution_at,
     linear_solution_from,
     minimise,
+    modelled_image,
     normal_equations_at,
+    predicted_decrease,
     with_derivatives,
+    with_hidden_filled,
 )
 from services.registration.core.nail.parameters import Parameter
 from services.registration.core.tuning import TILT_SEARCH_STAGE
@@ -103,3 +106,33 @@ def test_derivatives_from_beyond_the_chamfers_end_are_taken_anew() -> None:
     renewed = with_derivatives(problem, stale)
     assert renewed.equations.jacobian == pytest.approx(some.jacobian)
     assert np.any(renewed.equations.jacobian[:, place] != 0.0)
+
+
+def test_close_to_the_optimum_the_predicted_decrease_is_what_the_fit_gains() -> None:
+    problem, optimum = case()[0], ended(0).parameters
+    near = optimum.copy()
+    near[[Parameter.FIRST_X_PX, Parameter.SECOND_Y_PX]] += 0.05
+    here = linear_solution_at(problem, near)
+    gained = here.cost - minimise(problem, near, _STEPS, 1e-3).cost
+    assert predicted_decrease(problem, here) == pytest.approx(gained, rel=0.3)
+
+
+def test_hidden_pixels_show_what_is_modelled_and_others_what_was_measured() -> None:
+    problem = case()[0]
+    region = problem.model.region
+    hidden = np.zeros(region.shape, dtype=bool)
+    rows, columns = (side // 2 for side in region.shape)
+    hidden[rows - 2 : rows + 2, columns - 2 : columns + 2] = True
+    spoiled = replace(region, hidden=hidden, grey=np.where(hidden, 3.0, region.grey))
+    solution = ended(0).linear
+    filled, again = with_hidden_filled(replace(problem, model=replace(problem.model, region=spoiled)), solution)
+    assert again.model is filled.model
+    assert np.array_equal(filled.model.region.grey[~hidden], region.grey[~hidden])
+    modelled = modelled_image(problem.model, solution)[hidden]
+    assert np.array_equal(filled.model.region.grey[hidden], modelled)
+    assert modelled == pytest.approx(region.grey[hidden], abs=0.15)
+
+
+def test_without_hidden_pixels_nothing_is_made_anew() -> None:
+    problem, solution = case()[0], ended(0).linear
+    assert with_hidden_filled(problem, solution) == (problem, solution)

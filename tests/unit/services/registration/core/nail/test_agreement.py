@@ -1,0 +1,65 @@
+"""Parts that pull as the noise predicts leave the covariance; parts that pull against one another enlarge it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.registration.core.estimation.pose_estimate import PoseErrors
+from services.registration.core.nail.agreement import Agreement, pull_ratio
+
+VARIANCES = np.full((26, 8), 0.01)
+
+
+def test_pulls_of_the_predicted_size_change_nothing() -> None:
+    generator = np.random.default_rng(8)
+    ratios = [pull_ratio(generator.normal(0.0, 0.1, VARIANCES.shape), VARIANCES) for _ in range(200)]
+    # eight offsets of 26 parts: the worst of them is beyond one by chance
+    assert np.median(ratios) < 1.4
+    assert np.quantile(ratios, 0.99) < 2.0
+
+
+def test_pulls_three_times_as_large_are_nine_times_the_variance() -> None:
+    pulls = 0.3 * np.ones_like(VARIANCES)
+    assert pull_ratio(pulls, VARIANCES) == pytest.approx((4.0 + 26.0 * 9.0) / 30.0)
+
+
+def test_one_part_that_has_nearly_all_the_weight_proves_little() -> None:
+    variances = VARIANCES * 1e-6
+    variances[0] = 0.01
+    pulls = np.sqrt(variances)
+    pulls[0] *= 2.0
+    assert pull_ratio(pulls, variances) == pytest.approx((4.0 + 4.0) / 5.0, rel=1e-3)
+
+
+USUAL = Agreement(1.0, 0.1, 0.7, 4.0, 1.3, 2.0)
+
+
+def test_what_plain_images_show_changes_nothing() -> None:
+    assert USUAL.variance_ratio == 1.0
+
+
+@pytest.mark.parametrize(
+    ("symptom", "value", "ratio"),
+    [
+        ("pull_ratio", 3.0, 3.0),
+        ("bulge", 0.3, 2.0),
+        ("bulge", 0.9, 3.25),
+        ("shape", 1.0, 2.0),
+        ("noise_inflation", 6.6, 5.0),
+        ("softness", 2.3, 2.0),
+        ("sharpening", 3.0, 2.0),
+    ],
+)
+def test_each_symptom_of_processing_enlarges_the_variance(symptom: str, value: float, ratio: float) -> None:
+    assert replace(USUAL, **{symptom: value}).variance_ratio == pytest.approx(ratio)
+
+
+def test_symptoms_add_and_the_pulls_multiply() -> None:
+    assert replace(USUAL, pull_ratio=3.0, bulge=0.3, shape=1.0).variance_ratio == pytest.approx(9.0)
+
+
+def test_rotation_grows_by_the_ratio_and_position_by_its_root() -> None:
+    errors = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
+    grown = replace(USUAL, pull_ratio=16.0).widened(errors).image_covariance
+    np.testing.assert_allclose(np.diag(grown), [16.0] * 3 + [4.0] * 3 + [16.0] * 3)
