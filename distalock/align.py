@@ -140,14 +140,14 @@ class Guide:
     def advice(self, frame: Frame) -> Guidance:
         """C-arm positioning advice from the next frame."""
         self._count += 1
-        geometry = self._nominal.geometry(frame.acquisition)
-        outcome = calibrate_next(frame.pixels, self._parts.ring, geometry, self._before)
+        geometry, pixels = self._nominal.geometry(frame.acquisition), self._nominal.pixels(frame.pixels)
+        outcome = calibrate_next(pixels, self._parts.ring, geometry, self._before)
         began_s = time.perf_counter()
         if isinstance(outcome, Rejected):
             estimate = FrameEstimate(Origin.FOLLOWED, None, None, outcome.reasons, None)
         else:
             self._before = outcome.value
-            estimate = self._estimate(frame.pixels, outcome.value)
+            estimate = self._estimate(pixels, outcome.value)
         facts = FrameFacts(
             ImageReference(
                 sha256=frame.sha256, sop_instance_uid="", sequence=self._count, received_at_ns=time.time_ns()
@@ -181,7 +181,7 @@ def run(given: argparse.Namespace) -> int:
     try:
         parts = read_parts(given.ring, given.guide, given.nail)
         require_frames(given.images)
-        guide = Guide(parts, NominalOptions(given.source_to_detector_mm, given.pixel_mm))
+        guide = Guide(parts, NominalOptions.of(given))
         for frame in frames_of(given.images):
             advice = guide.advice(frame)
             verdict = advice.verdict

@@ -197,3 +197,14 @@ def add_c_arm_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="nominal, at the detector; default: DICOM header, then 0.235",
     )
+    parser.add_argument(
+        "--focal-spot-mm",
+        type=length_mm(0.05, 3.0),
+        metavar="MM",
+        help="edge of the focal spot; default: DICOM header, then 0.5",
+    )
+    parser.add_argument(
+        "--invert",
+        action="store_true",
+        help="metal is bright in these images, although the files state the opposite or nothing",
+    )

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from distalock.image_files import ImageFile, images_in, read_image_file, require
 from distalock.outputs import require_apart, write_whole
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
+from services.imaging.devices.nominal_values import ImageNominal, StatedValues, nominal_of_image
 from services.imaging.devices.received_image import Acquisition
 from services.registration.core.fusion import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Parts, localise
@@ -36,20 +38,42 @@ from shared.parts.files import read_part_file
 EXIT_ACCEPTED, EXIT_REJECTED = 0, 3
 
 
+class Polarity(Enum):
+    """What bright means in the images."""
+
+    AS_TAGGED = "as the file states; PNG and TIFF: darker is denser"
+    INVERTED = "the opposite of what the file states"
+
+
 @dataclass(frozen=True, slots=True)
 class NominalOptions:
-    """Nominal C-arm values given by a person; None where the image or the default decides."""
+    """What a person states of C-arm and images; None where the image or the default decides."""
 
     source_to_detector_mm: float | None = None
     pixel_mm: float | None = None
+    focal_spot_mm: float | None = None
+    polarity: Polarity = Polarity.AS_TAGGED
+
+    @staticmethod
+    def of(given: argparse.Namespace) -> "NominalOptions":
+        """The options of `add_c_arm_arguments`."""
+        polarity = Polarity.INVERTED if given.invert else Polarity.AS_TAGGED
+        return NominalOptions(given.source_to_detector_mm, given.pixel_mm, given.focal_spot_mm, polarity)
+
+    def of_image(self, image: Acquisition) -> ImageNominal:
+        """Option before DICOM header before default; raises `ImageUnreadable` for a header that cannot be right."""
+        stated = StatedValues(self.source_to_detector_mm, self.pixel_mm, self.focal_spot_mm)
+        return nominal_of_image(stated, image, NominalGeometry())
 
     def geometry(self, image: Acquisition) -> NominalGeometry:
-        """Option before DICOM header before default."""
-        default = NominalGeometry()
-        return NominalGeometry(
-            self.source_to_detector_mm or image.source_to_detector_mm or default.source_to_detector_mm,
-            self.pixel_mm or image.pixel_mm or default.pixel_mm,
-        )
+        """The nominal values alone."""
+        return self.of_image(image).geometry
+
+    def pixels(self, read: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Grey values of a file as read, shape (rows, columns), made darker where it is denser."""
+        if self.polarity is Polarity.AS_TAGGED:
+            return read
+        return np.asarray(read.max() + read.min() - read)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,17 +126,22 @@ def locate_image(
 def located(image: ImageFile, parts: Parts, nominal: NominalOptions, method: Method = "model") -> LocatedImage:
     """Localise the nail's hole axes in one image that has been read."""
     started = time.perf_counter()
-    pixels = image.content.pixels
-    outcome = _calibrated(pixels, parts, nominal.geometry(image.content.acquisition), method)
+    pixels = nominal.pixels(image.content.pixels)
+    try:
+        of_image = nominal.of_image(image.content.acquisition)
+    except ImageUnreadable as error:
+        raise ImageUnreadable(f"{image.path}: {error}") from None
+    outcome = _calibrated(pixels, parts, of_image.geometry, method)
+    notes = {"notes": of_image.notes}
     ring_ms = 1e3 * (time.perf_counter() - started)
     if isinstance(outcome, Rejected):
         times = Timing(total=ring_ms, ring=ring_ms)
         message = uncalibrated_message(outcome.reasons, method, image.sha256, times)
-        return LocatedImage(pixels, None, None, message)
+        return LocatedImage(pixels, None, None, message.model_copy(update=notes))
     result, message = timed_localisation(
         pixels, outcome.value, parts, image.sha256, ring_ms, (method, _localiser(method))
     )
-    return LocatedImage(pixels, outcome.value, result, message)
+    return LocatedImage(pixels, outcome.value, result, message.model_copy(update=notes))
 
 
 def _calibrated(
@@ -184,7 +213,7 @@ def _run_each(given: argparse.Namespace) -> int:
     except InputError as error:
         print(f"distalock locate: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
-    nominal, method, codes = NominalOptions(given.source_to_detector_mm, given.pixel_mm), given.method, set()
+    nominal, method, codes = NominalOptions.of(given), given.method, set()
     for image in images:
         message: Localisation | UnreadableImage
         try:
@@ -213,7 +242,7 @@ def run(given: argparse.Namespace) -> int:
         parts = read_parts(given.ring, given.guide, given.nail, given.drill_mm)
         if overlay is not None:
             require_apart(overlay, (*images, given.ring, given.guide, given.nail))
-        nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
+        nominal = NominalOptions.of(given)
         found = locate_images(images, parts, nominal, given.method)
         if overlay is not None:
             drawn = overlay_png(found.pixels, found.calibration, found.result, parts)

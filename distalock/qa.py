@@ -48,7 +48,12 @@ def shots_of(files: list[Path], nominal: NominalOptions) -> Iterator[Shot | QaIm
             message = f"the file is the same as {same}, and the same image says nothing twice; take it away"
             yield rejected_image(file.name, (Reason(ReasonCode.IMAGE_UNUSABLE, message),))
             continue
-        yield Shot(file.name, image.content.pixels, nominal.geometry(image.content.acquisition))
+        try:
+            geometry = nominal.geometry(image.content.acquisition)
+        except ImageUnreadable as error:
+            yield rejected_image(file.name, (Reason(ReasonCode.IMAGE_UNUSABLE, f"{file.name}: {error}"),))
+            continue
+        yield Shot(file.name, nominal.pixels(image.content.pixels), geometry)
 
 
 def earlier_report(file: Path, ring: RingPart) -> QaReport | None:
@@ -92,7 +97,7 @@ def run(given: argparse.Namespace) -> int:
         files = image_files(given.folder)
         out = given.out or given.folder / "qa"
         before = earlier_report(out / REPORT_FILE, ring) if given.before is None else named_report(given.before, ring)
-        nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
+        nominal = NominalOptions.of(given)
         _make(out)
         examined = examine(shots_of(files, nominal), ring)
         report = report_of(examined, ring, before, datetime.now(UTC))

@@ -91,7 +91,7 @@ def _read(given: argparse.Namespace) -> _Set:
     _require_within_reach(hexapod, file, str(given.poses))
     ring = ring_from_json(read_part_file(given.ring), str(given.ring))
     guide = guide_from_json(read_part_file(given.guide), str(given.guide))
-    options = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
+    options = NominalOptions.of(given)
     images = tuple(read_image_file(given.poses.parent / seen.image) for seen in file.images)
     require_different(images)
     observations = [
@@ -116,7 +116,7 @@ def _sighting(
     image: ImageFile, pose: PlatformPose, ring: RingPart, guide: GuidePart, options: NominalOptions
 ) -> GuideObservation:
     geometry = options.geometry(image.content.acquisition)
-    seen = observe_guide(image.content.pixels, ring, guide, geometry, pose)
+    seen = observe_guide(options.pixels(image.content.pixels), ring, guide, geometry, pose)
     if seen.observation is None:
         raise ImageUnreadable(f"{image.path}: {seen.why_not}")
     return seen.observation

@@ -49,7 +49,9 @@ def verify_images(
         ImageWithWires(one.pixels, image) for one, image in zip(wired, given[len(before) :], strict=True)
     )
     verified = verify_wires(with_wires, earlier, parts, wire_diameter_mm)
-    return verification_message(tuple(one.message.image.sha256 for one in wired), verified)
+    message = verification_message(tuple(one.message.image.sha256 for one in wired), verified)
+    notes = tuple(dict.fromkeys(note for one in found for note in one.message.notes))
+    return message.model_copy(update={"notes": notes})
 
 
 def _require_few(images: tuple[Path, ...]) -> None:
@@ -66,7 +68,7 @@ def run(given: argparse.Namespace) -> int:
     try:
         _require_few(images)
         parts = read_parts(given.ring, given.guide, given.nail, given.drill_mm)
-        nominal = NominalOptions(given.source_to_detector_mm, given.pixel_mm)
+        nominal = NominalOptions.of(given)
         message = verify_images(images, parts, nominal, tuple(given.before), given.wire_mm)
     except InputError as error:
         print(f"distalock verify: {error}", file=sys.stderr)

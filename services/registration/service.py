@@ -249,7 +249,7 @@ def _located(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase) -> _
         return _Located(None, None, uncalibrated_message(reasons, "model", sha256, times))
     calibration = job.values.calibration()
     result, message = timed_localisation(frame.pixels, calibration, case.parts, sha256, job.elapsed_ms)
-    return _Located(calibration, result, message)
+    return _Located(calibration, result, message.model_copy(update={"notes": frame.header.notes}))
 
 
 def _not_one_set_up(frames: list[LocalisedFrame]) -> VerificationReply | None:

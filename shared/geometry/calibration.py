@@ -87,6 +87,8 @@ class CArmCalibration:
         Cross-validated residual of the distortion, and rms residual of the identified balls.
     runner_up_margin
         Identified balls of the best identity minus those of the best different one.
+    focal_spot_mm
+        Edge of the focal spot as stated by a person or by the image's header; None where nobody states it.
     """
 
     width_px: int
@@ -102,6 +104,7 @@ class CArmCalibration:
     reprojection_rms_px: float
     runner_up_margin: float
     aperture: Aperture | None
+    focal_spot_mm: float | None = None
 
     @property
     def balls_found(self) -> int:

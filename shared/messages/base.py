@@ -22,6 +22,11 @@ UnixNanoseconds = Annotated[int, Field(ge=0)]
 Verdict = Literal["accepted", "rejected"]
 
 
+def is_empty(values: tuple[object, ...]) -> bool:
+    """Whether an optional list has nothing to print."""
+    return not values
+
+
 class WireModel(BaseModel):
     """Base of everything on the wire."""
 

@@ -21,6 +21,7 @@ from shared.messages.base import (
     UnixNanoseconds,
     Verdict,
     WireModel,
+    is_empty,
 )
 
 Pixels = NDArray[np.float32]
@@ -68,6 +69,10 @@ class FrameHeader(Message):
     positioner_primary_angle_deg: Finite | None = None
     positioner_secondary_angle_deg: Finite | None = None
     run_interval_s: RunInterval = Field(None, description=_RUN_INTERVAL)
+    focal_spot_mm: Finite | None = Field(None, exclude_if=lambda spot: spot is None)
+    notes: tuple[str, ...] = Field(
+        (), description="Header values that were ignored, and nominal values that were assumed.", exclude_if=is_empty
+    )
 
     def reference(self) -> ImageReference:
         """Name this image in a result."""
@@ -126,6 +131,7 @@ class CalibrationValues(WireModel):
     reprojection_rms_px: Finite
     runner_up_margin: Finite
     aperture: tuple[Finite, Finite, Finite] | None = Field(description="Centre x, y and radius in pixels.")
+    focal_spot_mm: Finite | None = Field(None, exclude_if=lambda spot: spot is None)
 
     @staticmethod
     def of(calibration: CArmCalibration) -> "CalibrationValues":
@@ -155,6 +161,7 @@ class CalibrationValues(WireModel):
             reprojection_rms_px=c.reprojection_rms_px,
             runner_up_margin=c.runner_up_margin,
             aperture=None if c.aperture is None else (*c.aperture.centre_px, c.aperture.radius_px),
+            focal_spot_mm=c.focal_spot_mm,
         )
 
     def calibration(self) -> CArmCalibration:
@@ -173,6 +180,7 @@ class CalibrationValues(WireModel):
             reprojection_rms_px=self.reprojection_rms_px,
             runner_up_margin=self.runner_up_margin,
             aperture=None if self.aperture is None else Aperture(self.aperture[:2], self.aperture[2]),
+            focal_spot_mm=self.focal_spot_mm,
         )
 
 

@@ -17,6 +17,7 @@ from shared.messages.base import (
     Verdict,
     WireModel,
     encode,
+    is_empty,
 )
 from shared.messages.imaging import ImageReference
 from shared.messages.robot import PlatformPoseMessage
@@ -115,6 +116,9 @@ class Localisation(Message):
     c_arm_correction_deg: CArmCorrection | None
     timing_ms: Timing
     image_file: str | None = Field(None, exclude_if=lambda name: name is None)
+    notes: tuple[str, ...] = Field(
+        (), description="Header values that were ignored, and nominal values that were assumed.", exclude_if=is_empty
+    )
 
 
 class UnreadableImage(Message):
@@ -302,6 +306,9 @@ class Verification(Message):
     images: tuple[Sha256, ...]
     wires: tuple[VerifiedWire, ...]
     guide_holes: tuple[VerifiedGuideHole, ...] = ()
+    notes: tuple[str, ...] = Field(
+        (), description="Header values that were ignored, and nominal values that were assumed.", exclude_if=is_empty
+    )
 
 
 class VerificationReply(Message):

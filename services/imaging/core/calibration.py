@@ -1,6 +1,6 @@
 """One image in, the C-arm's camera, distortion and ring pose out, or a refusal with its reasons."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +112,8 @@ def calibrate_there(
     model = _source_and_field(image, estimate)
     if reasons := calibration_reasons(image, measured, expected, model):
         return Rejected(reasons)
-    return Accepted(_calibration(image, measured, estimate, model))
+    calibration = _calibration(image, measured, estimate, model)
+    return Accepted(replace(calibration, focal_spot_mm=nominal.focal_spot_mm))
 
 
 def _estimate(observations: Observations, image: UprightImage, nominal: NominalGeometry, start: Start) -> JointEstimate:

@@ -19,10 +19,13 @@ class NominalGeometry:
         Focal spot to image plane.
     pixel_mm
         Size of a pixel at the image plane.
+    focal_spot_mm
+        Edge of the focal spot; None where nobody states it.
     """
 
     source_to_detector_mm: float = 1000.0
     pixel_mm: float = 0.235
+    focal_spot_mm: float | None = None
 
     @property
     def source_to_ring_mm(self) -> float:

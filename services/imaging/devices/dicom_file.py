@@ -7,6 +7,7 @@ A run of frames is averaged over its longest piece in which nothing moves. What 
 import hashlib
 import struct
 import zlib
+from collections.abc import Sequence
 from io import BytesIO
 
 import numpy as np
@@ -18,7 +19,15 @@ from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, ge
 
 from services.imaging.core.still_frames import MotionLimits, longest_still_run
 from services.imaging.devices.dicom_pixels import grey_frames
-from services.imaging.devices.received_image import LONGEST_SIDE, Acquisition, GreyPixels, ReceivedImage
+from services.imaging.devices.received_image import (
+    BOUNDS_MM,
+    LONGEST_SIDE,
+    Acquisition,
+    GreyPixels,
+    HeaderValue,
+    ReceivedImage,
+    UnusableValue,
+)
 from shared.errors import ImageUnreadable
 
 _MOST_VALUES = 256 * 2**20
@@ -40,6 +49,8 @@ _REPORTED = (
     zlib.error,
 )
 _MOST_BITS = 16
+# Pixels that are not square, or two focal spots of which one was used: within rounding they are the same.
+_EQUAL_VALUES = 1.01
 
 
 def read_dicom(content: bytes, source: str) -> ReceivedImage:
@@ -127,15 +138,51 @@ def _still(frames: NDArray[np.float32], source: str) -> NDArray[np.float32]:
 
 
 def _acquisition(dataset: Dataset) -> Acquisition:
-    spacing = dataset.get("ImagerPixelSpacing")
+    stated = {
+        HeaderValue.SOURCE_TO_DETECTOR: _numbers(dataset.get("DistanceSourceToDetector")),
+        HeaderValue.PIXEL: _numbers(dataset.get("ImagerPixelSpacing")),
+        HeaderValue.FOCAL_SPOT: _numbers(dataset.get("FocalSpots")),
+    }
+    lengths = {attribute: _length_mm(attribute, values) for attribute, values in stated.items()}
+    usable = {attribute: length for attribute, length in lengths.items() if isinstance(length, float)}
     return Acquisition(
         manufacturer=str(dataset.get("Manufacturer", "") or ""),
         model_name=str(dataset.get("ManufacturerModelName", "") or ""),
-        source_to_detector_mm=_positive(dataset.get("DistanceSourceToDetector")),
-        pixel_mm=_positive(spacing[0]) if spacing else None,
+        source_to_detector_mm=usable.get(HeaderValue.SOURCE_TO_DETECTOR),
+        pixel_mm=usable.get(HeaderValue.PIXEL),
         positioner_primary_angle_deg=_number(dataset.get("PositionerPrimaryAngle")),
         positioner_secondary_angle_deg=_number(dataset.get("PositionerSecondaryAngle")),
+        focal_spot_mm=usable.get(HeaderValue.FOCAL_SPOT),
+        unusable=tuple(length for length in lengths.values() if isinstance(length, UnusableValue)),
     )
+
+
+def _numbers(value: object) -> tuple[float, ...]:
+    """The numbers of an attribute, which may have one value, several or none; what is no number is NaN."""
+    if value is None or value == "":
+        return ()
+    values = value if isinstance(value, Sequence) and not isinstance(value, str) else (value,)
+    return tuple(_as_float(one) for one in values)
+
+
+def _as_float(value: object) -> float:
+    try:
+        return float(str(value))
+    except ValueError:
+        return float("nan")
+
+
+def _length_mm(attribute: HeaderValue, values: tuple[float, ...]) -> float | UnusableValue | None:
+    """A length that the measurement uses; zero is how some devices write that a value is unknown."""
+    if not any(values):
+        return None
+    least, most = BOUNDS_MM[attribute]
+    quoted = " and ".join(f"{value:g}" for value in values)
+    if not all(least <= value <= most for value in values):
+        return UnusableValue(attribute, f"{attribute.value} is {quoted} mm ({least:g} to {most:g})")
+    if max(values) > _EQUAL_VALUES * min(values):
+        return UnusableValue(attribute, f"{attribute.value} is {quoted} mm (one value, or equal ones)")
+    return values[0]
 
 
 def _number(value: object) -> float | None:
@@ -145,11 +192,6 @@ def _number(value: object) -> float | None:
     except ValueError:
         return None
     return number if np.isfinite(number) else None
-
-
-def _positive(value: object) -> float | None:
-    number = _number(value)
-    return number if number is not None and number > 0.0 else None
 
 
 def dicom_of_pixels(pixels: GreyPixels) -> tuple[bytes, str]:

@@ -1,6 +1,7 @@
 """An image as the services see it, whatever kind of file it came in."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
 import numpy as np
@@ -10,6 +11,30 @@ GreyPixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 LONGEST_SIDE: Final = 8192
 """Of an image, in pixels: more is no X-ray image, but would keep a decoder busy for long."""
+
+
+class HeaderValue(StrEnum):
+    """DICOM attributes that the measurement uses."""
+
+    SOURCE_TO_DETECTOR = "DistanceSourceToDetector (0018,1110)"
+    PIXEL = "ImagerPixelSpacing (0018,1164)"
+    FOCAL_SPOT = "FocalSpots (0018,1190)"
+
+
+BOUNDS_MM: Final = {
+    HeaderValue.SOURCE_TO_DETECTOR: (500.0, 2000.0),
+    HeaderValue.PIXEL: (0.05, 2.0),
+    HeaderValue.FOCAL_SPOT: (0.05, 3.0),
+}
+"""Least and greatest possible values, in mm."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnusableValue:
+    """A value of an image file's header that cannot be used; the sentence states it, and the limits."""
+
+    attribute: HeaderValue
+    sentence: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +47,10 @@ class Acquisition:
         Nominal distance, and nominal pixel size at the detector.
     positioner_primary_angle_deg, positioner_secondary_angle_deg
         Angles of the C-arm.
+    focal_spot_mm
+        Edge of the focal spot.
+    unusable
+        What the file states and what cannot be right; the value itself is then None.
     """
 
     manufacturer: str = ""
@@ -30,6 +59,12 @@ class Acquisition:
     pixel_mm: float | None = None
     positioner_primary_angle_deg: float | None = None
     positioner_secondary_angle_deg: float | None = None
+    focal_spot_mm: float | None = None
+    unusable: tuple[UnusableValue, ...] = ()
+
+    def why_unusable(self, attribute: HeaderValue) -> str | None:
+        """Why the file's value cannot be used; None where it can, or where there is none."""
+        return next((one.sentence for one in self.unusable if one.attribute is attribute), None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

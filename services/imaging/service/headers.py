@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from services.imaging.core.nominal import NominalGeometry
+from services.imaging.devices.nominal_values import StatedValues, nominal_of_image
 from services.imaging.devices.received_image import ReceivedImage
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import FrameHeader
@@ -52,8 +54,18 @@ class Arrival:
 def frame_header(
     image: ReceivedImage, sha256: str, arrival: Arrival, case: CaseContext | None, defaults: Defaults
 ) -> FrameHeader:
-    """The header; of nominal values, the case goes before the image, the image before the defaults."""
+    """The header; of nominal values, the case goes before the image, the image before the defaults.
+
+    Raises
+    ------
+    ImageUnreadable
+        When the case states no distance or pixel size and the image's cannot be right.
+    """
     made = image.acquisition
+    stated = StatedValues(
+        None if case is None else case.nominal_source_to_detector_mm, None if case is None else case.nominal_pixel_mm
+    )
+    nominal = nominal_of_image(stated, made, NominalGeometry(defaults.source_to_detector_mm, defaults.pixel_mm))
     rows, columns = image.pixels.shape
     return FrameHeader(
         sha256=sha256,
@@ -68,12 +80,10 @@ def frame_header(
         case_revision=case.revision if case else 0,
         manufacturer=made.manufacturer,
         model_name=made.model_name,
-        nominal_source_to_detector_mm=_first(
-            case.nominal_source_to_detector_mm if case else None,
-            made.source_to_detector_mm,
-            defaults.source_to_detector_mm,
-        ),
-        nominal_pixel_mm=_first(case.nominal_pixel_mm if case else None, made.pixel_mm, defaults.pixel_mm),
+        nominal_source_to_detector_mm=nominal.geometry.source_to_detector_mm,
+        nominal_pixel_mm=nominal.geometry.pixel_mm,
+        focal_spot_mm=nominal.geometry.focal_spot_mm,
+        notes=nominal.notes,
         positioner_primary_angle_deg=made.positioner_primary_angle_deg,
         positioner_secondary_angle_deg=made.positioner_secondary_angle_deg,
         run_interval_s=arrival.run_interval_s,
@@ -84,8 +94,3 @@ def angles_deg(header: FrameHeader) -> tuple[float, float] | None:
     """The C-arm's angles, when the image names both."""
     primary, secondary = header.positioner_primary_angle_deg, header.positioner_secondary_angle_deg
     return None if primary is None or secondary is None else (primary, secondary)
-
-
-def _first(*values: float | None) -> float:
-    """The first value that is there; the last one always is."""
-    return next(v for v in values if v is not None)

@@ -190,7 +190,7 @@ class ImagingService:
             self._runtime.log.info("image kept, not calibrated: no case with a ring is open", sha256=shot.header.sha256)
             return
         header, ring = shot.header, shot.ring
-        nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm)
+        nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm, header.focal_spot_mm)
         before = self._memory.before(ring.sha256, angles_deg(header))
         outcome, elapsed_ms = _timed(lambda: calibrate_next(shot.image.pixels, ring, nominal, before))
         message = calibration_message(outcome, elapsed_ms, ring, header)

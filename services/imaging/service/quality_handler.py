@@ -60,7 +60,9 @@ class QualityHandler:
             assert content is not None, "asked before"
             assert header_json is not None, "asked before"
             header = decode(FrameHeader, header_json)
-            nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm)
+            nominal = NominalGeometry(
+                header.nominal_source_to_detector_mm, header.nominal_pixel_mm, header.focal_spot_mm
+            )
             yield Shot(sha256[:_SHOWN_DIGITS], read_image(content, sha256).pixels, nominal)
 
     def _file(self, ring: RingPart) -> Path:

@@ -9,8 +9,9 @@ import pytest
 
 from distalock.__main__ import main
 from distalock.arguments import EXIT_BAD_INPUT
-from distalock.locate import EXIT_REJECTED, NominalOptions
+from distalock.locate import EXIT_REJECTED, NominalOptions, Polarity
 from services.imaging.devices.received_image import Acquisition
+from tests.unit.services.imaging.devices.dicom_samples import dataset_of, file_of
 from tests.unit.services.registration.rendered_case import GUIDE_JSON, NAIL_JSON, RING_JSON
 
 
@@ -232,3 +233,27 @@ def test_option_goes_before_header_before_default() -> None:
     assert (geometry.source_to_detector_mm, geometry.pixel_mm) == (1010.0, 0.3)
     assert NominalOptions(990.0).geometry(header).source_to_detector_mm == 990.0
     assert NominalOptions().geometry(Acquisition()).pixel_mm == 0.235
+
+
+def test_inverted_images_are_turned_round_without_changing_their_range() -> None:
+    read = np.array([[10.0, 30.0], [200.0, 110.0]], dtype=np.float32)
+    turned = NominalOptions(polarity=Polarity.INVERTED).pixels(read)
+    assert turned.tolist() == [[200.0, 180.0], [10.0, 100.0]]
+    assert NominalOptions().pixels(read) is read
+
+
+def test_what_was_assumed_is_printed(files: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(locate(files, "--source-to-detector-mm=990", "--invert", "--focal-spot-mm=0.6")) == EXIT_REJECTED
+    (note,) = json.loads(capsys.readouterr().out)["notes"]
+    assert note == "ImagerPixelSpacing is assumed to be 0.235 mm: neither a person nor the image states it"
+
+
+def test_a_header_that_cannot_be_right_is_one_sentence(
+    files: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    dataset = dataset_of(_image().astype(np.uint16))
+    dataset.ImagerPixelSpacing = ["1e-9", "1e-9"]
+    files["image"].write_bytes(file_of(dataset))
+    assert main(locate(files)) == EXIT_BAD_INPUT
+    assert "ImagerPixelSpacing (0018,1164) is 1e-09 and 1e-09 mm (0.05 to 2); correct" in one_sentence(capsys)
+    assert main(locate(files, "--pixel-mm=0.2")) == EXIT_REJECTED

@@ -47,7 +47,8 @@ class Penumbra:
         """That of a C-arm, in pixels which have a side of so many image pixels, beside a nail of known depth."""
         plate_mm = float(calibration.camera_from_ring.translation_mm[2])
         px_per_mm = calibration.camera.focal_length_px / plate_mm / side_px
-        return Penumbra(plate_mm, nail_mm, BEAM.focal_spot_mm * px_per_mm)
+        spot_mm = BEAM.focal_spot_mm if calibration.focal_spot_mm is None else calibration.focal_spot_mm
+        return Penumbra(plate_mm, nail_mm, spot_mm * px_per_mm)
 
     def width_px(self, depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Width of an edge's penumbra by its depth, nothing behind the plate; shape of the depths."""
