@@ -20,6 +20,7 @@ _SMOOTHED_SEARCH: Final = fitted(
 _EDGE_REACH: Final = derived("half a diagonal 0.7, softening 0.15, curvature: pixels change by 0.003 (1.0: by 0.009)")
 _MUSCLE: Final = physical("60-80 kV behind 100-200 mm of muscle")
 _SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most")
+_FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_objects --seeds fit`")
 _PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
 _TOLERANCE: Final = physical("manufacturing tolerance, assumed")
 _ABANDONED: Final = fitted("65 abandoned fits, 30 scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred")
@@ -263,12 +264,27 @@ class AgreementOfParts:
     largest_bulge_excess: float = tuned(0.3, "1", "bulge beyond the usual one that counts", _PROCESSED)
     usual_shape: float = tuned(0.7, "sd", "deviation of the radii that plain images have too", _PROCESSED)
     shape_of_one_deviation: float = tuned(0.3, "sd", "deviation beyond it that doubles the variance", _PROCESSED)
+    usual_scale_excess: float = tuned(0.003, "1", "scale beside the file's that plain images have too", _PROCESSED)
     usual_noise_inflation: float = tuned(4.0, "px", "correlation of the noise that plain images have too", _PROCESSED)
     inflation_of_one_deviation: float = tuned(1.3, "px", "correlation beyond it that doubles the variance", _PROCESSED)
     usual_softness: float = tuned(1.3, "sd", "hardening below the usual that plain images have too", _PROCESSED)
     softness_of_one_deviation: float = tuned(1.0, "sd", "softness beyond it that doubles the variance", _PROCESSED)
     usual_sharpening: float = tuned(2.0, "sd", "edge enhancement that plain images have too", _PROCESSED)
     sharpening_of_one_deviation: float = tuned(1.0, "sd", "sharpening beyond it that doubles the variance", _PROCESSED)
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignObjects:
+    """What is darker than any nail explains (`core/nail/foreign.py`)."""
+
+    most_rounds: int = tuned(2, "1", "fits after which more may be left out", _FOREIGN)
+    blur_px: float = tuned(1.5, "px", "Gaussian before residuals are compared with the limit", _FOREIGN)
+    limit_in_spreads: float = tuned(6.0, "robust sd", "darkness beyond which a pixel is foreign", _FOREIGN)
+    least_pixels: int = tuned(12, "px", "fewest connected pixels that count", _FOREIGN)
+    margin_px: int = tuned(3, "px", "margin around an object that is left out too", derived("two blur widths"))
+    directions: int = tuned(36, "1", "directions in which a rim is looked for", derived("10° each"))
+    about_rim_in_radii: float = tuned(0.25, "hole radii", "distance from the rim at which pixels show it", _FOREIGN)
+    seen_share: float = tuned(0.5, "1", "share of the usual pixels with which a direction is seen", _FOREIGN)
 
 
 # The nail's fit: stages, coarse to fine
@@ -720,6 +736,7 @@ NAIL_PRIORS: Final = NailPriors()
 NAIL_NOISE: Final = NailNoise()
 NAIL_SOLVER: Final = NailSolver()
 AGREEMENT_OF_PARTS: Final = AgreementOfParts()
+FOREIGN_OBJECTS: Final = ForeignObjects()
 CENTRING_STAGE: Final = CentringStage()
 TILT_SEARCH_STAGE: Final = TiltSearchStage()
 COMPARISON_STAGE: Final = ComparisonStage()

@@ -122,6 +122,13 @@ OTHER_OPENING: Final = Criterion(
     BEST_OPENING.remedy,
     f"fitted by inspection on 279 random scenes ({_FITTING}): with 35 % for every hole seven were refused, six of "
     "which are localised right")
+BEST_RIM: Final = Criterion(
+    ReasonCode.HOLE_NOT_VISIBLE, "visible share of the rim of the hole that shows most of it",
+    at_least(0.5, "%", decimals=0), "move what covers it, or turn the C-arm by 5°, and take one more image",
+    "fitted by inspection on scenes of `distalock bench foreign_objects --seeds fit`")
+OTHER_RIM: Final = Criterion(
+    ReasonCode.HOLE_NOT_VISIBLE, "visible share of the rim of every other hole", at_least(0.3, "%", decimals=0),
+    BEST_RIM.remedy, BEST_RIM.origin)
 CONTRAST_TO_NOISE: Final = Criterion(
     ReasonCode.HOLE_NOT_VISIBLE,
     "brightness of a hole's opening over the metal around it, in standard deviations of a pixel's noise",

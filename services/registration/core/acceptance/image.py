@@ -10,6 +10,7 @@ from itertools import pairwise
 
 from services.registration.core.acceptance.criteria import (
     AXIS_BOUND,
+    BEST_RIM,
     CHANCE_TO_PASS,
     CLEAR_VIEW,
     CONTRAST_TO_NOISE,
@@ -22,6 +23,7 @@ from services.registration.core.acceptance.criteria import (
     MUCH_PROCESSED,
     NO_UNCERTAINTY,
     NOISE_INFLATION,
+    OTHER_RIM,
     PROCESSING,
     SPOT,
     STRUCTURE,
@@ -88,6 +90,7 @@ class FitEvidence:
     nail_radius_excess_mm: float
     mirror_margin: float
     error_ratio: float  # of the nail's rotation, over what the noise explains
+    rim_shares: tuple[float, ...]  # of each hole's rim that takes part in the fit, in the order of `holes`
     openings: Openings = CLEAR_VIEW
 
 
@@ -109,6 +112,7 @@ def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
     """Reasons against a fitted nail; none when it is accepted."""
     return (
         *opening_reasons(evidence.holes, evidence.openings),
+        *_covered(evidence),
         *_mismatch(evidence),
         *_processed(evidence),
         *_ambiguity(evidence),
@@ -144,6 +148,14 @@ def opening_reasons(
                 f"hole '{view.id}' is brighter than the metal around it by {contrast.quoted(view.contrast_to_noise)} "
                 "standard deviations of the noise"
             )
+
+
+def _covered(evidence: FitEvidence) -> Iterator[Reason]:
+    best = max(evidence.rim_shares)
+    for view, share in zip(evidence.holes, evidence.rim_shares, strict=True):
+        least = BEST_RIM if share == best else OTHER_RIM
+        if not least.is_met(share):
+            yield least.reason(f"the rim of hole '{view.id}' is visible over {least.quoted(share)} of its length")
 
 
 def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.estimation.pose_estimate import PoseErrors
+from services.registration.core.estimation.pose_estimate import PoseErrors, ray_to
 from services.registration.core.nail.parameters import Parameter, prior_mean, prior_precision
 from services.registration.core.nail.region import FitRegion
 from services.registration.core.tuning import AGREEMENT_OF_PARTS
+from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart, hole_surface_points
+from shared.geometry.transform import Transform
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +35,7 @@ class Agreement:
     pull_ratio: float  # variance of the parts' pulls on the hole axes over the predicted one, at least 1
     bulge: float  # by how much the display brightens the middle of the range from metal to background, either way
     shape: float  # fitted radii beside the part file's, in standard deviations of the prior
+    scale_excess: float  # by how much nail and holes together appear larger than in the file, as a share
     noise_inflation: float  # what noise is left correlated after whitening, in pixels: filters leave much
     softness: float  # hardening of the beam below the usual one, in standard deviations of the prior
     sharpening: float  # edge enhancement beside the usual one, either way, in standard deviations of the prior
@@ -58,13 +61,18 @@ class Agreement:
         """The same for standard deviations."""
         return float(np.sqrt(self.variance_ratio))
 
-    def widened(self, errors: PoseErrors) -> PoseErrors:
+    def widened(self, errors: PoseErrors, camera_from_nail: Transform[Camera, Nail]) -> PoseErrors:
         """Errors of the pose, grown by what the model does not explain.
 
-        Wrong brightness between the rims turns the nail, but hardly moves it: edges stay in place.
+        Wrong brightness between the rims turns the nail, but hardly moves it: edges stay in place. A nail that appears
+        wider than its file may be nearer than the distance of its holes says: that distance is then not the file's.
         """
         ratio = self.error_ratio
-        return errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio)
+        grown = errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio)
+        excess = max(abs(self.scale_excess) - AGREEMENT_OF_PARTS.usual_scale_excess, 0.0)
+        depth_error_mm = excess * float(np.linalg.norm(camera_from_nail.translation_mm))
+        along_ray = np.concatenate([np.zeros(3), depth_error_mm * ray_to(camera_from_nail)])
+        return grown.with_more(np.outer(along_ray, along_ray))
 
 
 def agreement(
@@ -88,10 +96,18 @@ def agreement(
         pull_ratio=pull_ratio(pulls, variances),
         bulge=abs(float(parameters[Parameter.BULGE])),
         shape=float(np.hypot(deviations[Parameter.HOLE_RADIUS_EXCESS_MM], deviations[Parameter.NAIL_RADIUS_EXCESS_MM])),
+        scale_excess=_scale_excess(nail, parameters),
         noise_inflation=noise_inflation,
         softness=-float(deviations[Parameter.HARDENING]),
         sharpening=abs(float(deviations[Parameter.SHARPENING])),
     )
+
+
+def _scale_excess(nail: NailPart, parameters: NDArray[np.float64]) -> float:
+    """Scale, less 1, that explains the fitted radii of nail and holes best."""
+    radii_mm = np.array([nail.radius_mm, 0.5 * float(np.mean([hole.diameter_mm for hole in nail.holes]))])
+    excess_mm = parameters[[Parameter.NAIL_RADIUS_EXCESS_MM, Parameter.HOLE_RADIUS_EXCESS_MM]]
+    return float(radii_mm @ excess_mm / (radii_mm @ radii_mm))
 
 
 def pull_ratio(pulls: NDArray[np.float64], variances: NDArray[np.float64]) -> float:

@@ -19,6 +19,7 @@ from services.registration.core.estimation.pose_estimate import (
     ray_to,
 )
 from services.registration.core.nail.agreement import Agreement, PixelScores, agreement
+from services.registration.core.nail.foreign import RimView, foreign_pixels, rim_views
 from services.registration.core.nail.forward_model import ForwardModel, model_at, visible_fraction_without_metal
 from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.least_squares import (
@@ -48,7 +49,7 @@ from services.registration.core.nail.parameters import (
 )
 from services.registration.core.nail.region import FitInput, FitRegion
 from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
-from services.registration.core.tuning import FINAL_STAGE, NAIL_EVIDENCE
+from services.registration.core.tuning import FINAL_STAGE, FOREIGN_OBJECTS, NAIL_EVIDENCE
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import Hole
@@ -75,6 +76,7 @@ class NailFit:
     blur_px: float  # standard deviation of the blur that was fitted
     residual: ResidualStatistics  # statistics of what the model does not explain
     holes: tuple[HoleView, ...]  # how much of each hole was seen
+    rims: tuple[RimView, ...]  # how much of each rim takes part
     agreement: Agreement  # of the image's parts about the pose
 
     @property
@@ -87,6 +89,7 @@ class NailFit:
             self.nail_radius_excess_mm,
             self.mirror_margin,
             self.agreement.error_ratio,
+            tuple(rim.share for rim in self.rims),
         )
 
 
@@ -103,34 +106,67 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
     Accepted[NailFit] or Rejected
         Rejected as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
     """
-    measured = measure_nail(fit_input, start)
-    if isinstance(measured, Rejected):
-        return measured
-    reasons = fit_reasons(measured.value.evidence)
-    return Rejected(reasons) if reasons else measured
+    found = _fitted(fit_input, start)
+    for _ in range(FOREIGN_OBJECTS.most_rounds):
+        if isinstance(found, Rejected) or not fit_reasons(found.fit.evidence):
+            break
+        without = _without_foreign_objects(fit_input, found)
+        if without is None:
+            break
+        fit_input, found = without, _fitted(without, start)
+    if isinstance(found, Rejected):
+        return found
+    reasons = fit_reasons(found.fit.evidence)
+    return Rejected(reasons) if reasons else Accepted(found.fit)
 
 
 def measure_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
     """The same without acceptance criteria; rejected only when the holes are not in the image."""
+    found = _fitted(fit_input, start)
+    return found if isinstance(found, Rejected) else Accepted(found.fit)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fitted:
+    """A fit with the problem that it solved."""
+
+    fit: NailFit
+    problem: Problem
+    solution: Solution
+    noise: NoiseModel
+
+
+def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Rejected:
     optimum = find_global_optimum(fit_input, start)
     model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
     if optimum is None or model is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
     problem, solution, noise = _refined(model, optimum)
-    parts = agreement_of_parts(problem, solution, noise)
-    return Accepted(
-        NailFit(
-            camera_from_nail=model.pose(solution.parameters),
-            errors=parts.widened(pose_errors(problem, solution, noise)),
-            mirror_margin=optimum.margin / parts.pull_ratio,
-            hole_radius_excess_mm=float(solution.parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
-            nail_radius_excess_mm=float(solution.parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
-            blur_px=model.region.sampling.blur_px(solution.parameters),
-            residual=residual_statistics(problem, solution, noise),
-            holes=hole_views(problem, solution),
-            agreement=parts,
-        )
+    parts, camera_from_nail = agreement_of_parts(problem, solution, noise), model.pose(solution.parameters)
+    fit = NailFit(
+        camera_from_nail=camera_from_nail,
+        errors=parts.widened(pose_errors(problem, solution, noise), camera_from_nail),
+        mirror_margin=optimum.margin / parts.pull_ratio,
+        hole_radius_excess_mm=float(solution.parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
+        nail_radius_excess_mm=float(solution.parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
+        blur_px=model.region.sampling.blur_px(solution.parameters),
+        residual=residual_statistics(problem, solution, noise),
+        holes=hole_views(problem, solution),
+        rims=rim_views(model.region, model.nail),
+        agreement=parts,
     )
+    return _Fitted(fit, problem, solution, noise)
+
+
+def _without_foreign_objects(fit_input: FitInput, found: _Fitted) -> FitInput | None:
+    """The same input with what is darker than the fit left out; None where there is nothing more."""
+    region, residual = found.problem.model.region, found.solution.linear.residual
+    foreign = foreign_pixels(region, residual, found.noise.variance, fit_input.pixels.shape)
+    hidden = fit_input.occluders.hidden
+    if not np.any(foreign if hidden is None else foreign & ~hidden):
+        return None
+    together = foreign if hidden is None else foreign | hidden
+    return replace(fit_input, occluders=replace(fit_input.occluders, hidden=together))
 
 
 def _refined(model: ForwardModel, optimum: GlobalOptimum) -> tuple[Problem, Solution, NoiseModel]:

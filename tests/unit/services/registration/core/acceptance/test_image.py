@@ -26,7 +26,9 @@ from tests.unit.services.registration.xray_scene import calibration, guide_part,
 
 NAIL_MM = 12.0
 RESIDUAL = ResidualStatistics(800.0, 1.1, 5.0, 0.1)
-FIT = FitEvidence((HoleView("distal", 0.9, 12.0), HoleView("proximal", 0.8, 9.0)), RESIDUAL, 0.01, -0.02, 120.0, 1.2)
+FIT = FitEvidence(
+    (HoleView("distal", 0.9, 12.0), HoleView("proximal", 0.8, 9.0)), RESIDUAL, 0.01, -0.02, 120.0, 1.2, (0.9, 0.8)
+)
 NAN = float("nan")
 
 
@@ -85,6 +87,16 @@ def test_within_all_limits_is_accepted() -> None:
             "brighter than the metal around it by 1.2 (at least 3) standard deviations",
         ),
         (
+            replace(FIT, rim_shares=(0.49, 0.3)),
+            ReasonCode.HOLE_NOT_VISIBLE,
+            "the rim of hole 'distal' is visible over 49 % (at least 50 %) of its length",
+        ),
+        (
+            replace(FIT, rim_shares=(0.5, 0.29)),
+            ReasonCode.HOLE_NOT_VISIBLE,
+            "the rim of hole 'proximal' is visible over 29 % (at least 30 %) of its length",
+        ),
+        (
             replace(FIT, error_ratio=6.1),
             ReasonCode.IMAGE_PROCESSED,
             "disagree about the nail's rotation by 6.1 times (limit 6 times) what the noise explains",
@@ -130,7 +142,7 @@ def test_each_limit_of_the_fit_has_its_reason(evidence: FitEvidence, code: Reaso
         replace(FIT, hole_radius_excess_mm=0.12, nail_radius_excess_mm=-0.12),
         replace(FIT, residual=ResidualStatistics(800.0, 2.0, 10.0, 0.3)),
         replace(FIT, mirror_margin=8.0),
-        replace(FIT, holes=FIT.holes[:1], mirror_margin=40.0),
+        replace(FIT, holes=FIT.holes[:1], rim_shares=(0.9,), mirror_margin=40.0),
     ],
 )
 def test_values_exactly_at_the_limits_of_the_fit_are_accepted(evidence: FitEvidence) -> None:
@@ -140,7 +152,7 @@ def test_values_exactly_at_the_limits_of_the_fit_are_accepted(evidence: FitEvide
 def test_the_reason_of_an_ambiguous_tilt_names_the_other_explanation() -> None:
     (of_two,) = fit_reasons(replace(FIT, mirror_margin=7.9))
     assert of_two.message.startswith("the reflected tilt explains the image nearly as well")
-    (of_one,) = fit_reasons(replace(FIT, holes=FIT.holes[:1], mirror_margin=39.9))
+    (of_one,) = fit_reasons(replace(FIT, holes=FIT.holes[:1], rim_shares=(0.9,), mirror_margin=39.9))
     assert of_one.message.startswith("the nail has one hole, and another tilt explains the image nearly as well")
 
 
@@ -150,7 +162,7 @@ def test_one_hole_in_full_and_a_part_of_the_other_are_enough() -> None:
 
 @pytest.mark.parametrize(("margin", "codes"), [(39.0, [ReasonCode.MIRROR_AMBIGUOUS]), (41.0, [])])
 def test_one_hole_alone_must_be_clearer_than_two(margin: float, codes: list[ReasonCode]) -> None:
-    found = fit_reasons(replace(FIT, holes=FIT.holes[:1], mirror_margin=margin))
+    found = fit_reasons(replace(FIT, holes=FIT.holes[:1], rim_shares=(0.9,), mirror_margin=margin))
     assert [reason.code for reason in found] == codes
     assert fit_reasons(replace(FIT, mirror_margin=margin)) == ()
 

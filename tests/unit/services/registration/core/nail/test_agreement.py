@@ -7,6 +7,7 @@ import pytest
 
 from services.registration.core.estimation.pose_estimate import PoseErrors
 from services.registration.core.nail.agreement import Agreement, pull_ratio
+from tests.unit.services.registration.xray_scene import posed_nail
 
 VARIANCES = np.full((26, 8), 0.01)
 
@@ -32,7 +33,9 @@ def test_one_part_that_has_nearly_all_the_weight_proves_little() -> None:
     assert pull_ratio(pulls, variances) == pytest.approx((4.0 + 4.0) / 5.0, rel=1e-3)
 
 
-USUAL = Agreement(1.0, 0.1, 0.7, 4.0, 1.3, 2.0)
+USUAL = Agreement(1.0, 0.1, 0.7, 0.003, 4.0, 1.3, 2.0)
+ERRORS = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
+POSE = posed_nail(10.0)
 
 
 def test_what_plain_images_show_changes_nothing() -> None:
@@ -60,6 +63,14 @@ def test_symptoms_add_and_the_pulls_multiply() -> None:
 
 
 def test_rotation_grows_by_the_ratio_and_position_by_its_root() -> None:
-    errors = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
-    grown = replace(USUAL, pull_ratio=16.0).widened(errors).image_covariance
+    grown = replace(USUAL, pull_ratio=16.0).widened(ERRORS, POSE).image_covariance
     np.testing.assert_allclose(np.diag(grown), [16.0] * 3 + [4.0] * 3 + [16.0] * 3)
+
+
+def test_a_nail_that_appears_larger_may_be_nearer() -> None:
+    larger = replace(USUAL, scale_excess=0.013).widened(ERRORS, POSE).image_covariance
+    expected_mm = 0.01 * np.linalg.norm(POSE.translation_mm)
+    ray = POSE.rotation.T @ POSE.translation_mm / np.linalg.norm(POSE.translation_mm)
+    across = np.cross(ray, [1.0, 0.0, 0.0])
+    assert ray @ larger[3:6, 3:6] @ ray == pytest.approx(1.0 + expected_mm**2)
+    assert across @ larger[3:6, 3:6] @ across == pytest.approx(across @ across)
