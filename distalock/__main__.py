@@ -189,6 +189,12 @@ def _qa_arguments(parser: argparse.ArgumentParser) -> None:
     add_c_arm_arguments(parser)
 
 
+def _calibrate_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.calibrate import add_arguments
+
+    add_arguments(parser)
+
+
 def _benchmark_name(text: str) -> str:
     if text not in (*BENCHMARKS, ALL):
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; `distalock bench` lists them")
@@ -232,6 +238,12 @@ COMMANDS = (
         "C-arm and ring over a folder of images: a page with pictures, and JSON",
         _qa_arguments,
         _imported("distalock.qa"),
+    ),
+    Command(
+        "calibrate",
+        "where the balls of a built ring or guide are, from several images of it",
+        _calibrate_arguments,
+        _imported("distalock.calibrate"),
     ),
     Command(
         "bench",

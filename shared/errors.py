@@ -35,6 +35,7 @@ class ReasonCode(StrEnum):
     GUIDE_NOT_FOUND = "guide_not_found"
     GUIDE_AMBIGUOUS = "guide_ambiguous"
     GUIDE_TOO_FEW_BALLS = "guide_too_few_balls"
+    GUIDE_MODEL_MISMATCH = "guide_model_mismatch"
     NAIL_NOT_FOUND = "nail_not_found"
     HOLE_NOT_VISIBLE = "hole_not_visible"
     NAIL_MODEL_MISMATCH = "nail_model_mismatch"

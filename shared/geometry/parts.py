@@ -23,11 +23,19 @@ class BallPattern:
         Centres in the part's frame, shape (N, 3).
     diameter_mm
         Shape (N,).
+    tolerance_mm
+        Standard deviation of each centre along each axis, shape (N,); None where the file states none.
     """
 
     ids: tuple[str, ...]
     position_mm: NDArray[np.float64]
     diameter_mm: NDArray[np.float64]
+    tolerance_mm: NDArray[np.float64] | None = None
+
+    @property
+    def position_sd_mm(self) -> NDArray[np.float64]:
+        """The tolerance, 0 where none is stated, shape (N,)."""
+        return np.zeros(len(self.ids)) if self.tolerance_mm is None else self.tolerance_mm
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -79,17 +87,32 @@ class Box:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GuidePart:
-    """The drill guide."""
+    """The drill guide.
+
+    Attributes
+    ----------
+    frame_tolerance_mm, frame_tolerance_deg
+        Standard deviations, along and about each axis, of the place and direction of all balls together against the
+        holes; None where none is stated.
+    """
 
     balls: BallPattern
     holes: tuple[Hole, ...]
     body: tuple[Box, ...]
     sha256: str
+    frame_tolerance_mm: float | None = None
+    frame_tolerance_deg: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NailPart:
-    """The distal end of a nail. Its axis is the x axis; it ends at `tip_x_mm`."""
+    """The distal end of a nail. Its axis is the x axis; it ends at `tip_x_mm`.
+
+    Attributes
+    ----------
+    tolerance_mm, tolerance_deg
+        Standard deviations of each hole's place and direction, along and about each axis; None where none is stated.
+    """
 
     material: Material
     diameter_mm: float
@@ -97,6 +120,8 @@ class NailPart:
     tip_x_mm: float
     holes: tuple[Hole, ...]
     sha256: str
+    tolerance_mm: float | None = None
+    tolerance_deg: float | None = None
 
     @property
     def radius_mm(self) -> float:

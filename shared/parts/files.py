@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Final, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from shared.errors import PartFileInvalid
@@ -59,6 +60,7 @@ class BallFile(PartModel):
     id: Name
     position_mm: Vector
     diameter_mm: Annotated[float, Field(allow_inf_nan=False, ge=0.5, le=10.0)]
+    tolerance_mm: Tolerance | None = None
 
 
 class PlateFile(PartModel):
@@ -110,6 +112,7 @@ class BallsFile(PartModel):
     name: Name | None = None
     balls: tuple[BallFile, ...] = Field(min_length=4, max_length=MOST_BALLS)
     ball_count: int | None = None
+    tolerance_mm: Tolerance | None = None
 
     @model_validator(mode="after")
     def _count_and_names(self) -> "BallsFile":
@@ -124,7 +127,15 @@ class BallsFile(PartModel):
             tuple(b.id for b in self.balls),
             read_only(np.array([b.position_mm for b in self.balls])),
             read_only(np.array([b.diameter_mm for b in self.balls])),
+            self._tolerances_mm(),
         )
+
+    def _tolerances_mm(self) -> NDArray[np.float64] | None:
+        """Each ball's own tolerance, or the part's; shape (N,), or None where neither is stated of any ball."""
+        stated = [self.tolerance_mm if ball.tolerance_mm is None else ball.tolerance_mm for ball in self.balls]
+        if all(one is None for one in stated):
+            return None
+        return read_only(np.array([one or 0.0 for one in stated]))
 
 
 class RingFile(BallsFile):
@@ -158,6 +169,8 @@ class GuideFile(BallsFile):
     schema_name: Literal["distalock/guide/1"] = Field(alias="schema")
     holes: tuple[GuideHoleFile, ...] = Field(min_length=1, max_length=_MOST_HOLES)
     body: tuple[BoxFile, ...] = Field((), max_length=_MOST_BLOCKS)
+    frame_tolerance_mm: Tolerance | None = None
+    frame_tolerance_deg: ToleranceAngle | None = None
 
     @model_validator(mode="after")
     def _hole_names(self) -> "GuideFile":
@@ -176,6 +189,8 @@ class NailFile(PartModel):
     cannulation_diameter_mm: NotNegative
     tip_x_mm: Finite
     holes: tuple[NailHoleFile, ...] = Field(min_length=1, max_length=_MOST_HOLES)
+    tolerance_mm: Tolerance | None = None
+    tolerance_deg: ToleranceAngle | None = None
 
     @model_validator(mode="after")
     def _shape(self) -> "NailFile":
@@ -275,7 +290,7 @@ def guide_from_json(content: bytes, source: str = "guide file") -> GuidePart:
     file = parse_part(GuideFile, content, source)
     holes = tuple(Hole(h.id, Line(np.array(h.point_mm), np.array(h.direction)), h.diameter_mm) for h in file.holes)
     body = tuple(Box(b.centre_mm, b.size_mm) for b in file.body)
-    return GuidePart(file.pattern(), holes, body, sha256_of(content))
+    return GuidePart(file.pattern(), holes, body, sha256_of(content), file.frame_tolerance_mm, file.frame_tolerance_deg)
 
 
 def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
@@ -286,7 +301,14 @@ def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
         for h in file.holes
     )
     return NailPart(
-        file.material, file.diameter_mm, file.cannulation_diameter_mm, file.tip_x_mm, holes, sha256_of(content)
+        file.material,
+        file.diameter_mm,
+        file.cannulation_diameter_mm,
+        file.tip_x_mm,
+        holes,
+        sha256_of(content),
+        file.tolerance_mm,
+        file.tolerance_deg,
     )
 
 

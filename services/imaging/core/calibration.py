@@ -105,9 +105,8 @@ def calibrate_there(
         moved = motion_reason(image, measured, expected)
         return Rejected((few,) if moved is None else (moved, few))
     seen = measured.seen
-    observations = Observations(
-        measured.centre_px[seen], measured.standard_deviation_px[seen], ring.balls.position_mm[seen]
-    )
+    deviation_px = np.hypot(measured.standard_deviation_px, tolerance_px(ring, nominal))
+    observations = Observations(measured.centre_px[seen], deviation_px[seen], ring.balls.position_mm[seen])
     estimate = _estimate(observations, image, nominal, start)
     model = _source_and_field(image, estimate)
     if reasons := calibration_reasons(image, measured, expected, model):
@@ -165,13 +164,22 @@ class _Prediction:
 
 def _predicted(image: UprightImage, discs: BallCandidates, ring: RingPart, nominal: NominalGeometry) -> _Prediction:
     named = discs.select(discs.ring_index != NOT_OF_THE_RING)
-    observations = Observations(named.centre_px, named.standard_deviation_px, ring.balls.position_mm[named.ring_index])
+    place_px = tolerance_px(ring, nominal)
+    deviation_px = np.hypot(named.standard_deviation_px, place_px[named.ring_index])
+    observations = Observations(named.centre_px, deviation_px, ring.balls.position_mm[named.ring_index])
     estimate = _estimate(observations, image, nominal, Start(_nominal_source(nominal).position_mm))
     field = _source_and_field(image, estimate).field
     centre_px = field.distort(estimate.gauge.pixels(on_plane(ring.balls.position_mm, estimate.source_mm)))
     start = Start(estimate.source_mm, estimate.solution.prior)
     balls = Discs(centre_px, _plausible_radii(named, ring, nominal))
-    return _Prediction(balls, field.standard_deviation_at(centre_px), start)
+    return _Prediction(balls, np.hypot(field.standard_deviation_at(centre_px), place_px), start)
+
+
+def tolerance_px(ring: RingPart, nominal: NominalGeometry) -> Array:
+    """Standard deviation of the shadows of the ring's balls by the tolerance of their places, per axis, shape (N,)."""
+    depth_mm = nominal.source_to_ring_mm + ring.balls.position_mm[:, 2]
+    scale = nominal.ring_scale_px_per_mm * nominal.source_to_ring_mm / depth_mm
+    return np.asarray(scale * ring.balls.position_sd_mm)
 
 
 def _plausible_radii(named: BallCandidates, ring: RingPart, nominal: NominalGeometry) -> Array:

@@ -63,7 +63,7 @@ class BallStatistics:
 
 def residuals_of(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage) -> Residuals:
     """Residual of each ball in one image; `pixels` are those of the image as received, shape (rows, columns)."""
-    centre_px, deviation_px = _every_ball(calibration, ring, pixels)
+    centre_px, deviation_px = every_ball(calibration, ring, pixels)
     camera = calibration.camera_from_ring.points(ring.balls.position_mm)
     off_px = calibration.distortion.undistort(centre_px) - calibration.camera.project(camera)
     mm_per_px = camera[:, 2] / calibration.camera.focal_length_px
@@ -71,7 +71,7 @@ def residuals_of(calibration: CArmCalibration, ring: RingPart, pixels: FloatImag
     return Residuals(calibration, residual, deviation_px * mm_per_px)
 
 
-def _every_ball(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage) -> tuple[Array, Array]:
+def every_ball(calibration: CArmCalibration, ring: RingPart, pixels: FloatImage) -> tuple[Array, Array]:
     """Centres of the ring's balls and their deviations, NaN where not seen, shapes (balls, 2) and (balls,).
 
     An outlier takes no part in the calibration, but quality control measures it: it may be a displaced ball.

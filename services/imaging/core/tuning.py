@@ -148,7 +148,9 @@ class DistortionModel:
     length_range: tuple[float, float] = tuned(
         (0.25, 4.0), "half sizes", "range of the correlation length", _CALIBRATION
     )
-    noise_range: tuple[float, float] = tuned((0.2, 20.0), "1", "range of the noise factor", _CALIBRATION)
+    noise_range: tuple[float, float] = tuned(
+        (0.2, 60.0), "1", "range of the noise factor: balls 0.2 mm off are 40 times the floor", _CALIBRATION
+    )
     log_tolerance: float = tuned(0.1, "1", "logarithms and log-likelihoods this close are the same", _CALIBRATION)
     first_evaluations: int = tuned(
         20, "1", "likelihoods of the first estimate, which only places the balls", _CALIBRATION

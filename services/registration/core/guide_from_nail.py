@@ -58,8 +58,11 @@ def guide_from_nail_of(
     for other in _poses_for_other_sources(calibration, guide, nail, guide_fit, camera_from_nail.mean):
         motion = chained.mean.motion_to(other)
         by_calibration += np.outer(motion, motion)
-    depth = _depth_by_distortion(calibration, nail, camera_from_nail.mean)
-    by_calibration += np.outer(depth, depth)
+    for depth in (
+        _depth_by_distortion(calibration, nail, camera_from_nail.mean),
+        _depth_by_tolerance(nail, camera_from_nail.mean),
+    ):
+        by_calibration += np.outer(depth, depth)
     return PoseEstimate(chained.mean, chained.errors.with_more(by_calibration))
 
 
@@ -77,6 +80,14 @@ def _depth_by_distortion(
     deviation *= np.sqrt(1.0 - np.exp(-0.5 * apart**2))
     depth_mm = float(camera_from_nail.translation_mm[2])
     of_length_mm = deviation * depth_mm / calibration.camera.focal_length_px
+    by_depth = depth_mm / length_that_gives_depth_mm(nail) * ray_to(camera_from_nail)
+    return np.concatenate([np.zeros(3), of_length_mm * by_depth])
+
+
+def _depth_by_tolerance(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
+    """Motion of the nail, one standard deviation, by the tolerance of the length from hole to hole; shape (6,)."""
+    depth_mm = float(camera_from_nail.translation_mm[2])
+    of_length_mm = np.sqrt(2.0) * (nail.tolerance_mm or 0.0)
     by_depth = depth_mm / length_that_gives_depth_mm(nail) * ray_to(camera_from_nail)
     return np.concatenate([np.zeros(3), of_length_mm * by_depth])
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.c_arm_advice import hole_tilts
 from services.registration.core.drill_clearance import AxisOffset, across_basis
+from services.registration.core.tuning import NAIL_AS_BUILT
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
 from shared.geometry.parts import NailPart, hole_surface_points
@@ -56,7 +57,8 @@ def holes_at(
         offset = None
         if covariance is not None:
             J = offsets_by_motion(nail, hole.id, guide_from_nail)
-            offset = AxisOffset(np.zeros(4), J @ covariance @ J.T, float(np.linalg.norm(leaving - entry)))
+            length_mm = float(np.linalg.norm(leaving - entry))
+            offset = AxisOffset(np.zeros(4), J @ covariance @ J.T + _as_built(nail, length_mm), length_mm)
         estimates.append(
             HoleEstimate(
                 id=hole.id,
@@ -70,6 +72,16 @@ def holes_at(
             )
         )
     return tuple(estimates)
+
+
+def _as_built(nail: NailPart, length_mm: float) -> NDArray[np.float64]:
+    """Covariance of a hole's own offset at entry and exit by the nail's tolerance, shape (4, 4).
+
+    The pose fits all holes as they are: it takes up part of what they have in common.
+    """
+    place = NAIL_AS_BUILT.own_share * (nail.tolerance_mm or 0.0) ** 2
+    turn = NAIL_AS_BUILT.own_share * (0.5 * length_mm * np.radians(nail.tolerance_deg or 0.0)) ** 2
+    return np.kron(np.array([[place + turn, place - turn], [place - turn, place + turn]]), np.eye(2))
 
 
 def offsets_by_motion(nail: NailPart, hole_id: str, guide_from_nail: Transform[Guide, Nail]) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from typing import Final
 from shared.tuning import declared_groups, derived, fitted, physical, standard, tuned
 
 _SCENES: Final = "by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
+_AS_BUILT: Final = fitted("`distalock bench built_parts --seeds fit` and plain images")
 _INSPECTION: Final = fitted(f"{_SCENES}; no run that compared alternatives is recorded")
 _ON_INDEPENDENT: Final = fitted(
     "28 independent images, `python -m benchmarks.accuracy.nail_fit`; alternatives in docs/nail-likelihood.md"
@@ -539,6 +540,26 @@ class GuideMeasurement:
 
 
 @dataclass(frozen=True, slots=True)
+class GuideAsBuilt:
+    """When the guide's balls are taken to be displaced from where its file puts them."""
+
+    largest_chi_square: float = tuned(
+        2.5, "1", "chi-square over its degrees of freedom beyond which a spread is estimated", _AS_BUILT
+    )
+    least_freedom: int = tuned(6, "1", "degrees of freedom without which none is", derived("six balls"))
+    explained_by_planes: float = tuned(0.5, "1", "share of chi-square for which planes are named", _INSPECTION)
+
+
+@dataclass(frozen=True, slots=True)
+class NailAsBuilt:
+    """What a nail's tolerances do beside the pose that is fitted to the holes as they are."""
+
+    own_share: float = tuned(
+        0.5, "1", "share of the variance that stays with each hole", derived("of two holes the pose takes the mean")
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class HeadErrors:
     """Errors of head, mount and C-arm that are usual, and what tells a wrong head (docs/decisions/0010)."""
 
@@ -749,6 +770,8 @@ GUIDE_CANDIDATES: Final = GuideCandidates()
 GUIDE_SEARCH: Final = GuideSearch()
 GUIDE_IDENTIFICATION: Final = GuideIdentification()
 GUIDE_MEASUREMENT: Final = GuideMeasurement()
+GUIDE_AS_BUILT: Final = GuideAsBuilt()
+NAIL_AS_BUILT: Final = NailAsBuilt()
 HEAD_ERRORS: Final = HeadErrors()
 WIRE_PRIOR: Final = WirePrior()
 WIRE_VISIBILITY: Final = WireVisibility()

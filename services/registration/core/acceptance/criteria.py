@@ -85,6 +85,12 @@ GUIDE_BALLS: Final = Criterion(
 GUIDE_SHARE: Final = Criterion(
     ReasonCode.GUIDE_TOO_FEW_BALLS, "share of the guide's balls that could be measured",
     at_least(0.4, "%", decimals=0), GUIDE_BALLS.remedy, _INSPECTION, "all but two of a guide with few balls")
+GUIDE_DISPLACEMENT: Final = Criterion(
+    ReasonCode.GUIDE_MODEL_MISMATCH,
+    "standard deviation of the balls about where the guide's file puts them, beyond measurement and stated tolerance",
+    at_most(0.3, "mm", decimals=2),
+    "measure the guide (`distalock calibrate guide`), or check that the file is that of this guide",
+    "derived: three times the 0.1 mm to which plates are drilled")
 NAIL_BAND: Final = Finding(
     ReasonCode.NAIL_NOT_FOUND, "no dark band of the nail's width is in the image",
     "bring the nail's distal end into view, or check the nail file")

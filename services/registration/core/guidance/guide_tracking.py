@@ -17,6 +17,7 @@ from services.registration.core.estimation.image_points import (
     reprojection_rms_px,
 )
 from services.registration.core.estimation.pose_estimate import PoseEstimate
+from services.registration.core.guide.as_built import px_per_mm
 from services.registration.core.guide.identity import Discs, refined_identity
 from services.registration.core.guide.locate import needed_balls
 from services.registration.core.tuning import GUIDE_MEASUREMENT, GUIDE_TRACKING
@@ -46,7 +47,9 @@ def track_guide(
     if len(identity) < needed:
         return _lost(len(identity), needed, len(guide.balls))
     disc = chosen[identity.disc_index]
-    deviation = np.hypot(calibration.balls.standard_deviation_px[disc], GUIDE_MEASUREMENT.systematic_sd_px)
+    place_px = px_per_mm(camera, start, balls_mm) * guide.balls.position_sd_mm
+    own_px = np.hypot(calibration.balls.standard_deviation_px[disc], GUIDE_MEASUREMENT.systematic_sd_px)
+    deviation = np.hypot(own_px, place_px[identity.ball_index])
     seen = Correspondences(balls_mm[identity.ball_index], ideal_px[identity.disc_index], deviation)
     return _accepted(calibration, guide, refine_pose(camera, identity.camera_from_guide, seen), seen)
 

@@ -5,14 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.criteria import GUIDE_BALLS, GUIDE_IDENTITY, GUIDE_MARGIN, GUIDE_SHARE
+from services.registration.core.acceptance.criteria import (
+    GUIDE_BALLS,
+    GUIDE_DISPLACEMENT,
+    GUIDE_IDENTITY,
+    GUIDE_MARGIN,
+    GUIDE_SHARE,
+)
 from services.registration.core.estimation.image_points import Correspondences, reprojection_rms_px
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
+from services.registration.core.guide.as_built import displacement_sd_mm, planes_farther_apart, px_per_mm
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.measure import GuideImage, measured_and_fitted, ring_shadows, shrinkage
 from services.registration.core.guide.search import search_guide
-from services.registration.core.tuning import GUIDE_CANDIDATES, GUIDE_MEASUREMENT
+from services.registration.core.tuning import GUIDE_AS_BUILT, GUIDE_CANDIDATES, GUIDE_MEASUREMENT
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide
@@ -39,6 +46,9 @@ class GuideFit:
     balls_expected: int
     reprojection_rms_px: float
     runner_up_margin: int  # balls that the identity explains, minus those of the best different one
+    # Spread of the balls' places about their file's that neither measurement nor the stated tolerance explains, per
+    # axis; it is in the standard deviations above
+    displacement_sd_mm: float = 0.0
 
     @property
     def camera_from_guide(self) -> Transform[Camera, Guide]:
@@ -99,7 +109,10 @@ def measured_guide(
     if found < named.needed:
         quoted = GUIDE_BALLS.quoted(found, named.needed)
         return Rejected((GUIDE_BALLS.reason(f"of the guide's {len(guide.balls)} balls {quoted} could be measured"),))
-    return Accepted(_guide_fit(calibration, guide, pose, seen, used, named.margin))
+    fit = _guide_fit(calibration, guide, pose, seen, used, named.margin)
+    if not GUIDE_DISPLACEMENT.is_met(fit.displacement_sd_mm):
+        return Rejected((_displacement_reason(calibration, guide, fit),))
+    return Accepted(fit)
 
 
 def needed_balls(count: int) -> int:
@@ -150,16 +163,45 @@ def _guide_fit(
     used: NDArray[np.bool_],
     margin: int,
 ) -> GuideFit:
+    shared = _shared_error(calibration, seen.chosen(used))
+    spread_mm = displacement_sd_mm(calibration.camera, pose, seen.chosen(used), shared)
+    if spread_mm > 0.0:
+        spread_px = spread_mm * px_per_mm(calibration.camera, pose, seen.body_mm)
+        seen = Correspondences(seen.body_mm, seen.ideal_px, np.hypot(seen.standard_deviation_px, spread_px))
     chosen = seen.chosen(used)
-    fit = fit_with_shared_errors(calibration.camera, pose, chosen, _shared_error(calibration, chosen))
+    fit = fit_with_shared_errors(calibration.camera, pose, chosen, shared)
     return GuideFit(
-        pose=fit,
+        pose=PoseEstimate(fit.mean, fit.errors.with_more(_frame_covariance(guide))),
         used=used,
         ideal_px=read_only(seen.ideal_px),
         standard_deviation_px=read_only(seen.standard_deviation_px),
         balls_expected=len(guide.balls),
         reprojection_rms_px=reprojection_rms_px(calibration.camera, fit.mean, chosen),
         runner_up_margin=margin,
+        displacement_sd_mm=spread_mm,
+    )
+
+
+def _frame_covariance(guide: GuidePart) -> NDArray[np.float64]:
+    """Covariance of the guide's pose by the place of all its balls together against its holes, shape (6, 6)."""
+    turn, shift = np.radians(guide.frame_tolerance_deg or 0.0), guide.frame_tolerance_mm or 0.0
+    return np.diag(np.square([turn] * 3 + [shift] * 3))
+
+
+def _displacement_reason(calibration: CArmCalibration, guide: GuidePart, fit: GuideFit) -> Reason:
+    """Name what the image and the guide's file disagree about."""
+    used = Correspondences(guide.balls.position_mm, fit.ideal_px, fit.standard_deviation_px).chosen(fit.used)
+    stretch, explained = planes_farther_apart(calibration.camera, fit.camera_from_guide, used)
+    observed = (
+        f"beyond their measurement the guide's balls lie {GUIDE_DISPLACEMENT.quoted(fit.displacement_sd_mm)} from "
+        "where its file puts them"
+    )
+    if explained < GUIDE_AS_BUILT.explained_by_planes:
+        return GUIDE_DISPLACEMENT.reason(f"{observed}: displaced balls")
+    apart_mm = stretch * float(np.ptp(guide.balls.position_mm[:, 2]))
+    return GUIDE_DISPLACEMENT.reason(
+        f"{observed}, and {100 * explained:.0f} % of that are planes of balls {abs(apart_mm):.1f} mm "
+        f"{'farther apart' if apart_mm > 0.0 else 'nearer'} than in the file"
     )
 
 

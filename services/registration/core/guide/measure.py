@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.image_points import Body, Correspondences, refine_pose, residuals_px
 from services.registration.core.estimation.robust import inliers
+from services.registration.core.guide.as_built import px_per_mm
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.tuning import GUIDE_MEASUREMENT
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
@@ -90,7 +91,7 @@ def _measured_and_fitted(
     camera = image.calibration.camera
     balls, alone = _measured(image, pose, settings)
     candidates = balls.seen & alone
-    seen = _correspondences(image.calibration, image.guide, balls)
+    seen = _correspondences(image.calibration, image.guide, balls, pose)
     total_sd_px = np.hypot(seen.standard_deviation_px, _distortion_deviation(image.calibration, balls))
     of_both = Correspondences(seen.body_mm, seen.ideal_px, total_sd_px)
     used = candidates
@@ -119,10 +120,18 @@ def _measured(
     return balls, (apart > GUIDE_MEASUREMENT.concentric_share * radius[:, None]).all(axis=1)
 
 
-def _correspondences(calibration: CArmCalibration, guide: GuidePart, balls: BallMeasurements) -> Correspondences:
-    """Where balls were seen, with the standard deviations of their own errors: not those of the distortion."""
+def _correspondences(
+    calibration: CArmCalibration, guide: GuidePart, balls: BallMeasurements, pose: Transform[Camera, Guide]
+) -> Correspondences:
+    """Where balls were seen, with the standard deviations of their own errors: not those of the distortion.
+
+    Their own are those of measurement and, where the file states one, the tolerance of their places.
+    """
     centre = np.where(balls.seen[:, None], balls.centre_px, 0.0)
     deviation = np.hypot(balls.standard_deviation_px, GUIDE_MEASUREMENT.systematic_sd_px)
+    if guide.balls.tolerance_mm is not None:
+        scale = px_per_mm(calibration.camera, pose, guide.balls.position_mm)
+        deviation = np.hypot(deviation, scale * guide.balls.tolerance_mm)
     return Correspondences(
         guide.balls.position_mm, calibration.distortion.undistort(centre), np.where(balls.seen, deviation, 1.0)
     )

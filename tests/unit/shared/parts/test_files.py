@@ -121,3 +121,24 @@ def test_a_file_of_many_megabytes_is_not_read_whole(tmp_path: Path) -> None:
     file.write_bytes(b" " * (4 * 2**20 + 1))
     with pytest.raises(PartFileInvalid, match="more than 4194304 bytes are no part file; name another"):
         read_part_file(file)
+
+
+def test_a_balls_own_tolerance_goes_before_the_parts() -> None:
+    part = part_of("ring-120")
+    assert ring_from_json(json.dumps(part).encode()).balls.tolerance_mm is None
+    listed = [dict(ball) for ball in json.loads(json.dumps(part["balls"]))]
+    listed[3]["tolerance_mm"] = 0.02
+    stated = ring_from_json(json.dumps(part | {"balls": listed, "tolerance_mm": 0.1}).encode()).balls.tolerance_mm
+    assert stated is not None
+    assert stated[:5].tolist() == [0.1, 0.1, 0.1, 0.02, 0.1]
+
+
+@pytest.mark.parametrize("value", [0.0, -0.1, 1.5, "fine"])
+def test_a_tolerance_that_cannot_be_is_refused(value: object) -> None:
+    with pytest.raises(PartFileInvalid, match="tolerance_mm"):
+        ring_from_json(json.dumps(part_of("ring-120") | {"tolerance_mm": value}).encode())
+
+
+def test_a_nail_states_tolerances_of_place_and_direction() -> None:
+    nail = nail_from_json(json.dumps(json.loads(TEXT) | {"tolerance_mm": 0.05, "tolerance_deg": 0.3}).encode())
+    assert (nail.tolerance_mm, nail.tolerance_deg) == (0.05, 0.3)

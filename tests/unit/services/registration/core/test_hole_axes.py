@@ -140,3 +140,15 @@ def test_an_error_of_depth_moves_the_entry_of_a_tilted_hole() -> None:
     depth_sd_mm = MODEL_ERRORS.position_mm * 740.0 / 30.0
     across_mm = depth_sd_mm * np.sin(np.radians(10.0))
     assert entry_sd_mm[1] ** 2 - entry_sd_mm[0] ** 2 == pytest.approx(across_mm**2, rel=0.05)
+
+
+def test_a_nails_stated_tolerances_are_in_the_covariance_of_its_holes() -> None:
+    estimate = NailEstimate(NAIL_POSE, fit_errors(1e-12 * np.eye(6)), 10.0)
+    fit = guide_fit(GUIDE_POSE, 1e-12 * np.eye(6))
+    plain = hole_estimates(KNOWN_SOURCE, PARTS, fit, estimate)[0].offset
+    toleranced = replace(PARTS, nail=replace(PARTS.nail, tolerance_mm=0.1, tolerance_deg=0.5))
+    wider = hole_estimates(KNOWN_SOURCE, toleranced, fit, estimate)[0].offset
+    assert plain is not None
+    assert wider is not None
+    assert wider.axis_sd_deg == pytest.approx(0.5, abs=0.02)
+    assert wider.entry_sd_mm > plain.entry_sd_mm + 0.1

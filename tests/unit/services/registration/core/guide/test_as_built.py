@@ -1,0 +1,61 @@
+"""Displaced balls: their spread is estimated from the residuals, and the pose's covariance grows with it."""
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.registration.core.estimation.image_points import Correspondences, refine_pose
+from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
+from services.registration.core.guide.as_built import displacement_sd_mm, planes_farther_apart, px_per_mm
+from shared.geometry.camera import PinholeCamera
+from shared.geometry.frames import Camera, Guide
+from shared.geometry.transform import Transform
+from shared.parts.files import guide_from_json
+
+CAMERA = PinholeCamera(np.array([[4400.0, 0.0, 512.0], [0.0, 4400.0, 512.0], [0.0, 0.0, 1.0]]))
+POSE: Transform[Camera, Guide] = Transform.from_rotation_translation(np.eye(3), [5.0, -3.0, 640.0])
+MEASURED_PX = 0.06
+BODY_MM = guide_from_json(files("shared.parts").joinpath("catalogue/guide-28.json").read_bytes()).balls.position_mm
+NOTHING_SHARED = np.zeros((len(BODY_MM), len(BODY_MM)))
+
+
+def seen_of(true_mm: NDArray[np.float64], rng: np.random.Generator) -> Correspondences:
+    """Balls that lie elsewhere than their file says, as measured."""
+    px = CAMERA.project(POSE.points(true_mm)) + rng.normal(0.0, MEASURED_PX, (len(BODY_MM), 2))
+    return Correspondences(BODY_MM, px, np.full(len(BODY_MM), MEASURED_PX))
+
+
+def spread_mm(seen: Correspondences) -> float:
+    return displacement_sd_mm(CAMERA, refine_pose(CAMERA, POSE, seen), seen, NOTHING_SHARED)
+
+
+@pytest.mark.parametrize("true_mm", [0.05, 0.1, 0.2])
+def test_errors_with_displaced_balls_are_as_large_as_predicted(true_mm: float) -> None:
+    rng, found, normalised = np.random.default_rng(41), [], []
+    for _ in range(60):
+        seen = seen_of(BODY_MM + rng.normal(0.0, true_mm, BODY_MM.shape), rng)
+        found.append(spread_mm(seen))
+        spread_px = found[-1] * px_per_mm(CAMERA, POSE, BODY_MM)
+        wider = Correspondences(BODY_MM, seen.ideal_px, np.hypot(MEASURED_PX, spread_px))
+        fit = fit_with_shared_errors(CAMERA, refine_pose(CAMERA, POSE, wider), wider, NOTHING_SHARED)
+        error = fit.mean.motion_to(POSE)
+        normalised.append(float(error @ np.linalg.solve(fit.covariance, error)) / 6.0)
+    assert np.median(found) == pytest.approx(true_mm, rel=0.15)
+    assert 0.8 < np.sqrt(np.mean(normalised)) < 1.25
+
+
+def test_a_guide_as_filed_has_no_spread() -> None:
+    rng = np.random.default_rng(42)
+    assert [spread_mm(seen_of(BODY_MM, rng)) for _ in range(20)] == [0.0] * 20
+
+
+def test_planes_at_another_distance_are_named_and_another_scale_cannot_be() -> None:
+    rng = np.random.default_rng(43)
+    apart = seen_of(BODY_MM * np.array([1.0, 1.0, 1.1]), rng)
+    stretch, explained = planes_farther_apart(CAMERA, refine_pose(CAMERA, POSE, apart), apart)
+    assert stretch == pytest.approx(0.1, abs=0.02)
+    assert explained > 0.8
+    larger = seen_of(BODY_MM * 1.03, rng)
+    assert spread_mm(larger) == 0.0
