@@ -243,7 +243,7 @@ COMMANDS = (
         "calibrate",
         "where the balls of a built ring or guide are, from several images of it",
         _calibrate_arguments,
-        _imported("distalock.calibrate"),
+        _imported("distalock.part_calibration.command"),
     ),
     Command(
         "bench",

@@ -1,5 +1,6 @@
 """The guide in images: one pose each; its balls are common to all."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,9 +25,11 @@ from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
 
 Array = NDArray[np.float64]
+Weighing = Callable[[PinholeCamera, Transform[Camera, Guide], Correspondences], Correspondences]
 
-# The problem is almost linear: displacements of a tenth of a millimetre at a distance of 600 mm.
-_ROUNDS = 3
+# The problem is almost linear. In the first rounds nothing is down-weighted: a ball that is far from its file's place
+# is an outlier in every image, and would stay there.
+_ROUNDS, _PLAIN_ROUNDS = 6, 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,18 +76,23 @@ def guide_displacements(views: tuple[GuideView, ...], guide: GuidePart) -> Displ
     """Displacements of the guide's balls, along three axes, from images with the guide in different poses."""
     filed = guide.balls.position_mm
     found = np.zeros_like(filed)
-    for _ in range(_ROUNDS):
-        equations = tuple(_equations(view, filed, found) for view in views)
+    for number in range(_ROUNDS):
+        weighing = _as_stated if number < _PLAIN_ROUNDS else down_weighted
+        equations = tuple(_equations(view, filed, found, weighing) for view in views)
         solved = solve_displacements(equations, len(filed), 3)
         found = solved.mean_mm
     return solved
 
 
-def _equations(view: GuideView, filed_mm: Array, displacement_mm: Array) -> ViewEquations:
+def _as_stated(_: PinholeCamera, __: Transform[Camera, Guide], seen: Correspondences) -> Correspondences:
+    return seen
+
+
+def _equations(view: GuideView, filed_mm: Array, displacement_mm: Array, weighing: Weighing) -> ViewEquations:
     """Linearised about the present displacements, shape (B, 3), with the image's pose eliminated."""
     seen = view.seen(filed_mm + displacement_mm)
     pose = refine_pose(view.camera, view.start, seen)
-    deviation = down_weighted(view.camera, pose, seen).standard_deviation_px[:, None]
+    deviation = weighing(view.camera, pose, seen).standard_deviation_px[:, None]
     by_pose = projection_jacobian(view.camera, pose, seen.body_mm) / deviation[..., None]
     residual = residuals_px(view.camera, pose, seen) / deviation
     count, size = len(seen), displacement_mm.size

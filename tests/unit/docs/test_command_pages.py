@@ -13,7 +13,7 @@ _DOCS = Path(__file__).parents[3] / "docs"
 _PAGE = (_DOCS / "commands.md").read_text(encoding="utf-8")
 _BENCHMARKS = (_DOCS / "benchmarks" / "README.md").read_text(encoding="utf-8")
 # Said once for all commands, above the table.
-_FOR_ALL = {"--help", "--source-to-detector-mm", "--pixel-mm"}
+_FOR_ALL = {"--help", "--source-to-detector-mm", "--pixel-mm", "--focal-spot-mm", "--invert"}
 
 
 def _parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
