@@ -5,7 +5,6 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from distalock.outputs import require_apart, write_whole
 from services.imaging.core.calibration import calibrate_image
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.nominal_values import ImageNominal, StatedValues, nominal_of_image
-from services.imaging.devices.received_image import Acquisition
+from services.imaging.devices.received_image import Acquisition, Polarity
 from services.registration.core.fusion import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Parts, localise
 from services.registration.overlay import overlay_png
@@ -36,13 +35,6 @@ from shared.messages.registration import Localisation, Method, Timing, Unreadabl
 from shared.parts.files import read_part_file
 
 EXIT_ACCEPTED, EXIT_REJECTED = 0, 3
-
-
-class Polarity(Enum):
-    """What bright means in the images."""
-
-    AS_TAGGED = "as the file states; PNG and TIFF: darker is denser"
-    INVERTED = "the opposite of what the file states"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +63,7 @@ class NominalOptions:
 
     def pixels(self, read: NDArray[np.float32]) -> NDArray[np.float32]:
         """Grey values of a file as read, shape (rows, columns), made darker where it is denser."""
-        if self.polarity is Polarity.AS_TAGGED:
-            return read
-        return np.asarray(read.max() + read.min() - read)
+        return self.polarity.normalised(read)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

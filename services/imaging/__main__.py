@@ -10,6 +10,7 @@ from services.imaging.devices.dicom_receiver import DicomSource, Endpoint
 from services.imaging.devices.folder_source import FolderSource
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
+from services.imaging.devices.received_image import Polarity
 from services.imaging.devices.source import ImageSource
 from services.imaging.devices.video_source import Region, VideoSettings, VideoSource
 from services.imaging.service import Defaults, ImagingService
@@ -24,7 +25,11 @@ from shared.runtime.logging import Log
 def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[None]:
     """Build the service and run it for as long as the context lasts."""
     store = ImageStore(settings.state_dir / "images")
-    defaults = Defaults(settings.default_source_to_detector_mm, settings.default_pixel_mm)
+    defaults = Defaults(
+        settings.default_source_to_detector_mm,
+        settings.default_pixel_mm,
+        Polarity.INVERTED if settings.images_inverted else Polarity.AS_TAGGED,
+    )
     memory = CArmMemory(PositionStore(settings.state_dir / "c-arm-positions"))
     quality = QualityHandler(store, settings.state_dir / "qa", lambda: datetime.now(UTC))
     service = ImagingService(bus, runtime, store, memory, quality, defaults, settings.run_interval_s)

@@ -44,3 +44,7 @@ class ImagingSettings(ServiceSettings):
     default_pixel_mm: Annotated[float, Field(gt=0.01, lt=2.0)] = Field(
         0.235, description="Pixel size at the detector; used when neither the case nor the image says."
     )
+    images_inverted: bool = Field(
+        default=False,
+        description="Metal is bright in the images received, although their files state the opposite or nothing.",
+    )

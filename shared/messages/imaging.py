@@ -70,6 +70,11 @@ class FrameHeader(Message):
     positioner_secondary_angle_deg: Finite | None = None
     run_interval_s: RunInterval = Field(None, description=_RUN_INTERVAL)
     focal_spot_mm: Finite | None = Field(None, exclude_if=lambda spot: spot is None)
+    inverted: bool = Field(
+        default=False,
+        description="Pixels are reversed against what the file states.",
+        exclude_if=lambda inverted: not inverted,
+    )
     notes: tuple[str, ...] = Field(
         (), description="Header values that were ignored, and nominal values that were assumed.", exclude_if=is_empty
     )

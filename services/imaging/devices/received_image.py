@@ -1,7 +1,7 @@
 """An image as the services see it, whatever kind of file it came in."""
 
-from dataclasses import dataclass
-from enum import StrEnum
+from dataclasses import dataclass, replace
+from enum import Enum, StrEnum
 from typing import Final
 
 import numpy as np
@@ -11,6 +11,17 @@ GreyPixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 LONGEST_SIDE: Final = 8192
 """Of an image, in pixels: more is no X-ray image, but would keep a decoder busy for long."""
+
+
+class Polarity(Enum):
+    """What bright means in images."""
+
+    AS_TAGGED = "as the file states; PNG and TIFF: darker is denser"
+    INVERTED = "the opposite of what the file states"
+
+    def normalised(self, read: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Grey values of a file as read, shape (rows, columns), made darker where it is denser, in the same range."""
+        return read if self is Polarity.AS_TAGGED else np.asarray(read.max() + read.min() - read)
 
 
 class HeaderValue(StrEnum):
@@ -102,3 +113,7 @@ class ReceivedImage:
     dicom: bytes
     sop_instance_uid: str
     acquisition: Acquisition
+
+    def normalised(self, polarity: Polarity) -> "ReceivedImage":
+        """The same image by what a person states of its polarity."""
+        return replace(self, pixels=polarity.normalised(self.pixels))

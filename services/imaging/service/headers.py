@@ -4,17 +4,18 @@ from dataclasses import dataclass
 
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.nominal_values import StatedValues, nominal_of_image
-from services.imaging.devices.received_image import ReceivedImage
+from services.imaging.devices.received_image import Polarity, ReceivedImage
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import FrameHeader
 
 
 @dataclass(frozen=True, slots=True)
 class Defaults:
-    """Nominal values when neither the case nor the image says any."""
+    """Nominal values when neither the case nor the image says any, and the polarity of all images."""
 
     source_to_detector_mm: float
     pixel_mm: float
+    polarity: Polarity = Polarity.AS_TAGGED
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +85,16 @@ def frame_header(
         nominal_pixel_mm=nominal.geometry.pixel_mm,
         focal_spot_mm=nominal.geometry.focal_spot_mm,
         notes=nominal.notes,
+        inverted=defaults.polarity is Polarity.INVERTED,
         positioner_primary_angle_deg=made.positioner_primary_angle_deg,
         positioner_secondary_angle_deg=made.positioner_secondary_angle_deg,
         run_interval_s=arrival.run_interval_s,
     )
+
+
+def polarity_of(header: FrameHeader) -> Polarity:
+    """By which the stored file becomes the pixels that were published."""
+    return Polarity.INVERTED if header.inverted else Polarity.AS_TAGGED
 
 
 def angles_deg(header: FrameHeader) -> tuple[float, float] | None:

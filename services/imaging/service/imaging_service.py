@@ -14,7 +14,7 @@ from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.received_image import ReceivedImage
 from services.imaging.devices.source import Refused
-from services.imaging.service.headers import Arrival, Defaults, angles_deg, frame_header
+from services.imaging.service.headers import Arrival, Defaults, angles_deg, frame_header, polarity_of
 from services.imaging.service.quality_handler import QualityHandler
 from services.imaging.service.wire import Outcome, calibration_message, wire_pixels
 from shared.bus.keys import Keys
@@ -121,7 +121,7 @@ class ImagingService:
         OSError
             When the disk does not take it.
         """
-        image = read_image(content, sender)
+        image = read_image(content, sender).normalised(self._defaults.polarity)
         sha256 = self._store.put(image.dicom)
         with self._lock:
             arrival = Arrival.after(self._newest, self._runtime.boot_epoch, time.time_ns(), self._run_interval_s)
@@ -160,7 +160,8 @@ class ImagingService:
         content, header = self._store.get(sha256), self._store.get_header(sha256)
         if content is None or header is None:
             raise ImageUnreadable(f"no image with SHA-256 {sha256} is kept here (0 found, 1 needed); send it again")
-        return Answer(wire_pixels(read_image(content, sha256)), header)
+        image = read_image(content, sha256).normalised(polarity_of(decode(FrameHeader, header)))
+        return Answer(wire_pixels(image), header)
 
     def _on_qa_request(self, query: Query) -> Answer:
         """A quality report over kept images; the bus answers each key on a thread of its own."""

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore, write_atomically
+from services.imaging.service.headers import polarity_of
 from services.imaging.service.quality_page import html_page
 from services.imaging.service.quality_report import Shot, examine, report_of
 from shared.geometry.parts import RingPart
@@ -63,7 +64,9 @@ class QualityHandler:
             nominal = NominalGeometry(
                 header.nominal_source_to_detector_mm, header.nominal_pixel_mm, header.focal_spot_mm
             )
-            yield Shot(sha256[:_SHOWN_DIGITS], read_image(content, sha256).pixels, nominal)
+            yield Shot(
+                sha256[:_SHOWN_DIGITS], polarity_of(header).normalised(read_image(content, sha256).pixels), nominal
+            )
 
     def _file(self, ring: RingPart) -> Path:
         return self._folder / f"{ring.sha256}.json"

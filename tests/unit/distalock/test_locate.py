@@ -9,8 +9,8 @@ import pytest
 
 from distalock.__main__ import main
 from distalock.arguments import EXIT_BAD_INPUT
-from distalock.locate import EXIT_REJECTED, NominalOptions, Polarity
-from services.imaging.devices.received_image import Acquisition
+from distalock.locate import EXIT_REJECTED, NominalOptions
+from services.imaging.devices.received_image import Acquisition, Polarity
 from tests.unit.services.imaging.devices.dicom_samples import dataset_of, file_of
 from tests.unit.services.registration.rendered_case import GUIDE_JSON, NAIL_JSON, RING_JSON
 

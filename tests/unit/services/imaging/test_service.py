@@ -16,6 +16,7 @@ import structlog
 from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
+from services.imaging.devices.received_image import Polarity
 from services.imaging.service import Defaults, ImagingService
 from services.imaging.service.headers import Arrival
 from services.imaging.service.quality_handler import QualityHandler
@@ -65,7 +66,11 @@ class Room:
 
 @contextmanager
 def room_of(
-    store: ImageStore, positions: Path, memory: CArmMemory | None = None, run_interval_s: float = PATIENCE_S
+    store: ImageStore,
+    positions: Path,
+    memory: CArmMemory | None = None,
+    run_interval_s: float = PATIENCE_S,
+    polarity: Polarity = Polarity.AS_TAGGED,
 ) -> Iterator[Room]:
     router = MemoryRouter()
     with router.open() as bus, router.open() as listener:
@@ -79,7 +84,7 @@ def room_of(
             store,
             memory or CArmMemory(PositionStore(positions)),
             quality,
-            Defaults(1000.0, 0.235),
+            Defaults(1000.0, 0.235, polarity),
             run_interval_s,
         )
         frames: queue.Queue[Sample] = queue.Queue()
@@ -238,6 +243,28 @@ def test_what_is_not_an_image_is_refused_and_nothing_is_kept(room: Room, tmp_pat
         room.service.take(b"hello", "CARM")
     assert list(tmp_path.rglob("*.*")) == []
     assert room.frames.empty()
+
+
+def test_images_are_reversed_where_the_settings_say_so(tmp_path: Path) -> None:
+    with room_of(ImageStore(tmp_path), tmp_path / "positions", polarity=Polarity.INVERTED) as room:
+        room.service.take(small_dicom(), "CARM")
+        sample = room.frames.get(timeout=PATIENCE_S)
+        header = decode(FrameHeader, sample.attachment)
+        assert header.inverted
+        assert (header.pixels(sample.payload) == grey_ramp().max() - grey_ramp()).all()
+        assert room.bus.query(KEYS.frame_by_hash(header.sha256), b"", PATIENCE_S).payload == sample.payload
+
+
+def test_a_header_that_cannot_be_right_is_refused_until_the_case_states_the_value(room: Room) -> None:
+    dataset = dataset_of(grey_ramp())
+    dataset.ImagerPixelSpacing, dataset.DistanceSourceToDetector = ["1e-9", "1e-9"], 950.0
+    with pytest.raises(ImageUnreadable, match=r"is 1e-09 and 1e-09 mm \(0.05 to 2\); correct the header"):
+        room.service.take(file_of(dataset), "CARM")
+    room.open_case(nominal_pixel_mm=0.2, nominal_source_to_detector_mm=None)
+    room.service.take(file_of(dataset), "CARM")
+    header = decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment)
+    assert header.nominal_pixel_mm == 0.2
+    assert [note.partition(" (")[0] for note in header.notes] == ["ImagerPixelSpacing"]
 
 
 def test_a_broken_ring_file_is_said_in_the_status_and_the_next_case_mends_it(room: Room) -> None:
