@@ -59,5 +59,6 @@ def rim_views(region: FitRegion, nail: NailPart) -> tuple[RimView, ...]:
         near = np.abs(np.hypot(dx, dy) / (0.5 * hole.diameter_mm) - 1.0) < s.about_rim_in_radii
         direction = np.floor((np.arctan2(dy[near], dx[near]) / (2.0 * np.pi) + 0.5) * s.directions).astype(np.int64)
         seen = np.bincount(direction % s.directions, minlength=s.directions)
-        views.append(RimView(hole.id, float(np.mean(seen >= s.seen_share * max(np.median(seen[seen > 0]), 1.0)))))
+        usual = float(np.median(seen[seen > 0])) if np.any(seen) else np.inf
+        views.append(RimView(hole.id, float(np.mean(seen >= s.seen_share * usual))))
     return tuple(views)
