@@ -2,7 +2,7 @@
 
 import pytest
 
-from shared.acceptance import Criterion, Finding, at_least, at_most
+from shared.acceptance import Criterion, Finding, Refusal, at_least, at_most
 from shared.errors import Reason, ReasonCode
 
 TILT = Criterion(
@@ -55,3 +55,12 @@ def test_a_finding_has_a_sentence_of_its_own() -> None:
     finding = Finding(code=ReasonCode.NAIL_NOT_FOUND, observed="no band was found", remedy="centre the nail")
     assert finding.reason() == Reason(ReasonCode.NAIL_NOT_FOUND, "no band was found; centre the nail")
     assert finding.reason("band 3 is too wide").message == "band 3 is too wide; centre the nail"
+
+
+def test_the_refusal_of_a_plan_has_the_code_and_the_remedy() -> None:
+    order = Finding(ReasonCode.NAIL_MODEL_MISMATCH, "the holes are exchanged", "check the ids")
+    assert TILT.refusal("the axis is tilted by 15° (limit 14°)") == Refusal(
+        ReasonCode.TILT_TOO_LARGE, "the axis is tilted by 15° (limit 14°); turn the C-arm"
+    )
+    assert order.refusal() == Refusal(ReasonCode.NAIL_MODEL_MISMATCH, "the holes are exchanged; check the ids")
+    assert order.refusal("hole 'a' comes first").message == "hole 'a' comes first; check the ids"
