@@ -33,7 +33,7 @@ from services.registration.core.nail.least_squares import (
     whitened,
     with_derivatives,
 )
-from services.registration.core.nail.parameters import ALL_PARAMETERS
+from services.registration.core.nail.parameters import STRAIGHT_NAIL
 from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.search.band import depth_range_mm, find_bands, prepare_search
 from services.registration.core.nail.search.find import NailDetection, find_nail
@@ -109,7 +109,7 @@ def _last_stage(fit_input: FitInput, optimum: GlobalOptimum) -> tuple[LinearSolu
     """The fit at full resolution, and the covariance of its pose."""
     model = model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
     assert model is not None
-    problem = problem_for(model, FINAL_STAGE, ALL_PARAMETERS)
+    problem = problem_for(model, FINAL_STAGE, STRAIGHT_NAIL)
     problem, here = whitened(problem, linear_solution_at(problem, optimum.parameters))
     solution = with_derivatives(problem, minimise_from(problem, here, FINAL_STAGE.first_steps, FINAL_STAGE.tolerance))
     return solution.linear, pose_covariance(problem, solution, estimate_noise(problem, solution.linear))

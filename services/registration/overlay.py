@@ -9,9 +9,10 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide.measure import shadows
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.wires.nail_outline import axis_about_holes_mm, touched_normals
+from shared.geometry.bend import section_frame
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.parts import NailPart, hole_surface_points
+from shared.geometry.parts import NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
 Canvas = NDArray[np.uint8]
@@ -40,7 +41,7 @@ def overlay_png(
     if result is not None and result.guide is not None:
         _draw_guide(canvas, calibration, result.guide, parts)
     if result is not None and result.nail is not None:
-        _draw_nail(canvas, calibration, result.nail.camera_from_nail, parts.nail)
+        _draw_nail(canvas, calibration, result.nail.camera_from_nail, parts.with_nail_as_found(result.nail).nail)
     shown = np.ascontiguousarray(canvas[:, ::-1]) if calibration.mirrored else canvas
     if result is not None:
         _write(shown, _caption(result))
@@ -103,16 +104,19 @@ def _draw_nail(
     canvas: Canvas, calibration: CArmCalibration, camera_from_nail: Transform[Camera, Nail], nail: NailPart
 ) -> None:
     for normal in touched_normals(nail, camera_from_nail):
-        edge = axis_about_holes_mm(nail, _PROXIMAL_MM, _EDGE_STEP_MM) + nail.radius_mm * normal
+        places = axis_about_holes_mm(nail, _PROXIMAL_MM, _EDGE_STEP_MM)[:, 0].tolist()
+        beside = nail.radius_mm * normal
+        edge = np.stack([section_frame(nail.curvature_per_m, x_mm) @ beside for x_mm in places])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(edge)), NAIL)
     angle = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS)
     for hole in nail.holes:
-        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(hole.axis.direction)
+        direction = hole_axis(nail, hole).direction
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(direction)
         ends = hole_surface_points(nail, hole)
         for end in ends:
             rim = end + 0.5 * hole.diameter_mm * circle
             _line(canvas, calibration.image_from_camera(camera_from_nail.points(rim)), NAIL)
-        axis = np.stack([ends[0] - _AXIS_REACH_MM * hole.axis.direction, ends[1]])
+        axis = np.stack([ends[0] - _AXIS_REACH_MM * direction, ends[1]])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(axis)), AXIS)
 
 

@@ -14,10 +14,12 @@ from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult, Parts, Step, localise
 from shared.errors import Reason
+from shared.geometry.bend import MM_PER_M
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import Matrix3, ReasonMessage, matrix4, vector3
 from shared.messages.registration import (
     CArmCorrection,
+    Curvature,
     FusedImage,
     Fusion,
     Localisation,
@@ -209,7 +211,19 @@ def _guide(guide: GuideFit) -> LocalisedGuide:
 
 
 def _nail(nail: NailEstimate) -> LocalisedNail:
-    return LocalisedNail(camera_from_nail=matrix4(nail.camera_from_nail), mirror_margin=nail.mirror_margin)
+    return LocalisedNail(
+        camera_from_nail=matrix4(nail.camera_from_nail), mirror_margin=nail.mirror_margin, curvature=_curvature(nail)
+    )
+
+
+def _curvature(nail: NailEstimate) -> Curvature | None:
+    y, z = nail.curvature_per_m
+    if nail.errors is None or (y, z) == (0.0, 0.0):
+        return None
+    variance = float(np.trace(nail.errors.covariance_with_bend[6:, 6:]))
+    return Curvature(
+        y_per_m=y, z_per_m=z, radius_mm=MM_PER_M / float(np.hypot(y, z)), standard_uncertainty_per_m=variance**0.5
+    )
 
 
 def _hole(hole: HoleEstimate) -> LocalisedHole:

@@ -1,12 +1,15 @@
 """The things with known shapes: ring, guide, nail. Frozen values with read-only arrays, in millimetres."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.geometry.bend import section_frame
+from shared.geometry.frames import Nail
 from shared.geometry.lines import Line
+from shared.geometry.transform import Transform
 
 Material = Literal["steel", "Ti6Al4V"]
 
@@ -112,6 +115,9 @@ class NailPart:
     ----------
     tolerance_mm, tolerance_deg
         Standard deviations of each hole's place and direction, along and about each axis; None where none is stated.
+    curvature_per_m
+        Of the centre line of a nail that is bent in the canal (`shared/geometry/bend.py`); holes keep their place along
+        it and in their cross-section. `Hole.axis` is that of the straight nail: see `hole_axis`.
     """
 
     material: Material
@@ -122,11 +128,35 @@ class NailPart:
     sha256: str
     tolerance_mm: float | None = None
     tolerance_deg: float | None = None
+    curvature_per_m: tuple[float, float] = (0.0, 0.0)
 
     @property
     def radius_mm(self) -> float:
         """Outer radius."""
         return 0.5 * self.diameter_mm
+
+    @property
+    def is_bent(self) -> bool:
+        """Whether the centre line is an arc."""
+        return self.curvature_per_m != (0.0, 0.0)
+
+    def bent(self, curvature_per_m: tuple[float, float]) -> "NailPart":
+        """The same nail with a curvature (1/m) towards y and z."""
+        return self if curvature_per_m == self.curvature_per_m else replace(self, curvature_per_m=curvature_per_m)
+
+    def section_of(self, hole: Hole) -> Transform[Nail, Nail]:
+        """The motion that takes a hole of the straight nail to its place in the bent one."""
+        x_mm = float(hole.axis.point_mm[0])
+        back: Transform[Nail, Nail] = Transform.from_rotvec(np.zeros(3), np.array([-x_mm, 0.0, 0.0]))
+        return section_frame(self.curvature_per_m, x_mm) @ back
+
+
+def hole_axis(nail: NailPart, hole: Hole) -> Line:
+    """A hole's axis in the nail's frame, bent as the nail is."""
+    if not nail.is_bent:
+        return hole.axis
+    section = nail.section_of(hole)
+    return Line(section @ hole.axis.point_mm, section.directions(hole.axis.direction))
 
 
 def hole_surface_points(nail: NailPart, hole: Hole) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -143,11 +173,15 @@ def hole_surface_points(nail: NailPart, hole: Hole) -> tuple[NDArray[np.float64]
         When the axis does not cross the nail.
     """
     try:
-        return crossings_of_cylinder(hole.axis, nail.radius_mm)
+        entry, leave = crossings_of_cylinder(hole.axis, nail.radius_mm)
     except ValueError:
         raise ValueError(
             f"the axis of hole '{hole.id}' does not cross the nail of {nail.diameter_mm} mm diameter"
         ) from None
+    if not nail.is_bent:
+        return entry, leave
+    section = nail.section_of(hole)
+    return section @ entry, section @ leave
 
 
 def crossings_of_cylinder(axis: Line, radius_mm: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

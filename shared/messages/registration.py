@@ -53,11 +53,22 @@ class LocalisedGuide(WireModel):
     reprojection_rms_px: Finite
 
 
+class Curvature(WireModel):
+    """Of a bent nail's centre line at the nail's origin, towards y and z of the nail's frame."""
+
+    y_per_m: Finite
+    z_per_m: Finite
+    radius_mm: Finite
+    # Predicted rms of the error of the curvature
+    standard_uncertainty_per_m: Finite
+
+
 class LocalisedNail(WireModel):
-    """The nail; `mirror_margin` is None for methods that know no mirror optimum."""
+    """The nail; `mirror_margin` is None for methods that know no mirror optimum, `curvature` for a straight nail."""
 
     camera_from_nail: Matrix4
     mirror_margin: Finite | None
+    curvature: Curvature | None = None
 
 
 class StandardUncertainty(WireModel):

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from services.registration.core.tuning import DISPLAY_ROTATION
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, read_only, rotations_between_rad, unit
-from shared.geometry.parts import NailPart, hole_surface_points
+from shared.geometry.parts import NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
 _ITERATIONS = 20
@@ -119,7 +119,7 @@ def _middles_and_axes(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Middles of the holes in mm and directions of their axes, in the camera's frame, shape (H, 3) each."""
     middles = np.array([np.mean(hole_surface_points(nail, hole), axis=0) for hole in nail.holes])
-    axes = np.array([hole.axis.direction for hole in nail.holes])
+    axes = np.array([hole_axis(nail, hole).direction for hole in nail.holes])
     return camera_from_nail.points(middles), axes @ camera_from_nail.rotation.T
 
 

@@ -122,7 +122,8 @@ def _joint_result(
     if against is not None:
         return replace(newest, reasons=(against,))
     joint = fuse(estimates)
-    holes = holes_at(parts.nail, parts.drill_diameter_mm, joint.pose.mean, joint.pose.covariance, camera_from_nail)
+    nail = parts.nail.bent(joint.curvature_per_m)
+    holes = holes_at(nail, parts.drill_diameter_mm, joint.pose.mean, joint.covariance_with_bend, camera_from_nail)
     return replace(newest, reasons=uncertainty_reasons(holes), guide_from_nail=joint.pose.mean, holes=holes)
 
 
@@ -227,8 +228,13 @@ def _difference(
     estimates: Estimates, grouping: _Grouping, parts: Parts, camera_from_nail: Transform[Camera, Nail]
 ) -> str:
     """How far the axes of both groups lie apart, at the hole where it is most, and how much their nails differ."""
-    means = [_fused(estimates, group).pose.mean for group in (grouping.first, grouping.second)]
-    first, second = (holes_at(parts.nail, parts.drill_diameter_mm, mean, None, camera_from_nail) for mean in means)
+    joints = [_fused(estimates, group) for group in (grouping.first, grouping.second)]
+    first, second = (
+        holes_at(
+            parts.nail.bent(joint.curvature_per_m), parts.drill_diameter_mm, joint.pose.mean, None, camera_from_nail
+        )
+        for joint in joints
+    )
     apart = [(_entry_apart_mm(a, b), a, b) for a, b in zip(first, second, strict=True)]
     entry_mm, a, b = max(apart, key=lambda one: one[0])
     depth_mm = abs(float((b.entry_guide_mm - a.entry_guide_mm) @ a.axis_guide.direction))

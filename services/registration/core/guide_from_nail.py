@@ -18,7 +18,7 @@ from services.registration.core.nail.fit import NailFit
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.parts import GuidePart, Hole, NailPart, hole_surface_points
+from shared.geometry.parts import GuidePart, Hole, NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
 # Eight points describe a rim's circle with all its harmonics that a pose moves; their error only sets relative weights.
@@ -34,6 +34,7 @@ class NailEstimate:
     # How much worse the best mirrored pose explains the pixels; None for methods without one
     mirror_margin: float | None
     error_ratio: float = 1.0  # by which the errors of its rotation exceed what the image's noise explains
+    curvature_per_m: tuple[float, float] = (0.0, 0.0)  # of a nail that is bent, towards its y and z
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
@@ -43,7 +44,8 @@ class NailEstimate:
     @staticmethod
     def of_fit(fit: NailFit) -> "NailEstimate":
         """What a fit to the pixels determines of the pose."""
-        return NailEstimate(fit.camera_from_nail, fit.errors, fit.mirror_margin, fit.agreement.error_ratio)
+        ratio = fit.agreement.error_ratio
+        return NailEstimate(fit.camera_from_nail, fit.errors, fit.mirror_margin, ratio, fit.curvature_per_m)
 
 
 def guide_from_nail_of(
@@ -52,6 +54,7 @@ def guide_from_nail_of(
     """Estimate of `guide_from_nail` from one image; None for a method that does not know its errors."""
     if estimate.errors is None:
         return None
+    nail = nail.bent(estimate.curvature_per_m)
     camera_from_nail = PoseEstimate(estimate.camera_from_nail, estimate.errors)
     chained = guide_fit.pose.inverse() @ camera_from_nail
     by_calibration = np.zeros((6, 6))
@@ -141,5 +144,5 @@ def _rim_points(nail: NailPart) -> NDArray[np.float64]:
 
 def _rims_of(nail: NailPart, hole: Hole) -> NDArray[np.float64]:
     angle = 2.0 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(hole.axis.direction)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(hole_axis(nail, hole).direction)
     return np.concatenate([end + 0.5 * hole.diameter_mm * circle for end in hole_surface_points(nail, hole)])

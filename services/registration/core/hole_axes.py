@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from services.registration.core.c_arm_advice import hole_tilts
 from services.registration.core.drill_clearance import AxisOffset, across_basis
 from services.registration.core.tuning import NAIL_AS_BUILT
+from shared.geometry.bend import motion_by_curvature
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line
-from shared.geometry.parts import NailPart, hole_surface_points
+from shared.geometry.parts import NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
 
@@ -48,12 +49,13 @@ def holes_at(
 ) -> tuple[HoleEstimate, ...]:
     """All holes of a nail in a known place, in the order of the nail's file.
 
-    The covariance, shape (6, 6), is that of `guide_from_nail`, or None; tilts are those in the view `camera_from_nail`.
+    The covariance, shape (8, 8), is that of `guide_from_nail` and the nail's curvature (1/m), or None; tilts are those
+    in the view `camera_from_nail`.
     """
     estimates = []
     for hole, tilt in zip(nail.holes, hole_tilts(camera_from_nail, nail), strict=True):
         entry, leaving = hole_surface_points(nail, hole)
-        axis = Line(guide_from_nail @ entry, guide_from_nail.directions(hole.axis.direction))
+        axis = Line(guide_from_nail @ entry, guide_from_nail.directions(hole_axis(nail, hole).direction))
         offset = None
         if covariance is not None:
             J = offsets_by_motion(nail, hole.id, guide_from_nail)
@@ -85,11 +87,14 @@ def _as_built(nail: NailPart, length_mm: float) -> NDArray[np.float64]:
 
 
 def offsets_by_motion(nail: NailPart, hole_id: str, guide_from_nail: Transform[Guide, Nail]) -> NDArray[np.float64]:
-    """How a hole's axis moves across itself at entry and exit when the nail moves in its own frame, shape (4, 6).
+    """How a hole's axis moves across itself at entry and exit with the nail, shape (4, 8).
 
-    A small motion (w, t) of a body in its own frame moves its point x by w x x + t.
+    By a small motion of the nail in its own frame and its curvature towards y and z (1/m). A small motion (w, t) of a
+    body in its own frame moves its point x by w x x + t.
     """
     hole = next(hole for hole in nail.holes if hole.id == hole_id)
-    across = across_basis(guide_from_nail.directions(hole.axis.direction)) @ guide_from_nail.rotation
+    across = across_basis(guide_from_nail.directions(hole_axis(nail, hole).direction)) @ guide_from_nail.rotation
     ends = hole_surface_points(nail, hole)
-    return np.vstack([across @ np.hstack([np.cross(end, np.eye(3)), np.eye(3)]) for end in ends])
+    by_motion = np.vstack([across @ np.hstack([np.cross(end, np.eye(3)), np.eye(3)]) for end in ends])
+    bent_by = motion_by_curvature(nail.curvature_per_m, float(hole.axis.point_mm[0]))
+    return np.hstack([by_motion, by_motion @ bent_by])

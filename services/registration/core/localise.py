@@ -42,6 +42,10 @@ class Parts:
     nail: NailPart
     drill_diameter_mm: float
 
+    def with_nail_as_found(self, found: NailEstimate) -> "Parts":
+        """The same with the nail bent as it was found."""
+        return replace(self, nail=self.nail.bent(found.curvature_per_m))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationResult:
@@ -96,6 +100,7 @@ def conclude(
     """Combine guide and nail, and accept or reject; what was not found is left out and its reasons are reported."""
     found_guide = guide.value if isinstance(guide, Accepted) else None
     found_nail = nail.value if isinstance(nail, Accepted) else None
+    parts = parts if found_nail is None else parts.with_nail_as_found(found_nail)
     correction = None if found_nail is None else c_arm_correction_deg(found_nail.camera_from_nail, parts.nail)
     if found_guide is None or found_nail is None or correction is None:
         reasons = tuple(r for part in (guide, nail) if isinstance(part, Rejected) for r in part.reasons)
@@ -122,9 +127,10 @@ def hole_estimates(
     calibration: CArmCalibration, parts: Parts, guide_fit: GuideFit, estimate: NailEstimate
 ) -> tuple[HoleEstimate, ...]:
     """All holes of the nail in the guide's frame, in the order of the nail's file."""
+    parts = parts.with_nail_as_found(estimate)
     estimated = guide_from_nail_of(calibration, parts.guide, parts.nail, guide_fit, estimate)
     guide_from_nail = guide_fit.camera_from_guide.inverse() @ estimate.camera_from_nail
-    covariance = None if estimated is None else estimated.covariance
+    covariance = None if estimated is None else estimated.errors.covariance_with_bend
     return holes_at(parts.nail, parts.drill_diameter_mm, guide_from_nail, covariance, estimate.camera_from_nail)
 
 

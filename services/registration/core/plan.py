@@ -42,6 +42,8 @@ _STEP = 1e-5
 _CONVERGED = 1e-10
 _LEAST_SINGULAR_RATIO = 1e-4
 _PARALLEL_RAD = 1e-6
+# Axes that are less askew are as parallel as makers drill them.
+_LEAST_ASKEW_DEG = 0.5
 # One radian weighs as much as so many millimetres when the shortest motion is sought.
 _LEVER_MM = 50.0
 
@@ -124,7 +126,7 @@ def plan_move(
     if not RESIDUAL.is_met(residual_mm):
         return RESIDUAL.refusal(
             f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {RESIDUAL.quoted(residual_mm)} "
-            "would remain",
+            f"would remain{_askew(aims)}",
         )
     turns_deg = _TURNS_DEG if len(aims) == 1 else np.zeros(1)
     chosen = _within_reach(shortest, aims[0].hole.axis_guide, turns_deg, robot)
@@ -143,6 +145,20 @@ def _aims(
     if any(nail_holes[i].offset is None for i in hole_ids):
         return UNKNOWN_UNCERTAINTY.refusal()
     return tuple(_Aim(nail_holes[i], guide_holes[i]) for i in hole_ids)
+
+
+def _askew(aims: tuple[_Aim, ...]) -> str:
+    """How much farther from parallel the nail's axes are than the guide's, and the moves that meet them one by one."""
+    first, last = aims[0], aims[-1]
+    nail_deg = angle_deg(first.hole.axis_guide, last.hole.axis_guide)
+    guide_deg = angle_deg(first.axis, last.axis)
+    if abs(nail_deg - guide_deg) < _LEAST_ASKEW_DEG:
+        return ""
+    moves = "; ".join(f"hole_ids ['{aim.hole.id}']" for aim in aims)
+    return (
+        f", because the nail is bent: its axes are {nail_deg:.1f}° apart and the guide's {guide_deg:.1f}°; plan one "
+        f"move per hole: {moves}"
+    )
 
 
 def _within_reach(

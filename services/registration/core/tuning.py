@@ -225,6 +225,15 @@ class NailPriors:
     s_bend_sd: float = tuned(0.15, "1", "the same, opposite at the edge's dark and bright half", _PROCESSED)
     delrin_per_mm: float = tuned(0.02, "1/mm", "attenuation of the guide's body", physical("POM at 60-80 kV"))
     delrin_per_mm_sd: float = tuned(0.02, "1/mm", "of that", physical("from none to twice that of POM: guides differ"))
+    straightness_sd_per_m: float = tuned(
+        0.07, "1/m", "curvature of a nail as made, each plane", derived("assumed 0.3 mm over 180 mm: 8 * 0.3 / 180^2")
+    )
+    bent_sd_per_m: float = tuned(
+        2.0,
+        "1/m",
+        "curvature of a nail that the canal bends, each plane",
+        derived("radii from 300 mm are within 1.7 sd"),
+    )
     largest_deviations: float = tuned(6.0, "sd", "bound of all other parameters", standard("six sigma"))
 
 
@@ -286,6 +295,28 @@ class ForeignObjects:
     directions: int = tuned(36, "1", "directions in which a rim is looked for", derived("10° each"))
     about_rim_in_radii: float = tuned(0.25, "hole radii", "distance from the rim at which pixels show it", _FOREIGN)
     seen_share: float = tuned(0.5, "1", "share of the usual pixels with which a direction is seen", _FOREIGN)
+
+
+# The nail's fit: bent nails
+
+
+@dataclass(frozen=True, slots=True)
+class BentNail:
+    """Nails that the canal bends (`core/nail/bent_nail.py`, `core/nail/bend_search.py`)."""
+
+    section_step_mm: float = tuned(
+        0.5, "mm", "between cross-sections of a bent nail", derived("0.1 um off an arc of 300")
+    )
+    about_hole_mm: float = tuned(
+        2.0,
+        "mm",
+        "beyond a hole along the nail: its own section",
+        derived("8 degrees of tilt and an edge's reach"),
+    )
+    chi_square: float = tuned(9.2, "1", "of both curvatures beyond what a straight nail has", standard("1 %, 2 dof"))
+    least_radius_mm: float = tuned(200.0, "mm", "of an optimum that counts", derived("two thirds of what canals do"))
+    first_steps: int = tuned(12, "1", "steps of the fit from each start", _INSPECTION)
+    distinct_deg: float = tuned(1.5, "°", "angle of a hole's axis from which two optima differ", _INSPECTION)
 
 
 # The nail's fit: stages, coarse to fine
@@ -459,6 +490,12 @@ class ModelErrors:
     turn_about_z_deg: float = tuned(0.02, "deg", "turn about the nail's z axis", _MODEL_ERRORS_FIT)
     position_mm: float = tuned(0.007, "mm", "across the beam, and of the length that sets the depth", _MODEL_ERRORS_FIT)
     radius_deviations: float = tuned(0.2, "sd of the prior", "estimated radii of holes and nail (6 um)", _TWO_IMAGES)
+    curvature_per_m: float = tuned(
+        0.04,
+        "1/m",
+        "estimated curvature, each plane",
+        derived("either hole off by tilt_deg at 15 mm"),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -753,6 +790,7 @@ FIT_REGION: Final = FitRegionSettings()
 RAY_SAMPLING: Final = RaySampling()
 BEAM: Final = BeamPhysics()
 CLIPPING: Final = Clipping()
+BENT_NAIL: Final = BentNail()
 NAIL_PRIORS: Final = NailPriors()
 NAIL_NOISE: Final = NailNoise()
 NAIL_SOLVER: Final = NailSolver()

@@ -17,14 +17,21 @@ These two correlations are about those that set-ups showed that were observed se
 (`docs/benchmarks/fusion.md`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.estimation.pose_estimate import POSE_SIZE, From, PoseErrors, PoseEstimate, To
+from services.registration.core.estimation.pose_estimate import (
+    POSE_SIZE,
+    From,
+    PoseErrors,
+    PoseEstimate,
+    To,
+    with_bend,
+)
 from services.registration.core.tuning import SHARED_ERRORS
 from shared.geometry.lines import angle_between_rad, read_only
 from shared.geometry.transform import Transform
@@ -47,13 +54,29 @@ class JointEstimate(Generic[To, From]):
     # large, on average, as its degrees of freedom if nothing has moved
     chi_square: float
     degrees_of_freedom: int
+    curvature_per_m: tuple[float, float] = (0.0, 0.0)  # of the nail towards its y and z
+    # Of the pose and the curvature, shape (8, 8); None for weights that estimate no curvature
+    covariance_with_bend: NDArray[np.float64] | None = None
 
 
 def fuse(estimates: tuple[PoseEstimate[To, From], ...]) -> JointEstimate[To, From]:
-    """Weighted mean of one or more estimates."""
+    """Weighted mean of one or more estimates.
+
+    A nail that is bent in one image is bent in all: each image that took it as straight is off by what the curvature
+    does to its fit. Where no image shows a curvature the nail stays straight.
+    """
+    bend_sd = max(one.errors.bend_sd_per_m for one in estimates)
+    estimates = tuple(replace(one, errors=one.errors.with_bend_in(bend_sd)) for one in estimates)
     errors = tuple(one.errors for one in estimates)
-    weights = weights_of(errors)
-    return fused_by(estimates, weights, covariance_of_mean(errors, weights))
+    weights = _all_weights(errors)
+    if not any(one.curvature_per_m.any() for one in errors) and bend_sd > 0.0:
+        weights[:, -2:] = 0.0
+    covariance = covariance_of_mean(errors, weights)
+    joint = fused_by(estimates, weights[:, :POSE_SIZE], covariance[:POSE_SIZE, :POSE_SIZE])
+    departures = _departures(estimates, joint.pose.mean)
+    observed = np.hstack([departures, np.stack([one.shape_deviations for one in errors])])
+    y, z = (bend_sd * np.einsum("kij,kj->i", weights, observed)[-2:]).tolist()
+    return replace(joint, curvature_per_m=(y, z), covariance_with_bend=with_bend(covariance, bend_sd))
 
 
 def fused_by(
@@ -84,15 +107,20 @@ def weights_of(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
     Least squares for one pose and one shape, with the prior of the nail's file. One image alone has made use of the
     prior already.
     """
+    return _all_weights(errors)[:, :POSE_SIZE]
+
+
+def _all_weights(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
+    """How each estimate enters the joint pose and shape, shape (K, 6 + S, 6 + S)."""
     size = len(errors[0].own_covariance)
     if len(errors) == 1:
-        return np.eye(size)[None, :POSE_SIZE]
+        return np.eye(size)[None]
     means = responses(errors)
     information = np.linalg.solve(block_diag(*_counted_covariances(errors)), means).T
     precision = information @ means
     precision[POSE_SIZE:, POSE_SIZE:] += np.eye(size - POSE_SIZE)
-    weights = np.linalg.solve(precision, information)[:POSE_SIZE]
-    return np.asarray(weights.reshape(POSE_SIZE, len(errors), size).transpose(1, 0, 2))
+    weights = np.linalg.solve(precision, information)
+    return np.array(weights.reshape(size, len(errors), size).transpose(1, 0, 2))
 
 
 def responses(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
@@ -102,9 +130,10 @@ def responses(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
 
 
 def covariance_of_mean(errors: tuple[PoseErrors, ...], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance of a pose that estimates enter by `weights`, shape (K, 6, 6 + S); the result has shape (6, 6)."""
+    """Covariance, shape (R, R), of the pose, or pose and shape, that estimates enter by `weights`, (K, R, 6 + S)."""
     side_by_side = np.hstack(list(weights))
     by_shape = (side_by_side @ responses(errors))[:, POSE_SIZE:]
+    by_shape[POSE_SIZE:] -= np.eye(by_shape.shape[1])[: len(by_shape) - POSE_SIZE]
     return np.asarray(side_by_side @ joint_covariance(errors) @ side_by_side.T + by_shape @ by_shape.T)
 
 

@@ -28,9 +28,9 @@ POSE_SIZE = 6
 class PoseErrors:
     """Covariance of a pose and the factors that its errors share with those of other estimates.
 
-    The nail's shape is described by how far radii and chamfers are from what its file states, each in standard
-    deviations of its prior. A fit estimates these `S` deviations with the pose, and errs in both together: holes
-    wider than estimated have tilted the nail.
+    The nail's shape is described by how far radii, chamfers and curvature are from what its file states, each in
+    standard deviations of its prior. A fit estimates these `S` deviations with the pose, and errs in both together:
+    holes wider than estimated have tilted the nail.
     """
 
     shape_deviations: NDArray[np.float64]  # as estimated, shape (S,)
@@ -48,6 +48,9 @@ class PoseErrors:
     # Unit direction in which the body was observed, in its own frame, shape (3,); None where the errors do not depend
     # on it
     ray: NDArray[np.float64] | None = None
+    # The last two deviations of the shape are curvatures towards y and z; one deviation is so many 1/m. Zero where the
+    # shape holds no curvature.
+    bend_sd_per_m: float = 0.0
 
     def __post_init__(self) -> None:
         shapes = len(self.shape_deviations)
@@ -86,6 +89,57 @@ class PoseErrors:
         factors[:3], factors[3:POSE_SIZE] = rotation, translation
         return replace(self, image_covariance=factors[:, None] * self.image_covariance * factors)
 
+    @property
+    def curvature_per_m(self) -> NDArray[np.float64]:
+        """Estimated curvature towards y and z, shape (2,)."""
+        return self.bend_sd_per_m * self.shape_deviations[-2:] if self.bend_sd_per_m > 0.0 else np.zeros(2)
+
+    @property
+    def bend_covariance(self) -> NDArray[np.float64]:
+        """Of the curvature by all but the true shape's pull, in 1/m², shape (2, 2)."""
+        return np.asarray(self.bend_sd_per_m**2 * self.own_covariance[-2:, -2:])
+
+    @property
+    def covariance_with_bend(self) -> NDArray[np.float64]:
+        """Of the pose and the curvature (1/m) by all errors, shape (8, 8)."""
+        return with_bend(self.own_covariance + self.shape_pull @ self.shape_pull.T, self.bend_sd_per_m)
+
+    def with_held_curvature(self, sd_per_m: float, by_curvature: NDArray[np.float64]) -> "PoseErrors":
+        """With two more deviations of the shape that the fit held at zero.
+
+        Parameters
+        ----------
+        sd_per_m
+            Standard deviation of the true curvature.
+        by_curvature
+            By how much a true curvature of 1/m moves the estimate of pose and shape, shape (6 + S, 2).
+        """
+        size = len(by_curvature)
+        return replace(
+            self,
+            shape_deviations=np.concatenate([self.shape_deviations, np.zeros(2)]),
+            image_covariance=np.pad(self.image_covariance, (0, 2)),
+            shape_pull=np.block([[self.shape_pull, -sd_per_m * by_curvature], [np.zeros((2, size - 6)), np.eye(2)]]),
+            model_loadings=np.pad(self.model_loadings, (0, 2)),
+            bend_sd_per_m=sd_per_m,
+        )
+
+    def with_bend_in(self, sd_per_m: float) -> "PoseErrors":
+        """The same with the curvature in other deviations."""
+        if sd_per_m == self.bend_sd_per_m:
+            return self
+        scale = np.ones(len(self.image_covariance))
+        scale[-2:] = self.bend_sd_per_m / sd_per_m
+        of_shape = scale[POSE_SIZE:]
+        return replace(
+            self,
+            shape_deviations=of_shape * self.shape_deviations,
+            image_covariance=scale[:, None] * self.image_covariance * scale,
+            shape_pull=scale[:, None] * self.shape_pull / of_shape,
+            model_loadings=scale[:, None] * self.model_loadings,
+            bend_sd_per_m=sd_per_m,
+        )
+
     def with_more(self, covariance: NDArray[np.float64]) -> "PoseErrors":
         """With further errors of the pose that come with the image, shape (6, 6)."""
         total = self.image_covariance.copy()
@@ -120,6 +174,17 @@ class PoseEstimate(Generic[To, From]):
         transport = other.mean.inverse().adjoint
         transported = transport @ self.covariance @ transport.T
         return PoseEstimate(self.mean @ other.mean, other.errors.with_more(transported))
+
+
+def with_bend(covariance: NDArray[np.float64], bend_sd_per_m: float) -> NDArray[np.float64]:
+    """Of pose and shape, shape (6 + S, 6 + S), that of the pose and the curvature (1/m), shape (8, 8)."""
+    size = POSE_SIZE + 2
+    if bend_sd_per_m == 0.0:
+        return np.pad(covariance[:POSE_SIZE, :POSE_SIZE], (0, 2))
+    rows = [*range(POSE_SIZE), len(covariance) - 2, len(covariance) - 1]
+    scale = np.ones(size)
+    scale[POSE_SIZE:] = bend_sd_per_m
+    return np.asarray(scale[:, None] * covariance[np.ix_(rows, rows)] * scale)
 
 
 def weighted_mean(
@@ -184,9 +249,10 @@ def model_loadings(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) ->
     return loadings
 
 
-def model_loadings_of_shape() -> NDArray[np.float64]:
-    """The same for the nail's shape: hole radius, nail radius and chamfers, in deviations of their priors, (3, 3)."""
-    return np.diag([MODEL_ERRORS.radius_deviations, MODEL_ERRORS.radius_deviations, 0.0])
+def model_loadings_of_shape(bend_sd_per_m: float) -> NDArray[np.float64]:
+    """The same for the nail's shape in deviations of their priors, (5, 5): both radii, chamfers, both curvatures."""
+    radius, curvature = MODEL_ERRORS.radius_deviations, MODEL_ERRORS.curvature_per_m / bend_sd_per_m
+    return np.diag([radius, radius, 0.0, curvature, curvature])
 
 
 def ray_to(camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:

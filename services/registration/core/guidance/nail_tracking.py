@@ -29,11 +29,13 @@ from services.registration.core.nail.least_squares import (
 )
 from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import (
-    ALL_PARAMETERS,
+    CURVATURE,
     PARAMETER_COUNT,
     POSE_ONLY,
+    STRAIGHT_NAIL,
     TILTS,
     Parameter,
+    curvature_of,
     motion_by_parameters,
     prior_mean,
 )
@@ -58,6 +60,11 @@ class NailAppearance:
     weight: float  # median weight of a pixel: inverse variance over the number of correlated pixels
     blur_px: float  # standard deviation of the blur, in image pixels
 
+    @property
+    def curvature_per_m(self) -> tuple[float, float]:
+        """Of the nail in the reference image."""
+        return curvature_of(self.parameters)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedNail:
@@ -80,8 +87,9 @@ def estimate_appearance(given: FitInput, camera_from_nail: Transform[Camera, Nai
     model = model_at(given, camera_from_nail, stage, _reduction(given, camera_from_nail))
     if model is None:
         return None
-    problem = problem_for(model, stage, ALL_PARAMETERS)
+    problem = problem_for(model, stage, STRAIGHT_NAIL)
     start = model.with_pose(prior_mean(), camera_from_nail)
+    start[CURVATURE] = given.nail.curvature_per_m
     first = minimise(problem, start, stage.first_steps, stage.first_tolerance)
     problem = reweighted(problem, first.linear, estimate_noise(problem, first.linear))
     solution = with_derivatives(

@@ -91,7 +91,7 @@ def start_track(
     usable = all(reason.code in _TRACKABLE for reason in found.reasons)
     if guide is None or nail is None or found.guide_from_nail is None or nail.covariance is None or not usable:
         return None
-    given = _given(pixels, calibration, parts, guide.camera_from_guide)
+    given = _given(pixels, calibration, parts.with_nail_as_found(nail), guide.camera_from_guide)
     appearance = estimate_appearance(given, nail.camera_from_nail)
     if appearance is None:
         return None
@@ -107,7 +107,7 @@ def estimate_of_localisation(found: LocalisationResult, parts: Parts) -> FrameEs
     blocking = tuple(reason for reason in found.reasons if reason.code not in _TRACKABLE)
     if nail is None or nail.covariance is None or blocking:
         return FrameEstimate(Origin.LOCALISED, None, None, found.reasons, guide)
-    turn = advice(nail.camera_from_nail, nail.covariance, parts.nail)
+    turn = advice(nail.camera_from_nail, nail.covariance, parts.with_nail_as_found(nail).nail)
     return FrameEstimate(Origin.LOCALISED, turn, Margin(nail.mirror_margin, 0), (), guide)
 
 
@@ -125,6 +125,7 @@ def track_frame(
         return _refused(guide.reasons, None), _missed(track)
     at = guide.value.mean
     track = replace(track, camera_from_guide=at)
+    parts = replace(parts, nail=parts.nail.bent(track.reference.appearance.curvature_per_m))
     given = _given(pixels, calibration, parts, at)
     predicted = guide.value @ track.reference.guide_from_nail
     nail = track_nail(given, track.reference.appearance, predicted.mean)
@@ -134,7 +135,7 @@ def track_frame(
     if reasons:
         return _refused(reasons, at), _missed(track)
     joint = weighted_mean(predicted, nail.value.pose, FRAME_TRACKING.shared_correlation)
-    return _estimated(nail.value, advice(joint.mean, joint.covariance, parts.nail), track)
+    return _estimated(nail.value, advice(joint.mean, joint.covariance, given.nail), track)
 
 
 def disagree(tracked: FrameEstimate, localised: FrameEstimate) -> bool:

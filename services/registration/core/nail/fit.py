@@ -19,6 +19,7 @@ from services.registration.core.estimation.pose_estimate import (
     ray_to,
 )
 from services.registration.core.nail.agreement import Agreement, PixelScores, agreement
+from services.registration.core.nail.bend_search import BentOptimum, bent_optimum
 from services.registration.core.nail.foreign import RimView, foreign_pixels, rim_views
 from services.registration.core.nail.forward_model import ForwardModel, model_at, visible_fraction_without_metal
 from services.registration.core.nail.imaging_chain import blurred_image
@@ -33,23 +34,33 @@ from services.registration.core.nail.least_squares import (
     problem_for,
     reweighted,
     whitened,
+    with_curvature,
     with_derivatives,
     with_hidden_filled,
 )
 from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION, NoiseModel, covariance_of_sums
 from services.registration.core.nail.parameters import (
-    ALL_PARAMETERS,
+    CURVATURE,
     DISPLAY_BENDS,
     SHAPE_PARAMETERS,
     STRAIGHT_DISPLAY,
+    STRAIGHT_NAIL,
     Parameter,
+    curvature_of,
     motion_by_parameters,
     prior_mean,
     prior_precision,
 )
 from services.registration.core.nail.region import FitInput, FitRegion
 from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
-from services.registration.core.tuning import FINAL_STAGE, FOREIGN_OBJECTS, NAIL_EVIDENCE
+from services.registration.core.tuning import (
+    BENT_NAIL,
+    FINAL_STAGE,
+    FOREIGN_OBJECTS,
+    MODEL_ERRORS,
+    NAIL_EVIDENCE,
+    NAIL_PRIORS,
+)
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import Hole
@@ -78,6 +89,7 @@ class NailFit:
     holes: tuple[HoleView, ...]  # how much of each hole was seen
     rims: tuple[RimView, ...]  # how much of each rim takes part
     agreement: Agreement  # of the image's parts about the pose
+    curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
 
     @property
     def evidence(self) -> FitEvidence:
@@ -141,12 +153,13 @@ def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Re
     model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
     if optimum is None or model is None:
         return Rejected((NAIL_OUTSIDE.reason(),))
-    problem, solution, noise = _refined(model, optimum)
+    end, errors = _bent_or_straight(_refined(model, optimum))
+    problem, solution, noise = end.problem, end.solution, end.noise
     parts, camera_from_nail = agreement_of_parts(problem, solution, noise), model.pose(solution.parameters)
     fit = NailFit(
         camera_from_nail=camera_from_nail,
-        errors=parts.widened(pose_errors(problem, solution, noise), camera_from_nail),
-        mirror_margin=optimum.margin / parts.pull_ratio,
+        errors=parts.widened(errors, camera_from_nail),
+        mirror_margin=end.margin / parts.pull_ratio,
         hole_radius_excess_mm=float(solution.parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
         nail_radius_excess_mm=float(solution.parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
         blur_px=model.region.sampling.blur_px(solution.parameters),
@@ -154,6 +167,7 @@ def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Re
         holes=hole_views(problem, solution),
         rims=rim_views(model.region, model.nail),
         agreement=parts,
+        curvature_per_m=curvature_of(solution.parameters),
     )
     return _Fitted(fit, problem, solution, noise)
 
@@ -169,13 +183,57 @@ def _without_foreign_objects(fit_input: FitInput, found: _Fitted) -> FitInput | 
     return replace(fit_input, occluders=replace(fit_input.occluders, hidden=together))
 
 
-def _refined(model: ForwardModel, optimum: GlobalOptimum) -> tuple[Problem, Solution, NoiseModel]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _End:
+    """Where a fit ended."""
+
+    problem: Problem
+    solution: Solution
+    noise: NoiseModel
+    margin: float
+
+
+def _bent_or_straight(straight: _End) -> tuple[_End, PoseErrors]:
+    """The end of the straight nail's fit, unless the pixels show a curvature that no straight nail has."""
+    freed, there = with_curvature(straight.problem, straight.solution)
+    stay = straight, errors_of_straight(straight, there)
+    step = np.asarray(np.linalg.solve(there.equations.matrix, there.equations.gradient))[-len(CURVATURE) :]
+    if not is_bent(step, curvature_covariance(freed, there, straight.noise)):
+        return stay
+    found = bent_optimum(freed, straight.solution)
+    if found is None:
+        return stay
+    bent = _finished(freed, found, straight.margin)
+    errors = pose_errors(bent.problem, bent.solution, bent.noise)
+    parameters = bent.solution.parameters
+    pose = bent.problem.model.pose(parameters)
+    widened = agreement_of_parts(bent.problem, bent.solution, bent.noise).widened(errors, pose)
+    return (bent, errors) if is_bent(np.array(curvature_of(parameters)), widened.bend_covariance) else stay
+
+
+def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
+    """Whether a curvature, shape (2,), of a covariance is beyond what makers leave in straight nails."""
+    expected = covariance + NAIL_PRIORS.straightness_sd_per_m**2 * np.eye(len(CURVATURE))
+    return float(curvature_per_m @ np.linalg.solve(expected, curvature_per_m)) > BENT_NAIL.chi_square
+
+
+def _finished(freed: Problem, found: BentOptimum, margin: float) -> _End:
+    """Weigh the pixels by what the bent nail leaves of them, and fit once more."""
+    linear = found.solution.linear
+    problem = reweighted(freed, linear, estimate_noise(freed, linear))
+    solution = minimise_from(problem, linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
+    solution = with_derivatives(problem, solution)
+    noise = estimate_noise(problem, solution.linear)
+    return _End(problem, solution, noise, margin if found.margin is None else found.margin)
+
+
+def _refined(model: ForwardModel, optimum: GlobalOptimum) -> _End:
     """Full resolution: estimate the noise where the coarser stage ended, whiten, fit, weight, fit."""
     start = optimum.parameters.copy()
     bent = bool(np.any(np.abs(start[DISPLAY_BENDS]) > FINAL_STAGE.usual_display_bend))
     if not bent:
         start[DISPLAY_BENDS] = 0.0
-    problem = problem_for(model, FINAL_STAGE, ALL_PARAMETERS if bent else STRAIGHT_DISPLAY)
+    problem = problem_for(model, FINAL_STAGE, STRAIGHT_NAIL if bent else STRAIGHT_DISPLAY)
     problem, here = whitened(*with_hidden_filled(problem, linear_solution_at(problem, start)))
     solution = minimise_from(problem, here, FINAL_STAGE.first_steps, FINAL_STAGE.tolerance)
     problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
@@ -184,13 +242,13 @@ def _refined(model: ForwardModel, optimum: GlobalOptimum) -> tuple[Problem, Solu
     solution = minimise_from(problem, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
     problem, solution = _with_display_bent_where_evident(problem, solution)
     solution = with_derivatives(problem, solution)
-    return problem, solution, estimate_noise(problem, solution.linear)
+    return _End(problem, solution, estimate_noise(problem, solution.linear), optimum.margin)
 
 
 def _with_display_bent_where_evident(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
     """Free bulge and S of the display where the image asks for them: plain images are fitted without."""
-    freed = replace(problem, free=ALL_PARAMETERS)
-    if np.all(problem.free) or predicted_decrease(freed, solution.linear) < FINAL_STAGE.evident_decrease:
+    freed = replace(problem, free=STRAIGHT_NAIL)
+    if np.all(problem.free[DISPLAY_BENDS]) or predicted_decrease(freed, solution.linear) < FINAL_STAGE.evident_decrease:
         return problem, solution
     return freed, minimise_from(freed, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
 
@@ -209,18 +267,45 @@ def pose_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> 
 
 
 def pose_errors(problem: Problem, solution: Solution, noise: NoiseModel) -> PoseErrors:
-    """The same for pose and shape together, and the model's own errors; all of `SHAPE_PARAMETERS` were free."""
+    """The same for pose and those of `SHAPE_PARAMETERS` that were free, with the model's own errors."""
+    shape = [parameter for parameter in SHAPE_PARAMETERS if problem.free[parameter]]
     precision = prior_precision()[problem.free]
-    rows = [int(np.count_nonzero(problem.free[:parameter])) for parameter in SHAPE_PARAMETERS]
+    rows = [int(np.count_nonzero(problem.free[:parameter])) for parameter in shape]
     per_deviation = np.sqrt(precision[rows])
     of_shape = per_deviation[:, None] * np.linalg.inv(solution.equations.matrix)[rows]
     gain = np.vstack([_motion_gain(problem, solution), of_shape])
     precision[rows] = 0.0
-    deviations = (solution.parameters - prior_mean())[list(SHAPE_PARAMETERS)] * per_deviation
+    deviations = (solution.parameters - prior_mean())[shape] * per_deviation
     by_others = _covariance_by(problem, solution, noise, gain, precision)
     camera_from_nail = problem.model.pose(solution.parameters)
-    by_model = block_diag(model_loadings(problem.model.nail, camera_from_nail), model_loadings_of_shape())
-    return PoseErrors(deviations, by_others, gain[:, rows] * per_deviation, by_model, ray_to(camera_from_nail))
+    of_shapes = model_loadings_of_shape(NAIL_PRIORS.bent_sd_per_m)[: len(shape), : len(shape)]
+    by_model = block_diag(model_loadings(problem.model.nail, camera_from_nail), of_shapes)
+    pull = gain[:, rows] * per_deviation
+    bend_sd = NAIL_PRIORS.bent_sd_per_m if problem.free[CURVATURE].all() else 0.0
+    return PoseErrors(deviations, by_others, pull, by_model, ray_to(camera_from_nail), bend_sd)
+
+
+def errors_of_straight(end: _End, freed: Solution) -> PoseErrors:
+    """Errors of a straight nail's fit: a curvature that makers leave in nails, and the fit holds at zero, is added."""
+    errors = pose_errors(end.problem, end.solution, end.noise)
+    count, of_shape = len(end.solution.equations.gradient), len(errors.shape_deviations)
+    followed = np.linalg.solve(freed.equations.matrix[:count, :count], freed.equations.matrix[:count, count:])
+    motion = motion_by_parameters(
+        end.solution.parameters[:POSE_SIZE], end.problem.model.camera, end.problem.model.anchors
+    )
+    rows = [int(np.count_nonzero(end.problem.free[:parameter])) for parameter in SHAPE_PARAMETERS[:of_shape]]
+    per_deviation = np.sqrt(prior_precision()[list(SHAPE_PARAMETERS[:of_shape])])
+    by_curvature = np.vstack([motion @ followed[:POSE_SIZE], per_deviation[:, None] * followed[rows]])
+    return errors.with_held_curvature(NAIL_PRIORS.straightness_sd_per_m, by_curvature)
+
+
+def curvature_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
+    """Covariance of both curvatures by noise, texture, the other priors and the model's own errors, in 1/m²: (2, 2)."""
+    gain = np.asarray(np.linalg.inv(solution.equations.matrix))[-len(CURVATURE) :]
+    precision = prior_precision()[problem.free]
+    precision[-len(CURVATURE) :] = 0.0
+    by_model = MODEL_ERRORS.curvature_per_m**2 * np.eye(len(CURVATURE))
+    return _covariance_by(problem, solution, noise, gain, precision) + by_model
 
 
 def _covariance_by(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, NailShape, TraceLimits, trace_pixels
+from services.registration.core.nail.bent_nail import section_places, section_shape, sections_of
 from services.registration.core.nail.imaging_chain import (
     CHAIN_PARAMETERS,
     SHARPENING_PARAMETERS,
@@ -24,11 +25,13 @@ from services.registration.core.nail.imaging_chain import (
 )
 from services.registration.core.nail.noise import WhiteningFilter
 from services.registration.core.nail.parameters import (
+    CURVATURE,
     Anchors,
     Parameter,
     anchors_of,
     attenuation_per_mm,
     chamfer,
+    curvature_of,
     motion_by_parameters,
     parameters_from_pose,
     pose_from_parameters,
@@ -46,6 +49,7 @@ from services.registration.core.tuning import (
     NailTracking,
     TiltSearchStage,
 )
+from shared.geometry.bend import section_frame, section_motions
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import NailPart
@@ -115,10 +119,15 @@ class TracedTransmission:
     transmission: NDArray[np.float64]
     # By the nail's motion, radii and material (`attenuation.py`), of the support's pixels, shape (S, DERIVATIVES)
     derivatives: NDArray[np.float32]
+    # Arc length along the nail in whose cross-section each of the support's rays was traced, shape (S,); None when the
+    # nail is straight
+    along_mm: NDArray[np.float64] | None = None
 
 
 def trace_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
     """Trace all rays of the region."""
+    if curvature_of(parameters) != (0.0, 0.0):
+        return _trace_bent(model, parameters)
     region, count = model.region, len(model.region.support)
     transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
     shape = _nail_shape(model, parameters)
@@ -130,6 +139,33 @@ def trace_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> 
 
     on_both_halves(trace_part, count, LEAST_RAYS_TO_SHARE)
     return TracedTransmission(parameters, region.on_rectangle(transmission, 1.0), derivatives)
+
+
+def _trace_bent(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
+    """Trace each ray through the straight nail of the cross-section where it passes nearest to the centre line."""
+    region, count = model.region, len(model.region.support)
+    shape, curvature, limits = (
+        _nail_shape(model, parameters),
+        curvature_of(parameters),
+        TraceLimits(*astuple(RAY_SAMPLING)),
+    )
+    along_mm = section_places(model.nail, curvature, region.rays, shape)
+    order = np.argsort(along_mm, kind="stable")
+    rays, steel = rays_of(region.rays, order), region.steel.of(order)
+    transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
+
+    def trace_part(part: slice) -> None:
+        for section in sections_of(along_mm[order], part):
+            frame = section_frame(curvature, float(along_mm[order[section.start]]))
+            local, own = section_shape(shape, frame, float(along_mm[order[section.start]])), derivatives[section]
+            trace_pixels(
+                rays_of(rays, section), SAMPLES_PX, steel.of(section), local, limits, transmission[section], own
+            )
+            own[:, :MOTION_SIZE] = own[:, :MOTION_SIZE] @ frame.inverse().adjoint.astype(np.float32)
+
+    on_both_halves(trace_part, count, LEAST_RAYS_TO_SHARE)
+    back = np.argsort(order)
+    return TracedTransmission(parameters, region.on_rectangle(transmission[back], 1.0), derivatives[back], along_mm)
 
 
 def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailShape:
@@ -193,7 +229,23 @@ def visible_fraction_derivatives(
     columns += mapped(by_chain, [parameter for parameter in CHAIN_PARAMETERS if free[parameter]], least)
     if free[Parameter.DELRIN_PER_MM]:
         columns.append(by_transmission((-model.region.delrin_excess_mm * transmission).astype(np.float32)))
+    if free[CURVATURE].any():
+        by_bend = _derivatives_by_curvature(model, traced)[free[CURVATURE]]
+        columns += [by_transmission(model.region.on_rectangle(values, 0.0) * guide_single) for values in by_bend]
     return columns
+
+
+def _derivatives_by_curvature(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float32]:
+    """Derivatives of the transmission of the support's pixels by the curvature towards y and z (1/m), shape (2, S)."""
+    curvature, along_mm = curvature_of(traced.parameters), traced.along_mm
+    if along_mm is None:
+        along_mm = section_places(model.nail, curvature, model.region.rays, _nail_shape(model, traced.parameters))
+    by_motion = traced.derivatives[:, :MOTION_SIZE]
+    change, power = np.zeros((len(along_mm), 2)), along_mm.copy()
+    for term in section_motions(curvature):
+        change += power[:, None] * (by_motion @ term)
+        power *= along_mm
+    return np.ascontiguousarray(change.T, dtype=np.float32)
 
 
 def _transmission_derivatives(

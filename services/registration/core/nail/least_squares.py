@@ -30,7 +30,13 @@ from services.registration.core.nail.forward_model import (
 )
 from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.noise import NoiseModel, noise_model, robust_weight, whitening_filter
-from services.registration.core.nail.parameters import chamfer, clipped_to_bounds, prior_mean, prior_precision
+from services.registration.core.nail.parameters import (
+    STRAIGHT_NAIL,
+    chamfer,
+    clipped_to_bounds,
+    prior_mean,
+    prior_precision,
+)
 from services.registration.core.nail.region import FitRegion
 from services.registration.core.tuning import FIT_REGION, NAIL_NOISE, NAIL_SOLVER
 
@@ -222,7 +228,19 @@ def normal_equations_at(problem: Problem, here: LinearSolution) -> NormalEquatio
     """Linearise a problem about its solution at some parameters."""
     step = here.background - here.floor
     changes = visible_fraction_derivatives(problem.model, here.traced, problem.free)
-    jacobian = np.column_stack([change * step for change in changes])
+    return _equations(problem, here, np.column_stack([change * step for change in changes]))
+
+
+def with_curvature(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
+    """The same end of a straight nail's fit with the curvature free, and derivatives by it."""
+    freed, here = replace(problem, free=problem.free | ~STRAIGHT_NAIL), solution.linear
+    step = here.background - here.floor
+    changes = visible_fraction_derivatives(problem.model, here.traced, ~STRAIGHT_NAIL)
+    jacobian = np.column_stack([solution.equations.jacobian, *(change * step for change in changes)])
+    return freed, replace(solution, equations=_equations(freed, here, jacobian))
+
+
+def _equations(problem: Problem, here: LinearSolution, jacobian: NDArray[np.float64]) -> NormalEquations:
     cross = right_sides_of(here.design, jacobian)
     matrix = jacobian.T @ (problem.weight[:, None] * jacobian) - cross.T @ here.factor.solved(cross)
     matrix[np.diag_indices(len(matrix))] += prior_precision()[problem.free]

@@ -55,17 +55,28 @@ class Parameter(IntEnum):
     BULGE = 18
     S_BEND = 19
     DELRIN_PER_MM = 20
+    BEND_Y_PER_M = 21
+    BEND_Z_PER_M = 22
 
 
 PARAMETER_COUNT = len(Parameter)
+CURVATURE = [Parameter.BEND_Y_PER_M, Parameter.BEND_Z_PER_M]
 ALL_PARAMETERS = np.ones(PARAMETER_COUNT, dtype=bool)
+# All but the curvature, which stays zero.
+STRAIGHT_NAIL = ~np.isin(np.arange(PARAMETER_COUNT), CURVATURE)
 POSE_ONLY = np.arange(PARAMETER_COUNT) < POSE_SIZE
 # What the display does beyond a power of the intensity; plain images are fitted without.
 DISPLAY_BENDS = [Parameter.BULGE, Parameter.S_BEND]
-STRAIGHT_DISPLAY = ~np.isin(np.arange(PARAMETER_COUNT), DISPLAY_BENDS)
+STRAIGHT_DISPLAY = STRAIGHT_NAIL & ~np.isin(np.arange(PARAMETER_COUNT), DISPLAY_BENDS)
 TILTS = [Parameter.PITCH_RAD, Parameter.ROLL_RAD]
 # Deviations from the part file: the same in every image of one nail.
-SHAPE_PARAMETERS = (Parameter.HOLE_RADIUS_EXCESS_MM, Parameter.NAIL_RADIUS_EXCESS_MM, Parameter.CHAMFER_DEVIATIONS)
+SHAPE_PARAMETERS = (
+    Parameter.HOLE_RADIUS_EXCESS_MM,
+    Parameter.NAIL_RADIUS_EXCESS_MM,
+    Parameter.CHAMFER_DEVIATIONS,
+    Parameter.BEND_Y_PER_M,
+    Parameter.BEND_Z_PER_M,
+)
 _RADII = [Parameter.HOLE_RADIUS_EXCESS_MM, Parameter.NAIL_RADIUS_EXCESS_MM]
 
 
@@ -88,6 +99,8 @@ def priors() -> dict[Parameter, tuple[float, float]]:
         Parameter.BULGE: (0.0, p.bulge_sd),
         Parameter.S_BEND: (0.0, p.s_bend_sd),
         Parameter.DELRIN_PER_MM: (p.delrin_per_mm, p.delrin_per_mm_sd),
+        Parameter.BEND_Y_PER_M: (0.0, p.bent_sd_per_m),
+        Parameter.BEND_Z_PER_M: (0.0, p.bent_sd_per_m),
     }
 
 
@@ -119,6 +132,11 @@ def clipped_to_bounds(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     clipped[Parameter.CURVE] = max(clipped[Parameter.CURVE], 0.0)
     clipped[tail] = np.clip(clipped[tail], 0.0, NAIL_PRIORS.largest_tail_share)
     return np.asarray(clipped)
+
+
+def curvature_of(parameters: NDArray[np.float64]) -> tuple[float, float]:
+    """Curvature towards the nail's y and z in 1/m."""
+    return float(parameters[Parameter.BEND_Y_PER_M]), float(parameters[Parameter.BEND_Z_PER_M])
 
 
 def attenuation_per_mm(nail: NailPart, parameters: NDArray[np.float64]) -> float:

@@ -61,7 +61,7 @@ class SteelPaths(NamedTuple):
         row[places[some]] = np.arange(np.count_nonzero(some))
         return SteelPaths(row, np.ascontiguousarray(path_mm[some]))
 
-    def of(self, part: slice) -> "SteelPaths":
+    def of(self, part: slice | NDArray[np.int64]) -> "SteelPaths":
         """That of some of the pixels."""
         return SteelPaths(self.row[part], self.path_mm)
 

@@ -22,9 +22,9 @@ from services.registration.core.nail.least_squares import (
     problem_for,
 )
 from services.registration.core.nail.parameters import (
-    ALL_PARAMETERS,
     PARAMETER_COUNT,
     POSE_ONLY,
+    STRAIGHT_NAIL,
     TILTS,
     Parameter,
     prior_mean,
@@ -136,7 +136,7 @@ def _compared(fit_input: FitInput, poses: list[Transform[Camera, Nail]]) -> Glob
     model = model_at(fit_input, poses[0], stage, stage.reduction)
     if model is None:
         return None
-    problem = problem_for(model, stage, ALL_PARAMETERS)
+    problem = problem_for(model, stage, STRAIGHT_NAIL)
     first = minimise(problem, model.with_pose(prior_mean(), poses[0]), stage.noise_steps, stage.noise_tolerance)
     # no pixel may weigh less because the first of them does not explain it
     problem = evenly_weighted(problem, estimate_noise(problem, first.linear))
@@ -185,7 +185,7 @@ def _freed(problem: Problem, held: Solution) -> Solution:
 
 def _nearby(problem: Problem, best: Solution) -> Solution:
     """Best of the fits with the tilt held 3° away in four directions."""
-    stage, free = COMPARISON_STAGE, ALL_PARAMETERS.copy()
+    stage, free = COMPARISON_STAGE, STRAIGHT_NAIL.copy()
     free[TILTS] = False
     held = replace(problem, free=free)
     found = [

@@ -48,6 +48,9 @@ class JointRegistration:
     # Of small motions (rotation in rad, translation in mm): of the guide in its own frame in the first image, in the
     # second ..., and of the nail in its own frame; shape (6 V + 6, 6 V + 6)
     covariance: NDArray[np.float64]
+    curvature_per_m: tuple[float, float] = (0.0, 0.0)  # of the nail towards its y and z
+    # Of pose and curvature before any image corrected the pose, shape (8, 8); None where no curvature was estimated
+    covariance_with_bend: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         size = 6 * len(self.images) + 6
@@ -73,7 +76,9 @@ class JointRegistration:
             )
             for image, k in zip(self.images, own, strict=True)
         )
-        return JointRegistration(tuple(images), self.guide_from_nail.moved(motion[-6:]), covariance)
+        return replace(
+            self, images=images, guide_from_nail=self.guide_from_nail.moved(motion[-6:]), covariance=covariance
+        )
 
 
 def joint_registration(
@@ -94,7 +99,7 @@ def joint_registration(
             # The image's pose contains the guide's error, transported to the nail, with the opposite sign.
             covariance[own, -6:] = -image.guide_covariance @ by_guide.T @ fused.weights[index].T
             covariance[-6:, own] = covariance[own, -6:].T
-    return JointRegistration(images, fused.pose.mean, covariance)
+    return JointRegistration(images, fused.pose.mean, covariance, fused.curvature_per_m, fused.covariance_with_bend)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,6 +26,7 @@ from services.registration.core.wires.nail_fit import ImageWithWires, no_holes_r
 from shared.errors import Reason, Rejected
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, unit
+from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
 _DERIVATIVE_STEP_MM = 1e-4
@@ -159,10 +160,10 @@ def _registered(
 
 def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: float) -> WireVerification:
     """Fit the wires in one image or more and compare them with the nail's holes."""
-    guide, nail = parts.guide, parts.nail
-    holes = holes_at(
-        nail, parts.drill_diameter_mm, estimate.guide_from_nail, estimate.nail_covariance, estimate.camera_from_nail(0)
-    )
+    guide, nail = parts.guide, parts.nail.bent(estimate.curvature_per_m)
+    of_pose = np.pad(estimate.nail_covariance, (0, 2))
+    found = holes_at(nail, parts.drill_diameter_mm, estimate.guide_from_nail, of_pose, estimate.camera_from_nail(0))
+    holes = [_with_more(hole, _by_curvature(estimate, nail, hole.id)) for hole in found]
     guide_holes = {hole.id: hole for hole in guide.holes}
     pairs = [(guide_holes[hole.id], hole) for hole in holes if hole.id in guide_holes]
     if not pairs:
@@ -177,16 +178,39 @@ def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: fl
         if isinstance(fit, Reason):
             reasons.append(fit)
             continue
-        wires.append(compare_wire(fit, hole, offsets_by_motion(nail, hole.id, estimate.guide_from_nail)))
+        by_motion = offsets_by_motion(nail, hole.id, estimate.guide_from_nail)[:, :6]
+        wires.append(compare_wire(fit, hole, by_motion, _by_curvature(estimate, nail, hole.id)))
         reasons.extend(_too_uncertain(wires[-1], len(gradients)))
     compared = tuple(_compare_guide_hole(guide_hole.axis, hole) for guide_hole, hole in pairs)
     return WireVerification(tuple(reasons), tuple(wires), compared)
 
 
-def compare_wire(fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.float64]) -> AxisComparison:
+def _by_curvature(estimate: JointRegistration, nail: NailPart, hole_id: str) -> NDArray[np.float64]:
+    """By how much the nail's curvature adds to the covariance of a hole's offsets, shape (4, 4): never less than 0."""
+    covariance = estimate.covariance_with_bend
+    if covariance is None:
+        return np.zeros((4, 4))
+    J = offsets_by_motion(nail, hole_id, estimate.guide_from_nail)
+    values, vectors = np.linalg.eigh(J @ covariance @ J.T - J[:, :6] @ covariance[:6, :6] @ J[:, :6].T)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def _with_more(hole: HoleEstimate, covariance_mm2: NDArray[np.float64]) -> HoleEstimate:
+    assert hole.offset is not None  # `verify_wires` gives the holes a covariance
+    return replace(hole, offset=replace(hole.offset, covariance_mm2=hole.offset.covariance_mm2 + covariance_mm2))
+
+
+def compare_wire(
+    fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.float64], by_curvature_mm2: NDArray[np.float64]
+) -> AxisComparison:
     """A fitted wire against a nail hole, with the uncertainties of both.
 
-    The derivative of the hole's offsets at entry and exit by the nail's motion has the shape (4, 6).
+    Parameters
+    ----------
+    by_nail_motion
+        Derivative of the hole's offsets at entry and exit by the nail's motion, shape (4, 6).
+    by_curvature_mm2
+        Covariance of these offsets by the nail's curvature, shape (4, 4).
     """
 
     def offset_mm(offsets_mm: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -200,7 +224,7 @@ def compare_wire(fit: WireFit, hole: HoleEstimate, by_nail_motion: NDArray[np.fl
     J = np.hstack([by_wire, -by_nail_motion])
     length_mm = float(np.linalg.norm(hole.exit_guide_mm - hole.entry_guide_mm))
     nail_moved_mm = by_nail_motion @ fit.nail_motion
-    offset = AxisOffset(here - nail_moved_mm, J @ fit.covariance @ J.T, length_mm)
+    offset = AxisOffset(here - nail_moved_mm, J @ fit.covariance @ J.T + by_curvature_mm2, length_mm)
     slope = (offset.mean_mm[2:] - offset.mean_mm[:2]) / length_mm
     between_deg = float(np.degrees(np.arctan(np.linalg.norm(slope))))
     return AxisComparison(

@@ -164,11 +164,11 @@ def _nail_path_mm(
     """Length in metal by sampling depth: inside the cylinder, before the rounded tip, outside the holes."""
     inverse = camera_from_nail.inverse()
     axis = camera_from_nail.rotation[:, 0]
-    near = _distance_of_lines_mm(rays, camera_from_nail.translation_mm, axis) < nail.radius_mm
+    near = _distance_of_lines_mm(rays, camera_from_nail.translation_mm, axis) < nail.radius_mm + 3.0 * nail.is_bent
     middle_mm, reach_mm = float(camera_from_nail.translation_mm[2]), 1.6 * nail.diameter_mm
     length = np.zeros(np.count_nonzero(near))
     for depth_mm in np.arange(middle_mm - reach_mm, middle_mm + reach_mm, _DEPTH_STEP_MM):
-        p = inverse.points(rays[near] * depth_mm)
+        p = _straightened_mm(inverse.points(rays[near] * depth_mm), nail)
         across = np.hypot(p[:, 1], p[:, 2])
         beyond = np.maximum(p[:, 0] - (nail.tip_x_mm - nail.radius_mm), 0.0)
         metal = np.hypot(across, beyond) <= nail.radius_mm
@@ -181,6 +181,20 @@ def _nail_path_mm(
     total = np.zeros(rays.shape[:2])
     total[near] = length * _DEPTH_STEP_MM
     return total
+
+
+def _straightened_mm(points_mm: NDArray[np.float64], nail: NailPart) -> NDArray[np.float64]:
+    """Points of a bent nail where they are in the straight one: arcs about one centre become lines, shape (N, 3)."""
+    if not nail.is_bent:
+        return points_mm
+    y, z = nail.curvature_per_m
+    size = np.hypot(y, z)
+    inwards, radius_mm = np.array([0.0, y, z]) / size, 1000.0 / size
+    below = points_mm @ inwards
+    along = radius_mm * np.arctan2(points_mm[:, 0], radius_mm - below)
+    aside = radius_mm - np.hypot(points_mm[:, 0], radius_mm - below)
+    beside = points_mm - below[:, None] * inwards
+    return np.asarray(beside * [0.0, 1.0, 1.0] + along[:, None] * _X + aside[:, None] * inwards)
 
 
 def _distance_of_lines_mm(

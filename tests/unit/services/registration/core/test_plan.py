@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from services.registration.core.acceptance.criteria import PlanRefusal
 from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.hole_axes import HoleEstimate
+from services.registration.core.hole_axes import holes_at as nail_holes_at
 from services.registration.core.plan import (
     LONGEST_AXIAL_SHIFT_MM,
     PlannedMove,
@@ -20,14 +21,14 @@ from services.registration.core.plan import (
 )
 from shared.acceptance import Refusal
 from shared.errors import Accepted
-from shared.geometry.frames import Guide, Nail
+from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.hexapod import PlatformPose, base_from_top
 from shared.geometry.hexapod_limits import path_violations
 from shared.geometry.lines import Line
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
 from shared.parts.hexapod_file import default_hexapod
-from tests.unit.services.registration.xray_scene import guide_part
+from tests.unit.services.registration.xray_scene import guide_part, nail_part
 
 HEXAPOD = default_hexapod()
 DIAMETER_MM = 5.3
@@ -127,6 +128,18 @@ def test_unequal_spacings_are_planned_one_by_one() -> None:
     assert "one hole per move" in refusal.message
     for hole in holes:
         assert planned(holes, (hole.id,)).predicted[0].offset.entry_mm < 1e-5
+
+
+def test_holes_of_a_bent_nail_are_planned_one_by_one() -> None:
+    guide_from_nail, nail = nail_at((1.0, 1.0, 0.0), (1.0, 1.0)), nail_part().bent((0.0, 3.2))
+    view: Transform[Camera, Nail] = Transform.from_rotation_translation(np.eye(3), np.array([0.0, 0.0, 740.0]))
+    holes = nail_holes_at(nail, 4.0, guide_from_nail, 1e-10 * np.eye(8), view)
+    refusal = refused(holes, BOTH)
+    assert refusal.code is PlanRefusal.UNEQUAL_SPACING
+    assert "its axes are 5.5° apart and the guide's 0.0°" in refusal.message
+    assert "hole_ids ['distal']; hole_ids ['proximal']" in refusal.message
+    for hole in holes:
+        assert planned(holes, (hole.id,)).predicted[0].angle_deg < 1e-5
 
 
 def test_slightly_unequal_spacings_share_the_error_and_say_so() -> None:
