@@ -140,7 +140,7 @@ def errors_of(seen: SeenSetUp, images: tuple[int, ...], joining: Joining = as_sh
         return None
     joint = joining(estimates).pose
     nail, drill_mm = seen.parts.nail, seen.parts.drill_diameter_mm
-    found = holes_at(nail, drill_mm, joint.mean, joint.covariance, seen.camera_from_nail)
+    found = holes_at(nail, drill_mm, joint.mean, np.pad(joint.covariance, (0, 2)), seen.camera_from_nail)
     true = holes_at(nail, drill_mm, seen.truth, None, seen.camera_from_nail)
     rows = np.array([_hole_errors(a, b) for a, b in zip(found, true, strict=True)])
     entry_mm, axis_deg, depth_mm = (float(v) for v in rows[:, :3].max(axis=0))

@@ -80,7 +80,7 @@ def hole_directions(problem: Problem, parameters: NDArray[np.float64]) -> NDArra
 
 def _differ(problem: Problem, one: Solution, other: Solution) -> bool:
     pairs = zip(hole_directions(problem, one.parameters), hole_directions(problem, other.parameters), strict=True)
-    return max(angle_between_rad(a, b) for a, b in pairs) > np.radians(BENT_NAIL.distinct_deg)
+    return bool(max(angle_between_rad(a, b) for a, b in pairs) > np.radians(BENT_NAIL.distinct_deg))
 
 
 def _is_a_nail(parameters: NDArray[np.float64]) -> bool:

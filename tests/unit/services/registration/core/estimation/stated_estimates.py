@@ -36,8 +36,20 @@ def shifted(one: Estimate, motion: NDArray[np.float64]) -> Estimate:
     return replace(one, mean=one.mean.moved(motion))
 
 
-def with_errors(one: Estimate, **changed: NDArray[np.float64]) -> Estimate:
-    return replace(one, errors=replace(one.errors, **changed))
+def with_errors(
+    one: Estimate,
+    image_covariance: NDArray[np.float64] | None = None,
+    shape_deviations: NDArray[np.float64] | None = None,
+    model_loadings: NDArray[np.float64] | None = None,
+) -> Estimate:
+    errors = one.errors
+    changed = replace(
+        errors,
+        image_covariance=errors.image_covariance if image_covariance is None else image_covariance,
+        shape_deviations=errors.shape_deviations if shape_deviations is None else shape_deviations,
+        model_loadings=errors.model_loadings if model_loadings is None else model_loadings,
+    )
+    return replace(one, errors=changed)
 
 
 def across_mm(x: float, y: float) -> NDArray[np.float64]:

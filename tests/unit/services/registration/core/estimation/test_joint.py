@@ -169,3 +169,44 @@ def test_errors_are_as_large_as_predicted_when_images_share_as_assumed() -> None
     rms = np.sqrt(np.mean(np.square(normalised), axis=0))
     print(f"seed {seed}, normalised rms {np.round(rms, 2)}")
     assert np.all((rms > 0.88) & (rms < 1.12))
+
+
+def held(lean_deg: tuple[float, float], z_per_m: float = 0.0) -> Estimate:
+    """An image in which a nail passed as straight; its curvature would turn the fit by 0.5° per 1/m."""
+    one, by_curvature = evidence(lean_deg), np.zeros((6, 2))
+    by_curvature[1, 1] = np.radians(0.5)
+    errors = one.errors.with_held_curvature(0.07, by_curvature)
+    return replace(one, mean=one.mean.moved(by_curvature @ [0.0, z_per_m]), errors=errors)
+
+
+def bent(z_per_m: float) -> Estimate:
+    """An image in which the curvature was free, in deviations of 2/m, and found within 0.1/m."""
+    one = evidence()
+    free = one.errors.with_held_curvature(2.0, np.zeros((6, 2)))
+    covariance = free.image_covariance + np.diag([0.0] * 6 + [0.05**2] * 2)
+    deviations, none = np.array([0.0, z_per_m / 2.0]), np.zeros_like(free.shape_pull)
+    errors = replace(free, shape_deviations=deviations, image_covariance=covariance, shape_pull=none)
+    return replace(one, errors=errors)
+
+
+def test_nails_that_no_image_shows_bent_stay_straight_within_their_tolerance() -> None:
+    joint = fuse((held((0.0, 0.0)), held((0.0, 20.0))))
+    assert joint.curvature_per_m == (0.0, 0.0)
+    assert joint.covariance_with_bend is not None
+    assert np.sqrt(np.diag(joint.covariance_with_bend)[6:]) == pytest.approx(0.07)
+
+
+@pytest.mark.parametrize("others", [0, 1, 2])
+def test_a_nail_that_one_image_shows_bent_is_bent(others: int) -> None:
+    joint = fuse((*(held((0.0, 20.0), 1.5),) * others, bent(1.5)))
+    assert joint.curvature_per_m == pytest.approx((0.0, 1.5), abs=0.01)
+    assert joint.covariance_with_bend is not None
+    assert 0.05 < np.sqrt(joint.covariance_with_bend[7, 7]) < 0.101
+
+
+def test_a_change_of_the_deviation_changes_no_error() -> None:
+    errors = held((0.0, 5.0)).errors
+    other = errors.with_bend_in(0.14)
+    assert other.shape_pull[1, 1] == pytest.approx(2.0 * errors.shape_pull[1, 1])
+    assert other.own_covariance == pytest.approx(errors.own_covariance)
+    assert bent(1.5).errors.with_bend_in(1.0).curvature_per_m == pytest.approx([0.0, 1.5])
