@@ -110,10 +110,13 @@ class LocalisationEvidence:
 
 def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
     """Reasons against a fitted nail; none when it is accepted."""
+    mismatch = tuple(_mismatch(evidence))
+    # what the model does not explain counts as noise: then dose would not help
+    remedy = STRUCTURE.remedy if mismatch else ""
     return (
-        *opening_reasons(evidence.holes, evidence.openings),
+        *opening_reasons(evidence.holes, evidence.openings, remedy=remedy),
         *_covered(evidence),
-        *_mismatch(evidence),
+        *mismatch,
         *_processed(evidence),
         *_ambiguity(evidence),
     )
@@ -135,9 +138,12 @@ def uncertainty_reasons(holes: tuple[HoleEstimate, ...], error_ratio: float = 1.
 
 
 def opening_reasons(
-    holes: tuple[HoleView, ...], openings: Openings, contrast: Criterion[ReasonCode] = CONTRAST_TO_NOISE
+    holes: tuple[HoleView, ...],
+    openings: Openings,
+    contrast: Criterion[ReasonCode] = CONTRAST_TO_NOISE,
+    remedy: str = "",
 ) -> Iterator[Reason]:
-    """Reasons against holes that show too little."""
+    """Reasons against holes that show too little; `remedy` replaces that of too little contrast."""
     best = max(holes, key=lambda view: view.opening)
     for view in holes:
         least = openings.of_best if view is best else openings.of_others
@@ -146,7 +152,8 @@ def opening_reasons(
         elif not contrast.is_met(view.contrast_to_noise):
             yield contrast.reason(
                 f"hole '{view.id}' is brighter than the metal around it by {contrast.quoted(view.contrast_to_noise)} "
-                "standard deviations of the noise"
+                "standard deviations of the noise",
+                remedy,
             )
 
 

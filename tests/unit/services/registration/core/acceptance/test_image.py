@@ -53,6 +53,16 @@ LOCALISED = LocalisationEvidence(
 )
 
 
+def test_noise_that_the_model_does_not_explain_is_no_matter_of_dose() -> None:
+    noisy = replace(FIT, holes=(HoleView("distal", 0.9, 1.2), FIT.holes[1]))
+    (by_noise,) = fit_reasons(noisy)
+    by_object, _ = fit_reasons(replace(noisy, residual=replace(RESIDUAL, spot=0.6)))
+    assert by_noise.code is by_object.code is ReasonCode.HOLE_NOT_VISIBLE
+    assert "raise the dose" in by_noise.message
+    assert "dose" not in by_object.message
+    assert "instruments" in by_object.message
+
+
 def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
     (by_noise,), (by_processing,) = (localisation_reasons(replace(uncertain, error_ratio=r)) for r in (1.9, 3.4))
