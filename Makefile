@@ -6,8 +6,8 @@ INSTALLED := .venv/.installed
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 # How many processes share the tests. A file's tests stay in one of them, with the fixtures that they share; the folders
-# with the longest files come first, so that no process ends long before the others. End-to-end tests run beside them in
-# one more: they mostly wait. Some of them hold safety deadlines, so that the others yield the processor to them.
+# with the longest files come first, so that no process ends long before the others. End-to-end tests run by themselves:
+# an installation is seven processes, and some of its tests hold safety deadlines.
 WORKERS ?= 2
 PYTEST := $(BIN)/python -m pytest -q
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
@@ -16,7 +16,7 @@ T ?= tests/unit
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
 
-.PHONY: help setup demo test check lint tests e2e-tests other-tests unit mutation bench lock generated wheel-check clean
+.PHONY: help setup demo test check lint tests unit mutation bench lock generated wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
@@ -47,7 +47,7 @@ demo: $(COMPILED)
 
 # Each part prints little unless it fails, so that they can run at the same time.
 test: setup
-	@$(MAKE) --no-print-directory --jobs=3 lint tests
+	@$(MAKE) --no-print-directory --jobs=2 lint tests
 
 check: setup
 	@$(MAKE) --no-print-directory --jobs=2 lint quick-tests
@@ -59,13 +59,9 @@ lint: setup
 	@$(BIN)/python -m tools.generate --check
 	@$(BIN)/mypy
 
-tests: e2e-tests other-tests
-
-e2e-tests: $(COMPILED)
+tests: $(COMPILED)
+	$(PYTEST) $(PARALLEL) tests/accuracy tests/contract tests/property tests/unit
 	$(PYTEST) tests/e2e
-
-other-tests: $(COMPILED)
-	nice -n 10 $(PYTEST) $(PARALLEL) tests/accuracy tests/contract tests/property tests/unit
 
 quick-tests: $(COMPILED)
 	$(PYTEST) $(PARALLEL) tests/contract tests/property tests/unit
