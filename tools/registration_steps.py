@@ -22,7 +22,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import Parts, distal_direction, known_balls, localise, unmirrored
-from services.registration.core.nail.fit import pose_covariance
+from services.registration.core.nail.covariance import pose_covariance
 from services.registration.core.nail.forward_model import model_at
 from services.registration.core.nail.least_squares import (
     LinearSolution,

@@ -31,6 +31,14 @@ def rotations_between_rad(start: NDArray[np.float64], end: NDArray[np.float64]) 
     return np.asarray(normal * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0))
 
 
+def displacement_by_motion(point_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How a body's point, shape (3,), moves with a small motion of the body in its own frame, shape (3, 6).
+
+    The motion (rotation w in rad, translation t in mm) moves the point x by w x x + t.
+    """
+    return np.hstack([-cross_matrix(point_mm), np.eye(3)])
+
+
 def cross_matrix(v: NDArray[np.float64]) -> NDArray[np.float64]:
     """The matrix that takes a vector to the cross product of `v` with it, shape (3, 3)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

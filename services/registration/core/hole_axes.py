@@ -10,7 +10,7 @@ from services.registration.core.drill_clearance import AxisOffset, across_basis
 from services.registration.core.tuning import NAIL_AS_BUILT
 from shared.geometry.bend import motion_by_curvature
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.lines import Line
+from shared.geometry.lines import Line, displacement_by_motion
 from shared.geometry.parts import NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
@@ -89,12 +89,11 @@ def _as_built(nail: NailPart, length_mm: float) -> NDArray[np.float64]:
 def offsets_by_motion(nail: NailPart, hole_id: str, guide_from_nail: Transform[Guide, Nail]) -> NDArray[np.float64]:
     """How a hole's axis moves across itself at entry and exit with the nail, shape (4, 8).
 
-    By a small motion of the nail in its own frame and its curvature towards y and z (1/m). A small motion (w, t) of a
-    body in its own frame moves its point x by w x x + t.
+    By a small motion of the nail in its own frame and its curvature towards y and z (1/m).
     """
     hole = next(hole for hole in nail.holes if hole.id == hole_id)
     across = across_basis(guide_from_nail.directions(hole_axis(nail, hole).direction)) @ guide_from_nail.rotation
     ends = hole_surface_points(nail, hole)
-    by_motion = np.vstack([across @ np.hstack([np.cross(end, np.eye(3)), np.eye(3)]) for end in ends])
+    by_motion = np.vstack([across @ displacement_by_motion(end) for end in ends])
     bent_by = motion_by_curvature(nail.curvature_per_m, float(hole.axis.point_mm[0]))
     return np.hstack([by_motion, by_motion @ bent_by])

@@ -288,10 +288,10 @@ class ForeignObjects:
     """What is darker than any nail explains (`core/nail/foreign.py`)."""
 
     most_rounds: int = tuned(2, "1", "fits after which more may be left out", _FOREIGN)
-    blur_px: float = tuned(1.5, "px", "Gaussian before residuals are compared with the limit", _FOREIGN)
+    blur_detector_mm: float = tuned(0.3525, "mm", "Gaussian before residuals are compared with the limit", _FOREIGN)
     limit_in_spreads: float = tuned(6.0, "robust sd", "darkness beyond which a pixel is foreign", _FOREIGN)
     least_pixels: int = tuned(12, "px", "fewest connected pixels that count", _FOREIGN)
-    margin_px: int = tuned(3, "px", "margin around an object that is left out too", derived("two blur widths"))
+    margin_detector_mm: float = tuned(0.705, "mm", "margin around an object", derived("two blur widths"))
     directions: int = tuned(36, "1", "directions in which a rim is looked for", derived("10° each"))
     about_rim_in_radii: float = tuned(0.25, "hole radii", "distance from the rim at which pixels show it", _FOREIGN)
     seen_share: float = tuned(0.5, "1", "share of the usual pixels with which a direction is seen", _FOREIGN)
@@ -401,7 +401,7 @@ class FinalStage:
 
 @dataclass(frozen=True, slots=True)
 class NailEvidence:
-    """What is measured of a fit for its acceptance (`core/nail/fit.py`)."""
+    """What is measured of a fit for its acceptance (`core/nail/evidence.py`)."""
 
     open_transmission: float = tuned(0.5, "1", "transmission from which a pixel is open", derived("half way"))
     near_hole_in_radii: float = tuned(1.5, "hole radii", "where a hole's open pixels are counted", _INSPECTION)

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import HoleView
 from services.registration.core.estimation.pose_estimate import POSE_SIZE, PoseEstimate, model_covariance
-from services.registration.core.nail.fit import hole_views, pose_covariance, residual_statistics
+from services.registration.core.nail.covariance import pose_covariance
+from services.registration.core.nail.evidence import hole_views, residual_statistics
 from services.registration.core.nail.forward_model import model_at
 from services.registration.core.nail.least_squares import (
     Problem,

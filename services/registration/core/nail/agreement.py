@@ -15,6 +15,7 @@ from services.registration.core.nail.parameters import Parameter, prior_mean, pr
 from services.registration.core.nail.region import FitRegion
 from services.registration.core.tuning import AGREEMENT_OF_PARTS
 from shared.geometry.frames import Camera, Nail
+from shared.geometry.lines import displacement_by_motion
 from shared.geometry.parts import NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 
@@ -65,7 +66,7 @@ class Agreement:
         """Errors of the pose, grown by what the model does not explain.
 
         Wrong brightness between the rims turns the nail, but hardly moves it: edges stay in place. A nail that appears
-        wider than its file may be nearer than the distance of its holes says: that distance is then not the file's.
+        larger than its file may be nearer than the distance of its holes says: that distance is then not the file's.
         """
         ratio = self.error_ratio
         grown = errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio)
@@ -135,11 +136,8 @@ def parts_of(region: FitRegion, nail: NailPart) -> NDArray[np.int64]:
     part = np.asarray(np.searchsorted(stretches, x) + s.stretches * (y > 0.0), dtype=np.int64)
     first = 2 * s.stretches
     for hole in nail.holes:
-        dx, dy = x - hole.axis.point_mm[0], y - hole.axis.point_mm[1]
-        near = (np.hypot(dx, dy) < s.about_rim_in_radii * 0.5 * hole.diameter_mm) & (
-            np.abs(y) < s.inside_nail_in_radii * nail.radius_mm
-        )
-        sector = np.floor((np.arctan2(dy, dx) / (2.0 * np.pi) + 0.5) * s.sectors).astype(np.int64) % s.sectors
+        radii, sector = region.about_hole(hole, s.sectors)
+        near = (radii < s.about_rim_in_radii) & (np.abs(y) < s.inside_nail_in_radii * nail.radius_mm)
         part[near] = first + sector[near]
         first += s.sectors
     return part
@@ -148,7 +146,7 @@ def parts_of(region: FitRegion, nail: NailPart) -> NDArray[np.int64]:
 def offsets_by_motion_across(nail: NailPart) -> NDArray[np.float64]:
     """Offsets of the outer holes' ends along the nail's x and y by its small motion, shape (M, 6)."""
     ends = [end for hole in (nail.holes[0], nail.holes[-1]) for end in hole_surface_points(nail, hole)]
-    return np.asarray(np.vstack([np.hstack([np.cross(end, np.eye(3)), np.eye(3)])[:2] for end in ends]))
+    return np.vstack([displacement_by_motion(end)[:2] for end in ends])
 
 
 def _sums(parts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ from services.registration.core.nail.rays import (
 from services.registration.core.tuning import FIT_REGION
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.parts import NailPart
+from shared.geometry.parts import Hole, NailPart
 from shared.geometry.transform import Transform
 from shared.two_cores import on_both_halves
 from shared.xray.pixel_scale import pixels as pixels_of
@@ -148,6 +148,12 @@ class FitRegion:
     def compared_values(self, image: NDArray[Real]) -> NDArray[np.float64]:
         """The compared pixels, shape (N,), of an image of the whole rectangle."""
         return image.ravel()[self.compared].astype(np.float64, copy=False)
+
+    def about_hole(self, hole: Hole, sectors: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Distance of the compared pixels from a hole's middle in hole radii, and which of so many sectors, (N,)."""
+        dx, dy = self.along_mm - hole.axis.point_mm[0], self.across_mm - hole.axis.point_mm[1]
+        sector = np.floor((np.arctan2(dy, dx) / (2.0 * np.pi) + 0.5) * sectors).astype(np.int64)
+        return np.asarray(np.hypot(dx, dy) / (0.5 * hole.diameter_mm)), sector % sectors
 
     def on_rectangle(self, values: NDArray[Real], elsewhere: float) -> NDArray[Real]:
         """Values of the support's pixels, shape (S,), on the whole rectangle, shape of it."""

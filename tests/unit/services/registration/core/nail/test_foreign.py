@@ -10,6 +10,7 @@ from services.registration.core.nail.imaging_chain import Sampling
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.region import FitInput, FitRegion, cut_region
 from services.registration.core.tuning import FOREIGN_OBJECTS
+from shared.xray.pixel_scale import pixels
 from tests.unit.services.registration.xray_scene import calibration, nail_part, posed_nail
 
 SIDE = 1024
@@ -49,7 +50,7 @@ def test_a_dark_object_is_found_where_it_is_with_a_margin() -> None:
     assert abs(x.mean() - left - REGION.shape[1] // 2) < 1.0
     assert abs(y.mean() - top - REGION.shape[0] // 2) < 1.0
     radius_px = np.sqrt(mask.sum() / np.pi)
-    assert 6.0 < radius_px < 6.0 + 2.0 * FOREIGN_OBJECTS.margin_px
+    assert 6.0 < radius_px < 6.0 + 2.0 * pixels(FOREIGN_OBJECTS.margin_detector_mm, 0.235)
 
 
 def test_noise_bright_spots_and_specks_are_not_foreign() -> None:
