@@ -27,7 +27,7 @@ from distalock.arguments import (
     scenario_arguments,
     writable_file,
 )
-from distalock.bench import ALL, BENCHMARKS, print_list, run_benchmarks
+from distalock.bench import is_benchmark, print_list, run_benchmarks
 from distalock.inputs import require_inputs
 from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.errors import InputError
@@ -196,18 +196,18 @@ def _calibrate_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _benchmark_name(text: str) -> str:
-    if text not in (*BENCHMARKS, ALL):
+    if not is_benchmark(text):
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; `distalock bench` lists them")
     return text
 
 
 def _bench_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("names", nargs="*", type=_benchmark_name, metavar="NAME", help="`all`, or some of the list")
-    parser.add_argument("options", nargs=argparse.REMAINDER, help="of the one benchmark named, such as --help")
+    parser.add_argument("name", nargs="?", type=_benchmark_name, metavar="NAME", help="`all`, or one of the list")
+    parser.add_argument("more", nargs=argparse.REMAINDER, help="more names, or arguments of the one benchmark named")
 
 
 def _bench(given: argparse.Namespace) -> int:
-    return run_benchmarks(given.names, given.options) if given.names else print_list()
+    return run_benchmarks([given.name, *given.more]) if given.name else print_list()
 
 
 COMMANDS = (

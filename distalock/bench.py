@@ -5,6 +5,7 @@ import inspect
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from types import ModuleType
 from typing import Final
@@ -185,14 +186,21 @@ def print_list() -> int:
     return 0
 
 
-def run_benchmarks(names: Sequence[str], options: Sequence[str] = ()) -> int:
-    """Run the named benchmarks, or `all`; the exit code is that of the first that failed.
+def is_benchmark(word: str) -> bool:
+    """Whether a word names a benchmark, or all of them."""
+    return word in BENCHMARKS or word == ALL
 
-    `options` belong to the one benchmark that is named.
+
+def run_benchmarks(words: Sequence[str]) -> int:
+    """Run the benchmarks that the leading words name, or `all`; the exit code is that of the first that failed.
+
+    The words from the first that names no benchmark are the arguments of the one benchmark that is named.
     """
     if not _in_checkout():
         return EXIT_BAD_INPUT
-    chosen = [name for name, one in BENCHMARKS.items() if not one.needs_arguments] if ALL in names else list(names)
+    names = list(takewhile(is_benchmark, words))
+    options = words[len(names) :]
+    chosen = [name for name, one in BENCHMARKS.items() if not one.needs_arguments] if ALL in names else names
     if options and len(chosen) > 1:
         print("distalock bench: options belong to one benchmark; name one", file=sys.stderr)
         return EXIT_BAD_INPUT

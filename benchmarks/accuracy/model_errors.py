@@ -24,6 +24,7 @@ from benchmarks.scenes.set_ups import SetUp
 from services.registration.core.estimation.pose_estimate import POSE_SIZE, model_loadings
 from services.registration.core.guide_from_nail import guide_from_nail_of
 from services.registration.core.tuning import MODEL_ERRORS
+from shared.arguments import OneLineParser
 
 FIRST_SEED, SCENES, PROCESSES, MINUTES = 50_000, 120, 2, 10.0
 _POSE_NAMES = ("tilt_deg", "turn_about_z_deg", "position_mm")
@@ -76,7 +77,7 @@ def main(arguments: Sequence[str] = ()) -> int:
 
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="distalock bench model_errors", description="fit the model's own errors")
+    parser = OneLineParser(prog="distalock bench model_errors", description="fit the model's own errors")
     parser.add_argument("--seed", type=int, default=FIRST_SEED)
     parser.add_argument("--count", type=int, default=SCENES)
     parser.add_argument("--minutes", type=float, default=MINUTES, help="after which no further scene is begun")

@@ -27,6 +27,7 @@ from benchmarks.data.independent_images import ListedImage, listed_images
 from benchmarks.scenes.random_scenes import scene_of_seed
 from benchmarks.scenes.varied_parts import write_parts
 from distalock.locate import NominalOptions, locate_image, read_parts
+from shared.arguments import OneLineParser
 from simulation.render.image import render_scene
 from simulation.world.poses import starting_state
 
@@ -55,7 +56,7 @@ def main(arguments: Sequence[str] = ()) -> int:
 
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="distalock bench same_results", description="before and after a change")
+    parser = OneLineParser(prog="distalock bench same_results", description="before and after a change")
     actions = parser.add_subparsers(dest="action", required=True)
     scenes = actions.add_parser("scenes", help="render scenes into a folder")
     scenes.add_argument("folder", type=Path)

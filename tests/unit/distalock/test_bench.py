@@ -1,5 +1,6 @@
 """`distalock bench`: options go to the benchmark that has some, and to no other."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,33 @@ from distalock.bench import BENCHMARKS, ROOT
 def test_options_belong_to_one_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "accuracy", "calibration", "--count", "1"]) == EXIT_BAD_INPUT
     assert "options belong to one benchmark; name one" in capsys.readouterr().err
+
+
+def test_a_word_that_is_no_benchmark_after_several_names_runs_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "accuracy", "calibration", "nonsense"]) == EXIT_BAD_INPUT
+    assert "options belong to one benchmark; name one" in capsys.readouterr().err
+
+
+def test_all_takes_no_options(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "all", "--count", "1"]) == EXIT_BAD_INPUT
+    assert "options belong to one benchmark; name one" in capsys.readouterr().err
+
+
+def test_the_first_word_must_be_a_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["bench", "nonsense", "accuracy"])
+    assert "there is no benchmark 'nonsense'" in capsys.readouterr().err
+
+
+def test_a_word_after_the_name_is_an_action_of_the_benchmark(tmp_path: Path) -> None:
+    before, after = tmp_path / "before.jsonl", tmp_path / "after.jsonl"
+    rows = [
+        json.dumps({"image": image, "verdict": "rejected", "codes": ["blurred"], "holes": {}}) + "\n" for image in "ab"
+    ]
+    before.write_text("".join(rows))
+    after.write_text(rows[0])
+    assert main(["bench", "same_results", "compare", str(before), str(after), "--subset"]) == 0
+    assert main(["bench", "same_results", "compare", str(before), str(after)]) == 1
 
 
 def test_without_a_name_there_is_a_list(capsys: pytest.CaptureFixture[str]) -> None:
@@ -36,6 +64,9 @@ def test_every_page_is_in_the_checkout() -> None:
         ("independent_images", ["--nope"], "unrecognized arguments: --nope"),
         ("image_time", ["--count", "0"], "'0' is not a number of scenes from 1 to"),
         ("noise_draws", ["--draws", "1"], "'1' is not a number of draws from 2 to"),
+        ("same_results", [], "the following arguments are required: action"),
+        ("same_results", ["nonsense"], "invalid choice: 'nonsense'"),
+        ("stop_latency", ["locate"], "unrecognized arguments: locate"),
     ],
 )
 def test_wrong_options_of_a_benchmark_are_one_line(
