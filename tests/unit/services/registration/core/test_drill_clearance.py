@@ -63,6 +63,14 @@ def test_bounds_follow_the_worst_direction_and_predicted_rms_both() -> None:
     assert made.axis_bound_deg == pytest.approx(2.4477 * np.degrees(np.sqrt(0.1) / 11.0), rel=1e-4)
 
 
+@pytest.mark.parametrize("correlation", [-0.98, 0.98])
+def test_errors_that_both_ends_share_turn_the_axis_less(correlation: float) -> None:
+    made = offset(0.3**2 * np.kron([[1.0, correlation], [correlation, 1.0]], np.eye(2)))
+    slope_sd_deg = np.degrees(0.3 * np.sqrt(2.0 - 2.0 * correlation) / 11.0)
+    assert made.axis_sd_deg == pytest.approx(np.sqrt(2.0) * slope_sd_deg)
+    assert made.axis_bound_deg == pytest.approx(2.4477 * slope_sd_deg, rel=1e-4)
+
+
 @pytest.mark.parametrize(("off_mm", "chance"), [(0.75, 1.0), (0.7501, 0.0)])
 @pytest.mark.parametrize("end", [0, 1, 2, 3])
 def test_a_drill_that_touches_the_wall_at_either_end_still_passes(end: int, off_mm: float, chance: float) -> None:
@@ -88,6 +96,13 @@ def test_the_angle_between_axes_is_in_degrees() -> None:
 def test_offsets_are_measured_in_the_planes_across_the_axis() -> None:
     other = Line(np.array([0.3, -0.2, 0.0]), np.array([0.1, 0.0, 1.0]))
     offsets = axis_offset_mm(Line(np.zeros(3), Z), other, np.zeros(3), 10.0 * Z).reshape(2, 2) @ across_basis(Z)
+    assert offsets == pytest.approx(np.array([[0.3, -0.2, 0.0], [1.3, -0.2, 0.0]]))
+
+
+def test_offsets_are_relative_to_entry_and_exit() -> None:
+    entry = np.array([5.0, -7.0, 3.0])
+    axis, other = Line(entry, Z), Line(entry + [0.3, -0.2, 0.0], np.array([0.1, 0.0, 1.0]))
+    offsets = axis_offset_mm(axis, other, entry, entry + 10.0 * Z).reshape(2, 2) @ across_basis(Z)
     assert offsets == pytest.approx(np.array([[0.3, -0.2, 0.0], [1.3, -0.2, 0.0]]))
 
 

@@ -11,6 +11,7 @@ from services.robot.core.status import DriveStatus, with_feedback
 from services.robot.core.supervision import (
     MoveUnderWay,
     check_at_rest,
+    check_held,
     check_moving,
     check_referencing,
     distance_from_path,
@@ -67,7 +68,14 @@ def test_a_robot_that_rests_short_of_its_target_gets_a_second() -> None:
     assert check_moving(move, resting, 11.9) is None
     finding = check_moving(move, resting, 12.1)
     assert finding is not None
+    assert finding.event is Event.FAULT_SEEN
     assert "stopped 2.000 mm and 1.000° from its target" in finding.message
+
+
+def test_a_move_and_its_settling_may_last_as_long_as_their_limits() -> None:
+    assert check_moving(MOVE, MOVING, MOVE.began_s + MOVE.longest_s) is None
+    resting = replace(MOVE, at_rest_s=11.0)
+    assert check_moving(resting, replace(MOVING, moving=False), 11.0 + SUPERVISION.settle_s) is None
 
 
 @pytest.mark.parametrize("state", [MotionState.LOCKED, MotionState.UNREFERENCED, MotionState.STOPPED])
@@ -100,12 +108,31 @@ def test_a_stopped_robot_may_report_its_stop(error: ControllerError) -> None:
     assert check_at_rest(MotionState.STOPPED, replace(AT_REST, error=error)) is None
 
 
+def test_a_locked_robot_that_stays_within_the_read_back_is_held() -> None:
+    assert check_held(TARGET, replace(AT_REST, pose=replace(TARGET, x_mm=4.04, w_deg=2.04))) is None
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        (replace(TARGET, y_mm=0.06), "has moved by 0.060 mm and 0.000°"),
+        (replace(TARGET, w_deg=2.06), "has moved by 0.000 mm and 0.060°"),
+    ],
+)
+def test_a_locked_robot_that_moves_or_turns_is_a_fault(pose: PlatformPose, words: str) -> None:
+    finding = check_held(TARGET, replace(AT_REST, pose=pose))
+    assert finding is not None
+    assert finding.event is Event.FAULT_SEEN
+    assert words in finding.message
+
+
 @pytest.mark.parametrize(
     ("feedback", "lasted_s", "event"),
     [
         (AT_REST, 0.1, Event.REFERENCE_DONE),
         (replace(AT_REST, referenced=False), 0.1, None),
         (replace(AT_REST, moving=True), 0.1, None),
+        (replace(AT_REST, referenced=False), SUPERVISION.reference_timeout_s, None),
         (replace(AT_REST, referenced=False), 61.0, Event.FAULT_SEEN),
         (replace(AT_REST, pose=HALF_WAY), 0.1, Event.FAULT_SEEN),
         (replace(AT_REST, error=FAULT), 0.1, Event.FAULT_SEEN),
@@ -122,6 +149,21 @@ def test_the_path_ends_at_its_ends() -> None:
     assert distance_from_path(ZERO_POSE, TARGET, beyond).distance_mm == pytest.approx(1.0, abs=0.2)
     assert distance_from_path(ZERO_POSE, TARGET, HALF_WAY).distance_mm == pytest.approx(0.0, abs=1e-12)
     assert distance_from_path(ZERO_POSE, ZERO_POSE, HALF_WAY).distance_mm == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("x_mm", "y_mm", "distance_mm"),
+    [(2.0, 5.0, 0.0), (2.0, 5.5, 0.5), (1.8, 4.7, 0.3), (0.0, 5.0, 1.0), (3.7, 5.0, 1.0)],
+)
+def test_the_distance_from_a_path_is_that_from_its_nearest_place(x_mm: float, y_mm: float, distance_mm: float) -> None:
+    start, target = (PlatformPose(x, 5.0, 0.0, 0.0, 0.0, 0.0) for x in (1.0, 2.7))
+    pose = PlatformPose(x_mm, y_mm, 0.0, 0.0, 0.0, 0.0)
+    assert distance_from_path(start, target, pose).distance_mm == pytest.approx(distance_mm, abs=1e-9)
+
+
+def test_a_path_shorter_than_a_millimetre_has_a_middle() -> None:
+    target, middle = (PlatformPose(x, 0.0, 0.0, 0.0, 0.0, 0.0) for x in (0.8, 0.4))
+    assert distance_from_path(ZERO_POSE, target, middle).distance_mm == pytest.approx(0.0, abs=1e-12)
 
 
 def test_feedback_while_moving_without_a_move_is_a_fault() -> None:

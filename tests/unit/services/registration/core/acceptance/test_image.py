@@ -65,12 +65,17 @@ def test_noise_that_the_model_does_not_explain_is_no_matter_of_dose() -> None:
 
 def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
     uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
-    (by_noise,), (by_processing,) = (localisation_reasons(replace(uncertain, error_ratio=r)) for r in (1.9, 3.4))
+    (by_noise,), (by_processing,) = (localisation_reasons(replace(uncertain, error_ratio=r)) for r in (2.0, 2.1))
     assert by_noise.code is by_processing.code is ReasonCode.UNCERTAINTY_TOO_LARGE
     assert "more dose" in by_noise.message
-    assert "disagree by 3.4 times" in by_processing.message
+    assert "disagree by 2.1 times" in by_processing.message
     assert "local contrast" in by_processing.message
     assert "dose" not in by_processing.message
+
+
+def test_a_hole_without_a_rim_share_is_an_error() -> None:
+    with pytest.raises(ValueError, match="shorter"):
+        fit_reasons(replace(FIT, rim_shares=FIT.rim_shares[:1]))
 
 
 def test_within_all_limits_is_accepted() -> None:
