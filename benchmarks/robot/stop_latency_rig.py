@@ -40,6 +40,9 @@ KEYS = Keys("or1")
 CLIENT = "benchmark"
 TARGET_SIZE = 4.0
 PATIENCE_S = 20.0
+# Longer than the driver's pause between questions (0.02 s), so that one waits for its answer; and so short that the stop
+# which the driver sends by itself, after 0.25 s of silence, comes more than 0.2 s after the one that is timed.
+MUTE_BEFORE_S = 0.04
 SET_UP = {
     "side": "right",
     "bone": "femur",
@@ -177,8 +180,10 @@ class StopTheatre:
     def stop_latency_s(self, source: random.Random, *, mute: bool) -> float:
         """One trial: begin a motion, ask for a stop somewhere in it, and time the byte."""
         self.begin_motion(source)
-        self.controller.mute = mute
         time.sleep(source.uniform(0.02, 0.15))
+        if mute:
+            self.controller.mute = True
+            time.sleep(MUTE_BEFORE_S)
         self.controller.stop_heard.clear()
         asked_s = time.monotonic()
         try:
