@@ -2,9 +2,13 @@
 
 Real processes of router, gateway and robot service. This process holds the other ends: the virtual controller, which
 notes when the byte arrives, and registration, whose plans make the robot move. Every stop is asked for in mid-motion;
-in half of the trials the controller has gone mute, so that the driver waits for an answer just then.
+in half of the trials the controller has gone mute shortly before, so that the driver waits for an answer just then.
+
+The worst case is the safety requirement. The limit of 99 % is the benchmark's own: it shows a gateway or a driver that
+has become slow long before the requirement is missed.
 """
 
+import os
 import random
 import sys
 from dataclasses import dataclass
@@ -12,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.common.places import PAGES
-from benchmarks.robot.stop_latency_rig import stop_theatre
+from benchmarks.robot.stop_latency_rig import MUTE_BEFORE_S, stop_rig
 
 TRIALS = 1000
 SEED = 77
@@ -36,9 +40,9 @@ class Latencies:
 def measured(trials: int, seed: int) -> Latencies:
     """Run trials in an installation of its own."""
     source = random.Random(seed)
-    with stop_theatre() as theatre:
-        answering = [theatre.stop_latency_s(source, mute=False) for _ in range(trials - trials // 2)]
-        mute = [theatre.stop_latency_s(source, mute=True) for _ in range(trials // 2)]
+    with stop_rig() as rig:
+        answering = [rig.stop_latency_s(source, mute=False) for _ in range(trials - trials // 2)]
+        mute = [rig.stop_latency_s(source, mute=True) for _ in range(trials // 2)]
     return Latencies(tuple(answering), tuple(mute))
 
 
@@ -72,7 +76,13 @@ def _report(latencies: Latencies) -> str:
         "controller's end of the wire (TCP);\nreal processes of router, gateway and robot service.\n\n"
         "| | trials | median | 99 % | worst |\n|---|---|---|---|---|\n"
         f"{rows}"
-        f"| limit | | | {1e3 * LIMIT_P99_S:.0f} ms | {1e3 * LIMIT_WORST_S:.0f} ms |\n"
+        f"| limit | | | {1e3 * LIMIT_P99_S:.0f} ms | {1e3 * LIMIT_WORST_S:.0f} ms |\n\n"
+        f"No trial may take longer than {1e3 * LIMIT_WORST_S:.0f} ms: that is the safety requirement, and "
+        f"`tests/e2e/test_stop_latency.py` holds each of its {TRIALS // 10} trials to it.\nThe limit of 99 % is this "
+        f"benchmark's own. The controller goes mute {1e3 * MUTE_BEFORE_S:.0f} ms before the stop: the stop that the "
+        f"driver sends by itself after 250 ms\nof silence comes too late to pass for the one that is timed.\n\n"
+        f"Load average of the five minutes before the end of this run: {os.getloadavg()[1]:.1f}, "
+        f"on {os.cpu_count()} processors.\n"
     )
 
 

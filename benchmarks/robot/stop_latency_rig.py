@@ -40,8 +40,8 @@ KEYS = Keys("or1")
 CLIENT = "benchmark"
 TARGET_SIZE = 4.0
 PATIENCE_S = 20.0
-# Longer than the driver's pause between questions (0.02 s), so that one waits for its answer; and so short that the stop
-# which the driver sends by itself, after 0.25 s of silence, comes more than 0.2 s after the one that is timed.
+# Longer than the driver's pause between questions (0.02 s), so that one waits for its answer; so short that the stop of
+# the driver itself, after 0.25 s of silence, comes more than 0.2 s after the one that is timed.
 MUTE_BEFORE_S = 0.04
 SET_UP = {
     "side": "right",
@@ -71,7 +71,7 @@ class ListeningController(VirtualController):
 
 
 @dataclass(slots=True)
-class StopTheatre:
+class StopRig:
     """Everybody around the robot service."""
 
     controller: ListeningController
@@ -196,7 +196,7 @@ class StopTheatre:
 
 
 @contextmanager
-def stop_theatre() -> Iterator[StopTheatre]:
+def stop_rig() -> Iterator[StopRig]:
     """An installation of its own, for as long as the context lasts."""
     router_port, rest_port = free_ports(2)
     controller = ListeningController(HEXAPOD, time.monotonic)
@@ -208,16 +208,16 @@ def stop_theatre() -> Iterator[StopTheatre]:
         open_bus(BusSettings(f"tcp/127.0.0.1:{router_port}")) as bus,
         RestClient(f"http://127.0.0.1:{rest_port}") as rest,
     ):
-        theatre = StopTheatre(controller, bus, rest)
-        theatre.listen()
+        rig = StopRig(controller, bus, rest)
+        rig.listen()
         rest.post("/api/v1/cases", SET_UP)
-        vouching = threading.Thread(target=_vouch, args=(bus, theatre.epoch, ended), daemon=True)
-        vouching.start()
+        confirming = threading.Thread(target=_confirm_epoch, args=(bus, rig.epoch, ended), daemon=True)
+        confirming.start()
         try:
-            yield theatre
+            yield rig
         finally:
             ended.set()
-            vouching.join()
+            confirming.join()
 
 
 def _processes(router_port: int, rest_port: int, gcs_port: int, folder: Path) -> list[ProcessSpec]:
@@ -242,7 +242,7 @@ def _is_well(rest_port: int) -> bool:
         return False
 
 
-def _vouch(bus: Bus, epoch: str, ended: threading.Event) -> None:
+def _confirm_epoch(bus: Bus, epoch: str, ended: threading.Event) -> None:
     """Say, as registration does, that nothing newer has come."""
     words = bus.publisher(KEYS.registration_epoch)
     number = 0

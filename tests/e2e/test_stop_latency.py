@@ -9,8 +9,9 @@ from benchmarks.robot.stop_latency import LIMIT_P99_S, LIMIT_WORST_S, TRIALS, me
 @pytest.mark.timeout(600)
 def test_a_stop_over_rest_reaches_the_wire_at_once_in_motion_and_with_a_mute_controller() -> None:
     latencies = measured(TRIALS // 10, seed=78)
-    print(f"p99 {quantile_s(latencies.all_s, 99.0):.4f} s, worst {max(latencies.all_s):.4f} s")
+    print(f"90 % {quantile_s(latencies.all_s, 90.0):.4f} s, worst {max(latencies.all_s):.4f} s")
     assert len(latencies.all_s) == TRIALS // 10
-    # The bench holds 99 % to this limit on a machine that does nothing else; here the other core may be busy.
-    assert quantile_s(latencies.all_s, 90.0) <= LIMIT_P99_S
+    # The requirement: no trial may miss it.
     assert max(latencies.all_s) <= LIMIT_WORST_S
+    # The bench holds 99 % to its own limit on a machine that does nothing else; here the other core may be busy.
+    assert quantile_s(latencies.all_s, 90.0) <= LIMIT_P99_S

@@ -101,7 +101,7 @@ def test_offsets_are_measured_in_the_planes_across_the_axis() -> None:
 
 def test_offsets_are_relative_to_entry_and_exit() -> None:
     entry = np.array([5.0, -7.0, 3.0])
-    axis, other = Line(entry, Z), Line(entry + [0.3, -0.2, 0.0], np.array([0.1, 0.0, 1.0]))
+    axis, other = Line(entry, Z), Line(np.array([5.3, -7.2, 3.0]), np.array([0.1, 0.0, 1.0]))
     offsets = axis_offset_mm(axis, other, entry, entry + 10.0 * Z).reshape(2, 2) @ across_basis(Z)
     assert offsets == pytest.approx(np.array([[0.3, -0.2, 0.0], [1.3, -0.2, 0.0]]))
 
