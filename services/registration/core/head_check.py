@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from services.registration.core.acceptance.criteria import (
     EXTENSION_BY_PLACE,
@@ -29,7 +28,7 @@ from services.registration.core.acceptance.criteria import (
     MOUNT_PLACE,
     HeadTrouble,
 )
-from services.registration.core.estimation.pose_estimate import PoseEstimate, condition
+from services.registration.core.estimation.pose_estimate import Conditioned, PoseEstimate, condition
 from services.registration.core.tuning import HEAD_ERRORS
 from shared.acceptance import Refusal
 from shared.figures import figure
@@ -50,10 +49,15 @@ def check_place(
     mount_name: str,
 ) -> Refusal[HeadTrouble] | None:
     """Compare where the nail is in the base's frame, for the pose in the image, with where the mount has it."""
-    head = hexapod.top_from_guide(head_extension_mm)
-    base_from_nail = base_from_top(hexapod, pose, hexapod.pivot_mm) @ head @ guide_from_nail
+    base_from_nail = _base_from_guide(hexapod, head_extension_mm, pose) @ guide_from_nail
     mount = hexapod.mount(mount_name)
     return _turned(base_from_nail, mount) or _displaced(base_from_nail, mount, hexapod, head_extension_mm)
+
+
+def _base_from_guide(
+    hexapod: HexapodPart, head_extension_mm: float, pose: PlatformPose
+) -> Transform[RobotBase, Guide]:
+    return base_from_top(hexapod, pose, hexapod.pivot_mm) @ hexapod.top_from_guide(head_extension_mm)
 
 
 def _turned(base_from_nail: Transform[RobotBase, Nail], mount: MountPlace) -> Refusal[HeadTrouble] | None:
@@ -100,15 +104,6 @@ class MotionView:
     source_covariance_mm2: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Explanation:
-    """How well one hypothesis of the head explains a motion; the extension's error with its standard deviation."""
-
-    chi_square: float
-    extension_error_mm: float
-    extension_sd_mm: float
-
-
 def check_motion(
     hexapod: HexapodPart, head_extension_mm: float, before: MotionView, after: MotionView
 ) -> Refusal[HeadTrouble] | None:
@@ -116,9 +111,10 @@ def check_motion(
 
     None also when the motion was too small to decide, or when no such mistake explains it.
     """
-    commanded = _commanded(hexapod, head_extension_mm, before.pose, after.pose)
+    base_from_guide = _base_from_guide(hexapod, head_extension_mm, before.pose)
+    commanded = base_from_guide.inverse() @ _base_from_guide(hexapod, head_extension_mm, after.pose)
     seen = observed_motion(before, after)
-    robot = _covariance_of_robot_and_mount(hexapod, head_extension_mm, before.pose, commanded)
+    robot = _covariance_of_robot_and_mount(base_from_guide, commanded)
     seen = PoseEstimate(seen.mean, seen.errors.with_more(robot))
     as_filed = _explained(commanded, seen, HEAD_ERRORS.head_sd_mm)
     enough = min(MOTION_CHI_SQUARE.limit.value, as_filed.chi_square - MOTION_GAIN.limit.value)
@@ -127,18 +123,7 @@ def check_motion(
     turn, best = min(turned, key=lambda one: one[1].chi_square)
     if best.chi_square <= min(enough, extended.chi_square):
         return _guide_turned(turn, commanded, seen, as_filed.chi_square - best.chi_square)
-    if extended.chi_square <= enough and _is_an_extension(hexapod, head_extension_mm, extended):
-        return _wrong_extension(head_extension_mm, extended)
-    return None
-
-
-def _is_an_extension(hexapod: HexapodPart, head_extension_mm: float, found: _Explanation) -> bool:
-    """Whether the error is large, certain, and leads to an extension that the head has."""
-    really_mm = head_extension_mm + found.extension_error_mm
-    nearest_mm = float(np.clip(really_mm, hexapod.head_extension_mm.minimum, hexapod.head_extension_mm.maximum))
-    possible = abs(really_mm - nearest_mm) <= 2.0 * found.extension_sd_mm
-    least_mm = max(EXTENSION_ERROR.limit.value, EXTENSION_ERROR_SIGMAS.limit.value * found.extension_sd_mm)
-    return possible and abs(found.extension_error_mm) >= least_mm
+    return _wrong_extension(hexapod, head_extension_mm, extended) if extended.chi_square <= enough else None
 
 
 def observed_motion(before: MotionView, after: MotionView) -> PoseEstimate[Guide, Guide]:
@@ -163,14 +148,6 @@ def c_arm_stood_still(before: MotionView, after: MotionView) -> bool:
     return MOTION_CHI_SQUARE.is_met(nail + source)
 
 
-def _commanded(
-    hexapod: HexapodPart, head_extension_mm: float, before: PlatformPose, after: PlatformPose
-) -> Transform[Guide, Guide]:
-    head = hexapod.top_from_guide(head_extension_mm)
-    first, second = (base_from_top(hexapod, pose, hexapod.pivot_mm) @ head for pose in (before, after))
-    return first.inverse() @ second
-
-
 def _turned_motion(motion: Transform[Guide, Guide], turn_deg: tuple[int, int, int]) -> Transform[Guide, Guide]:
     turn: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(turn_deg), np.zeros(3))
     return turn.inverse() @ motion @ turn
@@ -178,49 +155,52 @@ def _turned_motion(motion: Transform[Guide, Guide], turn_deg: tuple[int, int, in
 
 def _explained(
     commanded: Transform[Guide, Guide], observed: PoseEstimate[Guide, Guide], extension_sd_mm: float
-) -> _Explanation:
-    """By small errors of the head, its extension's error as large as is given."""
+) -> Conditioned:
+    """By small errors of the head, its extension's error (the fourth) as large as is given."""
     by_head = np.eye(6) - commanded.inverse().adjoint
     along_mm, across_mm = extension_sd_mm, HEAD_ERRORS.head_sd_mm
     head = np.diag([np.radians(HEAD_ERRORS.head_sd_deg)] * 3 + [along_mm, across_mm, across_mm]) ** 2
-    given = condition(head, commanded.motion_to(observed.mean), by_head, observed.covariance)
-    extension_sd_mm = float(np.sqrt(max(given.covariance[3, 3], 0.0)))
-    return _Explanation(given.chi_square, float(given.mean[3]), extension_sd_mm)
+    return condition(head, commanded.motion_to(observed.mean), by_head, observed.covariance)
 
 
 def _covariance_of_robot_and_mount(
-    hexapod: HexapodPart, head_extension_mm: float, start: PlatformPose, commanded: Transform[Guide, Guide]
+    base_from_guide: Transform[RobotBase, Guide], commanded: Transform[Guide, Guide]
 ) -> NDArray[np.float64]:
     """What robot and mount add to a motion, whoever holds the guide, in the later guide's frame, shape (6, 6).
 
     Tissue pushes back along the travel: the base gives way that way, and turns as the push at the guide makes it.
     """
     robot = np.diag([np.radians(MOVE_SD_DEG)] * 3 + [MOVE_SD_MM] * 3) ** 2
-    head = hexapod.top_from_guide(head_extension_mm)
-    base_from_guide = base_from_top(hexapod, start, hexapod.pivot_mm) @ head @ commanded
-    travel_mm = base_from_guide.translation_mm - (base_from_guide @ commanded.inverse()).translation_mm
-    place_mm = base_from_guide.translation_mm
+    base_from_later = base_from_guide @ commanded
+    place_mm = base_from_later.translation_mm
+    travel_mm = place_mm - base_from_guide.translation_mm
     push = np.cross(place_mm, travel_mm) / float(np.linalg.norm(place_mm))
     shift = np.concatenate([np.zeros(3), HEAD_ERRORS.yield_share * travel_mm])
     turn = np.concatenate([np.radians(HEAD_ERRORS.yield_deg_per_mm) * push, np.zeros(3)])
-    to_guide = base_from_guide.inverse().adjoint
-    yields = to_guide @ np.column_stack([shift, turn])
+    yields = base_from_later.inverse().adjoint @ np.column_stack([shift, turn])
     return np.asarray(robot + yields @ yields.T)
 
 
-def _wrong_extension(head_extension_mm: float, found: _Explanation) -> Refusal[HeadTrouble]:
+def _wrong_extension(
+    hexapod: HexapodPart, head_extension_mm: float, found: Conditioned
+) -> Refusal[HeadTrouble] | None:
+    """None unless the error is large, certain, and leads to an extension that the head has."""
+    error_mm, sd_mm = float(found.mean[3]), float(np.sqrt(max(found.covariance[3, 3], 0.0)))
+    really_mm = head_extension_mm + error_mm
+    nearest_mm = float(np.clip(really_mm, hexapod.head_extension_mm.minimum, hexapod.head_extension_mm.maximum))
+    least_mm = max(EXTENSION_ERROR.limit.value, EXTENSION_ERROR_SIGMAS.limit.value * sd_mm)
+    if abs(really_mm - nearest_mm) > 2.0 * sd_mm or abs(error_mm) < least_mm:
+        return None
     return EXTENSION_ERROR.refusal(
-        f"the guide moved as it would with the head's extension at {head_extension_mm + found.extension_error_mm:.0f} "
-        f"± {found.extension_sd_mm:.0f} mm; entered is {head_extension_mm:g} mm, a difference of "
-        f"{EXTENSION_ERROR.quoted(abs(found.extension_error_mm))}",
+        f"the guide moved as it would with the head's extension at {really_mm:.0f} ± {sd_mm:.0f} mm; entered is "
+        f"{head_extension_mm:g} mm, a difference of {EXTENSION_ERROR.quoted(abs(error_mm))}",
     )
 
 
 def _guide_turned(
     turn_deg: tuple[int, int, int], commanded: Transform[Guide, Guide], seen: PoseEstimate[Guide, Guide], gain: float
 ) -> Refusal[HeadTrouble]:
-    asked, went = commanded.translation_mm, seen.mean.translation_mm
-    angle = float(np.degrees(Rotation.from_euler("xyz", turn_deg, degrees=True).magnitude()))
+    asked, went, angle = commanded.translation_mm, seen.mean.translation_mm, np.linalg.norm(turn_deg)
     return MOTION_GAIN.refusal(
         f"the guide was commanded to move by ({_mm(asked)}) mm along its axes and moved by ({_mm(went)}) mm, as one "
         f"put on the head turned by {angle:.0f}° does: chi-square less by {MOTION_GAIN.quoted(gain)}",

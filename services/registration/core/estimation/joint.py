@@ -101,17 +101,12 @@ def leave_one_out(estimates: tuple[PoseEstimate[To, From], ...]) -> NDArray[np.f
     return np.array([whole - fuse(estimates[:k] + estimates[k + 1 :]).chi_square for k in range(len(estimates))])
 
 
-def weights_of(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
-    """How each estimate enters the joint pose, shape (K, 6, 6 + S).
+def _all_weights(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
+    """How each estimate enters the joint pose and shape, shape (K, 6 + S, 6 + S).
 
     Least squares for one pose and one shape, with the prior of the nail's file. One image alone has made use of the
     prior already.
     """
-    return _all_weights(errors)[:, :POSE_SIZE]
-
-
-def _all_weights(errors: tuple[PoseErrors, ...]) -> NDArray[np.float64]:
-    """How each estimate enters the joint pose and shape, shape (K, 6 + S, 6 + S)."""
     size = len(errors[0].own_covariance)
     if len(errors) == 1:
         return np.eye(size)[None]

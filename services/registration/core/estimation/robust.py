@@ -1,13 +1,8 @@
 """The robust cost of all estimators, and how they leave out outliers.
 
 An M-estimator minimises the sum of rho(r / scale) and is solved by least squares with weights that fall with the
-residual r. Two members of one family are in use, w(r) = (1 + |r / scale|^p)^(-q / p): Cauchy's (p = q = 2), which
-forgets an outlier, for image points and edges, where wrong detections occur; Huber's (q = 1, p without limit), which
-leaves good residuals alone and only bounds the others, for pixels, where noise has a few large values. Both are kept
-because results were to stay the same; whether one member could serve both has not been measured.
+residual r. Cauchy's forgets an outlier: image points and edges have wrong detections.
 """
-
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,22 +13,12 @@ from services.registration.core.compiled import compiled
 _MEDIAN_SIZE = {1: 0.674490, 2: float(np.sqrt(2.0 * np.log(2.0)))}
 
 
-class Loss(Enum):
-    """Members of the family of robust costs."""
+def robust_weight(residual: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """Cauchy's weights between 0 and 1 by which residuals, or lengths of residual vectors, count in least squares.
 
-    CAUCHY = "cauchy"
-    HUBER = "huber"
-
-
-def robust_weight(residual: NDArray[np.float64], scale: float, loss: Loss = Loss.CAUCHY) -> NDArray[np.float64]:
-    """Weights between 0 and 1 by which residuals, of any shape, or lengths of residual vectors count in least squares.
-
-    At the scale, in the residuals' unit, Cauchy's weight has fallen to a half, and Huber's begins to fall.
+    At the scale, in the residuals' unit, the weight has fallen to a half; any shape.
     """
-    ratio = np.abs(residual) / scale
-    if loss is Loss.CAUCHY:
-        return np.asarray(1.0 / (1.0 + ratio**2))
-    return np.asarray(1.0 / np.maximum(ratio, 1.0))
+    return np.asarray(1.0 / (1.0 + (residual / scale) ** 2))
 
 
 @compiled
