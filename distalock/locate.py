@@ -25,13 +25,12 @@ from services.registration.report import (
     Localiser,
     message_of_several,
     timed_localisation,
-    uncalibrated_message,
 )
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
-from shared.errors import Accepted, ImageUnreadable, InputError, Reason, Rejected
+from shared.errors import Accepted, ImageUnreadable, InputError, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
-from shared.messages.registration import Localisation, Method, Timing, UnreadableImage
+from shared.messages.registration import Localisation, Method, UnreadableImage
 from shared.parts.files import read_part_file
 
 EXIT_ACCEPTED, EXIT_REJECTED = 0, 3
@@ -74,7 +73,7 @@ class LocatedImage:
     ----------
     pixels
         The image as received, darker is denser, shape (rows, columns).
-    calibration, result
+    calibration
         None when the ring was not found.
     message
         What `locate` prints.
@@ -82,7 +81,7 @@ class LocatedImage:
 
     pixels: NDArray[np.float32]
     calibration: CArmCalibration | None
-    result: LocalisationResult | None
+    result: LocalisationResult
     message: Localisation
 
 
@@ -122,16 +121,10 @@ def located(image: ImageFile, parts: Parts, nominal: NominalOptions, method: Met
     except ImageUnreadable as error:
         raise ImageUnreadable(f"{image.path}: {error}") from None
     outcome = _calibrated(pixels, parts, of_image.geometry, method)
-    notes = {"notes": of_image.notes}
     ring_ms = 1e3 * (time.perf_counter() - started)
-    if isinstance(outcome, Rejected):
-        times = Timing(total=ring_ms, ring=ring_ms)
-        message = uncalibrated_message(outcome.reasons, method, image.sha256, times)
-        return LocatedImage(pixels, None, None, message.model_copy(update=notes))
-    result, message = timed_localisation(
-        pixels, outcome.value, parts, image.sha256, ring_ms, (method, _localiser(method))
-    )
-    return LocatedImage(pixels, outcome.value, result, message.model_copy(update=notes))
+    result, message = timed_localisation(pixels, outcome, parts, image.sha256, ring_ms, (method, _localiser(method)))
+    calibration = outcome.value if isinstance(outcome, Accepted) else None
+    return LocatedImage(pixels, calibration, result, message.model_copy(update={"notes": of_image.notes}))
 
 
 def _calibrated(
@@ -219,8 +212,7 @@ def _run_each(given: argparse.Namespace) -> int:
 
 def localised_image(name: str, found: LocatedImage) -> LocalisedImage:
     """What the core needs of an image; sentences call it by `name`."""
-    reasons = tuple(Reason(reason.code, reason.message) for reason in found.message.reasons)
-    return LocalisedImage(name, found.calibration, found.result, reasons)
+    return LocalisedImage(name, found.pixels, found.calibration, found.result)
 
 
 def run(given: argparse.Namespace) -> int:

@@ -8,7 +8,6 @@ from distalock.arguments import EXIT_BAD_INPUT
 from distalock.image_files import read_image_file, require_different
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, localised_image, located, read_parts
 from services.registration.core.localise import Parts
-from services.registration.core.wires.nail_fit import ImageWithWires
 from services.registration.core.wires.verify import verify_images as verify_wires
 from services.registration.report import verification_message
 from shared.equipment import USUAL_WIRE_DIAMETER_MM
@@ -44,12 +43,8 @@ def verify_images(
     require_different(files)
     found = tuple(located(file, parts, nominal) for file in files)
     given = tuple(localised_image(file.path.name, one) for file, one in zip(files, found, strict=True))
-    wired, earlier = found[len(before) :], given[: len(before)]
-    with_wires = tuple(
-        ImageWithWires(one.pixels, image) for one, image in zip(wired, given[len(before) :], strict=True)
-    )
-    verified = verify_wires(with_wires, earlier, parts, wire_diameter_mm)
-    message = verification_message(tuple(one.message.image.sha256 for one in wired), verified)
+    verified = verify_wires(given[len(before) :], given[: len(before)], parts, wire_diameter_mm)
+    message = verification_message(tuple(one.message.image.sha256 for one in found[len(before) :]), verified)
     notes = tuple(dict.fromkeys(note for one in found for note in one.message.notes))
     return message.model_copy(update={"notes": notes})
 

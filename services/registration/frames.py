@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from services.registration.core.fusion import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.parts import parts_from_json
-from shared.errors import Reason
+from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import HexapodPart
 from shared.messages.cases import CaseContext
-from shared.messages.imaging import FrameHeader
+from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.registration import LocalisationRecord
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState
 from shared.parts.hexapod_file import hexapod_from_json
@@ -61,19 +61,18 @@ class ReceivedFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisedFrame:
-    """An image with what was found in it; calibration and result are None when the ring was not found."""
+    """An image with what was found in it; the calibration is None when the ring was not found."""
 
     frame: ReceivedFrame
     case: OpenCase
     record: LocalisationRecord
     calibration: CArmCalibration | None
-    result: LocalisationResult | None
+    result: LocalisationResult
 
     @property
     def image(self) -> LocalisedImage:
         """What the core needs of it; sentences name the image by the beginning of its hash."""
-        reasons = tuple(Reason(reason.code, reason.message) for reason in self.record.localisation.reasons)
-        return LocalisedImage(self.record.image.sha256[:12], self.calibration, self.result, reasons)
+        return LocalisedImage(self.record.image.sha256[:12], self.frame.pixels, self.calibration, self.result)
 
 
 class LocalisedFrames:
@@ -133,6 +132,13 @@ class LocalisedFrames:
                 places.append(one)
                 needed.add(sha256)
         return next((sha256 for sha256 in self._frames if sha256 not in needed), next(iter(self._frames)))
+
+
+def calibration_of(message: CalibrationMessage) -> Accepted[CArmCalibration] | Rejected:
+    """What imaging found out about the image."""
+    if message.values is None:
+        return Rejected(tuple(Reason(reason.code, reason.message) for reason in message.reasons))
+    return Accepted(message.values.calibration())
 
 
 def same_stand(a: LocalisedFrame, b: LocalisedFrame) -> bool:

@@ -23,12 +23,20 @@ from services.registration.core.guidance.tracking import (
     track_frame,
 )
 from services.registration.core.localise import Parts
-from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest, same_place, set_up_of
+from services.registration.frames import (
+    LocalisedFrame,
+    OpenCase,
+    ReceivedFrame,
+    calibration_of,
+    pose_at_rest,
+    same_place,
+    set_up_of,
+)
 from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message, ring_turn_rad
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
 from shared.bus.port import Bus
-from shared.errors import Reason
+from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
 from shared.messages.imaging import CalibrationMessage, ImageReference
@@ -108,7 +116,7 @@ class LiveGuidance:
     def note_localised(self, localised: LocalisedFrame) -> None:
         """Begin anew from an image that was localised in full; publish its estimate if it is still the newest."""
         calibration, found = localised.calibration, localised.result
-        if calibration is None or found is None:
+        if calibration is None:
             return
         case, record = localised.case, localised.record
         track = start_track(localised.frame.pixels, calibration, case.parts, found)
@@ -177,13 +185,14 @@ class LiveGuidance:
             if not _stands_still(self._robot_pose, self._state.robot):
                 run.track = None  # the guide was moved against the nail
             start = run.start()
-        calibration = None if message.values is None else message.values.calibration()
-        estimate, after = _estimated(message, frame, calibration, case.parts, start.track)
+        calibrated = calibration_of(message)
+        estimate, after = _estimated(frame, calibrated, case.parts, start.track)
         with self._lock:
             known = self._run_of(case) is run
             if known and run.add_tracked(self._numbered(message.image.sha256), start, estimate, after):
                 elapsed_ms = 1e3 * (self._clock_s() - began_s)
-                self._publish(estimate, message.image, frame, case, ring_turn_rad(calibration), elapsed_ms)
+                ring_turn = ring_turn_rad(calibrated.value) if isinstance(calibrated, Accepted) else None
+                self._publish(estimate, message.image, frame, case, ring_turn, elapsed_ms)
             else:
                 self._unseen += 1
 
@@ -208,18 +217,13 @@ class LiveGuidance:
 
 
 def _estimated(
-    message: CalibrationMessage,
-    frame: ReceivedFrame,
-    calibration: CArmCalibration | None,
-    parts: Parts,
-    track: Track | None,
+    frame: ReceivedFrame, calibrated: Accepted[CArmCalibration] | Rejected, parts: Parts, track: Track | None
 ) -> tuple[FrameEstimate, Track | None]:
-    if calibration is None:
-        reasons = tuple(Reason(reason.code, reason.message) for reason in message.reasons)
-        return FrameEstimate(Origin.FOLLOWED, None, None, reasons, None), track
+    if isinstance(calibrated, Rejected):
+        return FrameEstimate(Origin.FOLLOWED, None, None, calibrated.reasons, None), track
     if track is None:
         return FrameEstimate(Origin.FOLLOWED, None, None, (NO_REFERENCE_IMAGE.reason(),), None), None
-    return track_frame(frame.pixels, calibration, parts, track)
+    return track_frame(frame.pixels, calibrated.value, parts, track)
 
 
 def _stands_still(key: PlatformPoseMessage | None, robot: RobotState | None) -> bool:

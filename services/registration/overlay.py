@@ -31,20 +31,19 @@ _RIM_POINTS = 49
 
 
 def overlay_png(
-    pixels: NDArray[np.float32], calibration: CArmCalibration | None, result: LocalisationResult | None, parts: Parts
+    pixels: NDArray[np.float32], calibration: CArmCalibration | None, result: LocalisationResult, parts: Parts
 ) -> bytes:
     """PNG of the image as received, shape (rows, columns), with everything drawn on it that was found."""
     if calibration is None:
         return _encoded(_canvas(pixels))
     canvas = _canvas(unmirrored(pixels, calibration))
     _draw_ring(canvas, calibration)
-    if result is not None and result.guide is not None:
+    if result.guide is not None:
         _draw_guide(canvas, calibration, result.guide, parts)
-    if result is not None and result.nail is not None:
+    if result.nail is not None:
         _draw_nail(canvas, calibration, result.nail.camera_from_nail, parts.with_nail_as_found(result.nail).nail)
     shown = np.ascontiguousarray(canvas[:, ::-1]) if calibration.mirrored else canvas
-    if result is not None:
-        _write(shown, _caption(result))
+    _write(shown, _caption(result))
     return _encoded(shown)
 
 

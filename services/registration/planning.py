@@ -258,7 +258,7 @@ def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
     newest = frames[-1].record.localisation
     if len(frames) == 1:
         result = frames[0].result
-        if newest.verdict != "accepted" or result is None or result.holes is None:
+        if newest.verdict != "accepted" or result.holes is None:
             reasons = "; ".join(reason.message for reason in newest.reasons)
             return refused("not_accepted", f"the newest image was rejected: {reasons}")
         return PlanAxes(result.holes, frames[0].case.parts.guide, None)
@@ -293,7 +293,7 @@ def head_trouble(newest: LocalisedFrame, state: RegistrationState) -> Refusal[He
 
 def _view(frame: LocalisedFrame) -> MotionView | None:
     pose = frame.record.robot_pose
-    if pose is None or frame.calibration is None or frame.result is None:
+    if pose is None or frame.calibration is None:
         return None
     return motion_view(pose.value(), frame.calibration, frame.result)
 

@@ -13,7 +13,7 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult, Parts, Step, localise
-from shared.errors import Reason
+from shared.errors import Accepted, Rejected
 from shared.geometry.bend import MM_PER_M
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import Matrix3, ReasonMessage, matrix4, vector3
@@ -97,19 +97,19 @@ def fusion_message(fused: FusedLocalisation | None, messages: tuple[Localisation
 
 def localisation_message(
     result: LocalisationResult,
-    calibration: CArmCalibration,
+    calibration: CArmCalibration | None,
     image_sha256: str,
     times: Timing,
     method: Method = "model",
 ) -> Localisation:
-    """A localisation of a calibrated image, accepted or rejected."""
+    """A localisation of an image, accepted or rejected; of one that has no calibration nothing else is known."""
     correction = result.correction
     return Localisation(
         verdict="accepted" if result.accepted else "rejected",
         reasons=tuple(ReasonMessage.of(reason) for reason in result.reasons),
         method=method,
-        image=LocalisedImage(sha256=image_sha256, mirrored=calibration.mirrored),
-        camera=_camera(calibration),
+        image=LocalisedImage(sha256=image_sha256, mirrored=None if calibration is None else calibration.mirrored),
+        camera=None if calibration is None else _camera(calibration),
         guide=None if result.guide is None else _guide(result.guide),
         nail=None if result.nail is None else _nail(result.nail),
         guide_from_nail=None if result.guide_from_nail is None else matrix4(result.guide_from_nail),
@@ -123,7 +123,7 @@ def localisation_message(
 
 def timed_localisation(
     pixels: NDArray[np.float32],
-    calibration: CArmCalibration,
+    calibrated: Accepted[CArmCalibration] | Rejected,
     parts: Parts,
     image_sha256: str,
     ring_ms: float,
@@ -132,33 +132,20 @@ def timed_localisation(
 ) -> tuple[LocalisationResult, Localisation]:
     """Localise in an image as received, and its message with the time each step took.
 
-    The calibration came before and took `ring_ms`; a method is its name in the message and the function that localises.
+    The calibration came before and took `ring_ms`; where it was rejected, so is the localisation. A method is its name
+    in the message and the function that localises.
     """
+    name, localise_by = method
+    if isinstance(calibrated, Rejected):
+        result = LocalisationResult(calibrated.reasons, None, None, None, None, None)
+        return result, localisation_message(result, None, image_sha256, Timing(total=ring_ms, ring=ring_ms), name)
     ends: dict[Step, float] = {}
     start = clock_s()
-    name, localise_by = method
-    result = localise_by(pixels, calibration, parts, lambda step: ends.update({step: clock_s()}))
+    result = localise_by(pixels, calibrated.value, parts, lambda step: ends.update({step: clock_s()}))
     guide_ms = 1e3 * (ends[Step.GUIDE] - start)
     nail_ms = 1e3 * (ends[Step.NAIL] - ends[Step.GUIDE])
     times = Timing(total=ring_ms + 1e3 * (clock_s() - start), ring=ring_ms, guide=guide_ms, nail=nail_ms)
-    return result, localisation_message(result, calibration, image_sha256, times, name)
-
-
-def uncalibrated_message(reasons: tuple[Reason, ...], method: Method, image_sha256: str, times: Timing) -> Localisation:
-    """The rejection of an image whose ring was not found: nothing else is known of it."""
-    return Localisation(
-        verdict="rejected",
-        reasons=tuple(ReasonMessage.of(reason) for reason in reasons),
-        method=method,
-        image=LocalisedImage(sha256=image_sha256, mirrored=None),
-        camera=None,
-        guide=None,
-        nail=None,
-        guide_from_nail=None,
-        holes=None,
-        c_arm_correction_deg=None,
-        timing_ms=times,
-    )
+    return result, localisation_message(result, calibrated.value, image_sha256, times, name)
 
 
 def verification_message(image_sha256s: tuple[str, ...], verified: "WireVerification") -> Verification:

@@ -4,21 +4,17 @@ import base64
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 
-from services.registration.core.localise import LocalisationResult
-from services.registration.core.wires.nail_fit import ImageWithWires
 from services.registration.core.wires.verify import verify_images
-from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, pose_at_rest
+from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, calibration_of, pose_at_rest
 from services.registration.live import LiveGuidance
 from services.registration.overlay import overlay_png
 from services.registration.planning import another_set_up, answer_plan_request
-from services.registration.report import timed_localisation, uncalibrated_message, verification_message
+from services.registration.report import timed_localisation, verification_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
 from shared.bus.port import Answer, Bus, Query, Sample
-from shared.errors import BusError, InputError, Reason
-from shared.geometry.calibration import CArmCalibration
+from shared.errors import Accepted, BusError, InputError
 from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import CalibrationMessage, FrameHeader
@@ -27,7 +23,6 @@ from shared.messages.registration import (
     LocalisationRecord,
     PlanRequest,
     RegistrationEpoch,
-    Timing,
     VerificationReply,
     VerificationRequest,
 )
@@ -39,15 +34,6 @@ _WAIT_S = 0.2
 _EPOCH_EVERY_S = 0.2
 _CASE_TIMEOUT_S = 2.0
 _OVERTAKEN_S = 0.5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Located:
-    """Estimates from one image, before they become a record."""
-
-    calibration: CArmCalibration | None
-    result: LocalisationResult | None
-    message: Localisation
 
 
 class RegistrationService:
@@ -149,8 +135,7 @@ class RegistrationService:
         if against is not None:
             return Answer(encode(against))
         earlier = self._state.images.accepted_beside(known[0], request.image_sha256)
-        images = tuple(ImageWithWires(one.frame.pixels, one.image) for one in known)
-        before = tuple(one.image for one in earlier)
+        images, before = tuple(one.image for one in known), tuple(one.image for one in earlier)
         verified = verify_images(images, before, case.parts, self._settings.wire_diameter_mm)
         self._state.note_verified(request.image_sha256, verified)
         verification = verification_message(request.image_sha256, verified)
@@ -195,18 +180,21 @@ class RegistrationService:
             return
         # pixels travel on a key of their own and may be overtaken by the much smaller calibration
         frame = self._state.wait_for_frame(job.image.sha256, _OVERTAKEN_S) or self._fetched(job.image.sha256)
-        located = _located(frame, job, case)
-        record = self._record(frame, job, case, located)
-        localised = LocalisedFrame(frame, case, record, located.calibration, located.result)
+        calibrated = calibration_of(job)
+        result, found = timed_localisation(frame.pixels, calibrated, case.parts, job.image.sha256, job.elapsed_ms)
+        calibration = calibrated.value if isinstance(calibrated, Accepted) else None
+        drawn = overlay_png(frame.pixels, calibration, result, case.parts)
+        record = _record(frame, job, case, found.model_copy(update={"notes": frame.header.notes}), drawn)
+        localised = LocalisedFrame(frame, case, record, calibration, result)
         self._state.images.note(localised)
         self._localisations.put(encode(record))
         self._guidance.note_localised(localised)
         self._runtime.log.info(
             "localised",
             sha256=job.image.sha256,
-            verdict=located.message.verdict,
-            reasons=[reason.message for reason in located.message.reasons],
-            total_ms=located.message.timing_ms.total,
+            verdict=found.verdict,
+            reasons=[reason.message for reason in found.reasons],
+            total_ms=found.timing_ms.total,
         )
 
     def _fetched(self, sha256: str) -> ReceivedFrame:
@@ -219,37 +207,25 @@ class RegistrationService:
         header = decode(FrameHeader, answer.attachment)
         return self._state.note_fetched_frame(header, header.pixels(answer.payload))
 
-    def _record(
-        self, frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase, located: _Located
-    ) -> LocalisationRecord:
-        drawn = overlay_png(frame.pixels, located.calibration, located.result, case.parts)
-        pose = pose_at_rest(frame.robot)
-        return LocalisationRecord(
-            localisation=located.message,
-            image=job.image,
-            case_id=case.context.case_id or "",
-            case_revision=case.context.revision,
-            registration_epoch=frame.epoch,
-            robot_boot_epoch=frame.robot.boot_epoch if frame.robot is not None and pose is not None else None,
-            robot_pose=pose,
-            ring_sha256=case.parts.ring.sha256,
-            guide_sha256=case.parts.guide.sha256,
-            nail_sha256=case.parts.nail.sha256,
-            software_version=software_version(),
-            overlay_png_base64=base64.b64encode(drawn).decode(),
-        )
 
-
-def _located(frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase) -> _Located:
-    """Localise in a calibrated image; a rejected calibration is passed on with its reasons."""
-    sha256 = job.image.sha256
-    if job.values is None:
-        reasons = tuple(Reason(reason.code, reason.message) for reason in job.reasons)
-        times = Timing(total=job.elapsed_ms, ring=job.elapsed_ms)
-        return _Located(None, None, uncalibrated_message(reasons, "model", sha256, times))
-    calibration = job.values.calibration()
-    result, message = timed_localisation(frame.pixels, calibration, case.parts, sha256, job.elapsed_ms)
-    return _Located(calibration, result, message.model_copy(update={"notes": frame.header.notes}))
+def _record(
+    frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase, found: Localisation, drawn: bytes
+) -> LocalisationRecord:
+    pose = pose_at_rest(frame.robot)
+    return LocalisationRecord(
+        localisation=found,
+        image=job.image,
+        case_id=case.context.case_id or "",
+        case_revision=case.context.revision,
+        registration_epoch=frame.epoch,
+        robot_boot_epoch=frame.robot.boot_epoch if frame.robot is not None and pose is not None else None,
+        robot_pose=pose,
+        ring_sha256=case.parts.ring.sha256,
+        guide_sha256=case.parts.guide.sha256,
+        nail_sha256=case.parts.nail.sha256,
+        software_version=software_version(),
+        overlay_png_base64=base64.b64encode(drawn).decode(),
+    )
 
 
 def _not_one_set_up(frames: list[LocalisedFrame]) -> VerificationReply | None:

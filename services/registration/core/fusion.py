@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import IMAGES_CHI_SQUARE, chi_square_limit
 from services.registration.core.acceptance.image import uncertainty_reasons
@@ -38,12 +39,12 @@ _RADII = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisedImage:
-    """One image with what was found in it; calibration and result are None when the ring was not found."""
+    """One image with what was found in it."""
 
     name: str  # what it is called in sentences for people
-    calibration: CArmCalibration | None
-    result: LocalisationResult | None
-    reasons: tuple[Reason, ...]  # why it was rejected
+    pixels: NDArray[np.float32]  # as received, darker is denser, shape (rows, columns)
+    calibration: CArmCalibration | None  # None when the ring was not found; then nothing else was
+    result: LocalisationResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,6 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
     used, found = tuple(estimates), tuple(estimates.values())
     shown = used[-1]
     newest = images[shown].result
-    assert newest is not None  # `usable_estimate` needs one
     if len(used) == 1:
         shares = tuple(ImageShare(k == shown, None) for k in range(len(images)))
         return FusedLocalisation(newest, shown, shares, 0.0, 0.0, 0)
@@ -101,9 +101,9 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
 def usable_estimate(image: LocalisedImage, parts: Parts) -> PoseEstimate[Guide, Nail] | None:
     """Estimate of `guide_from_nail` from one image; None when it cannot be used."""
     result, calibration = image.result, image.calibration
-    if calibration is None or result is None or result.guide is None or result.nail is None:
+    if calibration is None or result.guide is None or result.nail is None:
         return None
-    if any(reason.code not in _USABLE_THOUGH for reason in image.reasons):
+    if any(reason.code not in _USABLE_THOUGH for reason in result.reasons):
         return None
     return guide_from_nail_of(calibration, parts.guide, parts.nail, result.guide, result.nail)
 

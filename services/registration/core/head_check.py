@@ -54,9 +54,7 @@ def check_place(
     return _turned(base_from_nail, mount) or _displaced(base_from_nail, mount, hexapod, head_extension_mm)
 
 
-def _base_from_guide(
-    hexapod: HexapodPart, head_extension_mm: float, pose: PlatformPose
-) -> Transform[RobotBase, Guide]:
+def _base_from_guide(hexapod: HexapodPart, head_extension_mm: float, pose: PlatformPose) -> Transform[RobotBase, Guide]:
     return base_from_top(hexapod, pose, hexapod.pivot_mm) @ hexapod.top_from_guide(head_extension_mm)
 
 
@@ -181,9 +179,7 @@ def _covariance_of_robot_and_mount(
     return np.asarray(robot + yields @ yields.T)
 
 
-def _wrong_extension(
-    hexapod: HexapodPart, head_extension_mm: float, found: Conditioned
-) -> Refusal[HeadTrouble] | None:
+def _wrong_extension(hexapod: HexapodPart, head_extension_mm: float, found: Conditioned) -> Refusal[HeadTrouble] | None:
     """None unless the error is large, certain, and leads to an extension that the head has."""
     error_mm, sd_mm = float(found.mean[3]), float(np.sqrt(max(found.covariance[3, 3], 0.0)))
     really_mm = head_extension_mm + error_mm

@@ -6,10 +6,9 @@ does. A wire's place in the image is known to a fraction of a pixel once its out
 of the model, and its pixels, with those that its own error may darken, are masked.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from services.registration.core.acceptance.criteria import BESIDE_WIRES, GUIDE_TILT, LAST_SHIFT, LAST_TURN, WIRES_LOST
@@ -31,34 +30,22 @@ from shared.geometry.lines import angle_between_rad, unit
 from shared.geometry.transform import Transform
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ImageWithWires:
-    """One image with wires."""
-
-    pixels: NDArray[np.float32]  # as received, darker is denser, shape (rows, columns)
-    localised: LocalisedImage  # localisation of this image
-
-
-def relocalise_with_wires(image: ImageWithWires, parts: Parts, wire_diameter_mm: float) -> ImageWithWires:
+def relocalise_with_wires(image: LocalisedImage, parts: Parts, wire_diameter_mm: float) -> LocalisedImage:
     """The image with its nail localised again, the wires in front of it modelled.
 
     An image is returned as it is if its guide was not found, if it was taken from aside, where no hole can be open, or
     if no wire is detected in front of the holes.
     """
-    localised, calibration = image.localised, image.localised.calibration
-    if calibration is None or localised.result is None or localised.result.guide is None:
+    calibration, guide = image.calibration, image.result.guide
+    if calibration is None or guide is None or not GUIDE_TILT.is_met(guide_tilt_deg(guide, parts)):
         return image
-    guide = localised.result.guide
-    if not GUIDE_TILT.is_met(guide_tilt_deg(guide, parts)):
-        return image
-    nail = localised.result.nail if usable_estimate(localised, parts) is not None else None
+    nail = image.result.nail if usable_estimate(image, parts) is not None else None
     upright = unmirrored(image.pixels, calibration)
     registered = RegisteredImage(upright, calibration, guide.camera_from_guide, guide.pose.covariance)
     found = localise_nail_with_wires(registered, parts, nail, wire_diameter_mm)
     if found is None:
         return image
-    result = conclude(calibration, parts, Accepted(guide), found)
-    return replace(image, localised=replace(localised, result=result, reasons=result.reasons))
+    return replace(image, result=conclude(calibration, parts, Accepted(guide), found))
 
 
 def localise_nail_with_wires(
@@ -155,20 +142,20 @@ def _rod(image: RegisteredImage, wire: WireFit, longer_sigmas: float) -> SteelRo
     return SteelRod(start, end, 2.0 * wire.model.radius_mm)
 
 
-def no_holes_reasons(images: tuple[ImageWithWires, ...], parts: Parts) -> tuple[Reason, ...]:
+def no_holes_reasons(images: tuple[LocalisedImage, ...], parts: Parts) -> tuple[Reason, ...]:
     """Reasons when no image shows the nail's holes: those of the images along the holes, if there are any.
 
     An oblique image need not show them, so it gives no reason.
     """
-    guides = [None if image.localised.result is None else image.localised.result.guide for image in images]
+    guides = [image.result.guide for image in images]
     tilts = [None if guide is None else guide_tilt_deg(guide, parts) for guide in guides]
     along = [image for image, tilt in zip(images, tilts, strict=True) if tilt is not None and GUIDE_TILT.is_met(tilt)]
     if along:
-        reasons = (reason for image in along for reason in image.localised.reasons)
+        reasons = (reason for image in along for reason in image.result.reasons)
         return tuple(Reason(one.code, f"{one.message}; or add an image from before the wires") for one in reasons)
     known = [tilt for tilt in tilts if tilt is not None]
     if not known:
-        return tuple(reason for image in images for reason in image.localised.reasons)
+        return tuple(reason for image in images for reason in image.result.reasons)
     return (
         GUIDE_TILT.reason(
             "no image looks along the nail's holes: the guide's are tilted against the beam by "

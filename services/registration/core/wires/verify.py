@@ -22,7 +22,7 @@ from services.registration.core.wires.fit import WireFit, detect_wire
 from services.registration.core.wires.guided_search import locate_guide_given_nail
 from services.registration.core.wires.image import RegisteredImage, gradient_image
 from services.registration.core.wires.joint_estimate import JointRegistration, joint_registration, update_with_outline
-from services.registration.core.wires.nail_fit import ImageWithWires, no_holes_reasons, relocalise_with_wires
+from services.registration.core.wires.nail_fit import no_holes_reasons, relocalise_with_wires
 from shared.errors import Reason, Rejected
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, unit
@@ -69,7 +69,7 @@ class JointResult:
 
 
 def verify_images(
-    images: tuple[ImageWithWires, ...], earlier: tuple[LocalisedImage, ...], parts: Parts, wire_diameter_mm: float
+    images: tuple[LocalisedImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts, wire_diameter_mm: float
 ) -> WireVerification:
     """Verify the wires in one image or more; an unused image gives its reasons when the others do not suffice.
 
@@ -80,7 +80,7 @@ def verify_images(
 
 
 def verify_relocalised(
-    images: tuple[ImageWithWires, ...], earlier: tuple[LocalisedImage, ...], parts: Parts, wire_diameter_mm: float
+    images: tuple[LocalisedImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts, wire_diameter_mm: float
 ) -> WireVerification:
     """The same for images that were localised with the wires modelled (`relocalise_with_wires`)."""
     joint = estimate_jointly(images, earlier, parts)
@@ -94,19 +94,18 @@ def verify_relocalised(
 
 
 def estimate_jointly(
-    images: tuple[ImageWithWires, ...], earlier: tuple[LocalisedImage, ...], parts: Parts
+    images: tuple[LocalisedImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts
 ) -> JointResult:
     """Estimate the poses of guide and nail from images with wires, and earlier ones without."""
-    all_images = (*earlier, *(image.localised for image in images))
+    all_images = (*earlier, *images)
     evidence = {id(one): found for one in all_images if (found := usable_estimate(one, parts)) is not None}
     used = tuple(one for one in all_images if id(one) in evidence)
     if not used:
         return JointResult(None, no_holes_reasons(images, parts), ())
     poses = tuple(evidence[id(one)] for one in used)
-    newest = used[-1].result
+    newest = used[-1].result.nail
     assert newest is not None  # `usable_estimate` needs one
-    assert newest.nail is not None
-    contradiction = disagreement(poses, tuple(one.name for one in used), parts, newest.nail.camera_from_nail)
+    contradiction = disagreement(poses, tuple(one.name for one in used), parts, newest.camera_from_nail)
     if contradiction is not None:
         return JointResult(None, (contradiction,), ())
     fused = fuse(poses)
@@ -127,7 +126,7 @@ def estimate_jointly(
 
 
 def _registered_images(
-    images: tuple[ImageWithWires, ...], parts: Parts, guide_from_nail: Transform[Guide, Nail]
+    images: tuple[LocalisedImage, ...], parts: Parts, guide_from_nail: Transform[Guide, Nail]
 ) -> tuple[tuple[tuple[LocalisedImage, RegisteredImage], ...], tuple[Reason, ...]]:
     """The images in which the guide was found, and why it was not in the others."""
     found: list[tuple[LocalisedImage, RegisteredImage]] = []
@@ -137,19 +136,18 @@ def _registered_images(
         if isinstance(registered, Rejected):
             reasons.extend(registered.reasons)
         else:
-            found.append((image.localised, registered))
+            found.append((image, registered))
     return tuple(found), tuple(reasons)
 
 
 def _registered(
-    image: ImageWithWires, parts: Parts, guide_from_nail: Transform[Guide, Nail]
+    image: LocalisedImage, parts: Parts, guide_from_nail: Transform[Guide, Nail]
 ) -> RegisteredImage | Rejected:
     """One image with its guide: as localised there, else with the help of the nail's pose from the other images."""
-    calibration, result = image.localised.calibration, image.localised.result
+    calibration, guide = image.calibration, image.result.guide
     if calibration is None:
-        return Rejected(image.localised.reasons)
+        return Rejected(image.result.reasons)
     upright = unmirrored(image.pixels, calibration)
-    guide = None if result is None else result.guide
     if guide is None:
         located = locate_guide_given_nail(upright, calibration, parts, guide_from_nail)
         if isinstance(located, Rejected):

@@ -15,7 +15,6 @@ from services.registration.report import localisation_message
 from services.registration.state import RegistrationState
 from shared.errors import Reason, ReasonCode
 from shared.geometry.lines import Line
-from shared.messages.base import ReasonMessage
 from shared.messages.cases import CaseContext
 from shared.messages.registration import LocalisationRecord, PlanReply, PlanRequest, Timing
 from shared.messages.robot import PlatformPoseMessage
@@ -44,12 +43,8 @@ def frame(
     image: LocalisedImage, robot_pose: PlatformPoseMessage | None = HOME, revision: int = 1, boot: str = "robot-1"
 ) -> LocalisedFrame:
     """An image as registration remembers it."""
-    assert image.result is not None
-    assert image.calibration is not None
-    found = localisation_message(image.result, image.calibration, sha256_of(image.name.encode()), TIMES)
-    told = tuple(ReasonMessage.of(reason) for reason in image.reasons)
     record = LocalisationRecord(
-        localisation=found.model_copy(update={"reasons": told, "verdict": "rejected" if told else "accepted"}),
+        localisation=localisation_message(image.result, image.calibration, sha256_of(image.name.encode()), TIMES),
         image=reference(image.name),
         case_id="case-1",
         case_revision=revision,
@@ -61,7 +56,7 @@ def frame(
         nail_sha256="c" * 64,
         software_version="0",
     )
-    received = ReceivedFrame(header(image.name), np.zeros((2, 2), np.float32), "registration-1.1", None)
+    received = ReceivedFrame(header(image.name), image.pixels, "registration-1.1", None)
     return LocalisedFrame(received, case_of(PARTS), record, image.calibration, image.result)
 
 
@@ -92,7 +87,6 @@ def planned(answer: object) -> PlanAxes:
 def test_one_image_is_planned_from_as_it_is() -> None:
     newest = frame(localised("a"))
     axes = planned(asked(newest))
-    assert newest.result is not None
     assert axes.holes is newest.result.holes
     assert axes.fusion is None
 

@@ -113,6 +113,7 @@ def test_the_odd_one_raises_chi_square_most() -> None:
     assert int(np.argmax(influence)) == 1
 
 
+BLANK = np.ones((8, 8), np.float32)
 PARTS = Parts(rendered_parts().ring, guide_part(), nail_part(), USUAL_DRILL_DIAMETER_MM)
 
 
@@ -128,12 +129,13 @@ def localised(name: str, moved_mm: float = 0.0, spread: float = 1.0, *reasons: R
     correction = c_arm_correction_deg(pose, PARTS.nail)
     guide_from_nail = GUIDE_POSE.inverse() @ pose
     result = LocalisationResult(reasons, guide, nail, guide_from_nail, holes, correction)
-    return LocalisedImage(name, KNOWN_SOURCE, result, reasons)
+    return LocalisedImage(name, BLANK, KNOWN_SOURCE, result)
 
 
 UNCERTAIN = Reason(ReasonCode.UNCERTAINTY_TOO_LARGE, "too uncertain; more dose")
 AMBIGUOUS = Reason(ReasonCode.MIRROR_AMBIGUOUS, "two tilts; turn the C-arm")
-NOTHING = LocalisedImage("empty", None, None, (Reason(ReasonCode.RING_NOT_FOUND, "no ring; show it"),))
+NO_RING = LocalisationResult((Reason(ReasonCode.RING_NOT_FOUND, "no ring; show it"),), None, None, None, None, None)
+NOTHING = LocalisedImage("empty", BLANK, None, NO_RING)
 
 
 def test_good_images_are_joined_and_the_newest_is_shown() -> None:

@@ -9,8 +9,9 @@ import pytest
 from services.registration.core.localise import LocalisationResult, Step, localise
 from services.registration.overlay import GUIDE, NAIL, overlay_png
 from services.registration.report import timed_localisation
-from shared.errors import ReasonCode
+from shared.errors import Accepted, ReasonCode
 from shared.geometry.lines import angle_between_rad
+from tests.unit.services.registration.core.test_fusion import NOTHING
 from tests.unit.services.registration.rendered_case import (
     SIZE_PX,
     Shown,
@@ -82,7 +83,7 @@ def test_times_add_up_and_the_drawing_shows_what_was_found() -> None:
     pixels, view = rendered(Shown(), seed=7)
     parts = rendered_parts()
     started = time.perf_counter()
-    result, message = timed_localisation(pixels, view, parts, "a" * 64, ring_ms=100.0)
+    result, message = timed_localisation(pixels, Accepted(view), parts, "a" * 64, ring_ms=100.0)
     elapsed_ms = 1e3 * (time.perf_counter() - started)
     times = message.timing_ms
     assert times.guide is not None
@@ -99,6 +100,8 @@ def test_times_add_up_and_the_drawing_shows_what_was_found() -> None:
 
 def test_an_image_without_a_ring_is_drawn_bare() -> None:
     pixels, _ = rendered(Shown(), seed=8)
-    drawn = cv2.imdecode(np.frombuffer(overlay_png(pixels, None, None, rendered_parts()), np.uint8), cv2.IMREAD_COLOR)
+    drawn = cv2.imdecode(
+        np.frombuffer(overlay_png(pixels, None, NOTHING.result, rendered_parts()), np.uint8), cv2.IMREAD_COLOR
+    )
     assert drawn is not None
     assert (drawn[..., 0] == drawn[..., 1]).all()

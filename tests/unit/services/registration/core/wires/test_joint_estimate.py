@@ -10,21 +10,19 @@ from scipy.linalg import block_diag
 
 from services.registration.core.estimation.joint import fuse
 from services.registration.core.estimation.pose_estimate import PoseEstimate
-from services.registration.core.fusion import LocalisedImage
 from services.registration.core.guide.locate import locate_guide
 from services.registration.core.wires.guided_search import locate_guide_given_nail
 from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.joint_estimate import JointRegistration, joint_registration, update_with_outline
-from services.registration.core.wires.nail_fit import ImageWithWires
 from services.registration.core.wires.nail_outline import match_nail_outline, nail_outline, smooth_image
 from services.registration.core.wires.verify import estimate_jointly
-from shared.errors import Accepted, Reason, ReasonCode, Rejected
+from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
 from shared.xray.detection import detect_balls
+from tests.unit.services.registration.core.test_fusion import NOTHING, localised
 from tests.unit.services.registration.core.test_fusion import PARTS as FUSION_PARTS
-from tests.unit.services.registration.core.test_fusion import localised
 from tests.unit.services.registration.core.wires.wire_scene import (
     ALONG_THE_GUIDE,
     GUIDE_COVARIANCE,
@@ -203,16 +201,13 @@ def test_a_nail_said_to_be_elsewhere_names_no_guide() -> None:
 
 
 def test_images_that_show_no_axes_make_no_estimate() -> None:
-    blank = np.ones((8, 8), np.float32)
-    lost = (Reason(ReasonCode.RING_NOT_FOUND, "no ring; show it"),)
-    seen = estimate_jointly((ImageWithWires(blank, LocalisedImage("a", None, None, lost)),), (), parts_of_the_case())
+    seen = estimate_jointly((NOTHING,), (), parts_of_the_case())
     assert seen.estimate is None
-    assert seen.reasons == lost
+    assert seen.reasons == NOTHING.result.reasons
 
 
 def test_an_earlier_image_that_contradicts_is_told() -> None:
-    blank = np.ones((8, 8), np.float32)
-    seen = estimate_jointly((ImageWithWires(blank, localised("wired", 2.0)),), (localised("before"),), FUSION_PARTS)
+    seen = estimate_jointly((localised("wired", 2.0),), (localised("before"),), FUSION_PARTS)
     assert seen.estimate is None
     assert [reason.code for reason in seen.reasons] == [ReasonCode.IMAGES_DISAGREE]
     assert "images before and wired" in seen.reasons[0].message

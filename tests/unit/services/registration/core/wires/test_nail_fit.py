@@ -18,7 +18,6 @@ from services.registration.core.nail.region import FitInput
 from services.registration.core.wires.guided_search import locate_nail_near_guide_axes
 from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.nail_fit import (
-    ImageWithWires,
     guide_tilt_deg,
     localise_nail_with_wires,
     no_holes_reasons,
@@ -65,9 +64,9 @@ def registered(pixels: NDArray[np.float32]) -> RegisteredImage:
     return RegisteredImage(pixels, calibration(SIZE_PX), LATERAL, GUIDE_COVARIANCE)
 
 
-def localised(reasons: tuple[Reason, ...], guide: GuideFit | None) -> LocalisedImage:
+def localised(pixels: NDArray[np.float32], reasons: tuple[Reason, ...], guide: GuideFit | None) -> LocalisedImage:
     result = LocalisationResult(reasons, guide, None, None, None, None)
-    return LocalisedImage("lateral", calibration(SIZE_PX), result, reasons)
+    return LocalisedImage("lateral", pixels, calibration(SIZE_PX), result)
 
 
 def test_the_start_is_near_though_wires_cover_the_holes() -> None:
@@ -108,7 +107,7 @@ def test_an_image_without_a_nail_is_refused() -> None:
 def test_an_image_from_aside_keeps_what_was_found() -> None:
     aside = guide_at(oblique(38.0))
     assert guide_tilt_deg(aside, PARTS) > 30.0
-    image = ImageWithWires(lateral_pixels(), localised((), aside))
+    image = localised(lateral_pixels(), (), aside)
     assert relocalise_with_wires(image, PARTS, WIRE_DIAMETER_MM) is image
 
 
@@ -116,8 +115,8 @@ def test_only_images_along_the_holes_tell_why_those_are_not_seen() -> None:
     covered = Reason(ReasonCode.HOLE_NOT_VISIBLE, "a hole is covered; uncover it")
     other = Reason(ReasonCode.NAIL_NOT_FOUND, "no nail; show it")
     blank = np.zeros((8, 8), np.float32)
-    lateral = ImageWithWires(blank, localised((covered,), guide_at(LATERAL)))
-    from_aside = ImageWithWires(blank, localised((other,), guide_at(oblique(38.0))))
+    lateral = localised(blank, (covered,), guide_at(LATERAL))
+    from_aside = localised(blank, (other,), guide_at(oblique(38.0)))
     told = no_holes_reasons((lateral, from_aside), PARTS)
     assert [reason.message for reason in told] == [
         "a hole is covered; uncover it; or add an image from before the wires"
@@ -125,7 +124,7 @@ def test_only_images_along_the_holes_tell_why_those_are_not_seen() -> None:
     alone = no_holes_reasons((from_aside,), PARTS)
     assert [reason.code for reason in alone] == [ReasonCode.HOLE_NOT_VISIBLE]
     assert "tilted against the beam by 38° (limit 25°) or more; add an image along the wires" in alone[0].message
-    assert no_holes_reasons((ImageWithWires(blank, localised((other,), None)),), PARTS) == (other,)
+    assert no_holes_reasons((localised(blank, (other,), None),), PARTS) == (other,)
 
 
 @pytest.mark.parametrize("tilt_deg", [38.0, 10.0, 0.0])
