@@ -6,7 +6,6 @@ leaves the axis free within a plane, and the covariance shows it. The nail's pos
 guide's are correlated (`JointRegistration`), so that a wire that corrects the guide corrects the nail.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,59 +68,72 @@ class Residuals:
         """Long-tailed log-likelihood of each correlation length of outline, with a constant where there is no edge."""
         scale_px = self.image.length_px(WIRE_FITTING.found_scale_detector_mm)
         found = WIRE_FITTING.found_gain - np.log1p((self.matches.residual_px / scale_px) ** 2)
-        gain = np.full(len(self.wire.visible), WIRE_FITTING.missing_gain)
+        gain = np.full(len(self.wire.visible_px), WIRE_FITTING.missing_gain)
         gain[self.matches.index] += self.matches.weight * (found - WIRE_FITTING.missing_gain)
         return float(gain @ self.wire.visible_px) / self.image.length_px(WIRE_FITTING.edge_correlation_detector_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalEquations:
-    """Normal equations at a state: of the priors alone, and with all observations; gradient and residuals."""
+    """Normal equations at a state, of the prior and all observations; gradient and residuals."""
 
-    prior: NDArray[np.float64]
     normal: NDArray[np.float64]
     gradient: NDArray[np.float64]
     mean_square: float
     residuals: tuple[Residuals, ...]
 
 
-def normal_equations(
-    images: tuple[GradientImage, ...],
-    model: WireModel,
-    precision: NDArray[np.float64],
-    state: NDArray[np.float64],
-    reach_detector_mm: float,
-) -> NormalEquations:
-    """Linearise all images and priors at a state: wire, then radius and guide of each image, then the nail."""
-    prior = _prior_precision(images, model, precision)
-    mean = np.concatenate([model.mean, np.zeros(state.size - WIRE_UNKNOWNS)])
-    normal, gradient = prior.copy(), prior @ (mean - state)
-    all_residuals = []
-    for k, image in enumerate(images):
-        of_image = WIRE_UNKNOWNS + k * IMAGE_UNKNOWNS + np.arange(IMAGE_UNKNOWNS)
-        columns = np.concatenate([np.arange(WIRE_UNKNOWNS), of_image])
-        residuals = _residuals(image, model, state[columns], image.length_px(reach_detector_mm))
-        weighted = residuals.weight[:, None] * residuals.derivative
-        normal[np.ix_(columns, columns)] += weighted.T @ residuals.derivative
-        gradient[columns] += weighted.T @ residuals.matches.residual_px
-        all_residuals.append(residuals)
-    squares = sum(float(one.weight @ one.matches.residual_px**2) for one in all_residuals)
-    count = sum(one.effective_count for one in all_residuals)
-    return NormalEquations(prior, normal, gradient, squares / max(count, 1.0), tuple(all_residuals))
+@dataclass(frozen=True, slots=True, eq=False)
+class WireProblem:
+    """What a wire is fitted to: images, and the prior of all unknowns.
 
+    The unknowns are those of the wire, then radius and guide of each image, then the nail: N in all.
+    """
 
-def _prior_precision(
-    images: tuple[GradientImage, ...], model: WireModel, precision: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Prior precision of all unknowns; `precision` is that of guide and nail, in the order of `JointRegistration`."""
-    size = WIRE_UNKNOWNS + IMAGE_UNKNOWNS * len(images) + NAIL_UNKNOWNS
-    prior = np.zeros((size, size))
-    prior[:WIRE_UNKNOWNS, :WIRE_UNKNOWNS] = model.precision
-    radius = WIRE_UNKNOWNS + IMAGE_UNKNOWNS * np.arange(len(images))
-    prior[radius, radius] = [image.length_px(WIRE_FITTING.radius_sd_detector_mm) ** -2 for image in images]
-    others = np.setdiff1d(np.arange(WIRE_UNKNOWNS, size), radius)
-    prior[np.ix_(others, others)] = precision
-    return prior
+    images: tuple[GradientImage, ...]
+    model: WireModel
+    prior: NDArray[np.float64]  # precision, shape (N, N)
+
+    @staticmethod
+    def of(images: tuple[GradientImage, ...], model: WireModel, prior_covariance: NDArray[np.float64]) -> "WireProblem":
+        """The prior covariance is that of guide and nail, as `JointRegistration.covariance`."""
+        size = WIRE_UNKNOWNS + IMAGE_UNKNOWNS * len(images) + NAIL_UNKNOWNS
+        prior = np.zeros((size, size))
+        prior[:WIRE_UNKNOWNS, :WIRE_UNKNOWNS] = model.precision
+        radius = WIRE_UNKNOWNS + IMAGE_UNKNOWNS * np.arange(len(images))
+        prior[radius, radius] = [image.length_px(WIRE_FITTING.radius_sd_detector_mm) ** -2 for image in images]
+        others = np.setdiff1d(np.arange(WIRE_UNKNOWNS, size), radius)
+        prior[np.ix_(others, others)] = np.linalg.inv(prior_covariance)
+        return WireProblem(images, model, prior)
+
+    def equations(self, state: NDArray[np.float64], reach_detector_mm: float) -> NormalEquations:
+        """Linearise all images and the prior at a state, shape (N,)."""
+        mean = np.concatenate([self.model.mean, np.zeros(state.size - WIRE_UNKNOWNS)])
+        normal, gradient = self.prior.copy(), self.prior @ (mean - state)
+        all_residuals = []
+        for k, image in enumerate(self.images):
+            of_image = WIRE_UNKNOWNS + k * IMAGE_UNKNOWNS + np.arange(IMAGE_UNKNOWNS)
+            columns = np.concatenate([np.arange(WIRE_UNKNOWNS), of_image])
+            residuals = _residuals(image, self.model, state[columns], image.length_px(reach_detector_mm))
+            weighted = residuals.weight[:, None] * residuals.derivative
+            normal[np.ix_(columns, columns)] += weighted.T @ residuals.derivative
+            gradient[columns] += weighted.T @ residuals.matches.residual_px
+            all_residuals.append(residuals)
+        squares = sum(float(one.weight @ one.matches.residual_px**2) for one in all_residuals)
+        count = sum(one.effective_count for one in all_residuals)
+        return NormalEquations(normal, gradient, squares / max(count, 1.0), tuple(all_residuals))
+
+    def converged(self, start: NDArray[np.float64]) -> "_Optimum":
+        """Gauss-Newton steps from a wire, shape (6,)."""
+        state = np.concatenate([start, np.zeros(len(self.prior) - WIRE_UNKNOWNS)])
+        for reach_mm in WIRE_FITTING.reaches_detector_mm:
+            equations = self.equations(state, reach_mm)
+            state = state + np.linalg.solve(equations.normal, equations.gradient)
+        return self.evaluated(state)
+
+    def evaluated(self, state: NDArray[np.float64]) -> "_Optimum":
+        """A state with its equations."""
+        return _Optimum(self, state, self.equations(state, WIRE_FITTING.reaches_detector_mm[-1]))
 
 
 def _residuals(image: GradientImage, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> Residuals:
@@ -159,9 +171,8 @@ class WireFit:
     # correction of the nail's pose by the wire: a small motion of the nail in its own frame, shape (6,)
     nail_motion: NDArray[np.float64]
     covariance: NDArray[np.float64]  # of the offsets (mm) and the motion (rad, mm) together, shape (10, 10)
-    # length of outline that lies on an edge in each image, and that is visible there, in pixels
-    found_px: tuple[float, ...]
-    visible_px: tuple[float, ...]
+    found_px: float  # length of outline that lies on an edge, in all images
+    found_fraction: float  # of the visible outline, in the image where it is least
     # Of the wire between the nail's metal (1) and what lies beside the wire (0), weighted median over all images
     darkness: float
 
@@ -170,35 +181,36 @@ class WireFit:
 class _Optimum:
     """A state at which the fit converged from one start."""
 
-    model: WireModel
+    problem: WireProblem
     state: NDArray[np.float64]
     equations: NormalEquations
 
     @property
     def found_fraction(self) -> float:
-        """Fraction of the visible outline that lies on an edge, in the image where it is least."""
-        residuals = self.equations.residuals
-        return found_fraction([one.found_px for one in residuals], [one.visible_px for one in residuals])
+        """Least fraction of the visible outline on an edge in any image where enough is visible; 0 if none."""
+        shares = [one.found_px / one.visible_px for one in self.equations.residuals if WIRE_SEEN.is_met(one.visible_px)]
+        return min(shares, default=0.0)
 
     @property
     def covariance(self) -> NDArray[np.float64]:
         """Of offsets and nail; observations that fit worse than expected have larger variances."""
-        equations = self.equations
-        observed = (equations.normal - equations.prior) / max(1.0, equations.mean_square)
-        inverse = np.linalg.inv(equations.prior + observed)
+        prior = self.problem.prior
+        observed = (self.equations.normal - prior) / max(1.0, self.equations.mean_square)
+        inverse = np.linalg.inv(prior + observed)
         return np.asarray(inverse[np.ix_(_REPORTED, _REPORTED)], dtype=np.float64)
 
     @property
     def log_likelihood(self) -> float:
         """Of prior and images, up to a constant."""
-        deviation = self.state[:WIRE_UNKNOWNS] - self.model.mean
-        prior = -0.5 * float(deviation @ self.model.precision @ deviation) - float(np.log(self.model.tip.sd_mm))
+        model = self.problem.model
+        deviation = self.state[:WIRE_UNKNOWNS] - model.mean
+        prior = -0.5 * float(deviation @ model.precision @ deviation) - float(np.log(model.tip.sd_mm))
         return prior + sum(one.log_likelihood for one in self.equations.residuals) - self._interference_cost
 
     @property
     def _interference_cost(self) -> float:
         """Negative log-likelihood of a wire that passed the nail although it interferes with it."""
-        passage = self.model.tip.passage
+        passage = self.problem.model.tip.passage
         if passage is None:
             return 0.0
         bent_mm = max(passage.interference_mm(self.state[2:4]) - WIRE_PRIOR.bending_mm, 0.0)
@@ -221,12 +233,11 @@ def detect_wire(
     """
     models = wire_models(guide, guide_hole, nail, guide_from_nail, wire_diameter_mm)
     fit = fit_wire(images, models, prior_covariance)
-    found_px, fraction = sum(fit.found_px), found_fraction(fit.found_px, fit.visible_px)
-    if WIRE_SEEN.is_met(found_px) and WIRE_SHARE.is_met(fraction) and WIRE_DARKNESS.is_met(fit.darkness):
+    if WIRE_SEEN.is_met(fit.found_px) and WIRE_SHARE.is_met(fit.found_fraction) and WIRE_DARKNESS.is_met(fit.darkness):
         return fit
     return WIRE_SEEN.reason(
-        f"no wire was found through guide hole '{guide_hole.id}': {WIRE_SEEN.quoted(found_px)} of its outline are "
-        f"visible, {WIRE_SHARE.quoted(fraction)} of what is not hidden, and it is "
+        f"no wire was found through guide hole '{guide_hole.id}': {WIRE_SEEN.quoted(fit.found_px)} of its outline are "
+        f"visible, {WIRE_SHARE.quoted(fit.found_fraction)} of what is not hidden, and it is "
         f"{WIRE_DARKNESS.quoted(max(fit.darkness, 0.0))} as dark as the nail"
     )
 
@@ -247,28 +258,26 @@ def fit_wire(
     The models are of the same wire, with equal prior probability; in at least one it may be anywhere. The prior
     covariance is that of guide and nail, as `JointRegistration.covariance`, shape (6 V + 6, 6 V + 6).
     """
-    precision = np.asarray(np.linalg.inv(prior_covariance), dtype=np.float64)
-    converged = [
-        _converged(images, model, precision, start) for model in models for start in starting_wires(images, model)
-    ]
-    possible = [one for one in converged if one.state[START] <= one.model.latest_start_mm] or converged
+    problems = [WireProblem.of(images, model, prior_covariance) for model in models]
+    converged = [one.converged(start) for one in problems for start in starting_wires(images, one.model)]
+    possible = [one for one in converged if one.state[START] <= one.problem.model.latest_start_mm] or converged
     optima = (
         _uncontradicted(possible)
-        or _uncontradicted(_along_least_certain(images, precision, max(possible, key=lambda one: one.log_likelihood)))
+        or _uncontradicted(_along_least_certain(max(possible, key=lambda one: one.log_likelihood)))
         or possible
     )
     best = max(optima, key=lambda one: one.log_likelihood)
-    residuals = best.equations.residuals
+    residuals, model = best.equations.residuals, best.problem.model
     return WireFit(
-        model=best.model,
-        line_guide=best.model.line_guide(best.state[:4]),
+        model=model,
+        line_guide=model.line_guide(best.state[:4]),
         offsets_mm=read_only(best.state[:4]),
         ends_mm=read_only(best.state[[START, TIP]]),
         ends_sd_mm=read_only(np.sqrt(np.diag(np.linalg.inv(best.equations.normal))[[START, TIP]])),
         nail_motion=read_only(best.state[_NAIL]),
         covariance=read_only(_mixture_covariance(optima, best)),
-        found_px=tuple(one.found_px for one in residuals),
-        visible_px=tuple(one.visible_px for one in residuals),
+        found_px=sum(one.found_px for one in residuals),
+        found_fraction=best.found_fraction,
         darkness=_median_darkness(residuals),
     )
 
@@ -291,25 +300,17 @@ def _median_darkness(residuals: tuple[Residuals, ...]) -> float:
     return float(np.quantile(darkness, 0.5, weights=weight, method="inverted_cdf")) if len(darkness) else 0.0
 
 
-def found_fraction(found_px: Sequence[float], visible_px: Sequence[float]) -> float:
-    """Least fraction of the visible outline that lies on an edge in any image where enough is visible; 0 if none."""
-    shares = [found / visible for found, visible in zip(found_px, visible_px, strict=True) if WIRE_SEEN.is_met(visible)]
-    return min(shares, default=0.0)
-
-
 def _uncontradicted(optima: list[_Optimum]) -> list[_Optimum]:
     return [optimum for optimum in optima if WIRE_SHARE.is_met(optimum.found_fraction)]
 
 
-def _along_least_certain(
-    images: tuple[GradientImage, ...], precision: NDArray[np.float64], best: _Optimum
-) -> list[_Optimum]:
+def _along_least_certain(best: _Optimum) -> list[_Optimum]:
     """The best optimum moved along its least certain direction, to where an image may hide the wire."""
     covariance = np.linalg.inv(best.equations.normal)
     values, vectors = np.linalg.eigh(covariance[:4, :4])
     one_sigma = covariance[:, :4] @ vectors[:, -1] / np.sqrt(values[-1])
     sigmas = np.linspace(-WIRE_FITTING.scan_sigmas, WIRE_FITTING.scan_sigmas, WIRE_FITTING.scan_steps)
-    return [_evaluated(images, best.model, precision, best.state + sigma * one_sigma) for sigma in sigmas]
+    return [best.problem.evaluated(best.state + sigma * one_sigma) for sigma in sigmas]
 
 
 def _distinct(optima: list[_Optimum], best: _Optimum) -> list[_Optimum]:
@@ -320,20 +321,3 @@ def _distinct(optima: list[_Optimum], best: _Optimum) -> list[_Optimum]:
         if apart_mm > WIRE_FITTING.same_optimum_mm:
             chosen.append(optimum)
     return chosen
-
-
-def _converged(
-    images: tuple[GradientImage, ...], model: WireModel, precision: NDArray[np.float64], start: NDArray[np.float64]
-) -> _Optimum:
-    state = np.concatenate([start, np.zeros(IMAGE_UNKNOWNS * len(images) + NAIL_UNKNOWNS)])
-    for reach_mm in WIRE_FITTING.reaches_detector_mm:
-        equations = normal_equations(images, model, precision, state, reach_mm)
-        state = state + np.linalg.solve(equations.normal, equations.gradient)
-    return _evaluated(images, model, precision, state)
-
-
-def _evaluated(
-    images: tuple[GradientImage, ...], model: WireModel, precision: NDArray[np.float64], state: NDArray[np.float64]
-) -> _Optimum:
-    last_mm = WIRE_FITTING.reaches_detector_mm[-1]
-    return _Optimum(model, state, normal_equations(images, model, precision, state, last_mm))

@@ -21,7 +21,6 @@ from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.nail_outline import (
     NailOutline,
     SmoothImage,
-    image_of,
     match_nail_outline,
     nail_outline,
     smooth_image,
@@ -141,16 +140,10 @@ class OutlineInnovation:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OutlineUpdate:
-    """A joint estimate updated by the nail's outline in one image, and the innovation."""
-
-    estimate: JointRegistration
-    innovation: OutlineInnovation
-
-
-def update_with_outline(estimate: JointRegistration, image: int, guide: GuidePart, nail: NailPart) -> OutlineUpdate:
-    """Condition a joint estimate on the nail's outline in one image, by iterated least squares."""
+def update_with_outline(
+    estimate: JointRegistration, image: int, guide: GuidePart, nail: NailPart
+) -> tuple[JointRegistration, OutlineInnovation]:
+    """Condition a joint estimate on the nail's outline in one image, by iterated least squares; also the innovation."""
     smooth = smooth_image(estimate.images[image], guide)
     prior = np.linalg.inv(estimate.covariance)
     motion = np.zeros(len(prior))
@@ -166,7 +159,7 @@ def update_with_outline(estimate: JointRegistration, image: int, guide: GuidePar
     band = _determined_by_band(now.camera_from_nail(image))
     covariance = np.linalg.inv(observed.normal + _BROAD_PRIOR) + chained @ estimate.covariance @ chained.T
     innovation = OutlineInnovation(band @ observed_motion, band @ covariance @ band.T, observed.found_fraction)
-    return OutlineUpdate(estimate.moved(motion, np.asarray(np.linalg.inv(normal))), innovation)
+    return estimate.moved(motion, np.asarray(np.linalg.inv(normal))), innovation
 
 
 def _determined_by_band(camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
@@ -225,8 +218,8 @@ def _derivative(
 ) -> NDArray[np.float64]:
     """Motion of outline points along their normals per small motion of the nail in its own frame, shape (N, 6)."""
     points, outward = outline.point_nail_mm[chosen], outline.outward[chosen]
-    here = outline.point_px[chosen]
-    moved = [image_of(registered, camera_from_nail, points + step) for step in _DERIVATIVE_STEP_MM * np.eye(3)]
-    by_axis = np.stack([np.sum((px - here) * outward, axis=1) / _DERIVATIVE_STEP_MM for px in moved], axis=1)
+    stepped = points + _DERIVATIVE_STEP_MM * np.eye(3)[:, None]
+    moved_px = registered.calibration.image_from_camera(camera_from_nail.points(stepped)) - outline.point_px[chosen]
+    by_axis = np.einsum("kni,ni->nk", moved_px, outward) / _DERIVATIVE_STEP_MM
     # a small rotation w moves a point p by w x p
     return np.hstack([np.cross(points, by_axis), by_axis])

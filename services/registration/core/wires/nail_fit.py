@@ -6,12 +6,22 @@ does. A wire's place in the image is known to a fraction of a pixel once its out
 of the model, and its pixels, with those that its own error may darken, are masked.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from services.registration.core.acceptance.criteria import BESIDE_WIRES, GUIDE_TILT, LAST_SHIFT, LAST_TURN, WIRES_LOST
+from services.registration.core.acceptance.criteria import (
+    BESIDE_WIRES,
+    GUIDE_TILT,
+    LAST_SHIFT,
+    LAST_TURN,
+    OPENNESS_BESIDE_WIRES,
+    SEARCHED_OUTLINE,
+    WIRES_LOST,
+)
 from services.registration.core.acceptance.image import fit_reasons
 from services.registration.core.fusion import LocalisedImage, usable_estimate
 from services.registration.core.guide.locate import GuideFit
@@ -20,13 +30,18 @@ from services.registration.core.localise import Parts, conclude, unmirrored
 from services.registration.core.nail.fit import NailFit, measure_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, SteelRod
 from services.registration.core.nail.region import FitInput
+from services.registration.core.nail.search.band import SearchImage, prepare_search
+from services.registration.core.nail.search.find import camera_from_nail_facing, dark_bands, pattern_quality
+from services.registration.core.nail.search.holes import HolePattern, StraightenedBand, find_pattern
+from services.registration.core.nail.search.outline import measure_opening
 from services.registration.core.tuning import NAIL_WITH_WIRES, WIRE_VISIBILITY
 from services.registration.core.wires.fit import WireFit, detect_wire
-from services.registration.core.wires.guided_search import locate_nail_near_guide_axes
 from services.registration.core.wires.image import RegisteredImage, discs_mask, gradient_image
 from shared.errors import Accepted, Reason, Rejected
+from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, unit
+from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
 
 
@@ -64,6 +79,91 @@ def localise_nail_with_wires(
         return start
     margins_mm = (rough_mm,) + (margin_mm,) * (NAIL_WITH_WIRES.rough_rounds - 1)
     return _alternating_fit(image, parts, start.value, margins_mm, wire_diameter_mm)
+
+
+def locate_nail_near_guide_axes(
+    registered: RegisteredImage, guide: GuidePart, nail: NailPart
+) -> Accepted[Transform[Camera, Nail]] | Rejected:
+    """Start of a fit: the nail's pose to a few pixels and degrees, with its holes along the guide's.
+
+    A wire in an opening makes it dim, and the whole image has brighter places than that: the guide's own bores beside
+    the nail. But wires go through the guide's holes towards the nail's: those cannot be far from the guide's axes.
+    """
+    calibration, camera_from_guide = registered.calibration, registered.camera_from_guide
+    image = prepare_search(registered.pixels, calibration, nail)
+    patterns = list(_patterns(image, calibration, guide, nail, camera_from_guide))
+    best = max(patterns, key=pattern_quality, default=None)
+    openness = 0.0 if best is None else float(best.openness.min())
+    if best is None or not OPENNESS_BESIDE_WIRES.is_met(openness):
+        observation = (
+            f"within {NAIL_WITH_WIRES.reach_from_axes_mm:.0f} mm of where the guide's holes point, the contrast of the "
+            f"nail's least visible hole is {OPENNESS_BESIDE_WIRES.quoted(max(openness, 0.0))} of the nail's own"
+        )
+        return Rejected((OPENNESS_BESIDE_WIRES.reason(observation),))
+    centres_px = [
+        _centre_ideal_px(registered, image, best, place, 0.5 * hole.diameter_mm)
+        for place, hole in zip(best.centre_search_px, nail.holes, strict=True)
+    ]
+    depth_mm = calibration.camera.focal_length_px / (best.px_per_mm * image.step_px)
+    rays = calibration.camera.rays(np.array(centres_px))
+    drilling, distal = camera_from_guide.directions(np.stack([_drilling(guide), [1.0, 0.0, 0.0]]))
+    return Accepted(camera_from_nail_facing(nail, rays, drilling, distal, depth_mm))
+
+
+def _patterns(
+    image: SearchImage,
+    calibration: CArmCalibration,
+    guide: GuidePart,
+    nail: NailPart,
+    camera_from_guide: Transform[Camera, Guide],
+) -> Iterator[HolePattern]:
+    """The holes along each band of the nail's width, in the guide's sense, where the guide's axes meet the band."""
+    distal = camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
+    for strip in dark_bands(image, calibration, nail):
+        px_per_mm = strip.band.width_px / nail.diameter_mm
+        depth_mm = calibration.camera.focal_length_px / (px_per_mm * image.step_px)
+        places_px = _axes_at_depth_px(calibration, guide, camera_from_guide, depth_mm) / image.step_px
+        valid = strip.valid & _near(strip, places_px, NAIL_WITH_WIRES.reach_from_axes_mm * px_per_mm)
+        if not valid.any():
+            continue
+        forwards, backwards = find_pattern(replace(strip, valid=valid), nail)
+        yield forwards if float(strip.band.along @ distal[:2]) >= 0.0 else backwards
+
+
+def _axes_at_depth_px(
+    calibration: CArmCalibration, guide: GuidePart, camera_from_guide: Transform[Camera, Guide], depth_mm: float
+) -> NDArray[np.float64]:
+    """Ideal pixels where the guide's axes reach a depth, shape (H, 2)."""
+    points = camera_from_guide.points(np.array([hole.axis.point_mm for hole in guide.holes]))
+    along = camera_from_guide.directions(np.array([hole.axis.direction for hole in guide.holes]))
+    at_depth = points + along * ((depth_mm - points[:, 2]) / along[:, 2])[:, None]
+    return np.asarray(calibration.camera.project(at_depth))
+
+
+def _near(strip: StraightenedBand, places_px: NDArray[np.float64], reach_px: float) -> NDArray[np.bool_]:
+    """Columns of a strip within reach of one of some places of the search image; none when all lie beside the band."""
+    band = strip.band
+    column = (places_px - band.centre_px) @ band.along - strip.first_along_px
+    aside = np.abs((places_px - band.centre_px) @ band.across)
+    apart = np.abs(np.arange(strip.valid.size)[:, None] - column)
+    return np.asarray(((apart < reach_px) & (aside < reach_px)).any(axis=1))
+
+
+def _centre_ideal_px(
+    registered: RegisteredImage,
+    image: SearchImage,
+    pattern: HolePattern,
+    place_search_px: NDArray[np.float64],
+    radius_mm: float,
+) -> NDArray[np.float64]:
+    """Centre of an opening's outline where enough of it is visible beside the wire, else that of the pattern."""
+    calibration = registered.calibration
+    ideal = image.ideal_px(place_search_px)
+    radius_px = radius_mm * pattern.px_per_mm * image.step_px
+    opening = measure_opening(registered.pixels, calibration, "", calibration.distortion.distort(ideal), radius_px)
+    if opening is None or not SEARCHED_OUTLINE.is_met(opening.seen_fraction):
+        return ideal
+    return opening.ellipse.centre_px
 
 
 def _alternating_fit(
@@ -166,6 +266,11 @@ def no_holes_reasons(images: tuple[LocalisedImage, ...], parts: Parts) -> tuple[
 
 def guide_tilt_deg(guide: GuideFit, parts: Parts) -> float:
     """Angle between the mean direction of the guide's holes and the ray to about where they meet the nail."""
-    drilling = unit(np.sum([hole.axis.direction for hole in parts.guide.holes], axis=0))
+    drilling = _drilling(parts.guide)
     ray = unit(guide.camera_from_guide @ (NAIL_WITH_WIRES.guide_to_nail_mm * drilling))
     return float(np.degrees(angle_between_rad(guide.camera_from_guide.directions(drilling), ray)))
+
+
+def _drilling(guide: GuidePart) -> NDArray[np.float64]:
+    """Mean direction of the guide's holes, unit, shape (3,)."""
+    return unit(np.sum([hole.axis.direction for hole in guide.holes], axis=0))

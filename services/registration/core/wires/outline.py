@@ -42,12 +42,7 @@ class ProjectedWire:
 
     sections: CrossSections
     outline: Outline
-    visible: NDArray[np.float64]  # visibility of each outline point, from 0 to 1, shape (M,)
-
-    @property
-    def visible_px(self) -> NDArray[np.float64]:
-        """Visible length of outline that each point represents, shape (M,)."""
-        return self.outline.length_px * self.visible
+    visible_px: NDArray[np.float64]  # visible length of outline that each point represents, shape (M,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +150,8 @@ def outlined(image: GradientImage, sections: CrossSections) -> ProjectedWire:
     """Cross-sections with their outline and its visibility."""
     outline = outline_of(sections)
     # The cap at the start of the wire does not count: its place is unknown.
-    return ProjectedWire(sections, outline, image.visible_at(outline.point_px) * (outline.section > 0))
+    visible = image.visible_at(outline.point_px) * (outline.section > 0)
+    return ProjectedWire(sections, outline, outline.length_px * visible)
 
 
 def starting_wires(images: tuple[GradientImage, ...], model: WireModel) -> list[NDArray[np.float64]]:

@@ -13,20 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import NO_SHARED_HOLE, WIRE_AXIS_BOUND, WIRE_ENTRY_BOUND
-from services.registration.core.drill_clearance import AxisOffset, across_basis, angle_deg, axis_offset_mm
+from services.registration.core.drill_clearance import AxisOffset, across_basis, axis_offset_mm
 from services.registration.core.estimation.joint import fuse
 from services.registration.core.fusion import LocalisedImage, disagreement, usable_estimate
 from services.registration.core.hole_axes import HoleEstimate, holes_at, offsets_by_motion
 from services.registration.core.localise import Parts, unmirrored
 from services.registration.core.wires.fit import WireFit, detect_wire
-from services.registration.core.wires.guided_search import locate_guide_given_nail
 from services.registration.core.wires.image import RegisteredImage, gradient_image
 from services.registration.core.wires.joint_estimate import JointRegistration, joint_registration, update_with_outline
 from services.registration.core.wires.nail_fit import no_holes_reasons, relocalise_with_wires
+from services.registration.core.wires.nail_outline import locate_guide_given_nail
 from shared.errors import Reason, Rejected
 from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, unit
-from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
 _DERIVATIVE_STEP_MM = 1e-4
@@ -40,8 +39,17 @@ class AxisComparison:
     axis_guide: Line  # the axis that is compared, in the guide's frame
     # Where the axis passes the nail hole's entry and exit, across the nail hole's axis, with the covariance
     offset: AxisOffset
-    angle_deg: float  # angle between both axes
-    chance_as_it_stands: float  # probability that a drill along this axis, wherever it points, passes the nail's hole
+
+    @property
+    def angle_deg(self) -> float:
+        """Angle between both axes."""
+        slope = (self.offset.mean_mm[2:] - self.offset.mean_mm[:2]) / self.offset.length_mm
+        return float(np.degrees(np.arctan(np.linalg.norm(slope))))
+
+    @property
+    def chance_as_it_stands(self) -> float:
+        """Probability that a drill along this axis, wherever it points, passes the nail's hole."""
+        return self.hole.clearance_probability(self.offset)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,11 +125,10 @@ def estimate_jointly(
     # No image may have shown the holes since the wires went in: then only the outline shows whether the guide slipped.
     for k, (image, _) in enumerate(registered):
         if source[k] is None:
-            update = update_with_outline(estimate, k, parts.guide, parts.nail)
-            slipped = update.innovation.reason(image.name)
+            estimate, innovation = update_with_outline(estimate, k, parts.guide, parts.nail)
+            slipped = innovation.reason(image.name)
             if slipped is not None:
                 return JointResult(None, (slipped,), ())
-            estimate = update.estimate
     return JointResult(estimate, reasons, tuple(image.name for image, _ in registered))
 
 
@@ -161,41 +168,38 @@ def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: fl
     guide, nail = parts.guide, parts.nail.bent(estimate.curvature_per_m)
     of_pose = np.pad(estimate.nail_covariance, (0, 2))
     found = holes_at(nail, parts.drill_diameter_mm, estimate.guide_from_nail, of_pose, estimate.camera_from_nail(0))
-    holes = [_with_more(hole, _by_curvature(estimate, nail, hole.id)) for hole in found]
-    guide_holes = {hole.id: hole for hole in guide.holes}
-    pairs = [(guide_holes[hole.id], hole) for hole in holes if hole.id in guide_holes]
-    if not pairs:
+    in_guide = {hole.id: hole for hole in guide.holes}
+    holes = [hole for hole in found if hole.id in in_guide]
+    if not holes:
         return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
     gradients = tuple(gradient_image(image, guide, nail, estimate.guide_from_nail) for image in estimate.images)
     reasons: list[Reason] = []
     wires: list[AxisComparison] = []
-    for guide_hole, hole in pairs:
+    guide_holes: list[AxisComparison] = []
+    for hole in holes:
+        by_nail = offsets_by_motion(nail, hole.id, estimate.guide_from_nail)
+        by_curvature_mm2 = _by_curvature_mm2(by_nail, estimate.covariance_with_bend)
+        guide_holes.append(_compare_guide_hole(in_guide[hole.id].axis, hole, by_curvature_mm2))
         fit = detect_wire(
-            gradients, guide, guide_hole, nail, estimate.guide_from_nail, estimate.covariance, wire_diameter_mm
+            gradients, guide, in_guide[hole.id], nail, estimate.guide_from_nail, estimate.covariance, wire_diameter_mm
         )
         if isinstance(fit, Reason):
             reasons.append(fit)
             continue
-        by_motion = offsets_by_motion(nail, hole.id, estimate.guide_from_nail)[:, :6]
-        wires.append(compare_wire(fit, hole, by_motion, _by_curvature(estimate, nail, hole.id)))
+        wires.append(compare_wire(fit, hole, by_nail[:, :6], by_curvature_mm2))
         reasons.extend(_too_uncertain(wires[-1], len(gradients)))
-    compared = tuple(_compare_guide_hole(guide_hole.axis, hole) for guide_hole, hole in pairs)
-    return WireVerification(tuple(reasons), tuple(wires), compared)
+    return WireVerification(tuple(reasons), tuple(wires), tuple(guide_holes))
 
 
-def _by_curvature(estimate: JointRegistration, nail: NailPart, hole_id: str) -> NDArray[np.float64]:
-    """By how much the nail's curvature adds to the covariance of a hole's offsets, shape (4, 4): never less than 0."""
-    covariance = estimate.covariance_with_bend
+def _by_curvature_mm2(J: NDArray[np.float64], covariance: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """By how much the nail's curvature adds to the covariance of a hole's offsets, shape (4, 4): never less than 0.
+
+    From the offsets' derivative by pose and curvature, shape (4, 8), and the covariance of both.
+    """
     if covariance is None:
         return np.zeros((4, 4))
-    J = offsets_by_motion(nail, hole_id, estimate.guide_from_nail)
     values, vectors = np.linalg.eigh(J @ covariance @ J.T - J[:, :6] @ covariance[:6, :6] @ J[:, :6].T)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
-
-
-def _with_more(hole: HoleEstimate, covariance_mm2: NDArray[np.float64]) -> HoleEstimate:
-    assert hole.offset is not None  # `verify_wires` gives the holes a covariance
-    return replace(hole, offset=replace(hole.offset, covariance_mm2=hole.offset.covariance_mm2 + covariance_mm2))
 
 
 def compare_wire(
@@ -223,15 +227,7 @@ def compare_wire(
     length_mm = float(np.linalg.norm(hole.exit_guide_mm - hole.entry_guide_mm))
     nail_moved_mm = by_nail_motion @ fit.nail_motion
     offset = AxisOffset(here - nail_moved_mm, J @ fit.covariance @ J.T + by_curvature_mm2, length_mm)
-    slope = (offset.mean_mm[2:] - offset.mean_mm[:2]) / length_mm
-    between_deg = float(np.degrees(np.arctan(np.linalg.norm(slope))))
-    return AxisComparison(
-        hole=_moved_hole(hole, nail_moved_mm),
-        axis_guide=fit.line_guide,
-        offset=offset,
-        angle_deg=between_deg,
-        chance_as_it_stands=hole.clearance_probability(offset),
-    )
+    return AxisComparison(_moved_hole(hole, nail_moved_mm), fit.line_guide, offset)
 
 
 def _moved_hole(hole: HoleEstimate, across_mm: NDArray[np.float64]) -> HoleEstimate:
@@ -243,12 +239,11 @@ def _moved_hole(hole: HoleEstimate, across_mm: NDArray[np.float64]) -> HoleEstim
     )
 
 
-def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate) -> AxisComparison:
+def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate, by_curvature_mm2: NDArray[np.float64]) -> AxisComparison:
     assert hole.offset is not None  # `verify_wires` gives the holes a covariance
     mean_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
-    offset = AxisOffset(mean_mm, hole.offset.covariance_mm2, hole.offset.length_mm)
-    between_deg = angle_deg(hole.axis_guide, axis_guide)
-    return AxisComparison(hole, axis_guide, offset, between_deg, hole.clearance_probability(offset))
+    covariance = hole.offset.covariance_mm2 + by_curvature_mm2
+    return AxisComparison(hole, axis_guide, AxisOffset(mean_mm, covariance, hole.offset.length_mm))
 
 
 def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]:

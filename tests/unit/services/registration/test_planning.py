@@ -158,7 +158,7 @@ def verified(*reasons: Reason, used: tuple[str, ...] = ("a", "oblique")) -> Wire
     hole = replace(found, entry_guide_mm=found.entry_guide_mm + np.array([0.0, 0.2, 0.0]))
     guide_hole = next(one for one in PARTS.guide.holes if one.id == hole.id)
     axis = Line(guide_hole.axis.point_mm + np.array([0.5, 0.0, 0.0]), guide_hole.axis.direction)
-    wire = AxisComparison(hole, axis, AxisOffset(np.full(4, 0.3), np.eye(4) * 0.01, 12.0), 0.1, 0.9)
+    wire = AxisComparison(hole, axis, AxisOffset(np.full(4, 0.3), np.eye(4) * 0.01, 12.0))
     return WireVerification(reasons, (wire,), (), tuple(sha256_of(name.encode())[:12] for name in used))
 
 

@@ -19,6 +19,7 @@ from services.registration.core.acceptance.criteria import (
 from services.registration.core.nail.search.band import SearchImage, depth_range_mm, find_bands, prepare_search
 from services.registration.core.nail.search.holes import (
     HolePattern,
+    StraightenedBand,
     find_pattern,
     hole_midpoints_mm,
     mean_hole_direction,
@@ -74,10 +75,10 @@ def find_nail(
         Rejected with `nail_not_found`, `hole_not_visible` or `nail_model_mismatch`.
     """
     image = prepare_search(pixels, calibration, nail)
-    candidates = _dark_candidates(image, calibration, nail)
+    candidates = mapped(lambda strip: find_pattern(strip, nail), dark_bands(image, calibration, nail), 2)
     if not candidates:
         return _rejected(NAIL_BAND.reason(f"no dark band of a {nail.diameter_mm:g} mm nail's width is in the image"))
-    forwards, backwards = max(candidates, key=lambda pair: _quality(pair[0]))
+    forwards, backwards = max(candidates, key=lambda pair: pattern_quality(pair[0]))
     openness = float(max(forwards.openness.min(), backwards.openness.min()))
     if not SEARCHED_OPENNESS.is_met(openness):
         quoted = SEARCHED_OPENNESS.quoted(max(openness, 0.0))
@@ -93,19 +94,17 @@ def find_nail(
     return _measured(pixels, image, calibration, nail, pattern, margin)
 
 
-def _dark_candidates(
-    image: SearchImage, calibration: CArmCalibration, nail: NailPart
-) -> list[tuple[HolePattern, HolePattern]]:
+def dark_bands(image: SearchImage, calibration: CArmCalibration, nail: NailPart) -> list[StraightenedBand]:
+    """Straightened bands of the nail's width that are darker than their sides."""
     near_mm, far_mm = depth_range_mm(calibration)
     width_at_1_mm = nail.diameter_mm * calibration.camera.focal_length_px / image.step_px
     widths_px = (width_at_1_mm / far_mm, width_at_1_mm / near_mm)
     bands = find_bands(image, widths_px, NAIL_BAND_SEARCH.most_bands)
     strips = [straighten_band(image, band) for band in bands]
-    dark = [strip for strip in strips if strip.typical_darkness >= NAIL_BAND_SEARCH.least_darkness]
-    return mapped(lambda strip: find_pattern(strip, nail), dark, 2)
+    return [strip for strip in strips if strip.typical_darkness >= NAIL_BAND_SEARCH.least_darkness]
 
 
-def _quality(pattern: HolePattern) -> float:
+def pattern_quality(pattern: HolePattern) -> float:
     """Rank of a band: how open its holes are, then how long its edges are."""
     openness = float(np.clip(pattern.openness.min(), 0.0, 1.0))
     band = pattern.strip.band

@@ -11,10 +11,14 @@ from scipy.linalg import block_diag
 from services.registration.core.estimation.joint import fuse
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide.locate import locate_guide
-from services.registration.core.wires.guided_search import locate_guide_given_nail
 from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.joint_estimate import JointRegistration, joint_registration, update_with_outline
-from services.registration.core.wires.nail_outline import match_nail_outline, nail_outline, smooth_image
+from services.registration.core.wires.nail_outline import (
+    locate_guide_given_nail,
+    match_nail_outline,
+    nail_outline,
+    smooth_image,
+)
 from services.registration.core.wires.verify import estimate_jointly
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -79,9 +83,7 @@ def test_the_outline_is_where_the_image_has_the_nails_edges() -> None:
 def test_the_outline_corrects_a_guide_that_is_displaced_elsewhere() -> None:
     view = displaced(view_of(OBLIQUE, ALONG_THE_GUIDE, seed=52), (0.0, 0.35, 0.0))
     before_mm, before_sd_mm = at_the_nail(alone(view), OBLIQUE)
-    after_mm, after_sd_mm = at_the_nail(
-        update_with_outline(alone(view), 0, guide_part(), nail_part()).estimate, OBLIQUE
-    )
+    after_mm, after_sd_mm = at_the_nail(update_with_outline(alone(view), 0, guide_part(), nail_part())[0], OBLIQUE)
     print(f"off by {before_mm:.3f} ({before_sd_mm:.3f}) mm before, {after_mm:.3f} ({after_sd_mm:.3f}) mm after")
     assert before_mm > 0.2
     assert after_mm < 0.06
@@ -107,7 +109,7 @@ def lateral_view() -> RegisteredImage:
 
 
 def test_an_untouched_estimate_is_not_refused_by_its_outline() -> None:
-    innovation = update_with_outline(displaced_after(NO_SLIP, lateral_view()), 0, guide_part(), nail_part()).innovation
+    innovation = update_with_outline(displaced_after(NO_SLIP, lateral_view()), 0, guide_part(), nail_part())[1]
     print(f"chi-square {innovation.chi_square:.1f}, {100.0 * innovation.found_fraction:.0f} % of the outline")
     assert innovation.reason("3") is None
     assert innovation.chi_square < 14.0  # of two degrees of freedom: one in a thousand is larger
@@ -123,9 +125,7 @@ def test_an_untouched_estimate_is_not_refused_by_its_outline() -> None:
     ids=["1 mm across the nail", "1 degree about the nail", "1 degree about the beam"],
 )
 def test_a_guide_that_slipped_since_the_holes_were_seen_is_refused(slip: Transform[Guide, Guide]) -> None:
-    reason = update_with_outline(displaced_after(slip, lateral_view()), 0, guide_part(), nail_part()).innovation.reason(
-        "3"
-    )
+    reason = update_with_outline(displaced_after(slip, lateral_view()), 0, guide_part(), nail_part())[1].reason("3")
     assert reason is not None
     assert reason.code is ReasonCode.IMAGES_DISAGREE
     assert reason.message.startswith("in image 3 ")
@@ -135,16 +135,14 @@ def test_a_guide_that_slipped_since_the_holes_were_seen_is_refused(slip: Transfo
 
 def test_a_slip_of_one_millimetre_is_told_in_millimetres() -> None:
     slip = slip_of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    innovation = update_with_outline(displaced_after(slip, lateral_view()), 0, guide_part(), nail_part()).innovation
+    innovation = update_with_outline(displaced_after(slip, lateral_view()), 0, guide_part(), nail_part())[1]
     assert abs(float(innovation.motion[0])) == pytest.approx(1.0, abs=0.2)
     assert innovation.found_fraction > 0.8
 
 
 def test_a_nail_that_is_nowhere_near_shows_no_outline() -> None:
     away = slip_of((0.0, 0.0, 0.0), (0.0, 25.0, 0.0))
-    reason = update_with_outline(displaced_after(away, lateral_view()), 0, guide_part(), nail_part()).innovation.reason(
-        "3"
-    )
+    reason = update_with_outline(displaced_after(away, lateral_view()), 0, guide_part(), nail_part())[1].reason("3")
     assert reason is not None
     assert "% (at least 60 %) of the nail's outline is where the guide in it" in reason.message
 

@@ -15,11 +15,11 @@ from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.nail.fit import measure_nail
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.nail.region import FitInput
-from services.registration.core.wires.guided_search import locate_nail_near_guide_axes
 from services.registration.core.wires.image import RegisteredImage
 from services.registration.core.wires.nail_fit import (
     guide_tilt_deg,
     localise_nail_with_wires,
+    locate_nail_near_guide_axes,
     no_holes_reasons,
     relocalise_with_wires,
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.drill_clearance import across_basis
-from services.registration.core.wires.fit import NAIL_UNKNOWNS, normal_equations
+from services.registration.core.wires.fit import NAIL_UNKNOWNS, WireProblem
 from services.registration.core.wires.image import gradient_image
 from services.registration.core.wires.model import TIP, tip_hypotheses, wire_model
 from services.registration.core.wires.outline import IMAGE_UNKNOWNS, CrossSections, outline_of
@@ -44,8 +44,8 @@ def test_likelihood_hardly_changes_with_the_points_that_are_read() -> None:
     guide, nail = guide_part(), nail_part()
     view = view_of(oblique(38.0), ASKEW, seed=61)
     prepared = (gradient_image(view, guide, nail, GUIDE_FROM_NAIL),)
-    precision = np.asarray(np.linalg.inv(joint(view).covariance), dtype=np.float64)
     model = wire_model(guide, guide.holes[0], 2.0, 110.0, tip_hypotheses(PASSAGE)[0])
+    problem = WireProblem.of(prepared, model, joint(view).covariance)
     state = np.concatenate([model.mean, np.zeros(IMAGE_UNKNOWNS + NAIL_UNKNOWNS)])
     across = across_basis(guide.holes[0].axis.direction)[:, :2]
     state[:4] = (ASKEW.offsets_mm[guide.holes[0].id].reshape(2, 2) @ across.T).ravel()
@@ -54,7 +54,7 @@ def test_likelihood_hardly_changes_with_the_points_that_are_read() -> None:
     def log_likelihood(tip_mm: float) -> float:
         moved = state.copy()
         moved[TIP] = tip_mm
-        return normal_equations(prepared, model, precision, moved, REACH_DETECTOR_MM).residuals[0].log_likelihood
+        return problem.equations(moved, REACH_DETECTOR_MM).residuals[0].log_likelihood
 
     change = np.diff([log_likelihood(tip_mm) for tip_mm in np.arange(104.0, 118.0, 0.05)])
     assert np.sqrt(np.mean(change**2)) < 0.5
