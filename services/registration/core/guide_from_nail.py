@@ -18,7 +18,7 @@ from services.registration.core.nail.fit import NailFit
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.parts import GuidePart, Hole, NailPart, hole_axis, hole_surface_points
+from shared.geometry.parts import GuidePart, NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
 # Eight points describe a rim's circle with all its harmonics that a pose moves; their error only sets relative weights.
@@ -61,38 +61,27 @@ def guide_from_nail_of(
     for other in _poses_for_other_sources(calibration, guide, nail, guide_fit, camera_from_nail.mean):
         motion = chained.mean.motion_to(other)
         by_calibration += np.outer(motion, motion)
-    for depth in (
-        _depth_by_distortion(calibration, nail, camera_from_nail.mean),
-        _depth_by_tolerance(nail, camera_from_nail.mean),
-    ):
-        by_calibration += np.outer(depth, depth)
+    ray, depth_sd_mm = ray_to(camera_from_nail.mean), _depth_errors_mm(calibration, nail, camera_from_nail.mean)
+    by_calibration[3:, 3:] += depth_sd_mm @ depth_sd_mm * np.outer(ray, ray)
     return PoseEstimate(chained.mean, chained.errors.with_more(by_calibration))
 
 
-def _depth_by_distortion(
+def _depth_errors_mm(
     calibration: CArmCalibration, nail: NailPart, camera_from_nail: Transform[Camera, Nail]
 ) -> NDArray[np.float64]:
-    """Motion of the nail, one standard deviation, by the distortion's error of the length from hole to hole; (6,).
+    """Depth, one standard deviation, by the distortion's and the holes' errors of the length from hole to hole; (2,).
 
     Shifts that are common to the holes cancel: the guide's balls, which appear in the same place, have them too.
     """
     along = sorted((hole.axis.point_mm for hole in nail.holes), key=lambda point: float(point[0]))
     px = calibration.image_from_camera(camera_from_nail.points(np.array([along[0], along[-1]])))
-    deviation = float(np.sqrt(np.sum(calibration.distortion.standard_deviation_at(px) ** 2)))
+    deviation_px = float(np.sqrt(np.sum(calibration.distortion.standard_deviation_at(px) ** 2)))
     apart = float(np.linalg.norm(px[1] - px[0])) / distortion_correlation_px(calibration)
-    deviation *= np.sqrt(1.0 - np.exp(-0.5 * apart**2))
+    deviation_px *= np.sqrt(1.0 - np.exp(-0.5 * apart**2))
     depth_mm = float(camera_from_nail.translation_mm[2])
-    of_length_mm = deviation * depth_mm / calibration.camera.focal_length_px
-    by_depth = depth_mm / length_that_gives_depth_mm(nail) * ray_to(camera_from_nail)
-    return np.concatenate([np.zeros(3), of_length_mm * by_depth])
-
-
-def _depth_by_tolerance(nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.float64]:
-    """Motion of the nail, one standard deviation, by the tolerance of the length from hole to hole; shape (6,)."""
-    depth_mm = float(camera_from_nail.translation_mm[2])
-    of_length_mm = np.sqrt(2.0) * (nail.tolerance_mm or 0.0)
-    by_depth = depth_mm / length_that_gives_depth_mm(nail) * ray_to(camera_from_nail)
-    return np.concatenate([np.zeros(3), of_length_mm * by_depth])
+    by_distortion_mm = deviation_px * depth_mm / calibration.camera.focal_length_px
+    by_tolerance_mm = np.sqrt(2.0) * (nail.tolerance_mm or 0.0)
+    return np.array([by_distortion_mm, by_tolerance_mm]) * depth_mm / length_that_gives_depth_mm(nail)
 
 
 def _poses_for_other_sources(
@@ -139,10 +128,12 @@ def _cameras_with_other_sources(calibration: CArmCalibration) -> tuple[PinholeCa
 
 def _rim_points(nail: NailPart) -> NDArray[np.float64]:
     """Points on the circles where the holes meet the nail's surface, in the nail's frame, shape (K, 3), in mm."""
-    return np.concatenate([_rims_of(nail, hole) for hole in nail.holes])
-
-
-def _rims_of(nail: NailPart, hole: Hole) -> NDArray[np.float64]:
     angle = 2.0 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(hole_axis(nail, hole).direction)
-    return np.concatenate([end + 0.5 * hole.diameter_mm * circle for end in hole_surface_points(nail, hole)])
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.concatenate(
+        [
+            end + 0.5 * hole.diameter_mm * circle @ across_basis(hole_axis(nail, hole).direction)
+            for hole in nail.holes
+            for end in hole_surface_points(nail, hole)
+        ]
+    )

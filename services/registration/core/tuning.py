@@ -734,7 +734,7 @@ class GuideGivenNail:
 
 @dataclass(frozen=True, slots=True)
 class GuideTracking:
-    """The guide in a frame, from its pose in the frame before (`core/guidance/guide_tracking.py`)."""
+    """The guide in a frame, from its pose in the frame before (`core/guidance/measurement.py`)."""
 
     largest_shift_detector_mm: float = tuned(35.25, "mm", "largest shift of its image between two frames", _FILMS)
     same_shift_detector_mm: float = tuned(1.88, "mm", "distance of shifts that count as the same one", _FILMS)
@@ -744,7 +744,7 @@ class GuideTracking:
 
 @dataclass(frozen=True, slots=True)
 class NailTracking:
-    """The nail's fit in a frame, from its predicted pose (`core/guidance/nail_tracking.py`)."""
+    """The nail's fit in a frame, from its predicted pose (`core/guidance/measurement.py`)."""
 
     hole_px: float = tuned(12.0, "stage px", "width of the smallest hole after reduction", _FRAME_TIME)
     least_reduction: int = tuned(2, "image px", "least side of a pixel of the stage", _FRAME_TIME)

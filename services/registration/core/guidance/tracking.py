@@ -11,15 +11,16 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.frame import FrameEvidence, frame_reasons, margin_reasons
+from services.registration.core.acceptance.frame import frame_reasons, margin_reasons
 from services.registration.core.c_arm_advice import Advice, advice
 from services.registration.core.estimation.pose_estimate import PoseEstimate, weighted_mean
-from services.registration.core.guidance.guide_tracking import track_guide
-from services.registration.core.guidance.nail_tracking import (
+from services.registration.core.guidance.measurement import (
     NailAppearance,
     TrackedNail,
     estimate_appearance,
+    frame_evidence,
     mirror_margin,
+    track_guide,
     track_nail,
 )
 from services.registration.core.guide.locate import locate_guide
@@ -131,7 +132,7 @@ def track_frame(
     nail = track_nail(given, track.reference.appearance, predicted.mean)
     if isinstance(nail, Rejected):
         return _refused(nail.reasons, at), _missed(track)
-    reasons = frame_reasons(_evidence(nail.value, track.reference.appearance, predicted))
+    reasons = frame_reasons(frame_evidence(nail.value, track.reference.appearance, predicted))
     if reasons:
         return _refused(reasons, at), _missed(track)
     joint = weighted_mean(predicted, nail.value.pose, FRAME_TRACKING.shared_correlation)
@@ -186,20 +187,3 @@ def _given(
 ) -> FitInput:
     occluders = Occluders(PlacedGuide(parts.guide, camera_from_guide), parts.ring)
     return FitInput(unmirrored(pixels, calibration), calibration, parts.nail, occluders)
-
-
-def _evidence(nail: TrackedNail, appearance: NailAppearance, predicted: PoseEstimate[Camera, Nail]) -> FrameEvidence:
-    """The observed nail, and how far it lies from where guide and reference predict it."""
-    apart = predicted.mean.inverse() @ nail.pose.mean
-    rotation = nail.pose.covariance[:2, :2] + predicted.covariance[:2, :2]
-    return FrameEvidence(
-        holes=nail.holes,
-        structure=nail.structure,
-        unexplained=nail.unexplained,
-        turned_deg=tuple(np.degrees(apart.rotation_vector_rad[:2]).tolist()),
-        turn_sd_deg=tuple(np.degrees(np.sqrt(np.diag(rotation))).tolist()),
-        across_mm=float(np.linalg.norm(apart.translation_mm[:2])),
-        blur_px=nail.blur_px,
-        reference_blur_px=appearance.blur_px,
-        tilt_sd_deg=float(np.degrees(np.sqrt(np.diag(nail.pose.covariance)[:2].max()))),
-    )

@@ -60,18 +60,17 @@ def smooth_image(registered: RegisteredImage, guide: GuidePart) -> SmoothImage:
 def nail_outline(registered: RegisteredImage, nail: NailPart, camera_from_nail: Transform[Camera, Nail]) -> NailOutline:
     """The edges of the nail's round bar about its holes, without its tip."""
     axis_mm = axis_about_holes_mm(nail, NAIL_OUTLINE_MATCHING.proximal_of_holes_mm, NAIL_OUTLINE_MATCHING.step_mm)
-    points, pixels_of_points, outward = [], [], []
-    for normal in touched_normals(nail, camera_from_nail):
-        on_nail = axis_mm + nail.radius_mm * normal
-        at_px = registered.calibration.image_from_camera(camera_from_nail.points(on_nail))
-        outside_px = registered.calibration.image_from_camera(camera_from_nail.points(on_nail + 0.1 * normal))
-        way = np.gradient(at_px, axis=0)
-        across = np.stack([-way[:, 1], way[:, 0]], axis=1) / np.linalg.norm(way, axis=1)[:, None]
-        outward.append(across * np.sign(np.sum(across * (outside_px - at_px), axis=1))[:, None])
-        points.append(on_nail)
-        pixels_of_points.append(at_px)
+    normals = touched_normals(nail, camera_from_nail)[:, None]
+    on_nail = axis_mm + nail.radius_mm * normals
+    at_px, outside_px = (
+        registered.calibration.image_from_camera(camera_from_nail.points(points))
+        for points in (on_nail, on_nail + 0.1 * normals)
+    )
+    way = np.gradient(at_px, axis=1)
+    across = np.stack([-way[..., 1], way[..., 0]], axis=-1) / np.linalg.norm(way, axis=-1, keepdims=True)
+    outward = across * np.sign(np.sum(across * (outside_px - at_px), axis=-1, keepdims=True))
     side = np.repeat([0, 1], len(axis_mm))
-    return NailOutline(np.concatenate(pixels_of_points), np.concatenate(outward), np.concatenate(points), side)
+    return NailOutline(at_px.reshape(-1, 2), outward.reshape(-1, 2), on_nail.reshape(-1, 3), side)
 
 
 def axis_about_holes_mm(nail: NailPart, proximal_of_holes_mm: float, step_mm: float) -> NDArray[np.float64]:

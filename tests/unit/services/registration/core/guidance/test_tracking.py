@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from services.registration.core.c_arm_advice import hole_tilts
-from services.registration.core.guidance.guide_tracking import track_guide
-from services.registration.core.guidance.nail_tracking import mirror_margin, track_nail
+from services.registration.core.guidance.measurement import mirror_margin, track_guide, track_nail
 from services.registration.core.guidance.tracking import (
     FrameEstimate,
     Margin,
