@@ -19,8 +19,8 @@ from services.imaging.devices.nominal_values import ImageNominal, StatedValues, 
 from services.imaging.devices.received_image import Acquisition, Polarity
 from services.registration.core.fusion import LocalisedImage, fuse_localisations
 from services.registration.core.localise import LocalisationResult, Parts, localise
+from services.registration.frames import parts_from_json
 from services.registration.overlay import overlay_png
-from services.registration.parts import parts_from_json
 from services.registration.report import (
     Localiser,
     message_of_several,

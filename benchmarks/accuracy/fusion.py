@@ -23,6 +23,7 @@ from benchmarks.common.places import PAGES
 from benchmarks.common.statistics import root_mean_square
 from benchmarks.scenes.set_ups import SetUp
 from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
+from services.registration.core.estimation.joint import fuse
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.fusion import Estimates, disagreement
 from services.registration.core.guide_from_nail import guide_from_nail_of
@@ -157,7 +158,7 @@ def _hole_errors(found: HoleEstimate, true: HoleEstimate) -> tuple[float, float,
 
 def _disagree(seen: SeenSetUp, estimates: Estimates) -> bool:
     names = tuple(str(k + 1) for k in range(len(estimates)))
-    return disagreement(estimates, names, seen.parts, seen.camera_from_nail) is not None
+    return disagreement(fuse(estimates), estimates, names, seen.parts, seen.camera_from_nail) is not None
 
 
 def report(seen: Sequence[SeenSetUp]) -> str:

@@ -29,7 +29,7 @@ from benchmarks.data.independent_images import (
 from distalock.arguments import OneLineParser, writable_file
 from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.image_file import read_image
-from services.registration.parts import parts_from_json
+from services.registration.frames import parts_from_json
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.frames import Nail, Ring
 from shared.geometry.transform import Transform

@@ -1,4 +1,4 @@
-"""Images as registration keeps them, with the case and the robot's pose under which they were made."""
+"""Part files as registration reads them, and images as it keeps them: with the case and the robot's pose."""
 
 import threading
 from collections import OrderedDict
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from services.registration.core.fusion import LocalisedImage
 from services.registration.core.localise import LocalisationResult, Parts
-from services.registration.parts import parts_from_json
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import HexapodPart
@@ -17,6 +16,7 @@ from shared.messages.cases import CaseContext
 from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.registration import LocalisationRecord
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState
+from shared.parts.files import guide_from_json, nail_from_json, ring_from_json
 from shared.parts.hexapod_file import hexapod_from_json
 
 AT_REST = (MotionState.LOCKED, MotionState.STOPPED)
@@ -46,6 +46,22 @@ class OpenCase:
             ),
             hexapod_from_json(context.hexapod_json.encode()),
         )
+
+
+def parts_from_json(
+    ring: bytes,
+    guide: bytes,
+    nail: bytes,
+    drill_diameter_mm: float,
+    sources: tuple[str, str, str] = ("ring file", "guide file", "nail file"),
+) -> Parts:
+    """Parse ring, guide and nail files; raises `PartFileInvalid` when a file breaks its schema."""
+    return Parts(
+        ring_from_json(ring, sources[0]),
+        guide_from_json(guide, sources[1]),
+        nail_from_json(nail, sources[2]),
+        drill_diameter_mm,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

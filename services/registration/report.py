@@ -16,7 +16,7 @@ from services.registration.core.localise import LocalisationResult, Parts, Step,
 from shared.errors import Accepted, Rejected
 from shared.geometry.bend import MM_PER_M
 from shared.geometry.calibration import CArmCalibration
-from shared.messages.base import Matrix3, ReasonMessage, matrix4, vector3
+from shared.messages.base import ReasonMessage, matrix3, matrix4, vector3
 from shared.messages.registration import (
     CArmCorrection,
     Curvature,
@@ -176,10 +176,8 @@ def standard_uncertainty(offset: AxisOffset) -> StandardUncertainty:
 
 
 def _camera(calibration: CArmCalibration) -> LocalisedCamera:
-    rows: list[tuple[float, float, float]] = [vector3(row) for row in calibration.camera.intrinsic_matrix_px]
-    intrinsic: Matrix3 = (rows[0], rows[1], rows[2])
     return LocalisedCamera(
-        intrinsic_matrix_px=intrinsic,
+        intrinsic_matrix_px=matrix3(calibration.camera.intrinsic_matrix_px),
         camera_from_ring=matrix4(calibration.camera_from_ring),
         balls_found=calibration.balls_found,
         balls_expected=calibration.balls_expected,

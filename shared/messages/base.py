@@ -119,6 +119,11 @@ def vector3(values: NDArray[np.float64]) -> Vector3:
     return (float(values[0]), float(values[1]), float(values[2]))
 
 
+def matrix3(values: NDArray[np.float64]) -> Matrix3:
+    """Array of shape (3, 3) to nested tuples, row by row."""
+    return (vector3(values[0]), vector3(values[1]), vector3(values[2]))
+
+
 def matrix4(transform: Transform[To, From]) -> Matrix4:
     """Homogeneous matrix of a transform as nested tuples, row by row."""
     m = transform.matrix

@@ -22,6 +22,7 @@ from shared.messages.base import (
     Verdict,
     WireModel,
     is_empty,
+    matrix3,
 )
 
 Pixels = NDArray[np.float32]
@@ -146,10 +147,10 @@ class CalibrationValues(WireModel):
             width_px=c.width_px,
             height_px=c.height_px,
             mirrored=c.mirrored,
-            intrinsic_matrix_px=_matrix3(c.camera.intrinsic_matrix_px),
+            intrinsic_matrix_px=matrix3(c.camera.intrinsic_matrix_px),
             camera_from_ring=TransformMessage.of(c.camera_from_ring, Camera, Ring),
             distortion=_field_message(d),
-            source_covariance_mm2=_matrix3(c.source_covariance_mm2),
+            source_covariance_mm2=matrix3(c.source_covariance_mm2),
             balls=tuple(
                 BallMessage(
                     x_px=float(b.centre_px[i, 0]),
@@ -202,11 +203,6 @@ class CalibrationMessage(Message):
     reasons: tuple[ReasonMessage, ...]
     values: CalibrationValues | None
     elapsed_ms: Finite
-
-
-def _matrix3(m: NDArray[np.float64]) -> Matrix3:
-    rows = [(float(r[0]), float(r[1]), float(r[2])) for r in m]
-    return (rows[0], rows[1], rows[2])
 
 
 def _floats(values: NDArray[np.float64]) -> tuple[float, ...]:

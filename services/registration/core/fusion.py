@@ -61,7 +61,7 @@ class FusedLocalisation:
     """The joint localisation of several images."""
 
     # As if from one image: what belongs to an image (guide and nail in the camera's frame, tilts, the C-arm's
-    # correction) is that of image `shown`, the newest that was used
+    # correction) is that of image `shown`, the newest that was used; that one's, refused, when the images disagree
     result: LocalisationResult
     shown: int  # its index; the last image's when none was used
     shares: tuple[ImageShare, ...]
@@ -82,20 +82,22 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
     used, found = tuple(estimates), tuple(estimates.values())
     shown = used[-1]
     newest = images[shown].result
+    assert newest.nail is not None  # `usable_estimate` needs one
+    camera_from_nail = newest.nail.camera_from_nail
     if len(used) == 1:
         shares = tuple(ImageShare(k == shown, None) for k in range(len(images)))
         return FusedLocalisation(newest, shown, shares, 0.0, 0.0, 0)
-    joint = fuse(found)
+    joint, names = fuse(found), tuple(images[k].name for k in used)
     influence = dict(zip(used, np.maximum(leave_one_out(found), 0.0).tolist(), strict=True))
     shares = tuple(ImageShare(k in influence, influence.get(k)) for k in range(len(images)))
-    return FusedLocalisation(
-        _joint_result(images, used, found, parts, newest),
-        shown,
-        shares,
-        joint.chi_square,
-        chi_square_limit(joint.degrees_of_freedom),
-        joint.degrees_of_freedom,
-    )
+    against = disagreement(joint, found, names, parts, camera_from_nail)
+    if against is not None:
+        result = replace(newest, reasons=(against,))
+    else:
+        holes = _holes(joint, parts, camera_from_nail, joint.covariance_with_bend)
+        result = replace(newest, reasons=uncertainty_reasons(holes), guide_from_nail=joint.pose.mean, holes=holes)
+    freedom = joint.degrees_of_freedom
+    return FusedLocalisation(result, shown, shares, joint.chi_square, chi_square_limit(freedom), freedom)
 
 
 def usable_estimate(image: LocalisedImage, parts: Parts) -> PoseEstimate[Guide, Nail] | None:
@@ -108,32 +110,35 @@ def usable_estimate(image: LocalisedImage, parts: Parts) -> PoseEstimate[Guide, 
     return guide_from_nail_of(calibration, parts.guide, parts.nail, result.guide, result.nail)
 
 
-def _joint_result(
-    images: tuple[LocalisedImage, ...],
-    used: tuple[int, ...],
-    estimates: Estimates,
+def _holes(
+    joint: JointEstimate[Guide, Nail],
     parts: Parts,
-    newest: LocalisationResult,
-) -> LocalisationResult:
-    """The joint estimate in the newest result's place; that one stays, refused, when the images disagree."""
-    assert newest.nail is not None  # `usable_estimate` needs one
-    camera_from_nail = newest.nail.camera_from_nail
-    against = disagreement(estimates, tuple(images[k].name for k in used), parts, camera_from_nail)
-    if against is not None:
-        return replace(newest, reasons=(against,))
-    joint = fuse(estimates)
+    camera_from_nail: Transform[Camera, Nail],
+    covariance: NDArray[np.float64] | None,
+) -> tuple[HoleEstimate, ...]:
+    """Holes of the joint estimate, with its covariance or without any."""
     nail = parts.nail.bent(joint.curvature_per_m)
-    holes = holes_at(nail, parts.drill_diameter_mm, joint.pose.mean, joint.covariance_with_bend, camera_from_nail)
-    return replace(newest, reasons=uncertainty_reasons(holes), guide_from_nail=joint.pose.mean, holes=holes)
+    return holes_at(nail, parts.drill_diameter_mm, joint.pose.mean, covariance, camera_from_nail)
 
 
 @dataclass(frozen=True, slots=True)
 class _Grouping:
-    """One way to explain a disagreement: images in two groups, by their indices; each group agrees in itself."""
+    """One way to explain a disagreement: images in two groups, by their indices."""
 
     first: tuple[int, ...]
     second: tuple[int, ...]
-    chi_square: float  # sum of both groups' own
+    joints: tuple[JointEstimate[Guide, Nail], JointEstimate[Guide, Nail]]  # of each group
+
+    @staticmethod
+    def of(estimates: Estimates, first: tuple[int, ...], second: tuple[int, ...]) -> "_Grouping":
+        """Fuse each group in itself."""
+        one, other = (fuse(tuple(estimates[k] for k in group)) for group in (first, second))
+        return _Grouping(first, second, (one, other))
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of both groups' own."""
+        return sum(joint.chi_square for joint in self.joints)
 
     @property
     def larger(self) -> tuple[int, ...]:
@@ -147,6 +152,7 @@ class _Grouping:
 
 
 def disagreement(
+    joint: JointEstimate[Guide, Nail],
     estimates: Estimates,
     names: tuple[str, ...],
     parts: Parts,
@@ -154,17 +160,16 @@ def disagreement(
 ) -> Reason | None:
     """Why the images contradict one another, in the order in which they were taken; None when they agree.
 
-    The sentence calls the images by their names; `camera_from_nail` is that of any of them.
+    The sentence calls the images by their names; the joint estimate is that of all, `camera_from_nail` that of any.
     """
-    found = fuse(estimates)
-    if _agree(found):
+    if _agree(joint):
         return None
-    quoted = IMAGES_CHI_SQUARE.quoted(found.chi_square, chi_square_limit(found.degrees_of_freedom))
+    quoted = IMAGES_CHI_SQUARE.quoted(joint.chi_square, chi_square_limit(joint.degrees_of_freedom))
     grouping = min(_groupings(estimates), key=lambda g: g.chi_square, default=None)
-    parted = grouping or _Grouping((0,), tuple(range(1, len(estimates))), np.inf)
+    parted = grouping or _Grouping.of(estimates, (0,), tuple(range(1, len(estimates))))
     measured = (
         f"{_difference(estimates, parted, parts, camera_from_nail)} (chi-square of "
-        f"{found.degrees_of_freedom} degrees of freedom: {quoted})"
+        f"{joint.degrees_of_freedom} degrees of freedom: {quoted})"
     )
     return Reason(IMAGES_CHI_SQUARE.code, _explained(grouping, names, measured))
 
@@ -211,13 +216,9 @@ def _groupings(estimates: Estimates) -> Iterator[_Grouping]:
     parts = [(tuple(range(k)), tuple(range(k, count))) for k in range(1, count)]
     parts += [((k,), (*range(k), *range(k + 1, count))) for k in range(1, count - 1)]
     for first, second in parts:
-        one, other = _fused(estimates, first), _fused(estimates, second)
-        if _agree(one) and _agree(other):
-            yield _Grouping(first, second, one.chi_square + other.chi_square)
-
-
-def _fused(estimates: Estimates, chosen: tuple[int, ...]) -> JointEstimate[Guide, Nail]:
-    return fuse(tuple(estimates[k] for k in chosen))
+        grouping = _Grouping.of(estimates, first, second)
+        if all(_agree(joint) for joint in grouping.joints):
+            yield grouping
 
 
 def _agree(joint: JointEstimate[Guide, Nail]) -> bool:
@@ -228,13 +229,7 @@ def _difference(
     estimates: Estimates, grouping: _Grouping, parts: Parts, camera_from_nail: Transform[Camera, Nail]
 ) -> str:
     """How far the axes of both groups lie apart, at the hole where it is most, and how much their nails differ."""
-    joints = [_fused(estimates, group) for group in (grouping.first, grouping.second)]
-    first, second = (
-        holes_at(
-            parts.nail.bent(joint.curvature_per_m), parts.drill_diameter_mm, joint.pose.mean, None, camera_from_nail
-        )
-        for joint in joints
-    )
+    first, second = (_holes(joint, parts, camera_from_nail, None) for joint in grouping.joints)
     apart = [(_entry_apart_mm(a, b), a, b) for a, b in zip(first, second, strict=True)]
     entry_mm, a, b = max(apart, key=lambda one: one[0])
     depth_mm = abs(float((b.entry_guide_mm - a.entry_guide_mm) @ a.axis_guide.direction))

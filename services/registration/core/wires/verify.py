@@ -111,12 +111,12 @@ def estimate_jointly(
     if not used:
         return JointResult(None, no_holes_reasons(images, parts), ())
     poses = tuple(evidence[id(one)] for one in used)
+    fused = fuse(poses)
     newest = used[-1].result.nail
     assert newest is not None  # `usable_estimate` needs one
-    contradiction = disagreement(poses, tuple(one.name for one in used), parts, newest.camera_from_nail)
+    contradiction = disagreement(fused, poses, tuple(one.name for one in used), parts, newest.camera_from_nail)
     if contradiction is not None:
         return JointResult(None, (contradiction,), ())
-    fused = fuse(poses)
     registered, reasons = _registered_images(images, parts, fused.pose.mean)
     if not registered:
         return JointResult(None, reasons, ())

@@ -14,7 +14,7 @@ from services.registration.core.nail.least_squares import Problem, problem_for
 from services.registration.core.nail.occluders import Occluders, PlacedGuide
 from services.registration.core.nail.parameters import POSE_ONLY, prior_mean
 from services.registration.core.nail.region import FitInput
-from services.registration.parts import parts_from_json
+from services.registration.frames import parts_from_json
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail

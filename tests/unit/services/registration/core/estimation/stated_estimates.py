@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from services.registration.core.estimation.joint import fuse
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.fusion import disagreement
 from shared.errors import Reason
@@ -58,4 +59,4 @@ def across_mm(x: float, y: float) -> NDArray[np.float64]:
 
 def told(images: tuple[Estimate, ...]) -> Reason | None:
     names = tuple(f"{k + 1}" for k in range(len(images)))
-    return disagreement(images, names, replace(rendered_parts(), nail=nail_part()), NAIL_POSE)
+    return disagreement(fuse(images), images, names, replace(rendered_parts(), nail=nail_part()), NAIL_POSE)
