@@ -113,41 +113,26 @@ class LocalisedFrames:
 
     def accepted_beside(self, frame: LocalisedFrame, apart_from: tuple[str, ...]) -> tuple[LocalisedFrame, ...]:
         """Accepted images with case and robot as they were for another one, in order, without those named by hash."""
-        return tuple(
-            other
-            for sha256, other in self._now()
-            if sha256 not in apart_from and same_stand(frame, other) and other.record.localisation.verdict == "accepted"
-        )
+        beside = (other for other in self._accepted() if moved_between(frame, other) is False)
+        return tuple(other for other in beside if other.record.image.sha256 not in apart_from)
 
     def accepted_elsewhere(self, frame: LocalisedFrame) -> tuple[LocalisedFrame, ...]:
         """Accepted images of the same set-up for which the robot stood elsewhere than for another one, in order."""
-        here, setup = frame.record.robot_pose, set_up_of(frame.case)
-        if here is None:
-            return ()
-        return tuple(
-            other
-            for _, other in self._now()
-            if other.record.localisation.verdict == "accepted"
-            and other.record.robot_boot_epoch == frame.record.robot_boot_epoch
-            and set_up_of(other.case) == setup
-            and other.record.robot_pose is not None
-            and not same_place(other.record.robot_pose, here)
-        )
+        return tuple(other for other in self._accepted() if moved_between(frame, other))
 
-    def _now(self) -> tuple[tuple[str, LocalisedFrame], ...]:
+    def _accepted(self) -> list[LocalisedFrame]:
         with self._lock:
-            return tuple(self._frames.items())
+            return [one for one in self._frames.values() if one.record.localisation.verdict == "accepted"]
 
     def _dispensable(self) -> str:
         """The oldest image that is not the last accepted one with the robot where it stood; else the oldest."""
-        places: list[LocalisedFrame] = []
-        needed = set()
-        for sha256, one in reversed(self._frames.items()):
+        needed: list[LocalisedFrame] = []
+        for one in reversed(self._frames.values()):
             accepted = one.record.localisation.verdict == "accepted"
-            if accepted and not any(same_stand(one, other) for other in places):
-                places.append(one)
-                needed.add(sha256)
-        return next((sha256 for sha256 in self._frames if sha256 not in needed), next(iter(self._frames)))
+            if accepted and not any(moved_between(one, other) is False for other in needed):
+                needed.append(one)
+        kept = {one.record.image.sha256 for one in needed}
+        return next((sha256 for sha256 in self._frames if sha256 not in kept), next(iter(self._frames)))
 
 
 def calibration_of(message: CalibrationMessage) -> Accepted[CArmCalibration] | Rejected:
@@ -157,16 +142,12 @@ def calibration_of(message: CalibrationMessage) -> Accepted[CArmCalibration] | R
     return Accepted(message.values.calibration())
 
 
-def same_stand(a: LocalisedFrame, b: LocalisedFrame) -> bool:
-    """Whether robot and set-up were the same for two images; where the robot stood must be known for both."""
+def moved_between(a: LocalisedFrame, b: LocalisedFrame) -> bool | None:
+    """Whether the robot stood elsewhere for one of two images; None for two set-ups, or where its place is unknown."""
     here, there = a.record.robot_pose, b.record.robot_pose
-    return (
-        here is not None
-        and there is not None
-        and same_place(here, there)
-        and a.record.robot_boot_epoch == b.record.robot_boot_epoch
-        and set_up_of(a.case) == set_up_of(b.case)
-    )
+    if here is None or there is None or a.record.robot_boot_epoch != b.record.robot_boot_epoch:
+        return None
+    return None if set_up_of(a.case) != set_up_of(b.case) else not same_place(here, there)
 
 
 def set_up_of(case: OpenCase | None) -> tuple[str | None, int] | None:

@@ -65,7 +65,8 @@ class PictureTurn:
 
     def note(self, view: AngledView, ring_turn_rad: float) -> None:
         """Compare a view with an earlier one from at least two degrees away."""
-        if self._ring_turn_rad is None or _apart(ring_turn_rad, self._ring_turn_rad) > _SAME_PICTURE_RAD:
+        turned = None if self._ring_turn_rad is None else np.angle(np.exp(1j * (ring_turn_rad - self._ring_turn_rad)))
+        if turned is None or abs(turned) > _SAME_PICTURE_RAD:
             self._seen, self._ring_turn_rad, self.turn_rad = None, ring_turn_rad, None
         if self._seen is None:
             self._seen = view
@@ -89,11 +90,6 @@ class PictureTurn:
             orbital_then=then.orbital_deg,
             angular_then=then.angular_deg,
         )
-
-
-def _apart(first_rad: float, second_rad: float) -> float:
-    """Size of the angle between two directions."""
-    return abs((first_rad - second_rad + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def guidance_message(estimate: FrameEstimate, facts: FrameFacts, picture: PictureTurn) -> Guidance:

@@ -13,10 +13,11 @@ from contextlib import contextmanager
 
 from services.registration.core.acceptance.criteria import NO_REFERENCE_IMAGE
 from services.registration.core.c_arm_advice import CArmAngles
-from services.registration.core.guidance.run import NumberedFrame, Run
 from services.registration.core.guidance.tracking import (
     FrameEstimate,
+    NumberedFrame,
     Origin,
+    Run,
     Track,
     estimate_of_localisation,
     start_track,

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.registration.core.acceptance.criteria import HEAD_NOT_SEEN, HeadTrouble
-from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.fusion import fuse_localisations
 from services.registration.core.head_check import MotionView, check_motion, check_place
@@ -29,6 +28,7 @@ from services.registration.frames import (
 from services.registration.report import fusion_message, standard_uncertainty
 from services.registration.state import RegistrationState
 from shared.acceptance import Refusal
+from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.parts import GuidePart
@@ -177,6 +177,10 @@ def refused(code: str, message: str) -> PlanReply:
     return PlanReply(verdict="rejected", code=code, message=message)
 
 
+def _rejected(what: str, reasons: tuple[Reason, ...]) -> PlanReply:
+    return refused("not_accepted", f"{what}: {'; '.join(reason.message for reason in reasons)}")
+
+
 def _of_verification(request: PlanRequest, newest: LocalisedFrame, state: RegistrationState) -> PlanAxes | PlanReply:
     hashes = request.verified_image_sha256
     if request.image_sha256 not in hashes:
@@ -189,8 +193,7 @@ def _of_verification(request: PlanRequest, newest: LocalisedFrame, state: Regist
     if verified is None:
         return refused("unknown_verification", "these images were not verified last; verify them again")
     if verified.reasons:
-        reasons = "; ".join(reason.message for reason in verified.reasons)
-        return refused("not_accepted", f"the verification was rejected: {reasons}")
+        return _rejected("the verification was rejected", verified.reasons)
     if newest.image.name not in verified.images_used:
         return refused(
             "not_accepted",
@@ -198,13 +201,7 @@ def _of_verification(request: PlanRequest, newest: LocalisedFrame, state: Regist
             "found; take it again, and verify again",
         )
     wires = {wire.hole.id: wire for wire in verified.wires}
-    holes = tuple(
-        replace(
-            wire.hole,
-            offset=AxisOffset(np.zeros_like(wire.offset.mean_mm), wire.offset.covariance_mm2, wire.offset.length_mm),
-        )
-        for wire in verified.wires
-    )
+    holes = tuple(replace(wire.hole, offset=replace(wire.offset, mean_mm=np.zeros(4))) for wire in verified.wires)
     guide = newest.case.parts.guide
     by_wires = tuple(replace(hole, axis=wires[hole.id].axis_guide) for hole in guide.holes if hole.id in wires)
     return PlanAxes(holes, replace(guide, holes=by_wires), None)
@@ -255,20 +252,16 @@ def _moved(before: PlatformPoseMessage, now: PlatformPoseMessage, since: str) ->
 
 def _of_images(frames: tuple[LocalisedFrame, ...]) -> PlanAxes | PlanReply:
     """The holes as one accepted image shows them, or several together; or why they may not be planned for."""
-    newest = frames[-1].record.localisation
+    newest = frames[-1].result
     if len(frames) == 1:
-        result = frames[0].result
-        if newest.verdict != "accepted" or result.holes is None:
-            reasons = "; ".join(reason.message for reason in newest.reasons)
-            return refused("not_accepted", f"the newest image was rejected: {reasons}")
-        return PlanAxes(result.holes, frames[0].case.parts.guide, None)
+        if not newest.accepted or newest.holes is None:
+            return _rejected("the newest image was rejected", newest.reasons)
+        return PlanAxes(newest.holes, frames[0].case.parts.guide, None)
     fused = fuse_localisations(tuple(frame.image for frame in frames), frames[-1].case.parts)
     if fused is None or not fused.shares[-1].used:
-        reasons = "; ".join(reason.message for reason in newest.reasons)
-        return refused("not_accepted", f"the newest image cannot be fused with the others: {reasons}")
+        return _rejected("the newest image cannot be fused with the others", newest.reasons)
     if not fused.result.accepted or fused.result.holes is None:
-        reasons = "; ".join(reason.message for reason in fused.result.reasons)
-        return refused("not_accepted", f"the {len(frames)} images together were rejected: {reasons}")
+        return _rejected(f"the {len(frames)} images together were rejected", fused.result.reasons)
     agreement = fusion_message(fused, tuple(frame.record.localisation for frame in frames))
     return PlanAxes(fused.result.holes, frames[-1].case.parts.guide, agreement)
 

@@ -35,7 +35,7 @@ class RegistrationState:
     """
 
     def __init__(self, boot_epoch: str, kept: int, image_delay_s: float, clock_s: Callable[[], float]) -> None:
-        self._boot_epoch = boot_epoch
+        self.boot_epoch = boot_epoch
         self._kept = kept
         self._image_delay_s = image_delay_s
         self._clock_s = clock_s
@@ -148,11 +148,6 @@ class RegistrationState:
         with self._changed:
             return self._epoch()
 
-    @property
-    def boot_epoch(self) -> str:
-        """Names this run of registration."""
-        return self._boot_epoch
-
     def wait_for_another_epoch(self, seen: str | None, timeout_s: float) -> str:
         """The present epoch, as soon as it is another than `seen`, at the latest after `timeout_s`."""
         with self._changed:
@@ -166,7 +161,7 @@ class RegistrationState:
         return self._epoch()
 
     def _epoch(self) -> str:
-        return f"{self._boot_epoch}.{self._counter}"
+        return f"{self.boot_epoch}.{self._counter}"
 
 
 def _reached(case: OpenCase, case_id: str, revision: int) -> bool:

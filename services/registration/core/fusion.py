@@ -230,8 +230,12 @@ def _difference(
 ) -> str:
     """How far the axes of both groups lie apart, at the hole where it is most, and how much their nails differ."""
     first, second = (_holes(joint, parts, camera_from_nail, None) for joint in grouping.joints)
-    apart = [(_entry_apart_mm(a, b), a, b) for a, b in zip(first, second, strict=True)]
-    entry_mm, a, b = max(apart, key=lambda one: one[0])
+    offsets_mm = (
+        axis_offset_mm(a.axis_guide, b.axis_guide, a.entry_guide_mm, a.exit_guide_mm)
+        for a, b in zip(first, second, strict=True)
+    )
+    entries_mm = [float(np.linalg.norm(offset_mm[:2])) for offset_mm in offsets_mm]
+    entry_mm, a, b = max(zip(entries_mm, first, second, strict=True), key=lambda one: one[0])
     depth_mm = abs(float((b.entry_guide_mm - a.entry_guide_mm) @ a.axis_guide.direction))
     between_deg = angle_deg(a.axis_guide, b.axis_guide)
     return (
@@ -251,8 +255,3 @@ def _other_radii(estimates: Estimates, grouping: _Grouping) -> str:
         if (name := _RADII.get(parameter)) is not None
     }
     return "".join(f", {name} by {mm:.2f} mm" for name, mm in apart_mm.items() if mm >= NAIL_PRIORS.radius_sd_mm)
-
-
-def _entry_apart_mm(a: HoleEstimate, b: HoleEstimate) -> float:
-    offset = axis_offset_mm(a.axis_guide, b.axis_guide, a.entry_guide_mm, a.exit_guide_mm)
-    return float(np.linalg.norm(offset[:2]))

@@ -169,18 +169,13 @@ def _within_reach(
     tried: list[tuple[float, _Freedom]] = []
     for shift_mm, turn_deg in uses:
         freedom = _freedom(shortest, axis, float(shift_mm), float(turn_deg), robot)
-        margin = _margin(freedom.pose, robot)
+        # how far inside the limits, in mm of the legs or degrees of the joints
+        margin = min(map(float, limit_margins(robot.hexapod, freedom.pose.as_array(), robot.pivot_mm)))
         if margin >= 0.0 and not path_violations(robot.hexapod, robot.pose, freedom.pose, robot.pivot_mm):
             return freedom
         tried.append((margin, freedom))
     nearest = max(tried, key=lambda one: one[0])[1]
     return Refusal(OUT_OF_REACH.code, _out_of_reach(tried[0][1], nearest, robot))
-
-
-def _margin(pose: PlatformPose, robot: RobotNow) -> float:
-    """How far a pose is inside the limits, in mm of the legs or degrees of the joints; negative outside."""
-    leg_mm, joint_deg = limit_margins(robot.hexapod, pose.as_array(), robot.pivot_mm)
-    return min(float(leg_mm), float(joint_deg))
 
 
 def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str:

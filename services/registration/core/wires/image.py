@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.guide.measure import shadows
-from services.registration.core.subpixel import sample_bilinear
 from services.registration.core.tuning import WIRE_VISIBILITY
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
@@ -43,19 +42,6 @@ class GradientImage:
     visible: NDArray[np.float32]
     noise: float  # robust standard deviation of the slope where a wire would be visible (texture and noise)
     metal_grey: float  # grey value of the nail's metal
-
-    def visible_at(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Interpolated visibility at points, shape (..., 2): from 0 to 1, shape (...)."""
-        return sample_bilinear(self.visible, points_px)
-
-    def grey_at(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Grey values of the smoothed image at points, shape (..., 2); shape (...)."""
-        return sample_bilinear(self.smooth, points_px)
-
-    def outward_slope(self, points_px: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Slope along directions, shape (M, S, 2), at points, shape (M, S, 2); positive where it gets brighter."""
-        along_x, along_y = (sample_bilinear(slope, points_px) for slope in (self.slope_x, self.slope_y))
-        return along_x * outward[..., 0] + along_y * outward[..., 1]
 
     def length_px(self, length_detector_mm: float) -> float:
         """A length at the detector in pixels of this image."""

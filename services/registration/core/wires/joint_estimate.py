@@ -152,13 +152,13 @@ def update_with_outline(
         chained = np.zeros((6, len(prior)))
         chained[:, 6 * image : 6 * image + 6] = now.guide_from_nail.inverse().adjoint
         chained[:, -6:] = np.eye(6)
-        observed = _information(smooth, nail, now.camera_from_nail(image), reach_mm)
-        normal = prior + chained.T @ observed.normal @ chained
-        observed_motion = chained @ motion + np.linalg.solve(observed.normal + _BROAD_PRIOR, observed.gradient)
-        motion = motion + np.linalg.solve(normal, chained.T @ observed.gradient - prior @ motion)
+        of_image, gradient, share = _information(smooth, nail, now.camera_from_nail(image), reach_mm)
+        normal = prior + chained.T @ of_image @ chained
+        observed_motion = chained @ motion + np.linalg.solve(of_image + _BROAD_PRIOR, gradient)
+        motion = motion + np.linalg.solve(normal, chained.T @ gradient - prior @ motion)
     band = _determined_by_band(now.camera_from_nail(image))
-    covariance = np.linalg.inv(observed.normal + _BROAD_PRIOR) + chained @ estimate.covariance @ chained.T
-    innovation = OutlineInnovation(band @ observed_motion, band @ covariance @ band.T, observed.found_fraction)
+    covariance = np.linalg.inv(of_image + _BROAD_PRIOR) + chained @ estimate.covariance @ chained.T
+    innovation = OutlineInnovation(band @ observed_motion, band @ covariance @ band.T, share)
     return estimate.moved(motion, np.asarray(np.linalg.inv(normal))), innovation
 
 
@@ -171,19 +171,14 @@ def _determined_by_band(camera_from_nail: Transform[Camera, Nail]) -> NDArray[np
     return rows
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Information:
-    """Information of an outline about a small motion of the nail in its own frame: normal (6, 6), gradient (6,)."""
-
-    normal: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    found_fraction: float
-
-
 def _information(
     image: SmoothImage, nail: NailPart, camera_from_nail: Transform[Camera, Nail], reach_detector_mm: float
-) -> _Information:
-    """Match the outline within a reach; the two edges' own shifts are eliminated."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Information of the outline about a small motion of the nail in its own frame, and the share that was found.
+
+    Normal matrix, shape (6, 6), and gradient, shape (6,), from matches within a reach; the two edges' own shifts are
+    eliminated.
+    """
 
     def px(length_detector_mm: float) -> float:
         return pixels(length_detector_mm, image.registered.calibration.pixel_mm)
@@ -191,7 +186,7 @@ def _information(
     outline = nail_outline(image.registered, nail, camera_from_nail)
     match = match_nail_outline(image, outline, px(reach_detector_mm))
     if len(match.index) == 0:
-        return _Information(np.zeros((6, 6)), np.zeros(6), match.found_fraction)
+        return np.zeros((6, 6)), np.zeros(6), match.found_fraction
     J = np.zeros((len(match.index), 9))
     J[:, :6] = _derivative(image.registered, camera_from_nail, outline, match.index)
     J[:, 6] = 1.0
@@ -207,7 +202,7 @@ def _information(
     eliminated = np.linalg.solve(normal[6:, 6:], np.column_stack([normal[6:, :6], gradient[6:]]))
     reduced = normal[:6, :6] - normal[:6, 6:] @ eliminated[:, :6]
     reduced_gradient = gradient[:6] - normal[:6, 6:] @ eliminated[:, 6]
-    return _Information(np.asarray(reduced), np.asarray(reduced_gradient), match.found_fraction)
+    return np.asarray(reduced), np.asarray(reduced_gradient), match.found_fraction
 
 
 def _derivative(

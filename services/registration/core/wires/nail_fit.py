@@ -38,7 +38,6 @@ from services.registration.core.tuning import NAIL_WITH_WIRES, WIRE_VISIBILITY
 from services.registration.core.wires.fit import WireFit, detect_wire
 from services.registration.core.wires.image import RegisteredImage, discs_mask, gradient_image
 from shared.errors import Accepted, Reason, Rejected
-from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, unit
 from shared.geometry.parts import GuidePart, NailPart
@@ -91,8 +90,7 @@ def locate_nail_near_guide_axes(
     """
     calibration, camera_from_guide = registered.calibration, registered.camera_from_guide
     image = prepare_search(registered.pixels, calibration, nail)
-    patterns = list(_patterns(image, calibration, guide, nail, camera_from_guide))
-    best = max(patterns, key=pattern_quality, default=None)
+    best = max(_patterns(image, registered, guide, nail), key=pattern_quality, default=None)
     openness = 0.0 if best is None else float(best.openness.min())
     if best is None or not OPENNESS_BESIDE_WIRES.is_met(openness):
         observation = (
@@ -111,18 +109,14 @@ def locate_nail_near_guide_axes(
 
 
 def _patterns(
-    image: SearchImage,
-    calibration: CArmCalibration,
-    guide: GuidePart,
-    nail: NailPart,
-    camera_from_guide: Transform[Camera, Guide],
+    image: SearchImage, registered: RegisteredImage, guide: GuidePart, nail: NailPart
 ) -> Iterator[HolePattern]:
     """The holes along each band of the nail's width, in the guide's sense, where the guide's axes meet the band."""
-    distal = camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
-    for strip in dark_bands(image, calibration, nail):
+    distal = registered.camera_from_guide.directions(np.array([1.0, 0.0, 0.0]))
+    for strip in dark_bands(image, registered.calibration, nail):
         px_per_mm = strip.band.width_px / nail.diameter_mm
-        depth_mm = calibration.camera.focal_length_px / (px_per_mm * image.step_px)
-        places_px = _axes_at_depth_px(calibration, guide, camera_from_guide, depth_mm) / image.step_px
+        depth_mm = registered.calibration.camera.focal_length_px / (px_per_mm * image.step_px)
+        places_px = _axes_at_depth_px(registered, guide, depth_mm) / image.step_px
         valid = strip.valid & _near(strip, places_px, NAIL_WITH_WIRES.reach_from_axes_mm * px_per_mm)
         if not valid.any():
             continue
@@ -130,14 +124,12 @@ def _patterns(
         yield forwards if float(strip.band.along @ distal[:2]) >= 0.0 else backwards
 
 
-def _axes_at_depth_px(
-    calibration: CArmCalibration, guide: GuidePart, camera_from_guide: Transform[Camera, Guide], depth_mm: float
-) -> NDArray[np.float64]:
+def _axes_at_depth_px(registered: RegisteredImage, guide: GuidePart, depth_mm: float) -> NDArray[np.float64]:
     """Ideal pixels where the guide's axes reach a depth, shape (H, 2)."""
-    points = camera_from_guide.points(np.array([hole.axis.point_mm for hole in guide.holes]))
-    along = camera_from_guide.directions(np.array([hole.axis.direction for hole in guide.holes]))
+    points = registered.camera_from_guide.points(np.array([hole.axis.point_mm for hole in guide.holes]))
+    along = registered.camera_from_guide.directions(np.array([hole.axis.direction for hole in guide.holes]))
     at_depth = points + along * ((depth_mm - points[:, 2]) / along[:, 2])[:, None]
-    return np.asarray(calibration.camera.project(at_depth))
+    return np.asarray(registered.calibration.camera.project(at_depth))
 
 
 def _near(strip: StraightenedBand, places_px: NDArray[np.float64], reach_px: float) -> NDArray[np.bool_]:

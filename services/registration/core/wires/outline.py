@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.subpixel import linear_ramp, profile_offsets_px, subpixel_peaks
+from services.registration.core.subpixel import linear_ramp, profile_offsets_px, sample_bilinear, subpixel_peaks
 from services.registration.core.tuning import WIRE_OUTLINE, WIRE_STARTS
 from services.registration.core.wires.image import GradientImage
 from services.registration.core.wires.model import WIRE_UNKNOWNS, WireModel
@@ -103,17 +103,18 @@ def match_edges(image: GradientImage, wire: ProjectedWire, reach_px: float) -> E
     outline = wire.outline
     offsets = profile_offsets_px(reach_px)
     where = outline.point_px[:, None, :] + offsets[None, :, None] * outline.outward[:, None, :]
-    slope = image.outward_slope(where, np.broadcast_to(outline.outward[:, None, :], where.shape))
-    slope = np.where(image.visible_at(where) > 0.0, slope, 0.0)
+    along_x, along_y = (sample_bilinear(slope, where) for slope in (image.slope_x, image.slope_y))
+    slope = along_x * outline.outward[:, None, 0] + along_y * outline.outward[:, None, 1]
+    slope = np.where(sample_bilinear(image.visible, where) > 0.0, slope, 0.0)
     peaks = subpixel_peaks(slope, offsets)
     edge = outline.point_px + peaks.position[:, None] * outline.outward
     weight = linear_ramp(peaks.height / image.noise, *WIRE_OUTLINE.least_strength) * peaks.interior
     clearance_px = image.length_px(WIRE_OUTLINE.mask_clearance_detector_mm)
     for sense in (-1.0, 1.0):
-        weight *= image.visible_at(edge + sense * clearance_px * outline.outward)
+        weight *= sample_bilinear(image.visible, edge + sense * clearance_px * outline.outward)
     radius = wire.sections.radius_px[outline.section][:, None]
-    inside = image.grey_at(edge - WIRE_OUTLINE.inside_radii * radius * outline.outward)
-    outside = image.grey_at(edge + WIRE_OUTLINE.outside_radii * radius * outline.outward)
+    inside = sample_bilinear(image.smooth, edge - WIRE_OUTLINE.inside_radii * radius * outline.outward)
+    outside = sample_bilinear(image.smooth, edge + WIRE_OUTLINE.outside_radii * radius * outline.outward)
     darkness = (outside - inside) / np.maximum(outside - image.metal_grey, 1e-9)
     weight *= linear_ramp(darkness, *WIRE_OUTLINE.least_darkness)
     found = np.flatnonzero(weight)
@@ -150,7 +151,7 @@ def outlined(image: GradientImage, sections: CrossSections) -> ProjectedWire:
     """Cross-sections with their outline and its visibility."""
     outline = outline_of(sections)
     # The cap at the start of the wire does not count: its place is unknown.
-    visible = image.visible_at(outline.point_px) * (outline.section > 0)
+    visible = sample_bilinear(image.visible, outline.point_px) * (outline.section > 0)
     return ProjectedWire(sections, outline, outline.length_px * visible)
 
 

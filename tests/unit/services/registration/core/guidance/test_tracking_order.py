@@ -6,8 +6,15 @@ import pytest
 from services.registration.core.c_arm_advice import advice
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guidance.measurement import NailAppearance
-from services.registration.core.guidance.run import NumberedFrame, Run
-from services.registration.core.guidance.tracking import FrameEstimate, Margin, Origin, Reference, Track
+from services.registration.core.guidance.tracking import (
+    FrameEstimate,
+    Margin,
+    NumberedFrame,
+    Origin,
+    Reference,
+    Run,
+    Track,
+)
 from shared.errors import Reason, ReasonCode
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.transform import Transform
