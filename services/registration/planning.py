@@ -67,13 +67,13 @@ def answer_plan_request(request: PlanRequest, state: RegistrationState) -> PlanR
     axes = axes_for(request, localised, state)
     if isinstance(axes, PlanReply):
         return axes
-    refusal = _unlike_set_up(localised, state.robot, case)
-    if refusal is not None:
-        return refusal
-    trouble = head_trouble(localised, state)
-    if trouble is not None:
-        return refused(trouble.code.value, trouble.message)
-    return _planned(request, localised, case, state, axes)
+    now = _robot_now(localised, state.robot, case)
+    if isinstance(now, PlanReply):
+        return now
+    outcome = head_trouble(localised, state) or plan_move(axes.holes, axes.guide, request.hole_ids, now)
+    if isinstance(outcome, Refusal):
+        return refused(outcome.code.value, outcome.message)
+    return PlanReply(verdict="accepted", plan=_plan_message(request, outcome.value, now, localised.record, axes))
 
 
 def _stale_case(localised: LocalisedFrame, case: OpenCase) -> PlanReply | None:
@@ -87,8 +87,8 @@ def _stale_case(localised: LocalisedFrame, case: OpenCase) -> PlanReply | None:
     )
 
 
-def _unlike_set_up(localised: LocalisedFrame, robot: RobotState | None, case: OpenCase) -> PlanReply | None:
-    """Why an up-to-date localisation does not show how things stand now, or None."""
+def _robot_now(localised: LocalisedFrame, robot: RobotState | None, case: OpenCase) -> RobotNow | PlanReply:
+    """The robot as an up-to-date localisation shows it, or why that is not how things stand now."""
     record = localised.record
     pose = pose_at_rest(robot)
     if robot is None or pose is None:
@@ -108,23 +108,7 @@ def _unlike_set_up(localised: LocalisedFrame, robot: RobotState | None, case: Op
             f"the case's hexapod file {case.hexapod.sha256[:12]} is not that of the robot service "
             f"{robot.hexapod_sha256[:12]}; give both the same file",
         )
-    return None
-
-
-def _planned(
-    request: PlanRequest, localised: LocalisedFrame, case: OpenCase, state: RegistrationState, axes: PlanAxes
-) -> PlanReply:
-    record, robot = localised.record, state.robot
-    # `_unlike_set_up` has refused all cases in which one of these is missing
-    assert record.robot_pose is not None
-    assert record.robot_boot_epoch is not None
-    assert robot is not None
-    now = RobotNow(case.hexapod, record.robot_pose.value(), np.array(robot.pivot_mm), case.context.head_extension_mm)
-    outcome = plan_move(axes.holes, axes.guide, request.hole_ids, now)
-    if isinstance(outcome, Refusal):
-        return refused(outcome.code.value, outcome.message)
-    plan = _plan_message(request, outcome.value, now, record, axes)
-    return PlanReply(verdict="accepted", plan=plan)
+    return RobotNow(case.hexapod, record.robot_pose.value(), np.array(robot.pivot_mm), case.context.head_extension_mm)
 
 
 def _plan_message(
