@@ -24,8 +24,7 @@ from services.registration.core.guidance.tracking import (
     FrameEstimate,
     Origin,
     Track,
-    estimate_of_localisation,
-    start_track,
+    begin_track,
     track_frame,
 )
 from services.registration.core.localise import Parts, localise
@@ -166,8 +165,9 @@ class Guide:
             estimate, self._track = track_frame(pixels, calibration, self._parts, self._track)
             return estimate
         found = localise(pixels, calibration, self._parts)
-        self._track = start_track(pixels, calibration, self._parts, found) or self._track
-        return estimate_of_localisation(found, self._parts)
+        estimate, track = begin_track(pixels, calibration, self._parts, found)
+        self._track = track or self._track
+        return estimate
 
 
 def _angles(acquisition: Acquisition) -> CArmAngles | None:

@@ -25,8 +25,7 @@ from services.registration.core.c_arm_advice import Advice, hole_tilts
 from services.registration.core.guidance.tracking import (
     FrameEstimate,
     Track,
-    estimate_of_localisation,
-    start_track,
+    begin_track,
     track_frame,
 )
 from services.registration.core.localise import localise
@@ -171,7 +170,7 @@ class _Follower:
         began = time.process_time()
         found = localise(frame.pixels, calibration, self._parts)
         self._tally.full_s.append(time.process_time() - began)
-        return estimate_of_localisation(found, self._parts), start_track(frame.pixels, calibration, self._parts, found)
+        return begin_track(frame.pixels, calibration, self._parts, found)
 
     def _followed(self, frame: Frame, calibration: CArmCalibration) -> FrameEstimate:
         assert self._track is not None

@@ -19,8 +19,7 @@ from services.registration.core.guidance.tracking import (
     Origin,
     Run,
     Track,
-    estimate_of_localisation,
-    start_track,
+    begin_track,
     track_frame,
 )
 from services.registration.core.localise import Parts
@@ -120,8 +119,7 @@ class LiveGuidance:
         if calibration is None:
             return
         case, record = localised.case, localised.record
-        track = start_track(localised.frame.pixels, calibration, case.parts, found)
-        estimate = estimate_of_localisation(found, case.parts)
+        estimate, track = begin_track(localised.frame.pixels, calibration, case.parts, found)
         with self._lock:
             run = self._run_of(case)
             if run is None:

@@ -21,7 +21,7 @@ from services.registration.core.drill_clearance import AxisOffset, angle_deg, ax
 from services.registration.core.hole_axes import HoleEstimate
 from shared.acceptance import Refusal
 from shared.errors import Accepted
-from shared.geometry.frames import Guide, RobotBase, RobotTop
+from shared.geometry.frames import Guide
 from shared.geometry.hexapod import HexapodPart, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
 from shared.geometry.hexapod_limits import limit_margins, limit_violations, path_violations
@@ -197,15 +197,11 @@ def _freedom(
     turn: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(turn_deg) * axis.direction, np.zeros(3))
     shifted_mm = axis.point_mm - turn.rotation @ axis.point_mm + shift_mm * axis.direction
     along: Transform[Guide, Guide] = Transform.from_rotation_translation(turn.rotation, shifted_mm)
-    guide_from_target_guide = along @ shortest
-    return _Freedom(shift_mm, turn_deg, guide_from_target_guide, _platform_pose(guide_from_target_guide, robot))
-
-
-def _platform_pose(guide_from_target_guide: Transform[Guide, Guide], robot: RobotNow) -> PlatformPose:
+    move = along @ shortest
     top_from_guide = robot.hexapod.top_from_guide(robot.head_extension_mm)
-    base_from_top_now: Transform[RobotBase, RobotTop] = base_from_top(robot.hexapod, robot.pose, robot.pivot_mm)
-    base_from_top_target = base_from_top_now @ top_from_guide @ guide_from_target_guide @ top_from_guide.inverse()
-    return platform_pose(robot.hexapod, base_from_top_target, robot.pivot_mm)
+    base_from_guide = base_from_top(robot.hexapod, robot.pose, robot.pivot_mm) @ top_from_guide
+    pose = platform_pose(robot.hexapod, base_from_guide @ move @ top_from_guide.inverse(), robot.pivot_mm)
+    return _Freedom(shift_mm, turn_deg, move, pose)
 
 
 def _planned(chosen: _Freedom, aims: tuple[_Aim, ...], robot: RobotNow) -> PlannedMove:

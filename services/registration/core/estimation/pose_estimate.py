@@ -66,12 +66,6 @@ class PoseErrors:
         if self.ray is not None:
             object.__setattr__(self, "ray", read_only(self.ray))
 
-    @staticmethod
-    def unshared(covariance: NDArray[np.float64]) -> "PoseErrors":
-        """Of the pose alone, shape (6, 6), independent of all other estimates."""
-        none = np.zeros((POSE_SIZE, 0))
-        return PoseErrors(np.zeros(0), covariance, none, none)
-
     @property
     def covariance(self) -> NDArray[np.float64]:
         """Of the pose by all of its errors, shape (6, 6)."""
@@ -157,7 +151,8 @@ class PoseEstimate(Generic[To, From]):
     @staticmethod
     def of(mean: Transform[To, From], covariance: NDArray[np.float64]) -> "PoseEstimate[To, From]":
         """Estimate whose errors, shape (6, 6), no other estimate shares."""
-        return PoseEstimate(mean, PoseErrors.unshared(covariance))
+        none = np.zeros((POSE_SIZE, 0))
+        return PoseEstimate(mean, PoseErrors(np.zeros(0), covariance, none, none))
 
     @property
     def covariance(self) -> NDArray[np.float64]:

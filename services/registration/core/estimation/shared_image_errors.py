@@ -16,7 +16,7 @@ from services.registration.core.estimation.image_points import (
     projection_jacobian,
     residuals_px,
 )
-from services.registration.core.estimation.pose_estimate import PoseErrors, PoseEstimate
+from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.estimation.robust import robust_weight
 from services.registration.core.tuning import ROBUST_POINT_FIT
 from shared.geometry.camera import PinholeCamera
@@ -69,7 +69,7 @@ def fit_with_shared_errors(
         if float(np.abs(J @ step).max()) < _CONVERGED_PX:
             break
     covariance = _covariance(projection_jacobian(camera, pose, seen.body_mm), seen, shared_px2, own)
-    return PoseEstimate(pose, PoseErrors.unshared(covariance))
+    return PoseEstimate.of(pose, covariance)
 
 
 def _weights(deviations: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -86,35 +86,30 @@ class FrameEstimate:
     camera_from_guide: Transform[Camera, Guide] | None
 
 
-def start_track(
+def begin_track(
     pixels: NDArray[np.float32], calibration: CArmCalibration, parts: Parts, found: LocalisationResult
-) -> Track | None:
-    """Make a fully localised image the reference; `None` when it cannot be one.
+) -> tuple[FrameEstimate, Track | None]:
+    """Estimate from an image localised in full, and the track from it; `None` when it cannot be a reference.
 
     The pixels are the image as received, shape (rows, columns).
     """
     guide, nail = found.guide, found.nail
-    usable = all(reason.code in _TRACKABLE for reason in found.reasons)
-    if guide is None or nail is None or found.guide_from_nail is None or nail.covariance is None or not usable:
-        return None
-    given = _given(pixels, calibration, parts.with_nail_as_found(nail), guide.camera_from_guide)
+    camera_from_guide = None if guide is None else guide.camera_from_guide
+    trackable = all(reason.code in _TRACKABLE for reason in found.reasons)
+    if nail is None or nail.covariance is None or not trackable:
+        return FrameEstimate(Origin.LOCALISED, None, None, found.reasons, camera_from_guide), None
+    parts, margin = parts.with_nail_as_found(nail), Margin(nail.mirror_margin, 0)
+    turn = advice(nail.camera_from_nail, nail.covariance, parts.nail)
+    estimate = FrameEstimate(Origin.LOCALISED, turn, margin, (), camera_from_guide)
+    if camera_from_guide is None or found.guide_from_nail is None:
+        return estimate, None
+    given = _given(pixels, calibration, parts, camera_from_guide)
     appearance = estimate_appearance(given, nail.camera_from_nail)
     if appearance is None:
-        return None
+        return estimate, None
     covariance = FRAME_TRACKING.reference_sd_factor**2 * nail.covariance
     reference = Reference(PoseEstimate.of(found.guide_from_nail, covariance), appearance)
-    return Track(reference, guide.camera_from_guide, Margin(nail.mirror_margin, 0), 0)
-
-
-def estimate_of_localisation(found: LocalisationResult, parts: Parts) -> FrameEstimate:
-    """The same of a full localisation."""
-    nail = found.nail
-    guide = None if found.guide is None else found.guide.camera_from_guide
-    blocking = tuple(reason for reason in found.reasons if reason.code not in _TRACKABLE)
-    if nail is None or nail.covariance is None or blocking:
-        return FrameEstimate(Origin.LOCALISED, None, None, found.reasons, guide)
-    turn = advice(nail.camera_from_nail, nail.covariance, parts.with_nail_as_found(nail).nail)
-    return FrameEstimate(Origin.LOCALISED, turn, Margin(nail.mirror_margin, 0), (), guide)
+    return estimate, Track(reference, camera_from_guide, margin, 0)
 
 
 def track_frame(

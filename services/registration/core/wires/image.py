@@ -53,19 +53,18 @@ def gradient_image(
     guide: GuidePart,
     nail: NailPart,
     guide_from_nail: Transform[Guide, Nail],
-    margin_detector_mm: float | None = None,
+    margin_detector_mm: float = WIRE_VISIBILITY.margin_detector_mm,
 ) -> GradientImage:
     """Mask what hides wires (the nail outside its holes, balls, border, saturation) and compute the image's gradient.
 
     The margin of the mask around the nail is as large as its place is uncertain; by default that of a fitted nail.
     """
     calibration = registered.calibration
-    margin_mm = WIRE_VISIBILITY.margin_detector_mm if margin_detector_mm is None else margin_detector_mm
     smooth = smoothed(registered, WIRE_VISIBILITY.blur_detector_mm)
     slope_x = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=0.125), dtype=np.float32)
     slope_y = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=0.125), dtype=np.float32)
     camera_from_nail = registered.camera_from_guide @ guide_from_nail
-    metal = _metal(calibration, nail, camera_from_nail, pixels(margin_mm, calibration.pixel_mm))
+    metal = _metal(calibration, nail, camera_from_nail, pixels(margin_detector_mm, calibration.pixel_mm))
     shown = shown_pixels(calibration)
     visible = shown & ~metal & ~balls_mask(registered, guide) & ~saturated(registered)
     steepness = np.hypot(slope_x[visible], slope_y[visible])

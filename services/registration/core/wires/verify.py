@@ -135,32 +135,27 @@ def estimate_jointly(
 def _registered_images(
     images: tuple[LocalisedImage, ...], parts: Parts, guide_from_nail: Transform[Guide, Nail]
 ) -> tuple[tuple[tuple[LocalisedImage, RegisteredImage], ...], tuple[Reason, ...]]:
-    """The images in which the guide was found, and why it was not in the others."""
+    """The images with their guide, and why it was not found in the others.
+
+    As localised there, else with the help of the nail's pose from the other images.
+    """
     found: list[tuple[LocalisedImage, RegisteredImage]] = []
     reasons: list[Reason] = []
     for image in images:
-        registered = _registered(image, parts, guide_from_nail)
-        if isinstance(registered, Rejected):
-            reasons.extend(registered.reasons)
-        else:
-            found.append((image, registered))
+        calibration, guide = image.calibration, image.result.guide
+        if calibration is None:
+            reasons.extend(image.result.reasons)
+            continue
+        upright = unmirrored(image.pixels, calibration)
+        if guide is None:
+            located = locate_guide_given_nail(upright, calibration, parts, guide_from_nail)
+            if isinstance(located, Rejected):
+                reasons.extend(located.reasons)
+                continue
+            guide = located.value
+        registered = RegisteredImage(upright, calibration, guide.camera_from_guide, guide.pose.covariance)
+        found.append((image, registered))
     return tuple(found), tuple(reasons)
-
-
-def _registered(
-    image: LocalisedImage, parts: Parts, guide_from_nail: Transform[Guide, Nail]
-) -> RegisteredImage | Rejected:
-    """One image with its guide: as localised there, else with the help of the nail's pose from the other images."""
-    calibration, guide = image.calibration, image.result.guide
-    if calibration is None:
-        return Rejected(image.result.reasons)
-    upright = unmirrored(image.pixels, calibration)
-    if guide is None:
-        located = locate_guide_given_nail(upright, calibration, parts, guide_from_nail)
-        if isinstance(located, Rejected):
-            return located
-        guide = located.value
-    return RegisteredImage(upright, calibration, guide.camera_from_guide, guide.pose.covariance)
 
 
 def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: float) -> WireVerification:

@@ -15,9 +15,8 @@ from services.registration.core.guidance.tracking import (
     Margin,
     Origin,
     Track,
+    begin_track,
     disagree,
-    estimate_of_localisation,
-    start_track,
     track_frame,
 )
 from services.registration.core.localise import localise
@@ -77,9 +76,9 @@ def begun() -> tuple[Picture, FrameEstimate, Track]:
     """A first image, what its localisation says, and the track that begins with it."""
     first = picture(Shown(), 1)
     found = localise(first.pixels, first.calibration, PARTS)
-    track = start_track(first.pixels, first.calibration, PARTS, found)
+    estimate, track = begin_track(first.pixels, first.calibration, PARTS, found)
     assert track is not None
-    return first, estimate_of_localisation(found, PARTS), track
+    return first, estimate, track
 
 
 def deviations(sight: FrameEstimate, shown: Shown) -> NDArray[np.float64]:
@@ -230,5 +229,6 @@ def test_disagreement_is_more_than_both_allow() -> None:
 
 def test_a_refused_localisation_begins_no_track_unless_it_is_only_tilted_or_unsure() -> None:
     found = localise(empty().pixels, empty().calibration, PARTS)
-    assert start_track(empty().pixels, empty().calibration, PARTS, found) is None
-    assert estimate_of_localisation(found, PARTS).advice is None
+    estimate, track = begin_track(empty().pixels, empty().calibration, PARTS, found)
+    assert track is None
+    assert estimate.advice is None
