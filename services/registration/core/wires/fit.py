@@ -204,13 +204,13 @@ class _Optimum:
         """Of prior and images, up to a constant."""
         model = self.problem.model
         deviation = self.state[:WIRE_UNKNOWNS] - model.mean
-        prior = -0.5 * float(deviation @ model.precision @ deviation) - float(np.log(model.tip.sd_mm))
+        prior = -0.5 * float(deviation @ model.precision @ deviation) - float(np.log(model.tip_sd_mm))
         return prior + sum(one.log_likelihood for one in self.equations.residuals) - self._interference_cost
 
     @property
     def _interference_cost(self) -> float:
         """Negative log-likelihood of a wire that passed the nail although it interferes with it."""
-        passage = self.problem.model.tip.passage
+        passage = self.problem.model.passage
         if passage is None:
             return 0.0
         bent_mm = max(passage.interference_mm(self.state[2:4]) - WIRE_PRIOR.bending_mm, 0.0)

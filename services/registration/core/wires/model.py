@@ -35,28 +35,6 @@ class NailPassage:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TipHypothesis:
-    """One hypothesis about a wire's tip: its distance past the nail's near surface and standard deviation, in mm.
-
-    A wire that met the nail ends at its surface, or somewhat before; one that passed ends anywhere up to the far
-    cortex. In a lateral image the tip's place along the wire and the wire's place across the image are determined by
-    the same edge, so the hypothesis matters.
-    """
-
-    past_entry_mm: float
-    sd_mm: float
-    passage: NailPassage | None  # wires for which it holds; None: all
-
-
-def tip_hypotheses(passage: NailPassage) -> tuple[TipHypothesis, ...]:
-    """The wire met the nail, or it passed."""
-    return (
-        TipHypothesis(past_entry_mm=0.0, sd_mm=WIRE_PRIOR.stopped_tip_sd_mm, passage=None),
-        TipHypothesis(past_entry_mm=WIRE_PRIOR.passed_tip_mm, sd_mm=WIRE_PRIOR.passed_tip_sd_mm, passage=passage),
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class WireModel:
     """A wire's unknowns and their prior.
 
@@ -71,7 +49,8 @@ class WireModel:
     # prior of the unknowns, shapes (6,) and (6, 6)
     mean: NDArray[np.float64]
     precision: NDArray[np.float64]
-    tip: TipHypothesis
+    tip_sd_mm: float  # standard deviation of the tip's place along the hole's axis
+    passage: NailPassage | None  # where it has passed the nail; None for a wire that met it
     latest_start_mm: float  # along the hole's axis: a wire starts on the surgeon's side of the guide's body
 
     def points_guide_mm(self, unknowns: NDArray[np.float64], count: int) -> NDArray[np.float64]:
@@ -101,7 +80,7 @@ def wire_models(
     guide_from_nail: Transform[Guide, Nail],
     wire_diameter_mm: float,
 ) -> tuple[WireModel, ...]:
-    """Priors of a wire through a guide hole towards the nail hole of the same id, one for each tip hypothesis."""
+    """Priors of a wire through a guide hole towards the nail hole of the same id: it met the nail, or it passed."""
     nail_hole = next(hole for hole in nail.holes if hole.id == guide_hole.id)
     axis = guide_hole.axis
     entry_mm = guide_from_nail @ hole_surface_points(nail, nail_hole)[0] - axis.point_mm
@@ -114,16 +93,20 @@ def wire_models(
         beside_mm=nail.radius_mm + 0.5 * wire_diameter_mm,
     )
     nail_along_mm = float(entry_mm @ axis.direction)
-    return tuple(wire_model(guide, guide_hole, wire_diameter_mm, nail_along_mm, tip) for tip in tip_hypotheses(passage))
+    return tuple(wire_model(guide, guide_hole, wire_diameter_mm, nail_along_mm, way) for way in (None, passage))
 
 
 def wire_model(
-    guide: GuidePart, hole: Hole, wire_diameter_mm: float, nail_along_mm: float, tip: TipHypothesis
+    guide: GuidePart, hole: Hole, wire_diameter_mm: float, nail_along_mm: float, passage: NailPassage | None
 ) -> WireModel:
     """Prior of a wire through a guide hole.
 
     At both ends of the bore the wire may lie anywhere that its diameter allows, equally likely: a standard deviation
     per axis of half the play's radius. It protrudes from the guide on the surgeon's side.
+
+    A wire that met the nail ends at its near surface, or somewhat before; one that passed ends anywhere up to the far
+    cortex. In a lateral image the tip's place along the wire and the wire's place across the image are determined by
+    the same edge, so it matters which it was.
     """
     ends_mm = _bore_ends_mm(guide, hole)
     play_sd_mm = max(0.25 * (hole.diameter_mm - wire_diameter_mm), WIRE_PRIOR.least_play_sd_mm)
@@ -131,8 +114,11 @@ def wire_model(
     for along_mm in ends_mm:
         share = np.array([1.0 - along_mm / nail_along_mm, along_mm / nail_along_mm])
         precision[:4, :4] += np.kron(np.outer(share, share), np.eye(2)) / play_sd_mm**2
-    precision[START, START], precision[TIP, TIP] = WIRE_PRIOR.protrusion_sd_mm**-2, tip.sd_mm**-2
-    start_mm, tip_mm = ends_mm[0] - WIRE_PRIOR.protrusion_mm, nail_along_mm + tip.past_entry_mm
+    past_mm, tip_sd_mm = 0.0, WIRE_PRIOR.stopped_tip_sd_mm
+    if passage is not None:
+        past_mm, tip_sd_mm = WIRE_PRIOR.passed_tip_mm, WIRE_PRIOR.passed_tip_sd_mm
+    precision[START, START], precision[TIP, TIP] = WIRE_PRIOR.protrusion_sd_mm**-2, tip_sd_mm**-2
+    start_mm, tip_mm = ends_mm[0] - WIRE_PRIOR.protrusion_mm, nail_along_mm + past_mm
     return WireModel(
         hole=hole,
         radius_mm=0.5 * wire_diameter_mm,
@@ -140,7 +126,8 @@ def wire_model(
         nail_along_mm=nail_along_mm,
         mean=read_only(np.array([0.0, 0.0, 0.0, 0.0, start_mm, tip_mm])),
         precision=read_only(precision),
-        tip=tip,
+        tip_sd_mm=tip_sd_mm,
+        passage=passage,
         latest_start_mm=ends_mm[0],
     )
 

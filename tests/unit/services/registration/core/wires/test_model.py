@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.registration.core.wires.model import NailPassage, tip_hypotheses, wire_model
+from services.registration.core.wires.model import NailPassage, wire_model
 from tests.unit.services.registration.xray_scene import guide_part
 
 PASSAGE = NailPassage(np.array([3.0, 1.0]), 1.5, np.array([0.0, 1.0]), 7.0)
@@ -25,8 +25,8 @@ def test_a_wire_passes_in_the_hole_or_beside_the_nail(offset_mm: tuple[float, fl
 
 def test_a_wire_ends_at_the_nail_or_well_beyond() -> None:
     guide = guide_part()
-    stopped, passed = (wire_model(guide, guide.holes[0], 2.0, 110.0, way) for way in tip_hypotheses(PASSAGE))
-    assert stopped.tip.passage is None
-    assert passed.tip.passage is PASSAGE
-    assert passed.mean[5] - stopped.mean[5] > 2.0 * stopped.tip.sd_mm
+    stopped, passed = (wire_model(guide, guide.holes[0], 2.0, 110.0, way) for way in (None, PASSAGE))
+    assert stopped.passage is None
+    assert passed.passage is PASSAGE
+    assert passed.mean[5] - stopped.mean[5] > 2.0 * stopped.tip_sd_mm
     assert stopped.latest_start_mm == pytest.approx(-12.5)  # where the guide's body begins

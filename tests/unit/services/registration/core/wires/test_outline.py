@@ -6,9 +6,8 @@ import pytest
 from services.registration.core.drill_clearance import across_basis
 from services.registration.core.wires.fit import NAIL_UNKNOWNS, WireProblem
 from services.registration.core.wires.image import gradient_image
-from services.registration.core.wires.model import TIP, tip_hypotheses, wire_model
+from services.registration.core.wires.model import TIP, wire_model
 from services.registration.core.wires.outline import IMAGE_UNKNOWNS, CrossSections, outline_of
-from tests.unit.services.registration.core.wires.test_model import PASSAGE
 from tests.unit.services.registration.core.wires.wire_scene import ASKEW, GUIDE_FROM_NAIL, joint, oblique, view_of
 from tests.unit.services.registration.xray_scene import guide_part, nail_part
 
@@ -44,7 +43,7 @@ def test_likelihood_hardly_changes_with_the_points_that_are_read() -> None:
     guide, nail = guide_part(), nail_part()
     view = view_of(oblique(38.0), ASKEW, seed=61)
     prepared = (gradient_image(view, guide, nail, GUIDE_FROM_NAIL),)
-    model = wire_model(guide, guide.holes[0], 2.0, 110.0, tip_hypotheses(PASSAGE)[0])
+    model = wire_model(guide, guide.holes[0], 2.0, 110.0, None)
     problem = WireProblem.of(prepared, model, joint(view).covariance)
     state = np.concatenate([model.mean, np.zeros(IMAGE_UNKNOWNS + NAIL_UNKNOWNS)])
     across = across_basis(guide.holes[0].axis.direction)[:, :2]
