@@ -28,7 +28,7 @@ from services.registration.core.guidance.tracking import (
     track_frame,
 )
 from services.registration.core.localise import Parts, localise
-from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message, ring_turn_rad
+from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
 from shared.errors import ImageUnreadable, InputError, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import encode
@@ -154,7 +154,7 @@ class Guide:
             None,
             0,
             _angles(frame.acquisition),
-            ring_turn_rad(None if isinstance(outcome, Rejected) else outcome.value),
+            None if isinstance(outcome, Rejected) else outcome.value,
             0,
             1e3 * (time.perf_counter() - began_s),
         )

@@ -37,16 +37,13 @@ class FrameFacts:
     case_id: str | None
     case_revision: int
     angles: CArmAngles | None  # None when the image does not name them
-    # How the ring, which the detector carries, is turned in the picture; None when the ring was not found
-    ring_turn_rad: float | None
+    calibration: CArmCalibration | None  # None when the ring was not found
     skipped: int
     elapsed_ms: float
 
 
-def ring_turn_rad(calibration: CArmCalibration | None) -> float | None:
-    """How the ring is turned about the beam in the picture."""
-    if calibration is None:
-        return None
+def ring_turn_rad(calibration: CArmCalibration) -> float:
+    """How the ring, which the detector carries, is turned about the beam in the picture."""
     rotation = calibration.camera_from_ring.rotation
     return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
 
@@ -94,8 +91,8 @@ class PictureTurn:
 
 def guidance_message(estimate: FrameEstimate, facts: FrameFacts, picture: PictureTurn) -> Guidance:
     """The message of one frame; its view is noted in `picture` when it has angles and a guide."""
-    if facts.angles is not None and facts.ring_turn_rad is not None and estimate.camera_from_guide is not None:
-        picture.note(AngledView(facts.angles, estimate.camera_from_guide), facts.ring_turn_rad)
+    if facts.angles is not None and facts.calibration is not None and estimate.camera_from_guide is not None:
+        picture.note(AngledView(facts.angles, estimate.camera_from_guide), ring_turn_rad(facts.calibration))
     advice, margin = estimate.advice, estimate.margin
     turn = None if advice is None or facts.angles is None else picture.positioner_turn(facts.angles, advice)
     return Guidance(

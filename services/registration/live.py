@@ -32,7 +32,7 @@ from services.registration.frames import (
     same_place,
     set_up_of,
 )
-from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message, ring_turn_rad
+from services.registration.guidance_report import FrameFacts, PictureTurn, guidance_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
 from shared.bus.port import Bus
@@ -132,7 +132,7 @@ class LiveGuidance:
                 self._picture.forget_the_guide()
             if outcome.publish:
                 elapsed_ms = record.localisation.timing_ms.total
-                self._publish(estimate, record.image, localised.frame, case, ring_turn_rad(calibration), elapsed_ms)
+                self._publish(estimate, record.image, localised.frame, case, calibration, elapsed_ms)
         if outcome.contradicts:
             sha256 = record.image.sha256
             self._runtime.log.warning("guidance disagreed with the full localisation", sha256=sha256)
@@ -190,8 +190,8 @@ class LiveGuidance:
             known = self._run_of(case) is run
             if known and run.add_tracked(self._numbered(message.image.sha256), start, estimate, after):
                 elapsed_ms = 1e3 * (self._clock_s() - began_s)
-                ring_turn = ring_turn_rad(calibrated.value) if isinstance(calibrated, Accepted) else None
-                self._publish(estimate, message.image, frame, case, ring_turn, elapsed_ms)
+                calibration = calibrated.value if isinstance(calibrated, Accepted) else None
+                self._publish(estimate, message.image, frame, case, calibration, elapsed_ms)
             else:
                 self._unseen += 1
 
@@ -201,7 +201,7 @@ class LiveGuidance:
         image: ImageReference,
         frame: ReceivedFrame,
         case: OpenCase,
-        ring_turn: float | None,
+        calibration: CArmCalibration | None,
         elapsed_ms: float,
     ) -> None:
         """Publish; the caller holds the lock since it found the frame new, so that no older message follows a newer."""
@@ -211,7 +211,7 @@ class LiveGuidance:
         passed_over = self._frames.replaced + self._unseen
         skipped, self._skipped_before = passed_over - self._skipped_before, passed_over
         context = case.context
-        facts = FrameFacts(image, context.case_id, context.revision, angles, ring_turn, skipped, elapsed_ms)
+        facts = FrameFacts(image, context.case_id, context.revision, angles, calibration, skipped, elapsed_ms)
         self._publisher.put(encode(guidance_message(estimate, facts, self._picture)))
 
 

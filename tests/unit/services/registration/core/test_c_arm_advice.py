@@ -161,4 +161,3 @@ def test_a_display_that_was_turned_is_learned_anew(display_turned_deg: float) ->
 def test_the_ring_tells_how_the_picture_is_turned() -> None:
     ring: Transform[Camera, Ring] = Transform.from_rotvec([0.0, 0.0, 0.7], [1.0, 2.0, 900.0])
     assert ring_turn_rad(replace(calibration(64), camera_from_ring=ring)) == pytest.approx(0.7)
-    assert ring_turn_rad(None) is None
