@@ -74,16 +74,6 @@ class Residuals:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NormalEquations:
-    """Normal equations at a state, of the prior and all observations; gradient and residuals."""
-
-    normal: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    mean_square: float
-    residuals: tuple[Residuals, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class WireProblem:
     """What a wire is fitted to: images, and the prior of all unknowns.
 
@@ -106,7 +96,9 @@ class WireProblem:
         prior[np.ix_(others, others)] = np.linalg.inv(prior_covariance)
         return WireProblem(images, model, prior)
 
-    def equations(self, state: NDArray[np.float64], reach_detector_mm: float) -> NormalEquations:
+    def at(
+        self, state: NDArray[np.float64], reach_detector_mm: float = WIRE_FITTING.reaches_detector_mm[-1]
+    ) -> "LinearisedFit":
         """Linearise all images and the prior at a state, shape (N,)."""
         mean = np.concatenate([self.model.mean, np.zeros(state.size - WIRE_UNKNOWNS)])
         normal, gradient = self.prior.copy(), self.prior @ (mean - state)
@@ -121,19 +113,15 @@ class WireProblem:
             all_residuals.append(residuals)
         squares = sum(float(one.weight @ one.matches.residual_px**2) for one in all_residuals)
         count = sum(one.effective_count for one in all_residuals)
-        return NormalEquations(normal, gradient, squares / max(count, 1.0), tuple(all_residuals))
+        return LinearisedFit(self, state, normal, gradient, squares / max(count, 1.0), tuple(all_residuals))
 
-    def converged(self, start: NDArray[np.float64]) -> "_Optimum":
+    def converged(self, start: NDArray[np.float64]) -> "LinearisedFit":
         """Gauss-Newton steps from a wire, shape (6,)."""
         state = np.concatenate([start, np.zeros(len(self.prior) - WIRE_UNKNOWNS)])
         for reach_mm in WIRE_FITTING.reaches_detector_mm:
-            equations = self.equations(state, reach_mm)
-            state = state + np.linalg.solve(equations.normal, equations.gradient)
-        return self.evaluated(state)
-
-    def evaluated(self, state: NDArray[np.float64]) -> "_Optimum":
-        """A state with its equations."""
-        return _Optimum(self, state, self.equations(state, WIRE_FITTING.reaches_detector_mm[-1]))
+            here = self.at(state, reach_mm)
+            state = state + np.linalg.solve(here.normal, here.gradient)
+        return self.at(state)
 
 
 def _residuals(image: GradientImage, model: WireModel, unknowns: NDArray[np.float64], reach_px: float) -> Residuals:
@@ -178,24 +166,27 @@ class WireFit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Optimum:
-    """A state at which the fit converged from one start."""
+class LinearisedFit:
+    """A state with the normal equations of the prior and all observations there."""
 
     problem: WireProblem
-    state: NDArray[np.float64]
-    equations: NormalEquations
+    state: NDArray[np.float64]  # shape (N,)
+    normal: NDArray[np.float64]  # shape (N, N)
+    gradient: NDArray[np.float64]  # shape (N,)
+    mean_square: float  # of the observations, one on average
+    residuals: tuple[Residuals, ...]  # of each image
 
     @property
     def found_fraction(self) -> float:
         """Least fraction of the visible outline on an edge in any image where enough is visible; 0 if none."""
-        shares = [one.found_px / one.visible_px for one in self.equations.residuals if WIRE_SEEN.is_met(one.visible_px)]
+        shares = [one.found_px / one.visible_px for one in self.residuals if WIRE_SEEN.is_met(one.visible_px)]
         return min(shares, default=0.0)
 
     @property
     def covariance(self) -> NDArray[np.float64]:
         """Of offsets and nail; observations that fit worse than expected have larger variances."""
         prior = self.problem.prior
-        observed = (self.equations.normal - prior) / max(1.0, self.equations.mean_square)
+        observed = (self.normal - prior) / max(1.0, self.mean_square)
         inverse = np.linalg.inv(prior + observed)
         return np.asarray(inverse[np.ix_(_REPORTED, _REPORTED)], dtype=np.float64)
 
@@ -205,7 +196,7 @@ class _Optimum:
         model = self.problem.model
         deviation = self.state[:WIRE_UNKNOWNS] - model.mean
         prior = -0.5 * float(deviation @ model.precision @ deviation) - float(np.log(model.tip_sd_mm))
-        return prior + sum(one.log_likelihood for one in self.equations.residuals) - self._interference_cost
+        return prior + sum(one.log_likelihood for one in self.residuals) - self._interference_cost
 
     @property
     def _interference_cost(self) -> float:
@@ -267,13 +258,13 @@ def fit_wire(
         or possible
     )
     best = max(optima, key=lambda one: one.log_likelihood)
-    residuals, model = best.equations.residuals, best.problem.model
+    residuals, model = best.residuals, best.problem.model
     return WireFit(
         model=model,
         line_guide=model.line_guide(best.state[:4]),
         offsets_mm=read_only(best.state[:4]),
         ends_mm=read_only(best.state[[START, TIP]]),
-        ends_sd_mm=read_only(np.sqrt(np.diag(np.linalg.inv(best.equations.normal))[[START, TIP]])),
+        ends_sd_mm=read_only(np.sqrt(np.diag(np.linalg.inv(best.normal))[[START, TIP]])),
         nail_motion=read_only(best.state[_NAIL]),
         covariance=read_only(_mixture_covariance(optima, best)),
         found_px=sum(one.found_px for one in residuals),
@@ -282,7 +273,7 @@ def fit_wire(
     )
 
 
-def _mixture_covariance(optima: list[_Optimum], best: _Optimum) -> NDArray[np.float64]:
+def _mixture_covariance(optima: list[LinearisedFit], best: LinearisedFit) -> NDArray[np.float64]:
     """Second moment about the best optimum of all distinct ones, weighted by their tempered likelihoods, (10, 10)."""
     covariance, total = np.zeros((len(_REPORTED), len(_REPORTED))), 0.0
     for optimum in _distinct(optima, best):
@@ -300,20 +291,20 @@ def _median_darkness(residuals: tuple[Residuals, ...]) -> float:
     return float(np.quantile(darkness, 0.5, weights=weight, method="inverted_cdf")) if len(darkness) else 0.0
 
 
-def _uncontradicted(optima: list[_Optimum]) -> list[_Optimum]:
+def _uncontradicted(optima: list[LinearisedFit]) -> list[LinearisedFit]:
     return [optimum for optimum in optima if WIRE_SHARE.is_met(optimum.found_fraction)]
 
 
-def _along_least_certain(best: _Optimum) -> list[_Optimum]:
+def _along_least_certain(best: LinearisedFit) -> list[LinearisedFit]:
     """The best optimum moved along its least certain direction, to where an image may hide the wire."""
-    covariance = np.linalg.inv(best.equations.normal)
+    covariance = np.linalg.inv(best.normal)
     values, vectors = np.linalg.eigh(covariance[:4, :4])
     one_sigma = covariance[:, :4] @ vectors[:, -1] / np.sqrt(values[-1])
     sigmas = np.linspace(-WIRE_FITTING.scan_sigmas, WIRE_FITTING.scan_sigmas, WIRE_FITTING.scan_steps)
-    return [best.problem.evaluated(best.state + sigma * one_sigma) for sigma in sigmas]
+    return [best.problem.at(best.state + sigma * one_sigma) for sigma in sigmas]
 
 
-def _distinct(optima: list[_Optimum], best: _Optimum) -> list[_Optimum]:
+def _distinct(optima: list[LinearisedFit], best: LinearisedFit) -> list[LinearisedFit]:
     """The best optimum and those that differ from it and from one another by more than convergence leaves open."""
     chosen = [best]
     for optimum in sorted(optima, key=lambda one: -one.log_likelihood):

@@ -53,7 +53,7 @@ def test_likelihood_hardly_changes_with_the_points_that_are_read() -> None:
     def log_likelihood(tip_mm: float) -> float:
         moved = state.copy()
         moved[TIP] = tip_mm
-        return problem.equations(moved, REACH_DETECTOR_MM).residuals[0].log_likelihood
+        return problem.at(moved, REACH_DETECTOR_MM).residuals[0].log_likelihood
 
     change = np.diff([log_likelihood(tip_mm) for tip_mm in np.arange(104.0, 118.0, 0.05)])
     assert np.sqrt(np.mean(change**2)) < 0.5
