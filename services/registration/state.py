@@ -146,22 +146,19 @@ class RegistrationState:
     def epoch(self) -> str:
         """The present registration epoch."""
         with self._changed:
-            return self._epoch()
+            return f"{self.boot_epoch}.{self._counter}"
 
     def wait_for_another_epoch(self, seen: str | None, timeout_s: float) -> str:
         """The present epoch, as soon as it is another than `seen`, at the latest after `timeout_s`."""
         with self._changed:
-            self._changed.wait_for(lambda: self._epoch() != seen, timeout_s)
-            return self._epoch()
+            self._changed.wait_for(lambda: self.epoch != seen, timeout_s)
+            return self.epoch
 
     def _begin_epoch(self, newest_sha256: str) -> str:
         self._counter += 1
         self._newest_sha256 = newest_sha256
         self._changed.notify_all()
-        return self._epoch()
-
-    def _epoch(self) -> str:
-        return f"{self.boot_epoch}.{self._counter}"
+        return self.epoch
 
 
 def _reached(case: OpenCase, case_id: str, revision: int) -> bool:
