@@ -1,7 +1,8 @@
-"""The robust cost of all estimators, and how they leave out outliers.
+"""The robust cost of points and edges, and how outliers are left out.
 
 An M-estimator minimises the sum of rho(r / scale) and is solved by least squares with weights that fall with the
-residual r. Cauchy's forgets an outlier: image points and edges have wrong detections.
+residual r. Cauchy's cost forgets an outlier, as wrong detections must be; that of the nail's pixels (`nail/noise.py`)
+only bounds the influence of large noise.
 """
 
 import numpy as np
