@@ -10,9 +10,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.compiled import compiled
 from services.registration.core.estimation.robust import cauchy_cost, cauchy_weight, robust_weight
 from services.registration.core.tuning import ROBUST_POINT_FIT
+from shared.compiled import compiled_inline as compiled
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Frame
 from shared.geometry.transform import Transform

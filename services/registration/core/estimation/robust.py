@@ -8,7 +8,7 @@ only bounds the influence of large noise.
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.compiled import compiled
+from shared.compiled import compiled_inline as compiled
 
 # Of a normal error with standard deviation 1: median of its size along one axis, and of its length in the plane.
 _MEDIAN_SIZE = {1: 0.674490, 2: float(np.sqrt(2.0 * np.log(2.0)))}

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from services.registration.core.compiled import compiled
 from services.registration.core.estimation.image_points import Pose
 from services.registration.core.guide.identity import Discs, GuideIdentity, refined_identity
 from services.registration.core.tuning import GUIDE_SEARCH
+from shared.compiled import compiled_inline as compiled
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform

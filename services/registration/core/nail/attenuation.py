@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.compiled import compiled
 from services.registration.core.nail.rays import (
     FIRST_SAMPLES,
     LEAST_STEP_MM,
@@ -37,6 +36,7 @@ from services.registration.core.nail.rays import (
     tube_of,
     within,
 )
+from shared.compiled import compiled_inline as compiled
 
 # Columns of the derivatives: small motion of the nail in its own frame (rotation vector, translation), radii, material.
 MOTION_SIZE = 6

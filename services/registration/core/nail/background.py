@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
-from services.registration.core.compiled import compiled
+from shared.compiled import compiled_inline as compiled
 from shared.two_cores import on_both_halves
 
 _IN_CELL = 16

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.compiled import compiled
 from services.registration.core.nail.rays import (
     _EVERYWHERE,
     FIRST_SAMPLES,
@@ -16,6 +15,7 @@ from services.registration.core.nail.rays import (
     sample_directions,
 )
 from services.registration.core.tuning import BEAM
+from shared.compiled import compiled_inline as compiled
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only

@@ -12,9 +12,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.compiled import compiled
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.tuning import BEAM, NAIL_PRIORS
+from shared.compiled import compiled_inline as compiled
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.compiled import compiled
+from shared.compiled import compiled_inline as compiled
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
 
