@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from benchmarks.baselines.methods import LARGEST_AXIS_ERROR_DEG, LARGEST_ENTRY_ERROR_MM, ModelRun
 from services.registration.core.localise import Parts, unmirrored
+from services.registration.core.nail.left_out import covered_pixels
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
 from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.search.find import find_nail
-from services.registration.core.nail.search.outline import covered_pixels
 from services.registration.core.nail.tilt_ambiguity import find_global_optimum
 from shared.errors import Rejected
 from shared.geometry.calibration import CArmCalibration

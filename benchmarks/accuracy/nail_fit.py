@@ -141,15 +141,15 @@ def run(case: Case, start: Transform[Camera, Nail]) -> NDArray[np.float64] | Non
     if isinstance(result, Rejected):
         print(f"{case.name}  refused: {'; '.join(r.message for r in result.reasons)}", flush=True)
         return None
-    fit = result.value
+    fit, evidence = result.value, result.value.evidence
     motion = fit.camera_from_nail.inverse() @ case.camera_from_nail
     off = np.concatenate([motion.rotation_vector_rad, motion.translation_mm])
     entry_mm, axis_deg = errors_of(case.nail, fit.camera_from_nail, case.camera_from_nail)
     normalised = off / np.sqrt(np.diag(fit.errors.covariance))
-    radii = f"{fit.hole_radius_excess_mm:+.3f} {fit.nail_radius_excess_mm:+.3f} mm"
+    radii = f"{evidence.hole_radius_excess_mm:+.3f} {evidence.nail_radius_excess_mm:+.3f} mm"
     print(
-        f"{case.name}  {entry_mm:.3f} mm  {axis_deg:.3f} deg  margin {fit.mirror_margin:5.0f}  radii {radii}  "
-        f"structure {fit.residual.structure:.2f}  normalised {np.round(normalised, 1)}  {seconds:.1f} s",
+        f"{case.name}  {entry_mm:.3f} mm  {axis_deg:.3f} deg  margin {evidence.mirror_margin:5.0f}  radii {radii}  "
+        f"structure {evidence.residual.structure:.2f}  normalised {np.round(normalised, 1)}  {seconds:.1f} s",
         flush=True,
     )
     return np.concatenate([[entry_mm, axis_deg], normalised])

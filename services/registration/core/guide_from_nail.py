@@ -44,8 +44,8 @@ class NailEstimate:
     @staticmethod
     def of_fit(fit: NailFit) -> "NailEstimate":
         """What a fit to the pixels determines of the pose."""
-        ratio = fit.agreement.error_ratio
-        return NailEstimate(fit.camera_from_nail, fit.errors, fit.mirror_margin, ratio, fit.curvature_per_m)
+        seen = fit.evidence
+        return NailEstimate(fit.camera_from_nail, fit.errors, seen.mirror_margin, seen.error_ratio, fit.curvature_per_m)
 
 
 def guide_from_nail_of(

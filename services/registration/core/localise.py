@@ -12,12 +12,11 @@ from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_d
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.guide_from_nail import NailEstimate, guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.nail.clipping import clipped_pixels
 from services.registration.core.nail.fit import fit_nail
+from services.registration.core.nail.left_out import clipped_pixels, covered_pixels
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
 from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.search.find import find_nail
-from services.registration.core.nail.search.outline import covered_pixels
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Guide, Nail

@@ -181,7 +181,7 @@ class BeamPhysics:
 
 @dataclass(frozen=True, slots=True)
 class Clipping:
-    """Grey values cut off at the dark end (`core/nail/clipping.py`)."""
+    """Grey values cut off at the dark end (`core/nail/left_out.py`)."""
 
     window_px: int = tuned(5, "px", "side of the square in which black pixels are counted", _INSPECTION)
     largest_share: float = tuned(
@@ -262,7 +262,7 @@ class NailNoise:
 
 @dataclass(frozen=True, slots=True)
 class AgreementOfParts:
-    """Sectors of rims and stretches of edges, and what their disagreement does (`core/nail/agreement.py`)."""
+    """Sectors of rims and stretches of edges, and what their disagreement does (`core/nail/evidence.py`)."""
 
     sectors: int = tuned(8, "1", "sectors about a hole", _INSPECTION)
     about_rim_in_radii: float = tuned(1.45, "hole radii", "reach of the sectors", _INSPECTION)
@@ -285,7 +285,7 @@ class AgreementOfParts:
 
 @dataclass(frozen=True, slots=True)
 class ForeignObjects:
-    """What is darker than any nail explains (`core/nail/foreign.py`)."""
+    """What is darker than any nail explains (`core/nail/left_out.py`, `core/nail/evidence.py`)."""
 
     most_rounds: int = tuned(2, "1", "fits after which more may be left out", _FOREIGN)
     blur_detector_mm: float = tuned(0.3525, "mm", "Gaussian before residuals are compared with the limit", _FOREIGN)

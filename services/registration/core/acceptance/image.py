@@ -63,8 +63,6 @@ class ResidualStatistics:
 
     Attributes
     ----------
-    rms_grey
-        Root mean square of the residual in the image's grey values.
     structure
         Rms of the smoothed residual around rims and edges, over that elsewhere: one when only noise is left.
     noise_inflation
@@ -74,7 +72,6 @@ class ResidualStatistics:
         beyond noise: a wrong pose may explain all but a small piece of a hole that shows between two balls.
     """
 
-    rms_grey: float
     structure: float
     noise_inflation: float
     spot: float
@@ -86,8 +83,13 @@ class FitEvidence:
 
     holes: tuple[HoleView, ...]
     residual: ResidualStatistics
+    # Fitted radii less those of the part
     hole_radius_excess_mm: float
     nail_radius_excess_mm: float
+    # Logarithm of the likelihood ratio between this pose and the other optimum (at least 1.5° away, in practice the
+    # reflected tilt), or, when there is no other, the best pose with pitch or roll 3° away. The noise's correlation is
+    # divided out, so that the ratio is that of as many independent samples. For a competing pose that was abandoned it
+    # is a lower bound.
     mirror_margin: float
     error_ratio: float  # of the nail's rotation, over what the noise explains
     rim_shares: tuple[float, ...]  # of each hole's rim that takes part in the fit, in the order of `holes`

@@ -6,7 +6,6 @@ makes up for the divergence: the fit starts from all of these.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,18 +18,11 @@ from shared.geometry.lines import angle_between_rad, unit
 from shared.geometry.parts import hole_axis
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BentOptimum:
-    """Best end, and the margin over the next (see `NailFit.mirror_margin`); without another, None."""
-
-    solution: Solution
-    margin: float | None
-
-
-def bent_optimum(problem: Problem, straight: Solution) -> BentOptimum | None:
+def bent_optimum(problem: Problem, straight: Solution) -> tuple[Solution, float | None] | None:
     """Fit with the curvature free from where the straight fit ended, and from its reflections.
 
-    None when no optimum is a nail's: canals bend nails to radii of 300 mm and more.
+    Returns the best end, and its margin over the next (see `FitEvidence.mirror_margin`) or, without another, None. No
+    optimum is found when none is a nail's: canals bend nails to radii of 300 mm and more.
     """
     steps, tolerance = BENT_NAIL.first_steps, FINAL_STAGE.tolerance
     found = [minimise_from(problem, straight.linear, steps, tolerance)]
@@ -41,7 +33,7 @@ def bent_optimum(problem: Problem, straight: Solution) -> BentOptimum | None:
     if not ends:
         return None
     others = [one.least_cost for one in found if _differ(problem, one, ends[0])]
-    return BentOptimum(ends[0], 0.5 * (min(others) - ends[0].cost) if others else None)
+    return ends[0], 0.5 * (min(others) - ends[0].cost) if others else None
 
 
 def reflections(problem: Problem, parameters: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:

@@ -1,75 +1,75 @@
-"""What the acceptance of a fitted nail depends on: how holes are seen, what the model leaves, whether parts agree."""
+"""What the acceptance of a fitted nail depends on: how holes are seen, what the model leaves, whether parts agree.
+
+At the optimum the pulls of all pixels on the pose cancel. Under the noise model the pull of one part, a sector of a
+rim or a stretch of an edge, has a known variance. Where the model does not hold, as after local contrast enhancement
+or a noise filter, the parts pull against one another by more, and the nuisance parameters leave their usual range.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.image import HoleView, ResidualStatistics
-from services.registration.core.nail.agreement import Agreement, PixelScores, agreement
+from services.registration.core.estimation.pose_estimate import PoseErrors, ray_to
 from services.registration.core.nail.covariance import after_background, motion_gain
 from services.registration.core.nail.forward_model import visible_fraction_without_metal
-from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.least_squares import Problem, Solution, linear_response
 from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION, NoiseModel
+from services.registration.core.nail.parameters import Parameter, prior_mean, prior_precision
 from services.registration.core.nail.region import FitRegion
-from services.registration.core.tuning import NAIL_EVIDENCE
-from shared.geometry.parts import Hole
-
-
-def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) -> Agreement:
-    """Whether sectors of rims and stretches of edges pull on the pose as the noise predicts."""
-    linear = linear_response(solution.linear, solution.equations.jacobian)
-    moved_by = after_background(problem, solution, linear, motion_gain(problem, solution))
-    variance = problem.weight**2 * noise.variance * noise.inflation
-    pixels = PixelScores(moved_by, problem.weight * solution.linear.residual, variance)
-    model = problem.model
-    return agreement(model.region, model.nail, pixels, float(noise.inflation.mean()), solution.parameters)
+from services.registration.core.tuning import AGREEMENT_OF_PARTS, FOREIGN_OBJECTS, NAIL_EVIDENCE
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.lines import displacement_by_motion
+from shared.geometry.parts import Hole, NailPart, hole_surface_points
+from shared.geometry.transform import Transform
 
 
 def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
     """Opening and contrast of each hole of the nail."""
-    model = problem.model
-    region = model.region
-    parameters = solution.parameters
+    region = problem.model.region
     clear = solution.linear.traced.transmission.ravel()[region.compared] > NAIL_EVIDENCE.open_transmission
     noise = float(np.sqrt(np.median(1.0 / problem.weight)))
     contrast = _local_step(problem, solution) / noise
-    return tuple(_hole_view(problem, parameters, hole, clear, contrast) for hole in model.nail.holes)
+    inside_nail = np.abs(region.across_mm) < NAIL_EVIDENCE.inside_nail_in_radii * problem.model.nail.radius_mm
+    depth_mm = float(problem.model.pose(solution.parameters).translation_mm[2])
+    pixel_mm = depth_mm / problem.model.camera.focal_length_px * region.sampling.reduction
+
+    def view(hole: Hole) -> HoleView:
+        radius_mm, (x_mm, y_mm) = 0.5 * hole.diameter_mm, hole.axis.point_mm[:2]
+        away_mm = np.hypot(region.along_mm - x_mm, region.across_mm - y_mm)
+        seen = clear & (away_mm < NAIL_EVIDENCE.near_hole_in_radii * radius_mm) & inside_nail
+        opening = float(np.count_nonzero(seen)) * pixel_mm**2 / (np.pi * radius_mm**2)
+        return HoleView(hole.id, min(opening, 1.0), float(np.median(contrast[seen])) if np.any(seen) else 0.0)
+
+    return tuple(view(hole) for hole in problem.model.nail.holes)
 
 
-def _hole_view(
-    problem: Problem,
-    parameters: NDArray[np.float64],
-    hole: Hole,
-    clear: NDArray[np.bool_],
-    contrast: NDArray[np.float64],
-) -> HoleView:
-    model = problem.model
-    region = model.region
-    radius = 0.5 * hole.diameter_mm
-    centre_x, centre_y = hole.axis.point_mm[:2]
-    near = np.hypot(region.along_mm - centre_x, region.across_mm - centre_y) < NAIL_EVIDENCE.near_hole_in_radii * radius
-    inside_nail = np.abs(region.across_mm) < NAIL_EVIDENCE.inside_nail_in_radii * model.nail.radius_mm
-    seen = clear & near & inside_nail
-    depth = float(model.pose(parameters).translation_mm[2])
-    pixel_mm = depth / model.camera.focal_length_px * region.sampling.reduction
-    opening = float(np.count_nonzero(seen)) * pixel_mm**2 / (np.pi * radius**2)
-    to_noise = float(np.median(contrast[seen])) if np.any(seen) else 0.0
-    return HoleView(hole.id, min(opening, 1.0), to_noise)
+def rim_shares(region: FitRegion, nail: NailPart) -> tuple[float, ...]:
+    """Share of each hole's rim, by direction seen from the hole's middle, where pixels are compared."""
+    s = FOREIGN_OBJECTS
+    shares = []
+    for hole in nail.holes:
+        radii, direction = region.about_hole(hole, s.directions)
+        near = np.abs(radii - 1.0) < s.about_rim_in_radii
+        seen = np.bincount(direction[near], minlength=s.directions)
+        usual = float(np.median(seen[seen > 0])) if np.any(seen) else np.inf
+        shares.append(float(np.mean(seen >= s.seen_share * usual)))
+    return tuple(shares)
 
 
 def residual_statistics(problem: Problem, solution: Solution, noise: NoiseModel) -> ResidualStatistics:
-    """Size and structure of the residual."""
+    """What the model leaves of the pixels."""
     region, residual = problem.model.region, solution.linear.residual
     most, visible = NAIL_EVIDENCE.clipped_deviations, solution.linear.visible
     standardised = np.clip(residual * np.sqrt(problem.weight), -most, most)
-    smooth = _smoothed(region, standardised, NAIL_EVIDENCE.structure_blur_px)
+    smooth = region.compared_values(region.smoothed(standardised, NAIL_EVIDENCE.structure_blur_px))
     rim = (visible > NAIL_EVIDENCE.rim_from) & (visible < NAIL_EVIDENCE.rim_to)
     elsewhere = ~rim
-    rms = float(np.sqrt(np.mean(residual**2))) * region.grey_scale
     reference = float(np.sqrt(np.mean(smooth[elsewhere] ** 2))) if np.any(elsewhere) else 1.0
     at_rims = float(np.sqrt(np.mean(smooth[rim] ** 2))) if np.any(rim) else 0.0
     inflation = float(noise.inflation.mean())
-    return ResidualStatistics(rms, at_rims / max(reference, 1e-9), inflation, _spot(problem, solution, noise))
+    return ResidualStatistics(at_rims / max(reference, 1e-9), inflation, _spot(problem, solution, noise))
 
 
 def _spot(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
@@ -81,10 +81,10 @@ def _spot(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
         reach_mm = 0.5 * hole.diameter_mm + NAIL_EVIDENCE.about_hole_mm
         near |= np.hypot(region.along_mm - x, region.across_mm - y) < reach_mm
     step, blur_px = np.abs(_local_step(problem, solution)), NAIL_EVIDENCE.spot_blur_px
-    deviations = np.abs(_smoothed(region, linear.residual / np.sqrt(noise.variance), blur_px))
+    deviations = np.abs(region.compared_values(region.smoothed(linear.residual / np.sqrt(noise.variance), blur_px)))
     certain = deviations > NAIL_EVIDENCE.certain_deviations * MEDIAN_TO_DEVIATION * np.median(deviations)
     smallest_step = NAIL_EVIDENCE.least_step * np.median(step)
-    share = np.abs(_smoothed(region, linear.residual, blur_px)) / np.maximum(step, smallest_step)
+    share = np.abs(region.compared_values(region.smoothed(linear.residual, blur_px))) / np.maximum(step, smallest_step)
     return float(share[near & certain].max(initial=0.0))
 
 
@@ -95,8 +95,122 @@ def _local_step(problem: Problem, solution: Solution) -> NDArray[np.float64]:
     return without_metal * (linear.background - linear.floor)
 
 
-def _smoothed(region: FitRegion, values: NDArray[np.float64], blur_px: float) -> NDArray[np.float64]:
-    """Values of the compared pixels, shape (N,), after a Gaussian, with zero around them."""
-    image = np.zeros(region.shape)
-    image.ravel()[region.compared] = values
-    return blurred_image(image, blur_px).ravel()[region.compared]
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How much more the fit errs than its noise explains, and what shows it."""
+
+    pull_ratio: float  # variance of the parts' pulls on the hole axes over the predicted one, at least 1
+    bulge: float  # by how much the display brightens the middle of the range from metal to background, either way
+    shape: float  # fitted radii beside the part file's, in standard deviations of the prior
+    scale_excess: float  # by how much nail and holes together appear larger than in the file, as a share
+    noise_inflation: float  # what noise is left correlated after whitening, in pixels: filters leave much
+    softness: float  # hardening of the beam below the usual one, in standard deviations of the prior
+    sharpening: float  # edge enhancement beside the usual one, either way, in standard deviations of the prior
+
+    @property
+    def variance_ratio(self) -> float:
+        """By how much the variance of the nail's rotation and shape grows.
+
+        What plain images show too counts nothing; beyond it each symptom adds the square of its excess.
+        """
+        s = AGREEMENT_OF_PARTS
+        excesses = (
+            min(self.bulge - s.usual_bulge, s.largest_bulge_excess) / s.bulge_of_one_deviation,
+            (self.shape - s.usual_shape) / s.shape_of_one_deviation,
+            (self.noise_inflation - s.usual_noise_inflation) / s.inflation_of_one_deviation,
+            (self.softness - s.usual_softness) / s.softness_of_one_deviation,
+            (self.sharpening - s.usual_sharpening) / s.sharpening_of_one_deviation,
+        )
+        return self.pull_ratio * (1.0 + sum(max(excess, 0.0) ** 2 for excess in excesses))
+
+    @property
+    def error_ratio(self) -> float:
+        """The same for standard deviations."""
+        return float(np.sqrt(self.variance_ratio))
+
+    def widened(self, errors: PoseErrors, camera_from_nail: Transform[Camera, Nail]) -> PoseErrors:
+        """Errors of the pose, grown by what the model does not explain.
+
+        Wrong brightness between the rims turns the nail, but hardly moves it: edges stay in place. A nail that appears
+        larger than its file may be nearer than the distance of its holes says: that distance is then not the file's.
+        """
+        ratio = self.error_ratio
+        grown = errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio)
+        excess = max(abs(self.scale_excess) - AGREEMENT_OF_PARTS.usual_scale_excess, 0.0)
+        depth_error_mm = excess * float(np.linalg.norm(camera_from_nail.translation_mm))
+        along_ray = np.concatenate([np.zeros(3), depth_error_mm * ray_to(camera_from_nail)])
+        return grown.with_more(np.outer(along_ray, along_ray))
+
+
+def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) -> Agreement:
+    """Compare the parts' pulls on the pose with what the noise predicts, nuisance parameters with usual ones."""
+    region, nail, parameters = problem.model.region, problem.model.nail, solution.parameters
+    linear = linear_response(solution.linear, solution.equations.jacobian)
+    moved_by = after_background(problem, solution, linear, motion_gain(problem, solution))
+    per_pixel = moved_by @ offsets_by_motion_across(nail).T
+    score, variance = problem.weight * solution.linear.residual, problem.weight**2 * noise.variance * noise.inflation
+    parts = parts_of(region, nail)
+    pulls = _sums(parts, per_pixel * score[:, None])
+    variances = _sums(parts, per_pixel**2 * variance[:, None])
+    deviations = (parameters - prior_mean()) * np.sqrt(prior_precision())
+    return Agreement(
+        pull_ratio=pull_ratio(pulls, variances),
+        bulge=abs(float(parameters[Parameter.BULGE])),
+        shape=float(np.hypot(deviations[Parameter.HOLE_RADIUS_EXCESS_MM], deviations[Parameter.NAIL_RADIUS_EXCESS_MM])),
+        scale_excess=_scale_excess(nail, parameters),
+        noise_inflation=float(noise.inflation.mean()),
+        softness=-float(deviations[Parameter.HARDENING]),
+        sharpening=abs(float(deviations[Parameter.SHARPENING])),
+    )
+
+
+def _scale_excess(nail: NailPart, parameters: NDArray[np.float64]) -> float:
+    """Scale, less 1, that explains the fitted radii of nail and holes best."""
+    radii_mm = np.array([nail.radius_mm, 0.5 * float(np.mean([hole.diameter_mm for hole in nail.holes]))])
+    excess_mm = parameters[[Parameter.NAIL_RADIUS_EXCESS_MM, Parameter.HOLE_RADIUS_EXCESS_MM]]
+    return float(radii_mm @ excess_mm / (radii_mm @ radii_mm))
+
+
+def pull_ratio(pulls: NDArray[np.float64], variances: NDArray[np.float64]) -> float:
+    """Observed over predicted variance of the offset that is worst explained, at least 1.
+
+    A part with a large variance counts as much as several small ones: the effective number of parts says how certain
+    the observed ratio is, and a prior count of parts that agree keeps chance out of it.
+
+    Parameters
+    ----------
+    pulls, variances
+        Of K parts on M offsets, shape (K, M).
+    """
+    total = variances.sum(axis=0)
+    effective = total**2 / np.sum(variances**2, axis=0)
+    observed = np.sum(pulls**2, axis=0) / total
+    agreeing = AGREEMENT_OF_PARTS.parts_that_agree
+    return float(max(1.0, np.max((agreeing + effective * observed) / (agreeing + effective))))
+
+
+def parts_of(region: FitRegion, nail: NailPart) -> NDArray[np.int64]:
+    """Part of each compared pixel, shape (N,): sectors about each hole, else stretches of either side of the nail."""
+    s, x, y = AGREEMENT_OF_PARTS, region.along_mm, region.across_mm
+    stretches = np.linspace(x.min(), x.max(), s.stretches + 1)[1:-1]
+    part = np.asarray(np.searchsorted(stretches, x) + s.stretches * (y > 0.0), dtype=np.int64)
+    first = 2 * s.stretches
+    for hole in nail.holes:
+        radii, sector = region.about_hole(hole, s.sectors)
+        near = (radii < s.about_rim_in_radii) & (np.abs(y) < s.inside_nail_in_radii * nail.radius_mm)
+        part[near] = first + sector[near]
+        first += s.sectors
+    return part
+
+
+def offsets_by_motion_across(nail: NailPart) -> NDArray[np.float64]:
+    """Offsets of the outer holes' ends along the nail's x and y by its small motion, shape (M, 6)."""
+    ends = [end for hole in (nail.holes[0], nail.holes[-1]) for end in hole_surface_points(nail, hole)]
+    return np.vstack([displacement_by_motion(end)[:2] for end in ends])
+
+
+def _sums(parts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums of values, shape (N, M), by part; parts without pixels are left out."""
+    count = np.bincount(parts)
+    sums = np.stack([np.bincount(parts, weights=column) for column in values.T], axis=1)
+    return np.asarray(sums[count > 0], dtype=np.float64)

@@ -9,15 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
-from services.registration.core.acceptance.image import FitEvidence, HoleView, ResidualStatistics, fit_reasons
-from services.registration.core.estimation.pose_estimate import (
-    PoseErrors,
-)
-from services.registration.core.nail.agreement import Agreement
-from services.registration.core.nail.bend_search import BentOptimum, bent_optimum
+from services.registration.core.acceptance.image import FitEvidence, fit_reasons
+from services.registration.core.estimation.pose_estimate import PoseErrors
+from services.registration.core.nail.bend_search import bent_optimum
 from services.registration.core.nail.covariance import curvature_covariance, errors_of_straight, pose_errors
-from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics
-from services.registration.core.nail.foreign import RimView, foreign_pixels, rim_views
+from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
 from services.registration.core.nail.forward_model import ForwardModel, model_at
 from services.registration.core.nail.least_squares import (
     Problem,
@@ -33,6 +29,7 @@ from services.registration.core.nail.least_squares import (
     with_derivatives,
     with_hidden_filled,
 )
+from services.registration.core.nail.left_out import foreign_pixels
 from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import (
     CURVATURE,
@@ -44,12 +41,7 @@ from services.registration.core.nail.parameters import (
 )
 from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
-from services.registration.core.tuning import (
-    BENT_NAIL,
-    FINAL_STAGE,
-    FOREIGN_OBJECTS,
-    NAIL_PRIORS,
-)
+from services.registration.core.tuning import BENT_NAIL, FINAL_STAGE, FOREIGN_OBJECTS, NAIL_PRIORS
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
@@ -64,33 +56,8 @@ class NailFit:
     # both in the nail's frame at its origin. Correlated noise, all nuisances and the model's own errors are included;
     # calibration's and guide's errors are not.
     errors: PoseErrors
-    # Logarithm of the likelihood ratio between this pose and the other optimum (at least 1.5° away, in practice the
-    # reflected tilt), or, when there is no other, the best pose with pitch or roll 3° away. The noise's correlation is
-    # divided out, so that the ratio is that of as many independent samples. For a competing pose that was abandoned it
-    # is a lower bound.
-    mirror_margin: float
-    # Fitted radii less those of the part
-    hole_radius_excess_mm: float
-    nail_radius_excess_mm: float
-    blur_px: float  # standard deviation of the blur that was fitted
-    residual: ResidualStatistics  # statistics of what the model does not explain
-    holes: tuple[HoleView, ...]  # how much of each hole was seen
-    rims: tuple[RimView, ...]  # how much of each rim takes part
-    agreement: Agreement  # of the image's parts about the pose
+    evidence: FitEvidence
     curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
-
-    @property
-    def evidence(self) -> FitEvidence:
-        """What its acceptance depends on."""
-        return FitEvidence(
-            self.holes,
-            self.residual,
-            self.hole_radius_excess_mm,
-            self.nail_radius_excess_mm,
-            self.mirror_margin,
-            self.agreement.error_ratio,
-            tuple(rim.share for rim in self.rims),
-        )
 
 
 def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
@@ -110,7 +77,7 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
     for _ in range(FOREIGN_OBJECTS.most_rounds):
         if isinstance(found, Rejected) or not fit_reasons(found.fit.evidence):
             break
-        without = _without_foreign_objects(fit_input, found)
+        without = _without_foreign_objects(fit_input, found.end)
         if without is None:
             break
         fit_input, found = without, _fitted(without, start)
@@ -127,51 +94,6 @@ def measure_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepte
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Fitted:
-    """A fit with the problem that it solved."""
-
-    fit: NailFit
-    problem: Problem
-    solution: Solution
-    noise: NoiseModel
-
-
-def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Rejected:
-    optimum = find_global_optimum(fit_input, start)
-    model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
-    if optimum is None or model is None:
-        return Rejected((NAIL_OUTSIDE.reason(),))
-    end, errors = _bent_or_straight(_refined(model, optimum))
-    problem, solution, noise = end.problem, end.solution, end.noise
-    parts, camera_from_nail = agreement_of_parts(problem, solution, noise), model.pose(solution.parameters)
-    fit = NailFit(
-        camera_from_nail=camera_from_nail,
-        errors=parts.widened(errors, camera_from_nail),
-        mirror_margin=end.margin / parts.pull_ratio,
-        hole_radius_excess_mm=float(solution.parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
-        nail_radius_excess_mm=float(solution.parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
-        blur_px=model.region.sampling.blur_px(solution.parameters),
-        residual=residual_statistics(problem, solution, noise),
-        holes=hole_views(problem, solution),
-        rims=rim_views(model.region, model.nail),
-        agreement=parts,
-        curvature_per_m=curvature_of(solution.parameters),
-    )
-    return _Fitted(fit, problem, solution, noise)
-
-
-def _without_foreign_objects(fit_input: FitInput, found: _Fitted) -> FitInput | None:
-    """The same input with what is darker than the fit left out; None where there is nothing more."""
-    region, residual = found.problem.model.region, found.solution.linear.residual
-    foreign = foreign_pixels(region, residual, found.noise.variance, fit_input.pixels.shape)
-    hidden = fit_input.occluders.hidden
-    if not np.any(foreign if hidden is None else foreign & ~hidden):
-        return None
-    together = foreign if hidden is None else foreign | hidden
-    return replace(fit_input, occluders=replace(fit_input.occluders, hidden=together))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _End:
     """Where a fit ended."""
 
@@ -180,23 +102,53 @@ class _End:
     noise: NoiseModel
     margin: float
 
+    @staticmethod
+    def of(problem: Problem, solution: Solution, margin: float) -> "_End":
+        """The end of a fit, with derivatives and noise from there."""
+        solution = with_derivatives(problem, solution)
+        return _End(problem, solution, estimate_noise(problem, solution.linear), margin)
 
-def _bent_or_straight(straight: _End) -> tuple[_End, PoseErrors]:
-    """The end of the straight nail's fit, unless the pixels show a curvature that no straight nail has."""
-    freed, there = with_curvature(straight.problem, straight.solution)
-    stay = straight, errors_of_straight(straight.problem, straight.solution, straight.noise, there)
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fitted:
+    """A fit, and how it ended."""
+
+    fit: NailFit
+    end: _End
+
+
+def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Rejected:
+    optimum = find_global_optimum(fit_input, start)
+    model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
+    if optimum is None or model is None:
+        return Rejected((NAIL_OUTSIDE.reason(),))
+    straight = _refined(model, optimum)
+    problem, solution, noise = straight.problem, straight.solution, straight.noise
+    freed, there = with_curvature(problem, solution)
+    bent = _bent(straight, freed, there)
+    return bent or _with_evidence(straight, errors_of_straight(problem, solution, noise, there))
+
+
+def _bent(straight: _End, freed: Problem, there: Solution) -> _Fitted | None:
+    """The fit of a bent nail; None unless the pixels show a curvature that no straight nail has.
+
+    Parameters
+    ----------
+    freed, there
+        The straight nail's problem with the curvature free, and its end with derivatives by it.
+    """
     step = np.asarray(np.linalg.solve(there.equations.matrix, there.equations.gradient))[-len(CURVATURE) :]
     if not is_bent(step, curvature_covariance(freed, there, straight.noise)):
-        return stay
+        return None
     found = bent_optimum(freed, straight.solution)
     if found is None:
-        return stay
-    bent = _finished(freed, found, straight.margin)
-    errors = pose_errors(bent.problem, bent.solution, bent.noise)
-    parameters = bent.solution.parameters
-    pose = bent.problem.model.pose(parameters)
-    widened = agreement_of_parts(bent.problem, bent.solution, bent.noise).widened(errors, pose)
-    return (bent, errors) if is_bent(np.array(curvature_of(parameters)), widened.bend_covariance) else stay
+        return None
+    linear, margin = found[0].linear, found[1]
+    problem = reweighted(freed, linear, estimate_noise(freed, linear))
+    solution = minimise_from(problem, linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
+    end = _End.of(problem, solution, straight.margin if margin is None else margin)
+    bent = _with_evidence(end, pose_errors(end.problem, end.solution, end.noise))
+    return bent if is_bent(np.array(bent.fit.curvature_per_m), bent.fit.errors.bend_covariance) else None
 
 
 def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
@@ -205,14 +157,33 @@ def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64
     return float(curvature_per_m @ np.linalg.solve(expected, curvature_per_m)) > BENT_NAIL.chi_square
 
 
-def _finished(freed: Problem, found: BentOptimum, margin: float) -> _End:
-    """Weigh the pixels by what the bent nail leaves of them, and fit once more."""
-    linear = found.solution.linear
-    problem = reweighted(freed, linear, estimate_noise(freed, linear))
-    solution = minimise_from(problem, linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
-    solution = with_derivatives(problem, solution)
-    noise = estimate_noise(problem, solution.linear)
-    return _End(problem, solution, noise, margin if found.margin is None else found.margin)
+def _with_evidence(end: _End, errors: PoseErrors) -> _Fitted:
+    """The fit that ended so, its errors grown by what the model does not explain."""
+    problem, solution, noise = end.problem, end.solution, end.noise
+    model, parameters = problem.model, solution.parameters
+    parts, camera_from_nail = agreement_of_parts(problem, solution, noise), model.pose(parameters)
+    evidence = FitEvidence(
+        holes=hole_views(problem, solution),
+        residual=residual_statistics(problem, solution, noise),
+        hole_radius_excess_mm=float(parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
+        nail_radius_excess_mm=float(parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
+        mirror_margin=end.margin / parts.pull_ratio,
+        error_ratio=parts.error_ratio,
+        rim_shares=rim_shares(model.region, model.nail),
+    )
+    fit = NailFit(camera_from_nail, parts.widened(errors, camera_from_nail), evidence, curvature_of(parameters))
+    return _Fitted(fit, end)
+
+
+def _without_foreign_objects(fit_input: FitInput, end: _End) -> FitInput | None:
+    """The same input with what is darker than the fit left out; None where there is nothing more."""
+    region, residual = end.problem.model.region, end.solution.linear.residual
+    foreign = foreign_pixels(region, residual, end.noise.variance, fit_input.pixels.shape)
+    hidden = fit_input.occluders.hidden
+    if not np.any(foreign if hidden is None else foreign & ~hidden):
+        return None
+    together = foreign if hidden is None else foreign | hidden
+    return replace(fit_input, occluders=replace(fit_input.occluders, hidden=together))
 
 
 def _refined(model: ForwardModel, optimum: GlobalOptimum) -> _End:
@@ -228,9 +199,7 @@ def _refined(model: ForwardModel, optimum: GlobalOptimum) -> _End:
     # The last steps begin with derivatives from here: those of the first may have led along the valley in which radii,
     # curve and tilt nearly compensate one another, and ended in it.
     solution = minimise_from(problem, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
-    problem, solution = _with_display_bent_where_evident(problem, solution)
-    solution = with_derivatives(problem, solution)
-    return _End(problem, solution, estimate_noise(problem, solution.linear), optimum.margin)
+    return _End.of(*_with_display_bent_where_evident(problem, solution), optimum.margin)
 
 
 def _with_display_bent_where_evident(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:

@@ -28,7 +28,6 @@ from services.registration.core.nail.forward_model import (
     visible_fraction_derivatives,
     visible_image,
 )
-from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.noise import NoiseModel, noise_model, robust_weight, whitening_filter
 from services.registration.core.nail.parameters import (
     STRAIGHT_NAIL,
@@ -172,16 +171,12 @@ def modelled_image(model: ForwardModel, linear: LinearSolution) -> NDArray[np.fl
     """Modelled grey values on the whole rectangle; background and floor of the compared pixels are spread smoothly."""
     region = model.region
     visible = visible_image(model, linear.traced)
-    present = np.zeros(region.shape)
-    present.ravel()[region.compared] = 1.0
-    share = np.maximum(blurred_image(present, FIT_REGION.fill_blur_px), _LEAST_SHARE)
-
-    def spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        image = np.zeros(region.shape)
-        image.ravel()[region.compared] = values
-        return blurred_image(image, FIT_REGION.fill_blur_px) / share
-
-    return visible * spread(linear.background) + (1.0 - visible) * spread(linear.floor)
+    background, floor, present = (
+        region.smoothed(values, FIT_REGION.fill_blur_px)
+        for values in (linear.background, linear.floor, np.ones(len(region.compared)))
+    )
+    share = np.maximum(present, _LEAST_SHARE)
+    return visible * (background / share) + (1.0 - visible) * (floor / share)
 
 
 def whitened(problem: Problem, linear: LinearSolution) -> tuple[Problem, LinearSolution]:

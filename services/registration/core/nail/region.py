@@ -133,8 +133,7 @@ class FitRegion:
     # Flat indices into the rectangle where rays are traced: compared pixels and reach of the blur, shape (S,)
     support: NDArray[np.int64]
     compared: NDArray[np.int64]  # flat indices of the compared pixels, shape (N,), a subset of `support`
-    grey: NDArray[np.float64]  # grey values of the whole rectangle divided by `grey_scale`, shape of the rectangle
-    grey_scale: float
+    grey: NDArray[np.float64]  # grey values of the whole rectangle over its brightness, shape of the rectangle
     # Position of the compared pixels in the nail's plane at the start pose, shape (N,)
     along_mm: NDArray[np.float64]
     across_mm: NDArray[np.float64]
@@ -148,6 +147,12 @@ class FitRegion:
     def compared_values(self, image: NDArray[Real]) -> NDArray[np.float64]:
         """The compared pixels, shape (N,), of an image of the whole rectangle."""
         return image.ravel()[self.compared].astype(np.float64, copy=False)
+
+    def smoothed(self, values: NDArray[np.float64], blur_px: float) -> NDArray[np.float64]:
+        """Values of the compared pixels, shape (N,), zero around them, after a Gaussian; shape of the rectangle."""
+        image = np.zeros(self.shape)
+        image.ravel()[self.compared] = values
+        return blurred_image(image, blur_px)
 
     def about_hole(self, hole: Hole, sectors: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Distance of the compared pixels from a hole's middle in hole radii, and which of so many sectors, (N,)."""
@@ -194,15 +199,14 @@ def cut_region(
     grey = grid.blocks_of(fit_input.pixels).mean(axis=(1, 3), dtype=np.float64)
     if sampling.smoothing_px > 0.0:
         grey = blurred_image(grey, sampling.smoothing_px)
-    grey_scale = float(np.percentile(grey.ravel()[compared], FIT_REGION.white_percentile)) or 1.0
+    brightness = float(np.percentile(grey.ravel()[compared], FIT_REGION.white_percentile)) or 1.0
     return FitRegion(
         sampling=sampling,
         shape=grid.shape,
         origin_px=grid.origin_px,
         support=support,
         compared=compared,
-        grey=grey / grey_scale,
-        grey_scale=grey_scale,
+        grey=grey / brightness,
         along_mm=along[compared],
         across_mm=across[compared],
         rays=rays,

@@ -44,7 +44,7 @@ _LEAST_REDUCTION = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GlobalOptimum:
-    """Best optimum: all parameters, pose, and the margin (see `NailFit.mirror_margin`)."""
+    """Best optimum: all parameters, pose, and the margin (see `FitEvidence.mirror_margin`)."""
 
     parameters: NDArray[np.float64]
     camera_from_nail: Transform[Camera, Nail]

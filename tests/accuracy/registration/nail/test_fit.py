@@ -85,7 +85,7 @@ def test_predicted_errors_are_those_that_occur() -> None:
 
 
 def test_the_reflected_tilt_is_worse_by_a_margin() -> None:
-    assert min(o.fit.mirror_margin for o in outcomes()) > 8.0
+    assert min(o.fit.evidence.mirror_margin for o in outcomes()) > 8.0
 
 
 def test_the_hardening_of_the_beam_does_not_turn_a_titanium_nail() -> None:
@@ -102,8 +102,8 @@ def test_the_hardening_of_the_beam_does_not_turn_a_titanium_nail() -> None:
 
 def test_radii_come_out_as_they_are() -> None:
     for outcome in outcomes():
-        assert abs(outcome.fit.hole_radius_excess_mm) < 0.04
-        assert abs(outcome.fit.nail_radius_excess_mm) < 0.04
+        assert abs(outcome.fit.evidence.hole_radius_excess_mm) < 0.04
+        assert abs(outcome.fit.evidence.nail_radius_excess_mm) < 0.04
 
 
 def test_what_the_nails_shape_does_to_the_tilt_turns_round_with_the_tilt() -> None:
@@ -153,9 +153,9 @@ def test_starts_at_reflected_tilts_end_at_the_truth(tilt: tuple[float, float]) -
 
 def test_both_holes_are_seen_and_said_to_be() -> None:
     outcome = accepted(tilted_shot(), tilted_shot().camera_from_nail)
-    assert {view.id for view in outcome.fit.holes} == {"distal", "proximal"}
-    assert all(view.opening > 0.5 for view in outcome.fit.holes)
-    assert all(view.contrast_to_noise > 3.0 for view in outcome.fit.holes)
+    assert {view.id for view in outcome.fit.evidence.holes} == {"distal", "proximal"}
+    assert all(view.opening > 0.5 for view in outcome.fit.evidence.holes)
+    assert all(view.contrast_to_noise > 3.0 for view in outcome.fit.evidence.holes)
 
 
 def refused(shot: Shot, nail: NailPart, start: Transform[Camera, Nail], occluders: Occluders) -> set[ReasonCode]:

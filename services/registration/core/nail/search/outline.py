@@ -1,4 +1,4 @@
-"""Outlines in the image as received: of a hole's opening, of the nail's two edges, and what covers an opening."""
+"""Outlines in the image as received: of a hole's opening, and of the nail's two edges."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from services.registration.core.nail.search.band import SearchImage
 from services.registration.core.nail.search.holes import HolePattern
 from services.registration.core.subpixel import subpixel_offset
-from services.registration.core.tuning import NAIL_CONTOUR, OPENING_COVER, OPENING_OUTLINE
+from services.registration.core.tuning import NAIL_CONTOUR, OPENING_OUTLINE
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.lines import read_only
 from shared.xray.pixel_scale import pixels as pixels_of
@@ -217,73 +217,3 @@ def _robust_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float,
         used = np.abs(residual) < NAIL_CONTOUR.outlier_deviations * spread
         slope, offset = (float(v) for v in np.polyfit(x[used], y[used], 1))
     return slope, offset
-
-
-def covered_pixels(
-    pixels: NDArray[np.generic],
-    calibration: CArmCalibration,
-    openings: tuple[Opening, ...],
-    depth_mm: float,
-    known_discs_px: NDArray[np.float64],
-) -> NDArray[np.bool_]:
-    """Mask of what to leave out of the nail's fit, shape (height, width); empty when the openings are clear.
-
-    Parameters
-    ----------
-    pixels
-        Un-mirrored image, shape (height, width), darker is denser.
-    openings
-        The nail's openings as the coarse search measured them.
-    depth_mm
-        Depth of the nail, for the reach of the mask in pixels.
-    known_discs_px
-        Balls whose place is known and modelled: centre x, y and radius in measured pixels, shape (B, 3).
-    """
-    stubs = np.zeros(pixels.shape, dtype=np.uint8)
-    for opening in openings:
-        _add_stub(stubs, pixels, calibration, opening, known_discs_px)
-    if not stubs.any():
-        return np.zeros(pixels.shape, dtype=bool)
-    reach_px = int(np.ceil(OPENING_COVER.reach_mm * calibration.camera.focal_length_px / depth_mm))
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1, 2 * reach_px + 1))
-    return np.asarray(cv2.dilate(stubs, kernel) > 0)
-
-
-def _add_stub(
-    stubs: NDArray[np.uint8],
-    pixels: NDArray[np.generic],
-    calibration: CArmCalibration,
-    opening: Opening,
-    known_discs_px: NDArray[np.float64],
-) -> None:
-    """Mark pixels inside the rim that are as dark as the metal around it and not part of a known ball."""
-    s = OPENING_COVER
-    inside_px, open_px, metal_from_px, metal_to_px, margin_px = (
-        pixels_of(length_mm, calibration.pixel_mm)
-        for length_mm in (
-            s.inside_rim_detector_mm,
-            s.open_detector_mm,
-            s.metal_from_detector_mm,
-            s.metal_to_detector_mm,
-            s.ball_margin_detector_mm,
-        )
-    )
-    centre = calibration.distortion.distort(opening.ellipse.centre_px)
-    reach = int(np.ceil(opening.ellipse.semi_axes_px[0] + metal_to_px))
-    left, top = (max(int(np.rint(c)) - reach, 0) for c in centre)
-    right, bottom = (int(np.rint(c)) + reach + 1 for c in centre)
-    block = pixels[top:bottom, left:right].astype(np.float64)
-    y, x = np.mgrid[top : top + block.shape[0], left : left + block.shape[1]]
-    places = np.stack([x, y], axis=-1).reshape(-1, 2).astype(np.float64)
-    outside_px = opening.ellipse.signed_distance_px(calibration.distortion.undistort(places)).reshape(block.shape)
-    metal = (outside_px > metal_from_px) & (outside_px < metal_to_px)
-    if not metal.any() or not (outside_px < -open_px).any():
-        return
-    bright = float(np.percentile(block[outside_px < -open_px], s.bright_percentile))
-    dark = float(np.percentile(block[metal], s.dark_percentile))
-    stub = (block < s.dark_share * bright + (1.0 - s.dark_share) * dark) & (outside_px < -inside_px)
-    away = np.abs(known_discs_px[:, :2] - centre).max(axis=1)
-    for ball_x, ball_y, radius in known_discs_px[away < reach + 1.0 + known_discs_px[:, 2] + margin_px]:
-        stub &= np.hypot(x - ball_x, y - ball_y) > radius + margin_px
-    if np.count_nonzero(stub) >= s.least_pixels:
-        stubs[top:bottom, left:right] |= stub.astype(np.uint8)

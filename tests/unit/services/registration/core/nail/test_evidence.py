@@ -1,4 +1,4 @@
-"""Parts that pull as the noise predicts leave the covariance; parts that pull against one another enlarge it."""
+"""Parts that pull against one another enlarge the covariance, and only they; covered rims are known as such."""
 
 from dataclasses import replace
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from services.registration.core.estimation.pose_estimate import PoseErrors
-from services.registration.core.nail.agreement import Agreement, pull_ratio
-from tests.unit.services.registration.xray_scene import posed_nail
+from services.registration.core.nail.evidence import Agreement, pull_ratio, rim_shares
+from tests.unit.services.registration.core.nail.whole_region import REGION
+from tests.unit.services.registration.xray_scene import nail_part, posed_nail
 
 VARIANCES = np.full((26, 8), 0.01)
 
@@ -74,3 +75,16 @@ def test_a_nail_that_appears_larger_may_be_nearer() -> None:
     across = np.cross(ray, [1.0, 0.0, 0.0])
     assert ray @ larger[3:6, 3:6] @ ray == pytest.approx(1.0 + expected_mm**2)
     assert across @ larger[3:6, 3:6] @ across == pytest.approx(across @ across)
+
+
+def test_a_rim_is_seen_in_all_directions_unless_a_part_is_left_out() -> None:
+    nail = nail_part()
+    assert rim_shares(REGION, nail) == (1.0,) * len(nail.holes)
+    hole = nail.holes[0]
+    kept = ~((REGION.along_mm < hole.axis.point_mm[0]) & (np.abs(REGION.along_mm - hole.axis.point_mm[0]) < 8.0))
+    covered = replace(
+        REGION, along_mm=REGION.along_mm[kept], across_mm=REGION.across_mm[kept], compared=REGION.compared[kept]
+    )
+    first, *others = rim_shares(covered, nail)
+    assert 0.45 <= first <= 0.55
+    assert all(share == 1.0 for share in others)
