@@ -55,12 +55,22 @@ PathTransmission = tuple[float, float, float]
 
 
 class TraceLimits(NamedTuple):
-    """How finely rays are traced (`RAY_SAMPLING`)."""
+    """`RAY_SAMPLING`, which compiled code cannot read."""
 
     edge_reach_px: float
     uniform_difference: float
     softening_px: float
     near_edge_in_steps: float
+
+
+class RayContext(NamedTuple):
+    """What is the same all along one ray."""
+
+    unit_mm: float  # length of the ray's direction
+    steel_mm: float  # path in steel other than the nail, in mm of the nail's material
+    step_mm: float  # half width of the mean at a grazed surface
+    near_edge_mm: float  # distance from an edge from which derivatives are analytic
+    material: Material  # of the nail
 
 
 @compiled
@@ -115,16 +125,10 @@ def _half_chord(impact_mm: float, radius_mm: float, inner_mm: float) -> float:
 
 @compiled
 def _tube_at_edge(
-    impact: float,
-    radius_mm: float,
-    inner_mm: float,
-    step_mm: float,
-    near_edge_mm: float,
-    chord: float,
-    steel_mm: float,
-    material: Material,
+    impact: float, radius_mm: float, inner_mm: float, chord: float, context: RayContext
 ) -> tuple[PathTransmission, float, float]:
     """Near an edge: a mean over the distance from the axis, and its derivatives by that distance and the radius."""
+    step_mm, steel_mm, material = context.step_mm, context.steel_mm, context.material
     metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
     low = transmission_behind(chord * _half_chord(impact - step_mm, radius_mm, inner_mm) + steel_mm, material)
     middle = transmission_behind(metal_mm + steel_mm, material)
@@ -132,7 +136,7 @@ def _tube_at_edge(
     by_impact = (high[0] - low[0]) / (2.0 * step_mm)
     # Half the chord is a root of radius² - impact²: at the outline the two move it alike, elsewhere it is smooth. Of a
     # wall so thin that the cannulation's edge is as near it would be wrong; none is thinner than a pixel.
-    if radius_mm - abs(impact) < near_edge_mm:
+    if radius_mm - abs(impact) < context.near_edge_mm:
         by_radius = -by_impact * radius_mm / impact
     else:
         by_radius = middle[1] / (metal_mm + steel_mm) * chord * radius_mm / np.sqrt(radius_mm**2 - impact**2)
@@ -141,7 +145,7 @@ def _tube_at_edge(
 
 @compiled
 def _tube_inside(
-    impact: float, radius_mm: float, inner_mm: float, chord: float, steel_mm: float, material: Material
+    impact: float, radius_mm: float, inner_mm: float, chord: float, context: RayContext
 ) -> tuple[PathTransmission, float, float]:
     """The same where no edge is near: there the derivatives are those of the chord."""
     outer = np.sqrt(radius_mm**2 - impact**2)
@@ -150,40 +154,30 @@ def _tube_inside(
     if abs(impact) < inner_mm:
         inner = np.sqrt(inner_mm**2 - impact**2)
         by_impact += impact / inner
-    path_mm = chord * (outer - inner) + steel_mm
-    found = transmission_behind(path_mm, material)
+    path_mm = chord * (outer - inner) + context.steel_mm
+    found = transmission_behind(path_mm, context.material)
     by_half_chord = found[1] / path_mm * chord
     return found, by_half_chord * by_impact, by_half_chord * radius_mm / outer
 
 
 @compiled
 def transmission_through_tube(
-    ray: Ray,
-    radius_mm: float,
-    inner_mm: float,
-    step_mm: float,
-    near_edge_mm: float,
-    unit_mm: float,
-    steel_mm: float,
-    material: Material,
-    slope: NDArray[np.float32],
+    ray: Ray, radius_mm: float, inner_mm: float, context: RayContext, slope: NDArray[np.float32]
 ) -> PathTransmission:
     """Transmission along a ray that no bore touches."""
     ox, oy, oz, dx, dy, dz = ray
     across = np.sqrt(dy * dy + dz * dz)
     my, mz = -dz / across, dy / across
     impact = oy * my + oz * mz
-    if abs(impact) > radius_mm + step_mm:
-        return transmission_behind(steel_mm, material)
-    chord = 2.0 * unit_mm / across
-    if radius_mm - abs(impact) < near_edge_mm or abs(inner_mm - abs(impact)) < near_edge_mm:
-        found, by_impact, by_radius = _tube_at_edge(
-            impact, radius_mm, inner_mm, step_mm, near_edge_mm, chord, steel_mm, material
-        )
+    if abs(impact) > radius_mm + context.step_mm:
+        return transmission_behind(context.steel_mm, context.material)
+    chord = 2.0 * context.unit_mm / across
+    if radius_mm - abs(impact) < context.near_edge_mm or abs(inner_mm - abs(impact)) < context.near_edge_mm:
+        found, by_impact, by_radius = _tube_at_edge(impact, radius_mm, inner_mm, chord, context)
     else:
-        found, by_impact, by_radius = _tube_inside(impact, radius_mm, inner_mm, chord, steel_mm, material)
+        found, by_impact, by_radius = _tube_inside(impact, radius_mm, inner_mm, chord, context)
     metal_mm = chord * _half_chord(impact, radius_mm, inner_mm)
-    turning = found[1] * metal_mm / (metal_mm + steel_mm) * dx / across if metal_mm > 0.0 else 0.0
+    turning = found[1] * metal_mm / (metal_mm + context.steel_mm) * dx / across if metal_mm > 0.0 else 0.0
     x = ox - (oy * dy + oz * dz) / (across * across) * dx
     slope[1] += by_impact * x * mz + turning * my
     slope[2] += turning * mz - by_impact * x * my
@@ -239,9 +233,7 @@ def _behind_bore(
     bore: Bore,
     bored: tuple[float, float],
     weight: float,
-    unit_mm: float,
-    steel_mm: float,
-    material: Material,
+    context: RayContext,
     slope: NDArray[np.float32],
 ) -> PathTransmission:
     """Transmission along a ray that is in a bore between two places; adds derivatives by the other ends, weighted."""
@@ -257,11 +249,11 @@ def _behind_bore(
     if not empty and far_free and bored[0] < far and far_cut >= far - bored[1]:
         far_cut, far_free = far - bored[1], False
     metal = metal - near_cut - far_cut
-    path_mm = unit_mm * max(metal, 0.0) + steel_mm
-    found = transmission_behind(path_mm, material)
+    path_mm = context.unit_mm * max(metal, 0.0) + context.steel_mm
+    found = transmission_behind(path_mm, context.material)
     if metal <= 0.0 or found[1] == 0.0:
         return found
-    share = weight * found[1] / path_mm * unit_mm
+    share = weight * found[1] / path_mm * context.unit_mm
     if near_free and near_cut > 0.0:
         _add_cone_end(ray, near + near_cut, 1.0, bore, share, slope)
     elif near_free:
@@ -279,25 +271,19 @@ def _behind_bore(
 
 @compiled
 def transmission_at_bore(
-    ray: Ray,
-    tube: Tube,
-    bore: Bore,
-    step_mm: float,
-    unit_mm: float,
-    steel_mm: float,
-    material: Material,
-    slope: NDArray[np.float32],
+    ray: Ray, tube: Tube, bore: Bore, context: RayContext, slope: NDArray[np.float32]
 ) -> PathTransmission:
     """Transmission along a ray that a bore touches, mean over the bore's radius from `-step_mm` to `step_mm`."""
+    step_mm = context.step_mm
     wide, narrow = in_bore(ray, bore, step_mm), in_bore(ray, bore, -step_mm)
     in_wide = within(tube, wide[0], wide[1])
     in_narrow = within(tube, narrow[0], narrow[1]) if narrow[1] > narrow[0] else 0.0
     if in_wide <= in_narrow:
-        return _behind_bore(ray, tube, bore, wide, 1.0, unit_mm, steel_mm, material, slope)
+        return _behind_bore(ray, tube, bore, wide, 1.0, context, slope)
     middle = in_bore(ray, bore, 0.0)
-    low = _behind_bore(ray, tube, bore, narrow, 1.0 / 6.0, unit_mm, steel_mm, material, slope)
-    central = _behind_bore(ray, tube, bore, middle, 4.0 / 6.0, unit_mm, steel_mm, material, slope)
-    high = _behind_bore(ray, tube, bore, wide, 1.0 / 6.0, unit_mm, steel_mm, material, slope)
+    low = _behind_bore(ray, tube, bore, narrow, 1.0 / 6.0, context, slope)
+    central = _behind_bore(ray, tube, bore, middle, 4.0 / 6.0, context, slope)
+    high = _behind_bore(ray, tube, bore, wide, 1.0 / 6.0, context, slope)
     by_radius = (high[0] - low[0]) / (2.0 * step_mm)
     slope[BY_HOLE_RADIUS] += by_radius
     if narrow[1] <= narrow[0]:
@@ -327,33 +313,20 @@ class NailShape(NamedTuple):
 
 
 @compiled
-def _add_sample(
-    ray: Ray,
-    tube: Tube,
-    nail: NailShape,
-    step_mm: float,
-    near_edge_mm: float,
-    unit_mm: float,
-    steel_mm: float,
-    slope: NDArray[np.float32],
-) -> float:
+def _add_sample(ray: Ray, tube: Tube, nail: NailShape, context: RayContext, slope: NDArray[np.float32]) -> float:
     """Transmission along one ray; its derivatives are added to `slope`.
 
-    Bores are sought in the tube (in `NO_TUBE` none is); `steel_mm` are mm of the nail's material.
+    Bores are sought in the tube (in `NO_TUBE` none is).
     """
-    radius_mm, inner_mm = nail.radius_mm, nail.cannulation_radius_mm
     touched = -1
     if tube[1] > tube[0]:
         for h in range(nail.bores.shape[0]):
-            if meets(ray, tube, bore_at(nail.bores, h), radius_mm, step_mm):
+            if meets(ray, tube, bore_at(nail.bores, h), nail.radius_mm, context.step_mm):
                 touched = h
     if touched >= 0:
-        bore = bore_at(nail.bores, touched)
-        found = transmission_at_bore(ray, tube, bore, step_mm, unit_mm, steel_mm, nail.material, slope)
+        found = transmission_at_bore(ray, tube, bore_at(nail.bores, touched), context, slope)
     else:
-        found = transmission_through_tube(
-            ray, radius_mm, inner_mm, step_mm, near_edge_mm, unit_mm, steel_mm, nail.material, slope
-        )
+        found = transmission_through_tube(ray, nail.radius_mm, nail.cannulation_radius_mm, context, slope)
     slope[BY_LOG_ATTENUATION] += found[1]
     slope[BY_HARDENING] += found[2]
     return found[0]
@@ -418,7 +391,8 @@ def trace_pixels(
             tube = tube_of(ray, nail.radius_mm, nail.cannulation_radius_mm) if bore_near else NO_TUBE
             unit_mm = np.sqrt(cx * cx + cy * cy + 1.0)
             beside_mm = nail.steel_in_nail_material * steel.path_mm[row, k] if row >= 0 else 0.0
-            share = _add_sample(ray, tube, nail, step_mm, near_edge_mm, unit_mm, beside_mm, slope)
+            context = RayContext(unit_mm, beside_mm, step_mm, near_edge_mm, nail.material)
+            share = _add_sample(ray, tube, nail, context, slope)
             total += share
             least, most = min(least, share), max(most, share)
             count += 1

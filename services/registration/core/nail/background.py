@@ -88,8 +88,7 @@ def lower_band(matrix: NDArray[np.float64], width: int) -> NDArray[np.float64]:
     return band
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SplineField:
+class SplineField(NamedTuple):
     """Cubic B-spline basis at given places."""
 
     corner: NDArray[np.int64]  # index of the first of the 4 x 4 coefficients that act at each place, shape (N,)
@@ -170,54 +169,37 @@ def _evaluate(
 class DesignMatrix(NamedTuple):
     """The columns A = [gain * spline basis, dense] and the weights W of N pixels."""
 
-    # Of the `SplineField`
-    order: NDArray[np.int64]
-    cells: NDArray[np.int64]
-    corner: NDArray[np.int64]
-    along_weights: NDArray[np.float64]
-    across_weights: NDArray[np.float64]
-    # Number of its coefficients, in all and across
-    coefficients: int
-    count_across: int
-    gain: NDArray[np.float64]  # shape (N,)
+    field: SplineField
+    gain: NDArray[np.float64]  # with which the field is seen, shape (N,)
     dense: NDArray[np.float64]  # columns that act everywhere, shape (N, D)
     weight: NDArray[np.float64]  # shape (N,)
-
-
-def design_matrix(
-    field: SplineField, gain: NDArray[np.float64], dense: NDArray[np.float64], weight: NDArray[np.float64]
-) -> DesignMatrix:
-    """Columns of a field that is seen with some gain, and of what acts everywhere."""
-    weights = (field.along_weights, field.across_weights)
-    return DesignMatrix(
-        field.order, field.cells, field.corner, *weights, field.size, field.grid[1], gain, dense, weight
-    )
 
 
 @compiled
 def _cell_index(columns: DesignMatrix, cell: int) -> NDArray[np.int64]:
     """Which of all coefficients the pixels of a cell depend on, increasing, shape (16 + D,)."""
-    dense = columns.dense.shape[1]
+    field, dense = columns.field, columns.dense.shape[1]
     index = np.empty(_IN_CELL + dense, dtype=np.int64)
-    first = columns.corner[columns.order[columns.cells[cell]]]
+    first = field.corner[field.order[field.cells[cell]]]
     for i in range(4):
-        index[4 * i : 4 * i + 4] = first + i * columns.count_across + np.arange(4)
-    index[_IN_CELL:] = columns.coefficients + np.arange(dense)
+        index[4 * i : 4 * i + 4] = first + i * field.grid[1] + np.arange(4)
+    index[_IN_CELL:] = field.grid[0] * field.grid[1] + np.arange(dense)
     return index
 
 
 @compiled
 def _cell_rows(columns: DesignMatrix, cell: int) -> NDArray[np.float64]:
     """What is not zero of A in the rows of a cell's pixels, shape (pixels, 16 + D)."""
-    first, end = columns.cells[cell], columns.cells[cell + 1]
+    field = columns.field
+    first, end = field.cells[cell], field.cells[cell + 1]
     rows = np.empty((end - first, _IN_CELL + columns.dense.shape[1]))
     for m in range(first, end):
-        n = columns.order[m]
+        n = field.order[m]
         row = rows[m - first]
         for i in range(4):
-            along = columns.along_weights[n, i] * columns.gain[n]
+            along = field.along_weights[n, i] * columns.gain[n]
             for j in range(4):
-                row[4 * i + j] = along * columns.across_weights[n, j]
+                row[4 * i + j] = along * field.across_weights[n, j]
         row[_IN_CELL:] = columns.dense[n]
     return rows
 
@@ -225,7 +207,8 @@ def _cell_rows(columns: DesignMatrix, cell: int) -> NDArray[np.float64]:
 @compiled
 def _places_and_weights(columns: DesignMatrix, cell: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """A cell's pixels, shape (pixels,), and their weights, shape (pixels, 1)."""
-    places = columns.order[columns.cells[cell] : columns.cells[cell + 1]]
+    field = columns.field
+    places = field.order[field.cells[cell] : field.cells[cell + 1]]
     return places, columns.weight[places].reshape(-1, 1)
 
 
@@ -278,17 +261,18 @@ def add_right_sides(
 
 
 def normal_equations_of(
-    columns: DesignMatrix, target: NDArray[np.float64], field: SplineField, precision: float
+    columns: DesignMatrix, target: NDArray[np.float64], precision: float
 ) -> tuple[BorderedMatrix, NDArray[np.float64]]:
     """A'WA with the field's prior of a precision, for M + D coefficients, and A'W target, shape (M + D,)."""
-    dense, width = columns.dense.shape[1], field.roughness_band.shape[1]
+    field, dense = columns.field, columns.dense.shape[1]
+    size, width = field.size, field.roughness_band.shape[1]
 
     def of_part(part: slice) -> tuple[NDArray[np.float64], ...]:
-        matrix, side = BorderedMatrix.of_zeros(field.size, width, dense), np.zeros(field.size + dense)
+        matrix, side = BorderedMatrix.of_zeros(size, width, dense), np.zeros(size + dense)
         add_normal_equations(columns, part.start, part.stop, target, matrix, side)
         return (*matrix, side)
 
-    halves = on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS_TO_SHARE)
+    halves = on_both_halves(of_part, len(columns.field.cells) - 1, _LEAST_CELLS_TO_SHARE)
     band, border, corner, side = (_sum_in_place(parts) for parts in zip(*halves, strict=True))
     band += precision * field.roughness_band
     matrix = BorderedMatrix(band, border, corner)
@@ -298,14 +282,14 @@ def normal_equations_of(
 
 def right_sides_of(columns: DesignMatrix, targets: NDArray[np.float64]) -> NDArray[np.float64]:
     """A'W times targets, shape (N, T); the result has shape (M + D, T)."""
-    total = columns.coefficients + columns.dense.shape[1]
+    total = columns.field.size + columns.dense.shape[1]
 
     def of_part(part: slice) -> NDArray[np.float64]:
         sides = np.zeros((total, targets.shape[1]))
         add_right_sides(columns, part.start, part.stop, targets, sides)
         return sides
 
-    return _sum_in_place(on_both_halves(of_part, len(columns.cells) - 1, _LEAST_CELLS_TO_SHARE))
+    return _sum_in_place(on_both_halves(of_part, len(columns.field.cells) - 1, _LEAST_CELLS_TO_SHARE))
 
 
 def _sum_in_place(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

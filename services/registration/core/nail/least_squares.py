@@ -14,7 +14,6 @@ from services.registration.core.nail.background import (
     DesignMatrix,
     SplineField,
     cholesky_factor,
-    design_matrix,
     normal_equations_of,
     right_sides_of,
     spline_field,
@@ -206,8 +205,8 @@ def linear_solution_from(problem: Problem, known: LinearSolution) -> LinearSolut
 
 def _linear_solution(problem: Problem, traced: TracedTransmission, visible: NDArray[np.float64]) -> LinearSolution:
     hidden = 1.0 - visible
-    design = design_matrix(problem.field, visible, hidden[:, None] * problem.floor, problem.weight)
-    matrix, side = normal_equations_of(design, problem.observed, problem.field, problem.texture_precision)
+    design = DesignMatrix(problem.field, visible, hidden[:, None] * problem.floor, problem.weight)
+    matrix, side = normal_equations_of(design, problem.observed, problem.texture_precision)
     factor = cholesky_factor(matrix)
     coefficients, size = factor.solved(side), problem.field.size
     c = coefficients[:size]

@@ -25,7 +25,7 @@ from services.registration.core.nail.search.holes import (
     mean_hole_direction,
     straighten_band,
 )
-from services.registration.core.nail.search.outline import Contour, Opening, measure_contour, measure_opening
+from services.registration.core.nail.search.outline import Opening, band_width_ideal_px, measure_opening
 from services.registration.core.tuning import NAIL_BAND_SEARCH
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
@@ -43,14 +43,6 @@ class NailDetection:
     # Zero tilt: the holes' mean axis runs along the ray through their middle. Depth from the holes' spacing.
     camera_from_nail: Transform[Camera, Nail]
     openings: tuple[Opening, ...]  # one per hole of the nail's file, in its order
-    contour: Contour  # the nail's edges beside the holes
-    edge_length_px: float  # length of the band's shorter edge, in ideal pixels
-    darkness: float  # how much darker the band is than its sides, as a fraction of the image's range of grey values
-    openness: float  # smallest brightness of an opening between the metal (0) and the band's sides (1)
-    # Evidence in the image for this direction of the nail minus that for the opposite one, from -1 to about 1
-    distal_margin: float
-    # Width of the band over that which the nail's file and the depth from the holes give (1 when all agree)
-    width_over_expected: float
 
 
 def find_nail(
@@ -87,11 +79,8 @@ def find_nail(
                 f"the nail's band was found, but the contrast of its least visible hole is {quoted} of the band's own"
             )
         )
-    directed = _directed(forwards, backwards, distal_hint_camera)
-    if isinstance(directed, Rejected):
-        return directed
-    pattern, margin = directed
-    return _measured(pixels, image, calibration, nail, pattern, margin)
+    pattern = _directed(forwards, backwards, distal_hint_camera)
+    return pattern if isinstance(pattern, Rejected) else _measured(pixels, image, calibration, nail, pattern)
 
 
 def dark_bands(image: SearchImage, calibration: CArmCalibration, nail: NailPart) -> list[StraightenedBand]:
@@ -113,7 +102,7 @@ def pattern_quality(pattern: HolePattern) -> float:
 
 def _directed(
     forwards: HolePattern, backwards: HolePattern, hint_camera: NDArray[np.float64] | None
-) -> tuple[HolePattern, float] | Rejected:
+) -> HolePattern | Rejected:
     """Choose the direction of the nail: from its tip and the pattern of its holes, else from the hint."""
     evidence = [p.tip_evidence + float(np.minimum(p.openness, 1.0).min()) for p in (forwards, backwards)]
     seen, margin = (forwards, evidence[0] - evidence[1])
@@ -123,17 +112,17 @@ def _directed(
         if not DIRECTION_MARGIN.is_met(margin):
             quoted = DIRECTION_MARGIN.quoted(margin)
             return _rejected(DIRECTION_MARGIN.reason(f"the nail was found, but not its distal end: margin {quoted}"))
-        return seen, margin
+        return seen
     along = forwards.strip.band.along
     hinted = forwards if float(along @ hint_camera[:2]) >= 0.0 else backwards
     if hinted is seen:
-        return seen, margin
+        return seen
     if not DIRECTION_CONTRADICTION.is_met(margin):
         quoted = DIRECTION_CONTRADICTION.quoted(margin)
         return _rejected(
             DIRECTION_CONTRADICTION.reason(f"the nail's tip lies opposite to the guide's distal end: margin {quoted}")
         )
-    return hinted, -margin
+    return hinted
 
 
 def _measured(
@@ -142,21 +131,18 @@ def _measured(
     calibration: CArmCalibration,
     nail: NailPart,
     pattern: HolePattern,
-    margin: float,
 ) -> Accepted[NailDetection] | Rejected:
-    """Measure the openings and the contour, and build the pose."""
+    """Measure the openings and the band's width, and build the pose."""
     openings = _openings(pixels, image, calibration, nail, pattern)
     if isinstance(openings, Rejected):
         return openings
-    contour = measure_contour(image, calibration, pattern)
+    width_px = band_width_ideal_px(image, pattern)
     focal_px = calibration.camera.focal_length_px
     rays = calibration.camera.rays(np.array([o.ellipse.centre_px for o in openings]))
     distal = np.array([*(pattern.distal_sign * pattern.strip.band.along), 0.0])
-    pose = camera_from_nail_facing(
-        nail, rays, unit(rays.sum(axis=0)), distal, nail.diameter_mm * focal_px / contour.width_ideal_px
-    )
+    pose = camera_from_nail_facing(nail, rays, unit(rays.sum(axis=0)), distal, nail.diameter_mm * focal_px / width_px)
     expected_px = nail.diameter_mm * focal_px / float(pose.translation_mm[2])
-    ratio = contour.width_ideal_px / expected_px
+    ratio = width_px / expected_px
     if not BAND_WIDTH.is_met(abs(ratio - 1.0)):
         quoted = BAND_WIDTH.quoted(ratio - 1.0, sign="+")
         return _rejected(
@@ -164,9 +150,7 @@ def _measured(
                 f"the band's width differs by {quoted} from that of a {nail.diameter_mm:g} mm nail with these holes"
             )
         )
-    length_px = pattern.strip.band.edge_length_px * image.step_px
-    darkness, openness = pattern.strip.typical_darkness, float(pattern.openness.min())
-    return Accepted(NailDetection(pose, openings, contour, length_px, darkness, openness, margin, ratio))
+    return Accepted(NailDetection(pose, openings))
 
 
 def _openings(

@@ -164,16 +164,8 @@ def fit_ellipse(points_px: NDArray[np.float64]) -> Ellipse | None:
     return Ellipse(read_only(centre + np.array([x, y])), (0.5 * major, 0.5 * minor), float(angle % np.pi))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Contour:
-    """Both edges of the nail beside its holes."""
-
-    ends_px: NDArray[np.float64]  # two edges, two ends each (proximal, distal), in measured pixels, shape (2, 2, 2)
-    width_ideal_px: float  # mean distance of the edges in ideal pixels
-
-
-def measure_contour(image: SearchImage, calibration: CArmCalibration, pattern: HolePattern) -> Contour:
-    """Fit a straight line to each edge, over the holes and a little beyond."""
+def band_width_ideal_px(image: SearchImage, pattern: HolePattern) -> float:
+    """Mean distance of the nail's edges, each a straight line over the holes and a little beyond, in ideal pixels."""
     strip, scale = pattern.strip, pattern.px_per_mm
     along = (pattern.centre_search_px - strip.band.centre_px) @ strip.band.along - strip.first_along_px
     first = int(max(along.min() - NAIL_CONTOUR.beyond_holes_mm * scale, 0))
@@ -183,13 +175,11 @@ def measure_contour(image: SearchImage, calibration: CArmCalibration, pattern: H
     for side in (-1.0, 1.0):
         rows = _steepest_rows(strip.grey[:, first : last + 1], strip.band.width_px, side)
         slope, offset = _robust_line(columns.astype(np.float64), rows)
-        ends = columns[[0, -1]] if pattern.distal_sign > 0 else columns[[-1, 0]]
-        edges.append([strip.search_px(float(c), float(offset + slope * c)) for c in ends])
+        edges.append([strip.search_px(float(c), float(offset + slope * c)) for c in columns[[0, -1]]])
     ideal = image.ideal_px(np.array(edges))
     separation = ideal[1] - ideal[0]
     run = ideal[0, 1] - ideal[0, 0]
-    widths = np.abs(separation @ np.array([-run[1], run[0]])) / np.linalg.norm(run)
-    return Contour(read_only(calibration.distortion.distort(ideal)), float(widths.mean()))
+    return float((np.abs(separation @ np.array([-run[1], run[0]])) / np.linalg.norm(run)).mean())
 
 
 def _steepest_rows(grey: NDArray[np.float32], width_px: float, side: float) -> NDArray[np.float64]:

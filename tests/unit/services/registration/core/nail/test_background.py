@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.background import (
     BorderedMatrix,
+    DesignMatrix,
     SplineField,
     add_normal_equations,
     add_right_sides,
     cholesky_factor,
-    design_matrix,
     lower_band,
     spline_field,
 )
@@ -58,7 +58,7 @@ def test_normal_equations_are_those_of_the_dense_matrix() -> None:
     total, target = field.size + 3, rng.normal(size=300)
     matrix = BorderedMatrix.of_zeros(field.size, field.roughness_band.shape[1], 3)
     right, side = np.zeros((total, 2)), np.zeros(total)
-    of_field, cells = design_matrix(field, gain, dense, weight), len(field.cells) - 1
+    of_field, cells = DesignMatrix(field, gain, dense, weight), len(field.cells) - 1
     for first, end in ((0, cells // 3), (cells // 3, cells)):
         add_normal_equations(of_field, first, end, target, matrix, side)
         add_right_sides(of_field, first, end, targets, right)
@@ -92,7 +92,7 @@ def test_a_bordered_matrix_is_solved_like_the_full_one() -> None:
 def test_columns_that_the_field_can_follow_are_solved_for_all_the_same() -> None:
     """Where all pixels see as much of the background, a level floor is a level background."""
     field = field_at(2000, 5)
-    columns = design_matrix(field, np.full(2000, 0.5), np.full((2000, 1), 0.5), np.full(2000, 1.0e4))
+    columns = DesignMatrix(field, np.full(2000, 0.5), np.full((2000, 1), 0.5), np.full(2000, 1.0e4))
     matrix, side = BorderedMatrix.of_zeros(field.size, field.roughness_band.shape[1], 1), np.zeros(field.size + 1)
     add_normal_equations(columns, 0, len(field.cells) - 1, np.ones(2000), matrix, side)
     matrix.band[:] += 1.0e4 * field.roughness_band
