@@ -302,7 +302,7 @@ class ForeignObjects:
 
 @dataclass(frozen=True, slots=True)
 class BentNail:
-    """Nails that the canal bends (`core/nail/bent_nail.py`, `core/nail/bend_search.py`)."""
+    """Nails that the canal bends (`core/nail/rays.py`, `core/nail/tilt_ambiguity.py`)."""
 
     section_step_mm: float = tuned(
         0.5, "mm", "between cross-sections of a bent nail", derived("0.1 um off an arc of 300")
@@ -316,7 +316,6 @@ class BentNail:
     chi_square: float = tuned(9.2, "1", "of both curvatures beyond what a straight nail has", standard("1 %, 2 dof"))
     least_radius_mm: float = tuned(200.0, "mm", "of an optimum that counts", derived("two thirds of what canals do"))
     first_steps: int = tuned(12, "1", "steps of the fit from each start", _INSPECTION)
-    distinct_deg: float = tuned(1.5, "°", "angle of a hole's axis from which two optima differ", _INSPECTION)
 
 
 # The nail's fit: stages, coarse to fine
@@ -358,7 +357,7 @@ class TiltSearchStage:
     knot_spacing_mm: float = tuned(4.0, "mm", "spacing of the background's knots", _INSPECTION)
     texture_sd: float = tuned(0.02, "1", "prior of second differences of the background", _INSPECTION)
     further_tilt_deg: float = tuned(6.0, "°", "pitch and roll of the four further starts", _SMOOTHED_SEARCH)
-    distinct_deg: float = tuned(1.5, "°", "angle from which two optima differ", _INSPECTION)
+    distinct_deg: float = tuned(1.5, "°", "angle of a hole's axis from which two optima differ", _INSPECTION)
     screening_steps: int = tuned(4, "1", "steps before equal searches are merged", _INSPECTION)
     most_steps: int = tuned(10, "1", "steps of a search", _INSPECTION)
     tolerance: float = tuned(2.0, "1", "decrease of the cost that ends a search", derived("a log likelihood of 1"))

@@ -21,6 +21,8 @@ from services.registration.core.nail.rays import (
     LEAST_STEP_MM,
     NO_TUBE,
     Bore,
+    Material,
+    NailShape,
     PixelRays,
     Ray,
     SteelPaths,
@@ -48,8 +50,6 @@ _NO_HARDENING = 1e-3
 # Guard: rays along a surface would move their ends without bound.
 _LEAST_INCIDENCE = 0.002
 
-# Mean attenuation per mm, its relative variance (hardening), and the least attenuation over the mean.
-Material = tuple[float, float, float]
 # Transmission, and its derivatives by the logarithm of the attenuation and by the hardening.
 PathTransmission = tuple[float, float, float]
 
@@ -294,22 +294,6 @@ def transmission_at_bore(
     if after > 0.0:
         _add_wall(ray, tube, bore, narrow[1], wide[1], by_radius * after / (before + after), slope)
     return mean_transmission(low, central, high)
-
-
-class NailShape(NamedTuple):
-    """The nail as the rays meet it."""
-
-    # `camera_from_nail`, shapes (3, 3) and (3,)
-    rotation: NDArray[np.float64]
-    translation_mm: NDArray[np.float64]
-    # Of the nail and of the canal along it (0: solid)
-    radius_mm: float
-    cannulation_radius_mm: float
-    # Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as it
-    # goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
-    bores: NDArray[np.float64]
-    material: Material  # of the nail
-    steel_in_nail_material: float  # how many mm of the nail's material attenuate as 1 mm of steel does
 
 
 @compiled

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import FitEvidence, fit_reasons
 from services.registration.core.estimation.pose_estimate import PoseErrors
-from services.registration.core.nail.bend_search import bent_optimum
 from services.registration.core.nail.covariance import curvature_covariance, errors_of_straight, pose_errors
 from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
 from services.registration.core.nail.forward_model import ForwardModel, model_at
@@ -40,7 +39,7 @@ from services.registration.core.nail.parameters import (
     curvature_of,
 )
 from services.registration.core.nail.region import FitInput
-from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
+from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, bent_optimum, find_global_optimum
 from services.registration.core.tuning import BENT_NAIL, FINAL_STAGE, FOREIGN_OBJECTS, NAIL_PRIORS
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail

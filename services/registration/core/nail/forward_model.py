@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
-from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, NailShape, TraceLimits, trace_pixels
-from services.registration.core.nail.bent_nail import section_places, section_shape, sections_of
+from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, TraceLimits, trace_pixels
 from services.registration.core.nail.imaging_chain import (
     CHAIN_PARAMETERS,
     SHARPENING_PARAMETERS,
@@ -38,7 +37,15 @@ from services.registration.core.nail.parameters import (
     rotation_and_translation,
     steel_in_material,
 )
-from services.registration.core.nail.rays import LEAST_RAYS_TO_SHARE, SAMPLES_PX, rays_of
+from services.registration.core.nail.rays import (
+    LEAST_RAYS_TO_SHARE,
+    SAMPLES_PX,
+    NailShape,
+    rays_of,
+    section_places,
+    section_shape,
+    sections_of,
+)
 from services.registration.core.nail.region import FitInput, FitRegion, cut_region
 from services.registration.core.tuning import (
     BEAM,

@@ -2,15 +2,24 @@
 
 Rays are given by their direction in the camera frame with z = 1, so that `s` along a ray is the depth in mm; lengths
 are therefore multiplied by the direction's norm.
+
+A ray crosses the nail over less than 3 mm of its length, along which an arc of 300 mm radius is straight within 0.004
+mm. In a bent nail each ray is therefore traced through the straight nail of the cross-section where it passes nearest
+to the centre line, or through that of a hole that it may meet. Cross-sections are taken every half millimetre.
 """
 
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.tuning import BENT_NAIL
 from shared.compiled import compiled_inline as compiled
+from shared.geometry.bend import places_along
 from shared.geometry.frames import Camera, Nail
+from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
 # 16 places, each with its opposite, that have the mean, the variances and all moments up to the fifth degree of a whole
@@ -29,6 +38,8 @@ LEAST_RAYS_TO_SHARE = 1000
 # Guards: a ray parallel to a cylinder is inside everywhere or nowhere; small lengths would divide by zero.
 PARALLEL, _EVERYWHERE = 1e-14, 1e9
 LEAST_STEP_MM, _LEAST_ACROSS = 1e-4, 1e-6
+# Below this cosine a hole's axis lies along the nail, and the reach of its rims along it has no bound.
+_LEAST_COSINE = 0.2
 # Rays along a chamfer's surface: below this rate of entering it they are taken not to meet it.
 _LEAST_RATE = 0.2
 
@@ -36,6 +47,8 @@ Ray = tuple[float, float, float, float, float, float]
 Tube = tuple[float, float, float, float]
 Bore = tuple[float, float, float, float, float, float, float, float]
 NO_TUBE = (1.0, 0.0, 1.0, 0.0)
+# Mean attenuation per mm, its relative variance (hardening), and the least attenuation over the mean.
+Material = tuple[float, float, float]
 
 
 class PixelRays(NamedTuple):
@@ -241,3 +254,58 @@ def bore_and_rim_near(
                 first, last = in_bore(ray, bore, -reach_mm)
                 rim_near = rim_near or first > tube[0] or last < tube[1]
     return near, rim_near
+
+
+class NailShape(NamedTuple):
+    """The nail as the rays meet it."""
+
+    # `camera_from_nail`, shapes (3, 3) and (3,)
+    rotation: NDArray[np.float64]
+    translation_mm: NDArray[np.float64]
+    # Of the nail and of the canal along it (0: solid)
+    radius_mm: float
+    cannulation_radius_mm: float
+    # Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as it
+    # goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
+    bores: NDArray[np.float64]
+    material: Material  # of the nail
+    steel_in_nail_material: float  # how many mm of the nail's material attenuate as 1 mm of steel does
+
+
+def section_places(
+    nail: NailPart, curvature_per_m: tuple[float, float], rays: PixelRays, shape: NailShape
+) -> NDArray[np.float64]:
+    """Arc lengths of the cross-sections in which rays are traced, shape (S,)."""
+    spot_mm = -shape.rotation.T @ shape.translation_mm
+    directions = np.column_stack([rays.slopes, np.ones(len(rays.slopes))]) @ shape.rotation
+    place = places_along(spot_mm, directions, curvature_per_m)
+    step_mm = BENT_NAIL.section_step_mm
+    chosen, nearest = np.round(place / step_mm) * step_mm, np.full(len(place), np.inf)
+    for hole in nail.holes:
+        x_mm, lean = float(hole.axis.point_mm[0]), abs(float(hole.axis.direction[0]))
+        cosine = max(np.sqrt(1.0 - lean * lean), _LEAST_COSINE)
+        reach_mm = (0.5 * hole.diameter_mm + nail.radius_mm * lean) / cosine + BENT_NAIL.about_hole_mm
+        away = np.abs(place - x_mm)
+        here = (away < reach_mm) & (away < nearest)
+        chosen[here], nearest[here] = x_mm, away[here]
+    return np.asarray(chosen)
+
+
+def sections_of(along_mm: NDArray[np.float64], part: slice) -> Iterator[slice]:
+    """Stretches of equal values within a part of a sorted array."""
+    ends = part.start + 1 + np.flatnonzero(np.diff(along_mm[part]))
+    edges = [part.start, *ends.tolist(), part.stop]
+    for first, last in pairwise(edges):
+        if last > first:
+            yield slice(first, last)
+
+
+def section_shape(shape: NailShape, nail_from_section: Transform[Nail, Nail], x_mm: float) -> NailShape:
+    """The straight nail that continues a cross-section, in the frame of that."""
+    bores = shape.bores.copy()
+    bores[:, 0] -= x_mm
+    return shape._replace(
+        rotation=np.ascontiguousarray(shape.rotation @ nail_from_section.rotation),
+        translation_mm=shape.rotation @ nail_from_section.translation_mm + shape.translation_mm,
+        bores=bores,
+    )

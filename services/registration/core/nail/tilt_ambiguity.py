@@ -3,9 +3,13 @@
 The opening of a bore is the overlap of two nearly equal circles, so that a tilt and its reflection look nearly alike.
 On a smoothed and reduced image the likelihood has hardly any optimum but these two, whatever the start: coarse fits
 from many tilts find the distinct local optima, and the two best are compared with all nuisance parameters free.
+
+A straight nail must reflect the tilts of both holes at once, and the divergence of the rays then contradicts it. A bent
+one can also reflect one of two holes, and a change of curvature makes up for the divergence: its fit, where the
+straight one leaves a curvature unexplained, starts from all of these.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,17 +26,27 @@ from services.registration.core.nail.least_squares import (
     problem_for,
 )
 from services.registration.core.nail.parameters import (
+    CURVATURE,
     PARAMETER_COUNT,
     POSE_ONLY,
     STRAIGHT_NAIL,
     TILTS,
     Parameter,
+    curvature_of,
     prior_mean,
 )
 from services.registration.core.nail.region import FitInput
-from services.registration.core.tuning import CENTRING_STAGE, COMPARISON_STAGE, TILT_SEARCH_STAGE
+from services.registration.core.tuning import (
+    BENT_NAIL,
+    CENTRING_STAGE,
+    COMPARISON_STAGE,
+    FINAL_STAGE,
+    TILT_SEARCH_STAGE,
+)
+from shared.geometry.bend import MM_PER_M
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.lines import angle_between_rad
+from shared.geometry.lines import angle_between_rad, unit
+from shared.geometry.parts import hole_axis
 from shared.geometry.transform import Transform
 
 _ANCHORS_ONLY = np.arange(PARAMETER_COUNT) < Parameter.PITCH_RAD
@@ -148,7 +162,11 @@ def _compared(fit_input: FitInput, poses: list[Transform[Camera, Nail]]) -> Glob
     if others:
         next_cost = others[0].least_cost
     else:
-        best, next_cost = converged_optimum(best, lambda end: _nearby(problem, end), lambda end: _freed(problem, end))
+        best, next_cost = converged_optimum(
+            best,
+            lambda end: _nearby(problem, end),
+            lambda end: minimise_from(problem, end.linear, stage.most_steps, stage.tolerance),
+        )
     return GlobalOptimum(best.parameters, model.pose(best.parameters), 0.5 * (next_cost - best.cost))
 
 
@@ -176,11 +194,6 @@ def converged_optimum(
         ends.append(resume(nearby))
     best = min(ends, key=lambda solution: solution.cost)
     return best, best.cost
-
-
-def _freed(problem: Problem, held: Solution) -> Solution:
-    """Where a fit with its tilt held ends once it is free."""
-    return minimise_from(problem, held.linear, COMPARISON_STAGE.most_steps, COMPARISON_STAGE.tolerance)
 
 
 def _nearby(problem: Problem, best: Solution) -> Solution:
@@ -211,3 +224,62 @@ def _reduction(fit_input: FitInput, start: Transform[Camera, Nail], hole_width_p
     px_per_mm = fit_input.calibration.camera.focal_length_px / float(start.translation_mm[2])
     smallest_mm = min(hole.diameter_mm for hole in fit_input.nail.holes)
     return max(_LEAST_REDUCTION, round(smallest_mm * px_per_mm / hole_width_px))
+
+
+def bent_optimum(problem: Problem, straight: Solution) -> tuple[Solution, float | None] | None:
+    """Fit with the curvature free from where the straight fit ended, and from its reflections.
+
+    Returns the best end, and its margin over the next (see `FitEvidence.mirror_margin`) or, without another, None. No
+    optimum is found when none is a nail's: canals bend nails to radii of 300 mm and more.
+    """
+    steps, tolerance = BENT_NAIL.first_steps, FINAL_STAGE.tolerance
+    found = [minimise_from(problem, straight.linear, steps, tolerance)]
+    for start in reflections(problem, found[0].parameters):
+        limit = _cost_limit(min(found, key=lambda one: one.cost))
+        found.append(minimise(problem, start, steps, tolerance, limit))
+    most_per_m = MM_PER_M / BENT_NAIL.least_radius_mm
+    nails = [one for one in found if np.hypot(*curvature_of(one.parameters)) <= most_per_m]
+    if not nails:
+        return None
+    best = min(nails, key=lambda one: one.cost)
+    others = [one.least_cost for one in found if _differ(problem, one, best)]
+    return best, 0.5 * (min(others) - best.cost) if others else None
+
+
+def reflections(problem: Problem, parameters: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Parameters with the tilts of all holes reflected, of those before the middle, and of those behind it.
+
+    In the plane of nail and ray the tilt at a distance x from the middle of the anchors is p - c x, with p the nail's
+    own and c the sum of its curvature and the ray's divergence per length. Where one hole's tilt is reflected, p and
+    c times the distance change places. Across that plane nothing but roll tilts a hole, and all alike.
+    """
+    model = problem.model
+    pose = model.pose(parameters)
+    half_mm = 0.5 * (model.anchors.second_x_mm - model.anchors.first_x_mm)
+    middle = pose @ np.array([0.5 * (model.anchors.first_x_mm + model.anchors.second_x_mm), 0.0, 0.0])
+    ray, divergence = unit(middle), 1.0 / float(np.linalg.norm(middle))
+    curvature = pose.directions(np.array([0.0, *curvature_of(parameters)])) / MM_PER_M
+    pitch, rate = float(parameters[Parameter.PITCH_RAD]), float(curvature @ ray) + divergence
+    for other_pitch, other_rate, roll in (
+        (-pitch, -rate, -1.0),
+        (rate * half_mm, pitch / half_mm, 1.0),
+        (-rate * half_mm, -pitch / half_mm, 1.0),
+    ):
+        start = parameters.copy()
+        start[TILTS] = other_pitch, roll * parameters[Parameter.ROLL_RAD]
+        turned = model.pose(start).rotation
+        aside = curvature - float(curvature @ ray) * ray
+        start[CURVATURE] = MM_PER_M * ((aside + (other_rate - divergence) * ray) @ turned)[1:]
+        yield start
+
+
+def hole_directions(problem: Problem, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Directions of the hole axes in the camera's frame, shape (H, 3)."""
+    nail = problem.model.nail.bent(curvature_of(parameters))
+    axes = np.stack([hole_axis(nail, hole).direction for hole in nail.holes])
+    return problem.model.pose(parameters).directions(axes)
+
+
+def _differ(problem: Problem, one: Solution, other: Solution) -> bool:
+    pairs = zip(hole_directions(problem, one.parameters), hole_directions(problem, other.parameters), strict=True)
+    return bool(max(angle_between_rad(a, b) for a, b in pairs) > np.radians(TILT_SEARCH_STAGE.distinct_deg))

@@ -15,12 +15,11 @@ from services.registration.core.nail.attenuation import (
     BY_NAIL_RADIUS,
     DERIVATIVES,
     MOTION_SIZE,
-    NailShape,
     TraceLimits,
     trace_pixels,
     transmission_behind,
 )
-from services.registration.core.nail.rays import SAMPLES_PX, PixelRays, SteelPaths
+from services.registration.core.nail.rays import SAMPLES_PX, NailShape, PixelRays, SteelPaths
 from services.registration.core.tuning import BEAM, RAY_SAMPLING
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
