@@ -8,6 +8,7 @@ from services.registration.core.drill_clearance import across_basis
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide.measure import shadows
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.tuning import OVERLAY
 from services.registration.core.wires.nail_outline import axis_about_holes_mm, touched_normals
 from shared.geometry.bend import section_frame
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
@@ -23,11 +24,6 @@ GUIDE: Colour = (80, 200, 80)
 LOST: Colour = (60, 60, 220)
 NAIL: Colour = (0, 190, 255)
 AXIS: Colour = (255, 80, 255)
-_GREY_LEVELS = 32
-_AXIS_REACH_MM = 40.0
-_PROXIMAL_MM, _EDGE_STEP_MM = 60.0, 4.0
-_SUBPIXEL_BITS = 4
-_RIM_POINTS = 49
 
 
 def overlay_png(
@@ -49,9 +45,10 @@ def overlay_png(
 
 def _canvas(pixels: NDArray[np.float32]) -> Canvas:
     """The image in few grey levels (noise makes large files) as colours, shape (rows, columns, 3)."""
-    low, high = np.percentile(pixels, [0.5, 99.5])
+    low, high = np.percentile(pixels, [OVERLAY.darkest_percentile, OVERLAY.brightest_percentile])
     share = np.clip((pixels - low) / max(float(high - low), 1e-6), 0.0, 1.0)
-    levels = np.round(share * (_GREY_LEVELS - 1)) * (255.0 / (_GREY_LEVELS - 1))
+    brightest = OVERLAY.grey_levels - 1
+    levels = np.round(share * brightest) * (255.0 / brightest)
     return np.repeat(levels.astype(np.uint8)[:, :, None], 3, axis=2)
 
 
@@ -63,7 +60,7 @@ def _encoded(canvas: Canvas) -> bytes:
 
 
 def _fixed_point(px: NDArray[np.float64]) -> NDArray[np.int32]:
-    return np.round(px * (1 << _SUBPIXEL_BITS)).astype(np.int32)
+    return np.round(px * (1 << OVERLAY.subpixel_bits)).astype(np.int32)
 
 
 def _line(canvas: Canvas, px: NDArray[np.float64], colour: Colour) -> None:
@@ -75,27 +72,28 @@ def _line(canvas: Canvas, px: NDArray[np.float64], colour: Colour) -> None:
         color=colour,
         thickness=1,
         lineType=cv2.LINE_AA,
-        shift=_SUBPIXEL_BITS,
+        shift=OVERLAY.subpixel_bits,
     )
 
 
 def _circle(canvas: Canvas, centre_px: NDArray[np.float64], radius_px: float, colour: Colour) -> None:
     x, y = (int(v) for v in _fixed_point(centre_px))
-    cv2.circle(canvas, (x, y), int(radius_px * (1 << _SUBPIXEL_BITS)), colour, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
+    bits = OVERLAY.subpixel_bits
+    cv2.circle(canvas, (x, y), int(radius_px * (1 << bits)), colour, 1, cv2.LINE_AA, bits)
 
 
 def _draw_ring(canvas: Canvas, calibration: CArmCalibration) -> None:
     balls = calibration.balls
     for index in np.flatnonzero(balls.ring_index != NOT_OF_THE_RING):
-        _circle(canvas, balls.centre_px[index], float(balls.radius_px[index]) + 2.0, RING)
+        _circle(canvas, balls.centre_px[index], float(balls.radius_px[index]) + OVERLAY.ball_margin_px, RING)
 
 
 def _draw_guide(canvas: Canvas, calibration: CArmCalibration, guide: GuideFit, parts: Parts) -> None:
     balls = shadows(calibration, parts.guide.balls, guide.camera_from_guide)
     for place, size, used in zip(balls.centre_px, balls.radius_px, guide.used, strict=True):
-        _circle(canvas, place, float(size) + 2.0, GUIDE if used else LOST)
+        _circle(canvas, place, float(size) + OVERLAY.ball_margin_px, GUIDE if used else LOST)
     for hole in parts.guide.holes:
-        ends = hole.axis.point_mm + np.array([[-1.0], [1.0]]) * 10.0 * hole.axis.direction
+        ends = hole.axis.point_mm + np.array([[-1.0], [1.0]]) * OVERLAY.guide_hole_mm * hole.axis.direction
         _line(canvas, calibration.image_from_camera(guide.camera_from_guide.points(ends)), GUIDE)
 
 
@@ -103,11 +101,11 @@ def _draw_nail(
     canvas: Canvas, calibration: CArmCalibration, camera_from_nail: Transform[Camera, Nail], nail: NailPart
 ) -> None:
     for normal in touched_normals(nail, camera_from_nail):
-        places = axis_about_holes_mm(nail, _PROXIMAL_MM, _EDGE_STEP_MM)[:, 0].tolist()
+        places = axis_about_holes_mm(nail, OVERLAY.proximal_mm, OVERLAY.edge_step_mm)[:, 0].tolist()
         beside = nail.radius_mm * normal
         edge = np.stack([section_frame(nail.curvature_per_m, x_mm) @ beside for x_mm in places])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(edge)), NAIL)
-    angle = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS)
+    angle = np.linspace(0.0, 2.0 * np.pi, OVERLAY.rim_points)
     for hole in nail.holes:
         direction = hole_axis(nail, hole).direction
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(direction)
@@ -115,7 +113,7 @@ def _draw_nail(
         for end in ends:
             rim = end + 0.5 * hole.diameter_mm * circle
             _line(canvas, calibration.image_from_camera(camera_from_nail.points(rim)), NAIL)
-        axis = np.stack([ends[0] - _AXIS_REACH_MM * direction, ends[1]])
+        axis = np.stack([ends[0] - OVERLAY.axis_mm * direction, ends[1]])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(axis)), AXIS)
 
 

@@ -12,9 +12,6 @@ from shared.xray.tuning import APERTURE_SEARCH
 FloatImage = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-# every second pixel is enough for a surround, in a quarter of the time
-_REDUCTION = 2
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UsableArea:
@@ -50,11 +47,12 @@ def find_usable_area(pixels: FloatImage) -> UsableArea:
     UsableArea
         The whole rectangle when there is no surround.
     """
-    small = np.ascontiguousarray(pixels[::_REDUCTION, ::_REDUCTION])
+    step = APERTURE_SEARCH.reduction
+    small = np.ascontiguousarray(pixels[::step, ::step])
     inside = _not_surround(small)
     if inside.mean() > 1.0 - APERTURE_SEARCH.least_surround:
         return UsableArea(np.ones(pixels.shape, dtype=bool), None)
-    circle = _circle(_rim_points(inside) * _REDUCTION)
+    circle = _circle(_rim_points(inside) * step)
     if circle is None:
         rows, columns = pixels.shape
         grown = cv2.resize(inside.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST)
@@ -65,13 +63,14 @@ def find_usable_area(pixels: FloatImage) -> UsableArea:
 
 def _not_surround(pixels: FloatImage) -> Mask:
     """Largest bright region without the darkness that is joined to the image's border, holes filled."""
-    low, high = np.percentile(pixels[::2, ::2], [0.5, 95.0])
-    dark = (pixels <= low + APERTURE_SEARCH.dark_share * (high - low)).astype(np.uint8)
+    s = APERTURE_SEARCH
+    low, high = np.percentile(pixels[:: s.reduction, :: s.reduction], [s.darkest_percentile, s.brightest_percentile])
+    dark = (pixels <= low + s.dark_share * (high - low)).astype(np.uint8)
     regions, label = cv2.connectedComponents(dark, connectivity=4)
     kept = np.ones(regions, dtype=np.uint8)
     kept[np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])] = 0
     kept[0] = 1  # what is not dark
-    inside = cv2.morphologyEx(kept[label], cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    inside = cv2.morphologyEx(kept[label], cv2.MORPH_OPEN, np.ones((s.opening_px, s.opening_px), np.uint8))
     count, label, stats, _ = cv2.connectedComponentsWithStats(inside)
     if count < 2:
         return np.ones(pixels.shape, dtype=bool)
@@ -89,17 +88,18 @@ def _rim_points(inside: Mask) -> NDArray[np.float64]:
 
 def _circle(points: NDArray[np.float64]) -> Aperture | None:
     """Circle through most of the points, by least squares with the worst points left out in turns."""
-    if len(points) < 40:
+    s = APERTURE_SEARCH
+    if len(points) < s.least_rim_points:
         return None
     kept = points
-    for _ in range(6):
+    for _ in range(s.rounds):
         design = np.column_stack([2.0 * kept, np.ones(len(kept))])
         solution, *_ = np.linalg.lstsq(design, np.square(kept).sum(axis=1), rcond=None)
         centre = solution[:2]
         radius = float(np.sqrt(max(solution[2] + centre @ centre, 0.0)))
         residual = np.abs(np.hypot(*(points - centre).T) - radius)
-        kept = points[residual < max(APERTURE_SEARCH.circle_residual_px, float(np.quantile(residual, 0.6)))]
-    if np.mean(residual < APERTURE_SEARCH.circle_residual_px) < APERTURE_SEARCH.least_on_circle:
+        kept = points[residual < max(s.circle_residual_px, float(np.quantile(residual, s.kept_share)))]
+    if np.mean(residual < s.circle_residual_px) < s.least_on_circle:
         return None
     return Aperture((float(centre[0]), float(centre[1])), radius)
 

@@ -41,7 +41,9 @@ def fill_dead_pixels(pixels: NDArray[np.float32]) -> FilledImage:
     structure = cv2.dilate(middle, neighbourhood) - cv2.erode(middle, neighbourhood)
     apart = np.abs(pixels - middle)
     spread = cv2.boxFilter(apart, -1, (s.noise_window_px, s.noise_window_px))
-    least = s.least_share_of_range * float(np.ptp(np.percentile(pixels, (1.0, 99.0))))
+    least = s.least_share_of_range * float(
+        np.ptp(np.percentile(pixels, (s.darkest_percentile, s.brightest_percentile)))
+    )
     dead = _with_whole_lines(apart > structure + np.maximum(s.limit_in_spreads * spread, least))
     return FilledImage(np.where(dead, middle, pixels), dead)
 

@@ -86,7 +86,7 @@ def detect_balls(
     places, radii = _first_candidates(pixels, usable, radius_range_px, limits, pixel_mm)
     if len(known_px):
         distance, _ = cKDTree(known_px).query(places.reshape(-1, 2))
-        new = np.asarray(distance) > 0.6 * radius_range_px[0]
+        new = np.asarray(distance) > DISC_DETECTION.known_radii * radius_range_px[0]
         places, radii = places[new], radii[new]
     drift = np.full(len(radii), in_pixels(DISC_DETECTION.drift_detector_mm, pixel_mm))
     known = np.column_stack([places, drift, radii, DISC_DETECTION.radius_tolerance * radii])
@@ -99,7 +99,8 @@ def detect_balls(
         _LEAST_SEEDS,
     )
     fits = np.concatenate(halves)
-    return _candidates(fits[_are_balls(fits, places, radius_range_px, limits, pixel_mm)], 0.5 * radius_range_px[0])
+    closest_px = DISC_DETECTION.same_place_radii * radius_range_px[0]
+    return _candidates(fits[_are_balls(fits, places, radius_range_px, limits, pixel_mm)], closest_px)
 
 
 def _first_candidates(
@@ -119,7 +120,7 @@ def _first_candidates(
     correlations = mapped(lambda radius: disc_correlation(filled, float(radius) / step, 1.0 / step, pixel_mm), radii, 2)
     scores = np.stack(correlations)
     best = scores.max(axis=0)
-    size = 2 * int(np.ceil(0.7 * low / step)) + 1
+    size = 2 * int(np.ceil(DISC_DETECTION.peak_radii * low / step)) + 1
     peak = (best >= cv2.dilate(best, np.ones((size, size), np.uint8))) & (best > limits.correlation)
     rows, columns = np.nonzero(peak)
     places = np.stack([columns, rows], axis=1) * float(step) + 0.5 * (step - 1)
@@ -172,15 +173,15 @@ def disc_correlation(
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     distance = np.hypot(x, y)
     window = (distance <= radius_px + margin).astype(np.float64)
-    disc = 1.0 / (1.0 + np.exp((distance - radius_px) / (0.6 * blur)))
+    disc = 1.0 / (1.0 + np.exp((distance - radius_px) / (DISC_DETECTION.edge_steepness * blur)))
     template = window * (disc - (window * disc).sum() / window.sum())
     norm = float(np.sqrt((template**2).sum()))
-    low, middle, high = np.percentile(pixels[::8, ::8], [1.0, 50.0, 99.0])
+    percentiles = DISC_DETECTION.darkest_percentile, 50.0, DISC_DETECTION.brightest_percentile
+    low, middle, high = np.percentile(pixels[:: DISC_DETECTION.sampled_px, :: DISC_DETECTION.sampled_px], percentiles)
     image = (pixels - np.float32(middle)) / np.float32(max(high - low, 1e-6))
     mean_kernel = window / window.sum()
     variance = _filter(np.square(image), mean_kernel) - np.square(_filter(image, mean_kernel))
-    # Below a thousandth of the image's span a window holds nothing but rounding.
-    deviation = np.sqrt(np.maximum(variance, 1e-6) * window.sum())
+    deviation = np.sqrt(np.maximum(variance, DISC_DETECTION.least_deviation**2) * window.sum())
     return np.asarray(_filter(image, -template / norm) / deviation, dtype=np.float32)
 
 

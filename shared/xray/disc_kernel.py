@@ -9,14 +9,9 @@ from numpy.typing import NDArray
 from shared.compiled import compiled, compiled_fast
 from shared.xray.disc_model import BACKGROUND_TERMS, model_rows
 from shared.xray.disc_samples import neighbours
-from shared.xray.tuning import DISC_FITTING
+from shared.xray.tuning import DEVIATION_PER_MEDIAN, DISC_FITTING
 
 Array = NDArray[np.float64]
-
-# Guards of the descent: it has converged when the cost falls by less than a ten-thousandth, or steps have become
-# a thousand times shorter than Newton's.
-_MAX_DAMPING = 1e3
-_LEAST_GAIN = 1e-4
 
 
 class FitConstants(NamedTuple):
@@ -31,6 +26,20 @@ class FitConstants(NamedTuple):
     least_pixels: int
     first_iterations: int
     next_iterations: int
+    first_noise: float
+    least_noise: float
+    neighbour_sigmas: float
+    least_radius: float
+    greatest_radius: float
+    greatest_overlap: float
+    least_blur_px: float
+    greatest_blur_px: float
+    first_damping: float
+    singular_factor: float
+    failed_factor: float
+    gained_factor: float
+    greatest_damping: float
+    least_gain: float
 
 
 def fit_constants() -> FitConstants:
@@ -100,13 +109,13 @@ def solve_cholesky(normal: Array, gradient: Array, damping: float, step: Array) 
 
 
 @compiled_fast
-def clip_parameters(p: Array, mean: Array, discs: int) -> None:
+def clip_parameters(p: Array, mean: Array, discs: int, fit: FitConstants) -> None:
     """Guard: keep radii and blur positive and within a patch, and overlaps between sum and union of shadows."""
     first = BACKGROUND_TERMS + 3 * discs
     for k in range(first, first + discs):
-        p[k] = min(max(p[k], 0.4 * mean[k]), 1.6 * mean[k])
-    p[-2] = min(max(p[-2], 0.0), 1.2)
-    p[-1] = min(max(p[-1], 0.4), 4.0)
+        p[k] = min(max(p[k], fit.least_radius * mean[k]), fit.greatest_radius * mean[k])
+    p[-2] = min(max(p[-2], 0.0), fit.greatest_overlap)
+    p[-1] = min(max(p[-1], fit.least_blur_px), fit.greatest_blur_px)
 
 
 @compiled_fast
@@ -146,7 +155,7 @@ def levenberg(
     mean: Array,
     precision: Array,
     discs: int,
-    opacity: float,
+    fit: FitConstants,
     iterations: int,
     rows: Array,
     residual: Array,
@@ -155,15 +164,16 @@ def levenberg(
     size = len(p)
     normal, trial_normal = np.empty((size, size)), np.empty((size, size))
     gradient, trial_gradient = np.empty(size), np.empty(size)
+    opacity = fit.opacity
     step, trial, trial_residual = np.zeros(size), np.empty(size), np.empty(len(residual))
     cost = _evaluate(samples, weight, frame, p, mean, precision, discs, opacity, normal, gradient, rows, residual)
-    damping = 1e-3
+    damping = fit.first_damping
     for _ in range(iterations):
         if not solve_cholesky(normal, gradient, damping, step):
-            damping *= 10.0
+            damping *= fit.singular_factor
             continue
         trial[:] = p + step
-        clip_parameters(trial, mean, discs)
+        clip_parameters(trial, mean, discs, fit)
         trial_cost = _evaluate(
             samples,
             weight,
@@ -182,12 +192,12 @@ def levenberg(
             gain = (cost - trial_cost) / (cost + 1e-12)
             p[:], residual[:] = trial, trial_residual
             normal[:], gradient[:], cost = trial_normal, trial_gradient, trial_cost
-            damping *= 0.15
-            if gain < _LEAST_GAIN:
+            damping *= fit.gained_factor
+            if gain < fit.least_gain:
                 break
         else:
-            damping = max(damping, 1e-3) * 8.0
-            if damping > _MAX_DAMPING:
+            damping = max(damping, fit.first_damping) * fit.failed_factor
+            if damping > fit.greatest_damping:
                 break
     return normal
 
@@ -222,23 +232,21 @@ def fit_group(
     p = mean.copy()
     count = len(samples)
     rows, residual = np.empty((len(p), count)), np.empty(count)
-    noise = 0.05  # of normalised grey values: it scales the priors' weight in the first descent only
+    noise = fit.first_noise
     weight = np.full(count, 1.0 / noise**2)
     normal = np.tril(
-        levenberg(samples, weight, frame, p, mean, precision, discs, fit.opacity, fit.first_iterations, rows, residual)
+        levenberg(samples, weight, frame, p, mean, precision, discs, fit, fit.first_iterations, rows, residual)
     )
     for _ in range(passes):
         for n in range(count):
             residual[n] = abs(residual[n])
-        noise = max(1.4826 * np.median(residual), 1e-4)
+        noise = max(DEVIATION_PER_MEDIAN * np.median(residual), fit.least_noise)
         for n in range(count):
             weight[n] = min(1.0, fit.huber * noise / max(residual[n], 1e-12)) / noise**2
         normal = np.tril(
-            levenberg(
-                samples, weight, frame, p, mean, precision, discs, fit.opacity, fit.next_iterations, rows, residual
-            )
+            levenberg(samples, weight, frame, p, mean, precision, discs, fit, fit.next_iterations, rows, residual)
         )
-    return p, normal, residual, noise, neighbours(samples, residual, 3.0 * noise)
+    return p, normal, residual, noise, neighbours(samples, residual, fit.neighbour_sigmas * noise)
 
 
 @compiled

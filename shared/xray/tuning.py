@@ -6,15 +6,19 @@ Lengths named `_detector_mm` become pixels of an image by `shared.xray.pixel_sca
 from dataclasses import dataclass
 from typing import Final
 
-from shared.tuning import derived, fitted, physical, standard, tuned
+from shared.tuning import declared_groups, derived, fitted, physical, standard, tuned
+
+# Of a normal distribution: the standard deviation over the median of absolute deviations.
+DEVIATION_PER_MEDIAN: Final = 1.4826
 
 _RING_IMAGES: Final = fitted("by inspection on the seeded images of `python -m benchmarks.imaging.ball_detection`")
 _GUIDE_IMAGES: Final = fitted(
     "by inspection; commit b603b98: median entry error on the independent images 0.062 mm instead of 0.085 mm"
 )
 _APERTURES: Final = fitted("by inspection on the seeded images of `tests/unit/shared/xray/test_aperture.py`")
-
-
+_INSPECTION: Final = fitted("by inspection; no run that compared alternatives is recorded")
+_DESCENT: Final = fitted("by inspection: it changes the number of steps, not where they end")
+_WITHIN_PATCH: Final = derived("guard: beyond, a disc is no longer the one that was found")
 _DEAD = fitted("by inspection on images of `tests/unit/shared/xray/test_dead_pixels.py` and own scenes 30044-30063")
 
 
@@ -22,6 +26,13 @@ _DEAD = fitted("by inspection on images of `tests/unit/shared/xray/test_dead_pix
 class ApertureSearch:
     """The usable area of an image: what is not the black surround of an aperture or of collimator blades."""
 
+    reduction: int = tuned(2, "px", "side of the squares of which one pixel is read", derived("a quarter of the time"))
+    darkest_percentile: float = tuned(0.5, "%", "grey value that is taken as the darkest", _INSPECTION)
+    brightest_percentile: float = tuned(95.0, "%", "grey value that is taken as the brightest", _INSPECTION)
+    opening_px: int = tuned(5, "reduced px", "side of the square that opens the area: no hairs", _INSPECTION)
+    least_rim_points: int = tuned(40, "1", "rim points without which no circle is sought", _INSPECTION)
+    rounds: int = tuned(6, "1", "circle fits with the worst points left out", _INSPECTION)
+    kept_share: float = tuned(0.6, "1", "share of the rim points that each round keeps at least", _INSPECTION)
     dark_share: float = tuned(0.04, "1", "share of the span above the darkest that is surround", _APERTURES)
     least_surround: float = tuned(0.01, "1", "a smaller surround than this share of the image is none", _APERTURES)
     circle_residual_px: float = tuned(
@@ -39,6 +50,18 @@ class ApertureSearch:
 class DiscDetection:
     """First candidates: local maxima of the correlation with a disc, fitted one by one."""
 
+    known_radii: float = tuned(
+        0.6, "least radii", "distance from a known disc within which none is sought", _RING_IMAGES
+    )
+    sampled_px: int = tuned(8, "px", "spacing of the pixels that show that range", derived("thousands are enough"))
+    peak_radii: float = tuned(0.7, "least radii", "reach within which a maximum is the largest", _RING_IMAGES)
+    same_place_radii: float = tuned(0.5, "least radii", "fits closer than this are one disc", _RING_IMAGES)
+    edge_steepness: float = tuned(0.6, "blurs", "scale of the logistic edge of the correlated disc", _RING_IMAGES)
+    darkest_percentile: float = tuned(1.0, "%", "grey value scaled to 0 before the correlation", _INSPECTION)
+    brightest_percentile: float = tuned(99.0, "%", "grey value scaled to 1", _INSPECTION)
+    least_deviation: float = tuned(
+        1e-3, "1", "floor of a window's deviation over that range", derived("below it there is nothing but rounding")
+    )
     scale_step: float = tuned(1.35, "1", "ratio of neighbouring radii that are correlated", _RING_IMAGES)
     blur_detector_mm: float = tuned(
         0.3525,
@@ -93,6 +116,22 @@ class DiscFitting:
     first_iterations: int = tuned(12, "1", "most Levenberg steps before pixels are weighted", _RING_IMAGES)
     next_iterations: int = tuned(8, "1", "most Levenberg steps after each weighting", _RING_IMAGES)
     passes: int = tuned(2, "1", "rounds of weighting against pixels of other things", _RING_IMAGES)
+    first_noise: float = tuned(0.05, "1", "noise that scales the priors' weight in the first descent", _RING_IMAGES)
+    least_noise: float = tuned(1e-4, "1", "floor of the noise", derived("guard: a rendered image may have none"))
+    neighbour_sigmas: float = tuned(3.0, "sd", "residuals whose neighbours show the noise's correlation", _RING_IMAGES)
+    least_radius: float = tuned(0.4, "1", "smallest radius in the descent, over the one sought", _WITHIN_PATCH)
+    greatest_radius: float = tuned(1.6, "1", "largest radius in the descent, over the one sought", _WITHIN_PATCH)
+    greatest_overlap: float = tuned(
+        1.2, "1", "largest overlap of two shadows", derived("guard: between their sum and their union")
+    )
+    least_blur_px: float = tuned(0.4, "px", "smallest blur", derived("guard: stays positive"))
+    greatest_blur_px: float = tuned(4.0, "px", "largest blur", _WITHIN_PATCH)
+    first_damping: float = tuned(1e-3, "1", "first damping, and least one after a step that failed", _DESCENT)
+    singular_factor: float = tuned(10.0, "1", "rise of the damping of a singular matrix", standard("Marquardt 1963"))
+    failed_factor: float = tuned(8.0, "1", "rise of the damping after a step that failed", _DESCENT)
+    gained_factor: float = tuned(0.15, "1", "change of the damping after a step that gained", _DESCENT)
+    greatest_damping: float = tuned(1e3, "1", "damping that ends a descent", derived("a thousandth of Newton's step"))
+    least_gain: float = tuned(1e-4, "1", "relative fall of the cost that ends a descent", _DESCENT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +221,8 @@ class DeadPixels:
     neighbourhood_px: int = tuned(
         5, "px", "side of the square whose median a pixel is compared with", derived("one line is less than half of it")
     )
+    darkest_percentile: float = tuned(1.0, "%", "lower end of the image's range of grey", _DEAD)
+    brightest_percentile: float = tuned(99.0, "%", "upper end of the image's range of grey", _DEAD)
     noise_window_px: int = tuned(31, "px", "side of the square that shows the noise", _DEAD)
     limit_in_spreads: float = tuned(
         10.0, "mean deviations", "deviation beyond structure of a dead pixel", derived("eight standard deviations")
@@ -197,4 +238,4 @@ DISC_FITTING = DiscFitting()
 BALL_MEASURING = BallMeasuring()
 HIDDEN_BALLS = HiddenBalls()
 NOISE_WHITENING = NoiseWhitening()
-SETTINGS = (APERTURE_SEARCH, DEAD_PIXELS, DISC_DETECTION, DISC_FITTING, BALL_MEASURING, HIDDEN_BALLS, NOISE_WHITENING)
+SETTINGS = declared_groups(globals())

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.imaging.core.tuning import STILL_FRAMES
+from shared.xray.tuning import DEVIATION_PER_MEDIAN
 
 FloatImage = NDArray[np.float32]
 
@@ -60,20 +61,23 @@ def moved_part(frame: FloatImage, reference: FloatImage) -> float:
         Shape (rows, columns) each.
     """
     difference = frame - _gain(frame, reference) * reference
-    noise = 1.4826 * float(np.median(np.abs(np.diff(difference, axis=1)))) / np.sqrt(2.0)
-    low, high = np.percentile(reference[::4, ::4], [1.0, 99.0])
+    noise = DEVIATION_PER_MEDIAN * float(np.median(np.abs(np.diff(difference, axis=1)))) / np.sqrt(2.0)
+    sampled = reference[:: STILL_FRAMES.sampled_px, :: STILL_FRAMES.sampled_px]
+    low, high = np.percentile(sampled, [STILL_FRAMES.darkest_percentile, STILL_FRAMES.brightest_percentile])
     size = np.abs(_blocks(difference))
     # The median of the blocks estimates their noise, unless most of them moved: then the noise of their pixels does.
-    usual = min(1.4826 * float(np.median(size)), STILL_FRAMES.correlated * noise / STILL_FRAMES.block_px)
+    usual = min(DEVIATION_PER_MEDIAN * float(np.median(size)), STILL_FRAMES.correlated * noise / STILL_FRAMES.block_px)
     return float(np.mean(size > STILL_FRAMES.noise_sigmas * usual + STILL_FRAMES.span * float(high - low)))
 
 
 def _gain(frame: FloatImage, reference: FloatImage) -> np.float32:
     """Factor of the automatic exposure between two frames; 1 when there is nothing to compare."""
-    bright = reference[::4, ::4] > np.median(reference[::4, ::4])
+    step = STILL_FRAMES.sampled_px
+    seen, before = frame[::step, ::step], reference[::step, ::step]
+    bright = before > np.median(before)
     if not bright.any():
         return np.float32(1.0)
-    return np.float32(np.median(frame[::4, ::4][bright] / np.maximum(reference[::4, ::4][bright], 1e-6)))
+    return np.float32(np.median(seen[bright] / np.maximum(before[bright], 1e-6)))
 
 
 def _blocks(image: FloatImage) -> FloatImage:

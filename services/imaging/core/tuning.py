@@ -6,7 +6,7 @@ Lengths named `_detector_mm` become pixels of an image by `shared.xray.pixel_sca
 from dataclasses import dataclass
 from typing import Final
 
-from shared.tuning import derived, fitted, physical, standard, tuned
+from shared.tuning import declared_groups, derived, fitted, physical, standard, tuned
 
 _IDENTIFICATION: Final = fitted("by inspection on the seeded rings of `python -m benchmarks.imaging.identification`")
 _CALIBRATION: Final = fitted("by inspection on the seeded images of `python -m benchmarks.imaging.calibration`")
@@ -14,6 +14,7 @@ _BALLS: Final = fitted("by inspection on the seeded images of `python -m benchma
 _LIVE: Final = fitted("by inspection on the seeded frames of `python -m benchmarks.imaging.live_mode`")
 _STILL: Final = fitted("by inspection on the seeded frames of `tests/unit/services/imaging/core/test_still_frames.py`")
 _QUALITY: Final = fitted("by inspection on seeded images of damaged rings")
+_DRAWN: Final = fitted("by inspection of drawn pages; nothing is measured by it")
 _TEN_PER_CENT: Final = derived("nominal C-arm values may be wrong by ten per cent")
 
 
@@ -217,6 +218,11 @@ class StillFrames:
 
     block_px: int = tuned(6, "px", "side of the blocks whose means are compared", _STILL)
     noise_sigmas: float = tuned(6.0, "1", "difference of a block that is not noise", _STILL)
+    sampled_px: int = tuned(
+        4, "px", "spacing of the pixels that show gain and span", derived("a sixteenth of the time")
+    )
+    darkest_percentile: float = tuned(1.0, "%", "lower end of the span of grey values", _STILL)
+    brightest_percentile: float = tuned(99.0, "%", "upper end of the span of grey values", _STILL)
     correlated: float = tuned(3.0, "1", "noise of a block over that of independent pixels", _STILL)
     span: float = tuned(
         0.006, "1", "difference of a block that is always allowed, over the span of grey values", _STILL
@@ -241,6 +247,22 @@ class QualityControl:
     distortion_drift_px: float = tuned(1.0, "px", "change of the distortion, rms, that is reported", _QUALITY)
 
 
+@dataclass(frozen=True, slots=True)
+class QualityPage:
+    """How the quality report's page is drawn (`service/quality_page.py`)."""
+
+    enlargement: float = tuned(300.0, "1", "arrows of balls over their residuals", _DRAWN)
+    most_pictures: int = tuned(12, "1", "images that are shown", _DRAWN)
+    width_px: int = tuned(480, "px", "width of a picture", _DRAWN)
+    darkest_percentile: float = tuned(0.5, "%", "grey value that is drawn black", _DRAWN)
+    brightest_percentile: float = tuned(99.5, "%", "grey value that is drawn white", _DRAWN)
+    grid: int = tuned(21, "1", "places along each side where distortion is drawn", _DRAWN)
+    known_px: float = tuned(
+        0.5, "px", "deviation beyond which it is drawn faint", derived("limit of an image's distortion at a hole")
+    )
+    beside_ring_mm: float = tuned(12.0, "mm", "margin about the ring's balls", _DRAWN)
+
+
 NOMINAL_VALUES = NominalValues()
 RING_DETECTION = RingDetection()
 HYPOTHESIS_SEARCH = HypothesisSearch()
@@ -252,16 +274,5 @@ MOTION_BLUR = MotionBlur()
 RING_TRACKING = RingTracking()
 STILL_FRAMES = StillFrames()
 QUALITY_CONTROL = QualityControl()
-SETTINGS = (
-    NOMINAL_VALUES,
-    RING_DETECTION,
-    HYPOTHESIS_SEARCH,
-    IDENTIFICATION,
-    RING_MEASUREMENT,
-    DISTORTION_MODEL,
-    OUTLIER_REJECTION,
-    MOTION_BLUR,
-    RING_TRACKING,
-    STILL_FRAMES,
-    QUALITY_CONTROL,
-)
+QUALITY_PAGE = QualityPage()
+SETTINGS = declared_groups(globals())

@@ -7,16 +7,13 @@ from html import escape
 import cv2
 import numpy as np
 
-from services.imaging.core.tuning import QUALITY_CONTROL
+from services.imaging.core.tuning import QUALITY_CONTROL, QUALITY_PAGE
 from services.imaging.service.quality_report import Measured
 from shared.geometry.calibration import NOT_OF_THE_RING
 from shared.geometry.parts import RingPart
 from shared.messages.qa import QaReport
 
 _GOOD, _BAD, _INK, _FAINT = "#1b7f4b", "#c2321f", "#1d2733", "#9aa7b4"
-_ARROWS = 300.0
-_MOST_PICTURES = 12
-_THUMB_PX = 480
 _STYLE = (
     "body{font:15px/1.5 system-ui,sans-serif;color:#1d2733;max-width:1080px;margin:2em auto;padding:0 1em}"
     "table{border-collapse:collapse;font-variant-numeric:tabular-nums}"
@@ -45,7 +42,8 @@ def html_page(report: QaReport, measured: Sequence[Measured], ring: RingPart) ->
         _list(report.findings),
         _drift(report),
         _figure(
-            ball_map(report, ring), f"Middle residual of each ball in the ring's frame, {_ARROWS:g} times enlarged"
+            ball_map(report, ring),
+            f"Middle residual of each ball in the ring's frame, {QUALITY_PAGE.enlargement:g} times enlarged",
         ),
     ]
     if measured:
@@ -86,19 +84,19 @@ def _figure(picture: str, caption: str) -> str:
 
 def ball_map(report: QaReport, ring: RingPart) -> str:
     """SVG of the ring: each ball, and an arrow along its middle residual."""
-    reach = float(np.abs(ring.balls.position_mm[:, :2]).max()) + 12.0
+    reach = float(np.abs(ring.balls.position_mm[:, :2]).max()) + QUALITY_PAGE.beside_ring_mm
     shapes = []
     for ball, (x, y, _) in zip(report.balls, ring.balls.position_mm, strict=True):
         colour = _BAD if ball.flagged else _GOOD
         fill = colour if ball.seen else "none"
         shapes.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="1.6" fill="{fill}" stroke="{colour}" stroke-width=".4"/>')
-        tip = x + _ARROWS * ball.shift_x_mm, y + _ARROWS * ball.shift_y_mm
+        tip = x + QUALITY_PAGE.enlargement * ball.shift_x_mm, y + QUALITY_PAGE.enlargement * ball.shift_y_mm
         shapes.append(f'<path d="M{x:.2f} {y:.2f}L{tip[0]:.2f} {tip[1]:.2f}" stroke="{_INK}" stroke-width=".7"/>')
         if ball.flagged:
             shapes.append(
                 f'<text x="{x + 2.5:.2f}" y="{y - 2:.2f}" font-size="5" fill="{_BAD}">{escape(ball.id)}</text>'
             )
-    bar = _ARROWS * QUALITY_CONTROL.shift_mm
+    bar = QUALITY_PAGE.enlargement * QUALITY_CONTROL.shift_mm
     shapes.append(
         f'<path d="M{-reach + 4:.1f} {reach - 5:.1f}h{bar:.1f}" stroke="{_INK}" stroke-width="1"/>'
         f'<text x="{-reach + 4:.1f}" y="{reach - 8:.1f}" font-size="5">{QUALITY_CONTROL.shift_mm:g} mm (limit)</text>'
@@ -109,12 +107,13 @@ def ball_map(report: QaReport, ring: RingPart) -> str:
 def distortion_map(one: Measured) -> str:
     """SVG of the image: from measured to ideal pixels, on a grid, faint where it is uncertain."""
     calibration = one.calibration
-    x, y = np.meshgrid(np.linspace(0, calibration.width_px - 1, 21), np.linspace(0, calibration.height_px - 1, 21))
+    last_px = calibration.width_px - 1, calibration.height_px - 1
+    x, y = np.meshgrid(*(np.linspace(0, last, QUALITY_PAGE.grid) for last in last_px))
     places = np.column_stack([x.ravel(), y.ravel()])
     if calibration.aperture is not None:
         places = places[calibration.aperture.holds(*places.T)]
     moved = calibration.distortion.displacement_at(places)
-    sure = calibration.distortion.standard_deviation_at(places) < 0.5
+    sure = calibration.distortion.standard_deviation_at(places) < QUALITY_PAGE.known_px
     shapes = []
     for (px, py), (dx, dy), known in zip(places, moved, sure, strict=True):
         colour = _INK if known else _FAINT
@@ -127,7 +126,8 @@ def distortion_map(one: Measured) -> str:
 
 def _svg(shapes: Sequence[str], box: tuple[float, float, float, float]) -> str:
     view = " ".join(f"{v:.1f}" for v in box)
-    return f'<svg width="{_THUMB_PX}" height="{_THUMB_PX}" viewBox="{view}">{"".join(shapes)}</svg>'
+    side = QUALITY_PAGE.width_px
+    return f'<svg width="{side}" height="{side}" viewBox="{view}">{"".join(shapes)}</svg>'
 
 
 def _images(report: QaReport) -> str:
@@ -149,15 +149,15 @@ def _images(report: QaReport) -> str:
 
 
 def _pictures(measured: Sequence[Measured]) -> str:
-    figures = [_figure(_thumbnail(one), one.image.name) for one in measured[:_MOST_PICTURES]]
+    figures = [_figure(_thumbnail(one), one.image.name) for one in measured[: QUALITY_PAGE.most_pictures]]
     return f"<details><summary>Pictures</summary>{''.join(figures)}</details>"
 
 
 def _thumbnail(one: Measured) -> str:
     """The image as received, with rings around the balls that were named."""
-    low, high = np.percentile(one.pixels, [0.5, 99.5])
+    low, high = np.percentile(one.pixels, [QUALITY_PAGE.darkest_percentile, QUALITY_PAGE.brightest_percentile])
     grey = np.clip((one.pixels - low) / max(float(high - low), 1e-6) * 255.0, 0.0, 255.0).astype(np.uint8)
-    scale = _THUMB_PX / max(grey.shape)
+    scale = QUALITY_PAGE.width_px / max(grey.shape)
     picture = cv2.cvtColor(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR)
     balls = one.calibration.balls
     named = balls.ring_index != NOT_OF_THE_RING

@@ -15,14 +15,12 @@ from services.registration.core.estimation.pose_estimate import (
 )
 from services.registration.core.guide.locate import GuideFit, distortion_correlation_px
 from services.registration.core.nail.fit import NailFit
+from services.registration.core.tuning import HOLE_RIMS
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.parts import GuidePart, NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
-
-# Eight points describe a rim's circle with all its harmonics that a pose moves; their error only sets relative weights.
-_RIM_POINTS, _RIM_SD_PX = 8, 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +96,7 @@ def _poses_for_other_sources(
     """
     rims = _rim_points(nail)
     rims_px = calibration.camera.project(camera_from_nail.points(rims))
-    rims_seen = Correspondences(rims, rims_px, np.full(len(rims), _RIM_SD_PX))
+    rims_seen = Correspondences(rims, rims_px, np.full(len(rims), HOLE_RIMS.sd_px))
     camera_from_guide, used = guide_fit.camera_from_guide, guide_fit.used
     balls = guide.balls.position_mm[used]
     balls_px = calibration.camera.project(camera_from_guide.points(balls))
@@ -128,7 +126,7 @@ def _cameras_with_other_sources(calibration: CArmCalibration) -> tuple[PinholeCa
 
 def _rim_points(nail: NailPart) -> NDArray[np.float64]:
     """Points on the circles where the holes meet the nail's surface, in the nail's frame, shape (K, 3), in mm."""
-    angle = 2.0 * np.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+    angle = 2.0 * np.pi * np.arange(HOLE_RIMS.points) / HOLE_RIMS.points
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return np.concatenate(
         [

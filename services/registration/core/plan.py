@@ -6,6 +6,7 @@ the hexapod cannot make the shortest move.
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from services.registration.core.acceptance.criteria import (
 )
 from services.registration.core.drill_clearance import AxisOffset, angle_deg, axis_offset_mm
 from services.registration.core.hole_axes import HoleEstimate
+from services.registration.core.tuning import PLAN_SEARCH
 from shared.acceptance import Refusal
 from shared.errors import Accepted
 from shared.geometry.frames import Guide
@@ -29,23 +31,12 @@ from shared.geometry.lines import Line, angle_between_rad, rotations_between_rad
 from shared.geometry.parts import GuidePart
 from shared.geometry.transform import Transform
 
-LONGEST_AXIAL_SHIFT_MM = 8.0
-LARGEST_AXIAL_TURN_DEG = 20.0
-# The lever from the guide to the nail is long, and a mount that gives way is in no prediction: half as much tilt again.
-_TILT_SD_DEG = 1.5 * MOVE_SD_DEG
-_SHIFTS_MM = np.linspace(-LONGEST_AXIAL_SHIFT_MM, LONGEST_AXIAL_SHIFT_MM, 33)
-_TURNS_DEG = np.linspace(-LARGEST_AXIAL_TURN_DEG, LARGEST_AXIAL_TURN_DEG, 11)
-_MM_PER_DEG = 0.5
-# The motion that lays axes upon axes.
+# Guards of the motion that lays axes upon axes.
 _ITERATIONS = 25
 _STEP = 1e-5
 _CONVERGED = 1e-10
 _LEAST_SINGULAR_RATIO = 1e-4
 _PARALLEL_RAD = 1e-6
-# Axes that are less askew are as parallel as makers drill them.
-_LEAST_ASKEW_DEG = 0.5
-# One radian weighs as much as so many millimetres when the shortest motion is sought.
-_LEVER_MM = 50.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +119,7 @@ def plan_move(
             f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {RESIDUAL.quoted(residual_mm)} "
             f"would remain{_askew(aims)}",
         )
-    turns_deg = _TURNS_DEG if len(aims) == 1 else np.zeros(1)
+    turns_deg = _both_ways(PLAN_SEARCH.largest_turn_deg, PLAN_SEARCH.turns) if len(aims) == 1 else np.zeros(1)
     chosen = _within_reach(shortest, aims[0].hole.axis_guide, turns_deg, robot)
     return chosen if isinstance(chosen, Refusal) else Accepted(_planned(chosen, aims, robot))
 
@@ -152,7 +143,7 @@ def _askew(aims: tuple[_Aim, ...]) -> str:
     first, last = aims[0], aims[-1]
     nail_deg = angle_deg(first.hole.axis_guide, last.hole.axis_guide)
     guide_deg = angle_deg(first.axis, last.axis)
-    if abs(nail_deg - guide_deg) < _LEAST_ASKEW_DEG:
+    if abs(nail_deg - guide_deg) < PLAN_SEARCH.least_askew_deg:
         return ""
     moves = "; ".join(f"hole_ids ['{aim.hole.id}']" for aim in aims)
     return (
@@ -165,7 +156,8 @@ def _within_reach(
     shortest: Transform[Guide, Guide], axis: Line, turns_deg: NDArray[np.float64], robot: RobotNow
 ) -> _Freedom | Refusal[PlanRefusal]:
     """The use of the freedom with the least travel that the hexapod can make, along the whole way."""
-    uses = sorted(((s, t) for s in _SHIFTS_MM for t in turns_deg), key=lambda u: abs(u[0]) + _MM_PER_DEG * abs(u[1]))
+    shifts_mm = _both_ways(PLAN_SEARCH.longest_shift_mm, PLAN_SEARCH.shifts)
+    uses = sorted(product(shifts_mm, turns_deg), key=lambda use: abs(use[0]) + PLAN_SEARCH.mm_per_deg * abs(use[1]))
     tried: list[tuple[float, _Freedom]] = []
     for shift_mm, turn_deg in uses:
         freedom = _freedom(shortest, axis, float(shift_mm), float(turn_deg), robot)
@@ -178,6 +170,10 @@ def _within_reach(
     return Refusal(OUT_OF_REACH.code, _out_of_reach(tried[0][1], nearest, robot))
 
 
+def _both_ways(farthest: float, count: int) -> NDArray[np.float64]:
+    return np.linspace(-farthest, farthest, count)
+
+
 def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str:
     violations, also = (
         [violation.message for violation in limit_violations(robot.hexapod, one.pose, robot.pivot_mm)]
@@ -185,7 +181,7 @@ def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str
     )
     return (
         f"the hexapod cannot bring the guide onto the axes: {'; '.join(violations or also)}. With up to "
-        f"{LONGEST_AXIAL_SHIFT_MM:g} mm along the axis it comes nearest at {nearest.shift_mm:+.1f} mm"
+        f"{PLAN_SEARCH.longest_shift_mm:g} mm along the axis it comes nearest at {nearest.shift_mm:+.1f} mm"
         + (f", where still {also[0]}" if also else ", but the way there leaves the workspace")
     )
 
@@ -230,7 +226,7 @@ def _predicted(aim: _Aim, move: Transform[Guide, Guide]) -> PredictedHole:
 
 def _robot_covariance(levers_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Offsets at entry and exit that the robot's own errors make, shape (4, 4): a shift and a tilt about the guide."""
-    tilt = np.radians(_TILT_SD_DEG) ** 2 * np.outer(levers_mm, levers_mm)
+    tilt = np.radians(PLAN_SEARCH.tilt_share * MOVE_SD_DEG) ** 2 * np.outer(levers_mm, levers_mm)
     return np.asarray(np.kron(MOVE_SD_MM**2 + tilt, np.eye(2)))
 
 
@@ -259,7 +255,7 @@ def _offsets(aims: tuple[_Aim, ...], move: Transform[Guide, Guide]) -> NDArray[n
 
 
 def _nudged(move: Transform[Guide, Guide], step: NDArray[np.float64]) -> Transform[Guide, Guide]:
-    small: Transform[Guide, Guide] = Transform.from_rotvec(step[:3] / _LEVER_MM, step[3:])
+    small: Transform[Guide, Guide] = Transform.from_rotvec(step[:3] / PLAN_SEARCH.lever_mm, step[3:])
     return move @ small
 
 

@@ -45,6 +45,13 @@ class NailBandSearch:
     farthest_from_detector_mm: float = tuned(350.0, "mm", "nail farthest from the ring's near plate", _INSPECTION)
     lowest_grey_percentile: float = tuned(0.5, "%", "grey value scaled to 0", _INSPECTION)
     highest_grey_percentile: float = tuned(99.0, "%", "grey value scaled to 1", _INSPECTION)
+    reduction_blur: float = tuned(0.5, "search px", "Gaussian before reduction", derived("half a pixel: no aliasing"))
+    border_px: float = tuned(2.0, "search px", "margin of border and aperture", _INSPECTION)
+    map_step_px: int = tuned(16, "search px", "spacing of exact distortion", derived("smooth: linear between them"))
+    nearest_to_source_mm: float = tuned(100.0, "mm", "nearest nail to the focal spot", physical("the tube's housing"))
+    edge_border_px: int = tuned(3, "search px", "margin without edges", derived("gradient and smoothing reach so far"))
+    lower_threshold: float = tuned(0.5, "1", "lower edge threshold over the upper", standard("Canny 1986: 1/3 to 1/2"))
+    gradient_levels: float = tuned(8000.0, "1", "steepest gradient in 16 bits", derived("squares fit into 31 bits"))
     gradient_smoothing_px: float = tuned(1.2, "search px", "Gaussian before the gradient", _INSPECTION)
     edge_share: float = tuned(0.12, "1", "share of the pixels above the upper edge threshold", _INSPECTION)
     full_weight_quantile: float = tuned(0.985, "1", "gradient from which an edge pixel has full weight", _INSPECTION)
@@ -147,6 +154,8 @@ class FitRegionSettings:
     white_percentile: float = tuned(95.0, "%", "grey value that is taken as brightness 1", _INSPECTION)
     least_pixels: int = tuned(200, "image px", "fewest pixels of a fit", derived("ten times the fitted parameters"))
     shadow_stretch: float = tuned(0.3, "1", "excess of a ball's shadow over it", derived("distortion, obliquity"))
+    least_side_px: int = tuned(8, "stage px", "least side of a region", derived("guard: rays need a gradient"))
+    wire_discs: int = tuned(200, "1", "discs along a wire's image", derived("neighbours overlap by half"))
     wire_reach_mm: float = tuned(0.5, "mm", "margin around wires in which their paths are traced", _INSPECTION)
     fill_blur_px: float = tuned(4.0, "px", "spread of background into hidden pixels", derived("half the blur's reach"))
 
@@ -234,7 +243,17 @@ class NailPriors:
         "curvature of a nail that the canal bends, each plane",
         derived("radii from 300 mm are within 1.7 sd"),
     )
+    least_anchor_distance_mm: float = tuned(5.0, "mm", "holes closer than this are one place", _INSPECTION)
+    usual_anchor_mm: float = tuned(15.0, "mm", "anchors from the origin then", physical("usual holes are 30 mm apart"))
     largest_deviations: float = tuned(6.0, "sd", "bound of all other parameters", standard("six sigma"))
+
+
+@dataclass(frozen=True, slots=True)
+class ImagingSteps:
+    """How blur and display are computed (`core/nail/imaging_chain.py`)."""
+
+    kernel_reach: float = tuned(4.0, "sd", "half length of a blur's kernel", derived("its end is 0.04 % of its middle"))
+    derivative_step: float = tuned(0.005, "1", "step of differences", derived("what curvature adds is below 1 %"))
 
 
 # The nail's fit: noise
@@ -356,6 +375,7 @@ class TiltSearchStage:
     surroundings_mm: float = tuned(3.5, "mm", "compared surroundings of the holes", _ON_INDEPENDENT)
     knot_spacing_mm: float = tuned(4.0, "mm", "spacing of the background's knots", _INSPECTION)
     texture_sd: float = tuned(0.02, "1", "prior of second differences of the background", _INSPECTION)
+    least_reduction: int = tuned(2, "image px", "least side of a pixel", derived("at 1 near optima do not merge"))
     further_tilt_deg: float = tuned(6.0, "°", "pitch and roll of the four further starts", _SMOOTHED_SEARCH)
     distinct_deg: float = tuned(1.5, "°", "angle of a hole's axis from which two optima differ", _INSPECTION)
     screening_steps: int = tuned(4, "1", "steps before equal searches are merged", _INSPECTION)
@@ -458,6 +478,7 @@ _FOUR_SIGMA: Final = standard("4 sigma")
 _NO_BODY: Final = fitted("by inspection; no guide of the catalogue lacks a body")
 _USUAL_FOCUS: Final = derived("1000 mm from focal spot to detector in pixels of 0.235 mm")
 _UNRECORDED: Final = fitted("by inspection; no run that compared alternatives is recorded")
+_DRAWN: Final = fitted("by inspection of drawn images; nothing is measured by it")
 _ONE_LEVEL: Final = derived("one level of an 8-bit display")
 _OVER_RADIUS: Final = derived("more than a wire's radius: one of 2 mm that borders on white is hidden whole")
 _ONE_BLUR: Final = derived("about one standard deviation of the smoothing")
@@ -768,6 +789,7 @@ class FrameTracking:
     most_missed: int = tuned(20, "frames", "frames without an estimate that end a track", derived("a hand passes"))
     contradiction_sigmas: float = tuned(4.0, "sd", "difference from a full localisation: a contradiction", _FOUR_SIGMA)
     reference_sd_factor: float = tuned(1.25, "1", "factor on the reference's standard deviations", _HELD_TO)
+    predicted_sigmas: float = tuned(4.0, "sd", "turn of the nail against the prediction: refused", _FOUR_SIGMA)
     shared_correlation: float = tuned(0.5, "1", "assumed correlation of prediction and measurement", _FILMS)
     remembered: int = tuned(64, "frames", "estimates kept for comparison", derived("more than one localisation takes"))
 
@@ -778,6 +800,44 @@ class DisplayRotation:
 
     least_turn_deg: float = tuned(2.0, "°", "least rotation of the C-arm between both views", _FILMS)
     largest_mismatch: float = tuned(0.25, "1", "share by which guide and C-arm may rotate differently", _FILMS)
+
+
+@dataclass(frozen=True, slots=True)
+class HoleRims:
+    """Points on the rims of holes, by which an error of the C-arm moves the nail (`core/guide_from_nail.py`)."""
+
+    points: int = tuned(8, "1", "points on a rim", derived("all harmonics of a circle that a pose moves"))
+    sd_px: float = tuned(0.1, "px", "their standard deviation", derived("it only sets weights, all the same"))
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSearch:
+    """Which moves bring a guide hole's axis onto the nail's (`core/plan.py`)."""
+
+    tilt_share: float = tuned(1.5, "1", "tilt errors of moves over those predicted: mounts give way", _UNRECORDED)
+    longest_shift_mm: float = tuned(8.0, "mm", "free travel along the axis", _UNRECORDED)
+    shifts: int = tuned(33, "1", "travels that are tried", derived("0.5 mm apart"))
+    largest_turn_deg: float = tuned(20.0, "°", "free rotation about the axis", _UNRECORDED)
+    turns: int = tuned(11, "1", "rotations that are tried", derived("4° apart"))
+    mm_per_deg: float = tuned(0.5, "mm/°", "travel that is as undesired as a degree", _UNRECORDED)
+    least_askew_deg: float = tuned(0.5, "°", "axes less askew are parallel", physical("as makers drill them"))
+    lever_mm: float = tuned(50.0, "mm", "travel that counts as a radian in the shortest motion", _UNRECORDED)
+
+
+@dataclass(frozen=True, slots=True)
+class Overlay:
+    """How what was found is drawn on the image (`overlay.py`)."""
+
+    darkest_percentile: float = tuned(0.5, "%", "grey value that is drawn black", _DRAWN)
+    brightest_percentile: float = tuned(99.5, "%", "grey value that is drawn white", _DRAWN)
+    grey_levels: int = tuned(32, "1", "levels between them", derived("noise makes large files"))
+    ball_margin_px: float = tuned(2.0, "px", "circles beyond a ball's edge", _DRAWN)
+    guide_hole_mm: float = tuned(10.0, "mm", "guide's axes to either side", _DRAWN)
+    axis_mm: float = tuned(40.0, "mm", "nail's axes towards the surgeon", _DRAWN)
+    proximal_mm: float = tuned(60.0, "mm", "nail's outline proximal of its holes", _DRAWN)
+    edge_step_mm: float = tuned(4.0, "mm", "spacing of its points", _DRAWN)
+    rim_points: int = tuned(49, "1", "points of a rim", _DRAWN)
+    subpixel_bits: int = tuned(4, "bits", "fractions of a pixel", derived("a sixteenth"))
 
 
 NAIL_BAND_SEARCH: Final = NailBandSearch()
@@ -791,6 +851,7 @@ BEAM: Final = BeamPhysics()
 CLIPPING: Final = Clipping()
 BENT_NAIL: Final = BentNail()
 NAIL_PRIORS: Final = NailPriors()
+IMAGING_STEPS: Final = ImagingSteps()
 NAIL_NOISE: Final = NailNoise()
 NAIL_SOLVER: Final = NailSolver()
 AGREEMENT_OF_PARTS: Final = AgreementOfParts()
@@ -822,5 +883,8 @@ GUIDE_TRACKING: Final = GuideTracking()
 NAIL_TRACKING: Final = NailTracking()
 FRAME_TRACKING: Final = FrameTracking()
 DISPLAY_ROTATION: Final = DisplayRotation()
+HOLE_RIMS: Final = HoleRims()
+PLAN_SEARCH: Final = PlanSearch()
+OVERLAY: Final = Overlay()
 
 SETTINGS: Final = declared_groups(globals())

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
 
 from services.registration.core.acceptance.criteria import (
     FRAME_BLUR,
@@ -16,9 +15,8 @@ from services.registration.core.acceptance.criteria import (
     FRAME_UNEXPLAINED,
 )
 from services.registration.core.acceptance.image import HoleView, opening_reasons
+from services.registration.core.tuning import FRAME_TRACKING
 from shared.errors import Reason
-
-_PREDICTED_DEVIATIONS: Final = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +83,7 @@ def _unexplained(evidence: FrameEvidence) -> Iterator[Reason]:
 def _displaced(evidence: FrameEvidence) -> Iterator[Reason]:
     least_deg = FRAME_TURN.limit.value
     turns = [
-        (abs(turn_deg), max(least_deg, _PREDICTED_DEVIATIONS * sd_deg))
+        (abs(turn_deg), max(least_deg, FRAME_TRACKING.predicted_sigmas * sd_deg))
         for turn_deg, sd_deg in zip(evidence.turned_deg, evidence.turn_sd_deg, strict=True)
     ]
     if all(FRAME_TURN.is_met(*turn) for turn in turns) and FRAME_SHIFT.is_met(evidence.across_mm):

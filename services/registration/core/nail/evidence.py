@@ -15,7 +15,7 @@ from services.registration.core.estimation.pose_estimate import PoseErrors, ray_
 from services.registration.core.nail.covariance import after_background, motion_gain
 from services.registration.core.nail.forward_model import visible_fraction_without_metal
 from services.registration.core.nail.least_squares import Problem, Solution, linear_response
-from services.registration.core.nail.noise import MEDIAN_TO_DEVIATION, NoiseModel
+from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import Parameter, prior_mean, prior_precision
 from services.registration.core.nail.region import FitRegion
 from services.registration.core.tuning import AGREEMENT_OF_PARTS, FOREIGN_OBJECTS, NAIL_EVIDENCE
@@ -23,6 +23,7 @@ from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import displacement_by_motion
 from shared.geometry.parts import Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
+from shared.xray.tuning import DEVIATION_PER_MEDIAN
 
 
 def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
@@ -82,7 +83,7 @@ def _spot(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
         near |= np.hypot(region.along_mm - x, region.across_mm - y) < reach_mm
     step, blur_px = np.abs(_local_step(problem, solution)), NAIL_EVIDENCE.spot_blur_px
     deviations = np.abs(region.compared_values(region.smoothed(linear.residual / np.sqrt(noise.variance), blur_px)))
-    certain = deviations > NAIL_EVIDENCE.certain_deviations * MEDIAN_TO_DEVIATION * np.median(deviations)
+    certain = deviations > NAIL_EVIDENCE.certain_deviations * DEVIATION_PER_MEDIAN * np.median(deviations)
     smallest_step = NAIL_EVIDENCE.least_step * np.median(step)
     share = np.abs(region.compared_values(region.smoothed(linear.residual, blur_px))) / np.maximum(step, smallest_step)
     return float(share[near & certain].max(initial=0.0))

@@ -9,16 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.parameters import Parameter
+from services.registration.core.tuning import IMAGING_STEPS
 from shared.xray.pixel_scale import USUAL_PIXEL_MM
 
 Real = TypeVar("Real", np.float32, np.float64)
 
-# The kernel's end is below 0.04 % of its middle.
-_KERNEL_REACH = 4.0
 # Guards: an exponent or bend of zero would divide by zero, a bend beyond five overflow single precision.
 _LEAST_BEND, _LARGEST_BEND = 1e-6, 5.0
-# One-sided: what the second derivative adds is below a per cent.
-_DERIVATIVE_STEP = 0.005
 _BLUR_PARAMETERS = (Parameter.LOG_BLUR_PX, Parameter.TAIL_SHARE, Parameter.LOG_TAIL_WIDTH)
 SHARPENING_PARAMETERS = (Parameter.SHARPENING, Parameter.LOG_SHARPENING_WIDTH_PX)
 # All parameters that act on the image after the rays.
@@ -36,7 +33,7 @@ def blurred_image(image: NDArray[Real], sigma: float) -> NDArray[Real]:
 @lru_cache(maxsize=64)
 def _blur_kernel(sigma: float) -> NDArray[np.float64]:
     # Not GaussianBlur: its kernel's length is odd in steps, so that the result would jump while a fit moves sigma.
-    reach = max(1, int(np.ceil(_KERNEL_REACH * sigma)))
+    reach = max(1, int(np.ceil(IMAGING_STEPS.kernel_reach * sigma)))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-3)) ** 2)
     kernel /= kernel.sum()
     kernel.flags.writeable = False
@@ -180,7 +177,7 @@ def chain_derivative(
         Of the transmission through the chain with these parameters.
     """
     moved = parameters.copy()
-    moved[parameter] += _DERIVATIVE_STEP
+    moved[parameter] += IMAGING_STEPS.derivative_step
     chain = imaging_chain(sampling, moved)
     if parameter in SHARPENING_PARAMETERS:
         change = chain.sharpened(images.tone_mapped) - images.sharpened
@@ -188,4 +185,4 @@ def chain_derivative(
         change = chain.tone_slope(images) * (chain.blurred(transmission) - images.blurred)
     else:  # of the curve
         change = chain.tone_mapped(images.blurred) - images.tone_mapped
-    return np.asarray(change / _DERIVATIVE_STEP, dtype=np.float32)
+    return np.asarray(change / IMAGING_STEPS.derivative_step, dtype=np.float32)

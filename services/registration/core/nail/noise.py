@@ -16,9 +16,7 @@ from services.registration.core.nail.imaging_chain import Real, blurred_image
 from services.registration.core.nail.region import FitRegion
 from services.registration.core.tuning import NAIL_NOISE
 from shared.two_cores import mapped
-
-# Of a normal distribution: its median absolute deviation is 1 / 1.4826 of its standard deviation.
-MEDIAN_TO_DEVIATION = 1.4826
+from shared.xray.tuning import DEVIATION_PER_MEDIAN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,7 +210,7 @@ def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.f
         if np.count_nonzero(members) < 2 * classes:
             continue
         brightness.append(float(modelled[members].mean()))
-        variance.append(float((MEDIAN_TO_DEVIATION * np.median(np.abs(residual[members]))) ** 2))
+        variance.append(float((DEVIATION_PER_MEDIAN * np.median(np.abs(residual[members]))) ** 2))
     least = 1e-3 * max(variance) + 1e-12
     return np.asarray(np.interp(modelled, brightness, np.maximum(variance, least)))
 

@@ -14,16 +14,13 @@ from services.registration.core.nail.rays import (
     cylinder_interval,
     sample_directions,
 )
-from services.registration.core.tuning import BEAM
+from services.registration.core.tuning import BEAM, FIT_REGION
 from shared.compiled import compiled_inline as compiled
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only
 from shared.geometry.parts import GuidePart, RingPart
 from shared.geometry.transform import Transform
-
-# Discs along a rod's image: so many that neighbours overlap by more than half.
-_DISCS_OF_A_ROD = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +190,7 @@ class SteelRod:
 
     def discs_px(self, calibration: CArmCalibration, wider_mm: float) -> NDArray[np.float64]:
         """The rod as discs along its image: centre x, y and radius in measured pixels, shape (K, 3)."""
-        way = np.linspace(0.0, 1.0, _DISCS_OF_A_ROD)[:, None]
+        way = np.linspace(0.0, 1.0, FIT_REGION.wire_discs)[:, None]
         centres_mm = (1.0 - way) * self.start_camera_mm + way * self.end_camera_mm
         radius_mm = 0.5 * self.diameter_mm + wider_mm
         radius_px = radius_mm * calibration.camera.focal_length_px / centres_mm[:, 2]

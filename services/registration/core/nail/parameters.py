@@ -22,8 +22,6 @@ from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 from shared.xray.pixel_scale import USUAL_PIXEL_MM, pixels
 
-# Holes closer than this are one place along the nail; anchors then stand as far apart as usual holes.
-_LEAST_ANCHOR_DISTANCE_MM, _DEFAULT_ANCHOR_MM = 5.0, 15.0
 # Steps of central differences: exact to a part in a million.
 _STEP = np.array([0.01, 0.01, 0.01, 0.01, 1e-4, 1e-4])
 
@@ -175,8 +173,8 @@ class Anchors:
 def anchors_of(nail: NailPart) -> Anchors:
     """Outermost hole positions, or 15 mm on either side of the origin when the holes are closer than 5 mm."""
     along = [float(hole.axis.point_mm[0]) for hole in nail.holes]
-    if max(along) - min(along) < _LEAST_ANCHOR_DISTANCE_MM:
-        return Anchors(-_DEFAULT_ANCHOR_MM, _DEFAULT_ANCHOR_MM)
+    if max(along) - min(along) < NAIL_PRIORS.least_anchor_distance_mm:
+        return Anchors(-NAIL_PRIORS.usual_anchor_mm, NAIL_PRIORS.usual_anchor_mm)
     return Anchors(min(along), max(along))
 
 

@@ -33,9 +33,6 @@ from shared.xray.pixel_scale import pixels as pixels_of
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-# Guard: a smaller rectangle has no gradient to take rays from.
-_LEAST_SIDE_PX = 8
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitInput:
@@ -117,7 +114,7 @@ def grid_around(
     limit = np.array([calibration.width_px, calibration.height_px])
     high = np.minimum(np.ceil(px.max(axis=0)) + margin + 1, limit).astype(int)
     columns, rows = (int(v) for v in (high - low) // reduction)
-    if columns < _LEAST_SIDE_PX or rows < _LEAST_SIDE_PX:
+    if min(columns, rows) < FIT_REGION.least_side_px:
         return None
     return PixelGrid(int(low[0]), int(low[1]), (rows, columns), reduction)
 

@@ -52,8 +52,6 @@ from shared.geometry.transform import Transform
 _ANCHORS_ONLY = np.arange(PARAMETER_COUNT) < Parameter.PITCH_RAD
 _DIAGONALS = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)])
 _AXES = np.array([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
-# Half resolution at least: at full resolution neighbouring optima would not merge.
-_LEAST_REDUCTION = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,7 +221,7 @@ def _reduction(fit_input: FitInput, start: Transform[Camera, Nail], hole_width_p
     """Reduction after which the smallest hole is about so many pixels wide."""
     px_per_mm = fit_input.calibration.camera.focal_length_px / float(start.translation_mm[2])
     smallest_mm = min(hole.diameter_mm for hole in fit_input.nail.holes)
-    return max(_LEAST_REDUCTION, round(smallest_mm * px_per_mm / hole_width_px))
+    return max(TILT_SEARCH_STAGE.least_reduction, round(smallest_mm * px_per_mm / hole_width_px))
 
 
 def bent_optimum(problem: Problem, straight: Solution) -> tuple[Solution, float | None] | None:

@@ -14,10 +14,6 @@ from services.registration.core.tuning import NAIL_BAND_SEARCH
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import NailPart
 
-# The distortion is smooth: exact on every 16th pixel, linear in between, is far below a pixel.
-_MAP_STEP_PX = 16
-# Guard: nothing is nearer to the focal spot than its housing.
-_LEAST_DEPTH_MM = 100.0
 # Cosine and sine of all whole degrees, shape (2, 360).
 _DIRECTIONS = np.stack([np.cos(np.radians(np.arange(360))), np.sin(np.radians(np.arange(360)))])
 
@@ -54,8 +50,9 @@ class Band:
 def depth_range_mm(calibration: CArmCalibration) -> tuple[float, float]:
     """Depths from the focal spot, in mm, between which a nail can lie, from the ring's place on the detector."""
     ring_depth_mm = float(calibration.camera_from_ring.translation_mm[2])
-    nearest_mm = ring_depth_mm - NAIL_BAND_SEARCH.farthest_from_detector_mm
-    return max(nearest_mm, _LEAST_DEPTH_MM), ring_depth_mm - NAIL_BAND_SEARCH.nearest_to_detector_mm
+    s = NAIL_BAND_SEARCH
+    nearest_mm = max(ring_depth_mm - s.farthest_from_detector_mm, s.nearest_to_source_mm)
+    return nearest_mm, ring_depth_mm - s.nearest_to_detector_mm
 
 
 def prepare_search(pixels: NDArray[np.generic], calibration: CArmCalibration, nail: NailPart) -> SearchImage:
@@ -71,23 +68,21 @@ def prepare_search(pixels: NDArray[np.generic], calibration: CArmCalibration, na
     step = max(1.0, round(nominal_width_px / NAIL_BAND_SEARCH.band_width_px))
     columns, rows = int(calibration.width_px / step), int(calibration.height_px / step)
     where = _measured_px_of_grid(calibration, rows, columns, step)
-    image = cv2.GaussianBlur(pixels.astype(np.float32), (0, 0), 0.5 * step)
+    image = cv2.GaussianBlur(pixels.astype(np.float32), (0, 0), NAIL_BAND_SEARCH.reduction_blur * step)
     grey = cv2.remap(image, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    valid = calibration.shows(where[..., 0], where[..., 1], 2.0 * step)
+    valid = calibration.shows(where[..., 0], where[..., 1], NAIL_BAND_SEARCH.border_px * step)
     percentiles = NAIL_BAND_SEARCH.lowest_grey_percentile, NAIL_BAND_SEARCH.highest_grey_percentile
     low, high = np.percentile(grey[valid], percentiles) if valid.any() else (0.0, 1.0)
     return SearchImage(((grey - low) / max(float(high - low), 1e-9)).astype(np.float32), valid, step)
 
 
 def _measured_px_of_grid(calibration: CArmCalibration, rows: int, columns: int, step_px: float) -> NDArray[np.float32]:
-    nodes_x, nodes_y = (
-        np.arange(0, columns + _MAP_STEP_PX, _MAP_STEP_PX),
-        np.arange(0, rows + _MAP_STEP_PX, _MAP_STEP_PX),
-    )
+    spacing = NAIL_BAND_SEARCH.map_step_px
+    nodes_x, nodes_y = (np.arange(0, count + spacing, spacing) for count in (columns, rows))
     ideal = np.stack(np.meshgrid(nodes_x, nodes_y), axis=-1).astype(np.float64) * step_px
     nodes = calibration.distortion.distort(ideal).astype(np.float32)
     x, y = np.meshgrid(np.arange(columns, dtype=np.float32), np.arange(rows, dtype=np.float32))
-    return np.asarray(cv2.remap(nodes, x / _MAP_STEP_PX, y / _MAP_STEP_PX, cv2.INTER_LINEAR), dtype=np.float32)
+    return np.asarray(cv2.remap(nodes, x / spacing, y / spacing, cv2.INTER_LINEAR), dtype=np.float32)
 
 
 def find_bands(image: SearchImage, width_range_px: tuple[float, float], count: int) -> tuple[Band, ...]:
@@ -141,17 +136,18 @@ def _edge_pixels(
     smooth = cv2.GaussianBlur(image.grey, (0, 0), NAIL_BAND_SEARCH.gradient_smoothing_px)
     gradient_x = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3)
     gradient_y = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3)
-    inner = cv2.erode(image.valid.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
+    square = np.ones((2 * NAIL_BAND_SEARCH.edge_border_px + 1,) * 2, np.uint8)
+    inner = cv2.erode(image.valid.astype(np.uint8), square).astype(bool)
     steepness = np.hypot(gradient_x, gradient_y)
     if not inner.any():
         nothing = np.zeros(0)
         return nothing, nothing, nothing, nothing
     threshold = float(np.quantile(steepness[inner], 1.0 - NAIL_BAND_SEARCH.edge_share))
-    scale = 8000.0 / max(float(steepness[inner].max()), 1e-9)
+    scale = NAIL_BAND_SEARCH.gradient_levels / max(float(steepness[inner].max()), 1e-9)
     canny = cv2.Canny(
         (gradient_x * scale).astype(np.int16),
         (gradient_y * scale).astype(np.int16),
-        0.5 * threshold * scale,
+        NAIL_BAND_SEARCH.lower_threshold * threshold * scale,
         threshold * scale,
         L2gradient=True,
     )

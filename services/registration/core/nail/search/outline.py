@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.estimation.robust import inliers, robust_spread
 from services.registration.core.nail.search.band import SearchImage
 from services.registration.core.nail.search.holes import HolePattern
 from services.registration.core.subpixel import subpixel_offset
@@ -148,7 +149,7 @@ def _fit_without_covered(
         residual = ellipse.signed_distance_px(points_px)
         residual = residual - np.median(residual[used])
         deviations = s.first_tolerance_sd - s.tolerance_step_sd * attempt
-        tolerance = max(least_px, deviations * 1.48 * float(np.median(np.abs(residual[used]))))
+        tolerance = max(least_px, deviations * robust_spread(residual[used]))
         used = (residual > -tolerance) & (residual < s.outer_tolerance * tolerance)
     return None if ellipse is None else (ellipse, used)
 
@@ -203,7 +204,6 @@ def _robust_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float,
     slope, offset = 0.0, float(np.median(y))
     for _ in range(NAIL_CONTOUR.rounds):
         residual = y - (offset + slope * x)
-        spread = max(1.48 * float(np.median(np.abs(residual[used]))), NAIL_CONTOUR.least_deviation_px)
-        used = np.abs(residual) < NAIL_CONTOUR.outlier_deviations * spread
+        used = inliers(residual, used, NAIL_CONTOUR.outlier_deviations, NAIL_CONTOUR.least_deviation_px)
         slope, offset = (float(v) for v in np.polyfit(x[used], y[used], 1))
     return slope, offset

@@ -14,11 +14,11 @@ from services.registration.core.drill_clearance import AxisOffset
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.hole_axes import holes_at as nail_holes_at
 from services.registration.core.plan import (
-    LONGEST_AXIAL_SHIFT_MM,
     PlannedMove,
     RobotNow,
     plan_move,
 )
+from services.registration.core.tuning import PLAN_SEARCH
 from shared.acceptance import Refusal
 from shared.errors import Accepted
 from shared.geometry.frames import Camera, Guide, Nail
@@ -153,7 +153,7 @@ def test_free_travel_brings_a_far_target_into_reach() -> None:
     holes, robot = holes_at(nail_at((5.0, -4.0, 3.0), (2.0, 4.0))), robot_at(high)
     move = planned(holes, BOTH, robot)
     assert move.axial_shift_mm != 0.0
-    assert abs(move.axial_shift_mm) <= LONGEST_AXIAL_SHIFT_MM
+    assert abs(move.axial_shift_mm) <= PLAN_SEARCH.longest_shift_mm
     for hole in holes:
         assert guide_hole_after(move, robot, guide_part(), hole.id).distance_mm(hole.entry_guide_mm) < 1e-5
     assert path_violations(HEXAPOD, robot.pose, move.target_pose, robot.pivot_mm) == ()
