@@ -19,6 +19,8 @@ _SMOOTHED_SEARCH: Final = fitted(
     "16 starts an image, `python -m benchmarks.accuracy.capture`: one or two end points, without smoothing up to 9"
 )
 _EDGE_REACH: Final = derived("half a diagonal 0.7, softening 0.15, curvature: pixels change by 0.003 (1.0: by 0.009)")
+_CUT: Final = derived("cut at 1.5 sd: bias a thirtieth of the noise")
+_STRAIGHT: Final = derived("assumed 0.3 mm over 180 mm: 8 * 0.3 / 180^2")
 _MUSCLE: Final = physical("60-80 kV behind 100-200 mm of muscle")
 _SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most")
 _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_objects --seeds fit`")
@@ -167,9 +169,7 @@ class RaySampling:
     edge_reach_px: float = tuned(1.5, "stage px", "distance from an edge that needs several rays", _EDGE_REACH)
     uniform_difference: float = tuned(0.02, "1", "spread of four rays that suffice", _INSPECTION)
     softening_px: float = tuned(0.15, "stage px", "half width of mean at grazed surfaces", _INSPECTION)
-    near_edge_in_steps: float = tuned(
-        5.0, "steps", "distance from edges: analytic derivatives", derived("differences agree")
-    )
+    near_edge_in_steps: float = tuned(5.0, "steps", "from edges: analytic derivatives", derived("differences agree"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,20 +182,13 @@ class BeamPhysics:
     focal_spot_mm: float = tuned(0.5, "mm", "edge of the focal spot", physical("0.3 to 0.6; docs/nail-likelihood.md"))
     least_spread: float = tuned(0.2, "stage px", "least spread of a pixel's rays", derived("equal rays would jump"))
 
-    @property
-    def steel_in_titanium(self) -> float:
-        """Millimetres of Ti6Al4V that attenuate as 1 mm of steel."""
-        return self.steel_attenuation_per_mm / self.titanium_attenuation_per_mm
-
 
 @dataclass(frozen=True, slots=True)
 class Clipping:
     """Grey values cut off at the dark end (`core/nail/left_out.py`)."""
 
     window_px: int = tuned(5, "px", "side of the square in which black pixels are counted", _INSPECTION)
-    largest_share: float = tuned(
-        0.06, "1", "share of black pixels that is tolerated", derived("cut at 1.5 sd: bias a thirtieth of the noise")
-    )
+    largest_share: float = tuned(0.06, "1", "share of black pixels that is tolerated", _CUT)
 
 
 # The nail's fit: priors
@@ -234,14 +227,9 @@ class NailPriors:
     s_bend_sd: float = tuned(0.15, "1", "the same, opposite at the edge's dark and bright half", _PROCESSED)
     delrin_per_mm: float = tuned(0.02, "1/mm", "attenuation of the guide's body", physical("POM at 60-80 kV"))
     delrin_per_mm_sd: float = tuned(0.02, "1/mm", "of that", physical("from none to twice that of POM: guides differ"))
-    straightness_sd_per_m: float = tuned(
-        0.07, "1/m", "curvature of a nail as made, each plane", derived("assumed 0.3 mm over 180 mm: 8 * 0.3 / 180^2")
-    )
+    straightness_sd_per_m: float = tuned(0.07, "1/m", "curvature of a nail as made, each plane", _STRAIGHT)
     bent_sd_per_m: float = tuned(
-        2.0,
-        "1/m",
-        "curvature of a nail that the canal bends, each plane",
-        derived("radii from 300 mm are within 1.7 sd"),
+        2.0, "1/m", "of a nail bent by the canal, each plane", derived("radius 300 mm: 1.7 sd")
     )
     least_anchor_distance_mm: float = tuned(5.0, "mm", "holes closer than this are one place", _INSPECTION)
     usual_anchor_mm: float = tuned(15.0, "mm", "anchors from the origin then", physical("usual holes are 30 mm apart"))
@@ -323,15 +311,8 @@ class ForeignObjects:
 class BentNail:
     """Nails that the canal bends (`core/nail/rays.py`, `core/nail/tilt_ambiguity.py`)."""
 
-    section_step_mm: float = tuned(
-        0.5, "mm", "between cross-sections of a bent nail", derived("0.1 um off an arc of 300")
-    )
-    about_hole_mm: float = tuned(
-        2.0,
-        "mm",
-        "beyond a hole along the nail: its own section",
-        derived("8 degrees of tilt and an edge's reach"),
-    )
+    section_step_mm: float = tuned(0.5, "mm", "between cross-sections", derived("0.1 um off an arc of 300 mm"))
+    about_hole_mm: float = tuned(2.0, "mm", "beyond a hole: its own section", derived("8° of tilt and an edge's reach"))
     chi_square: float = tuned(9.2, "1", "of both curvatures beyond what a straight nail has", standard("1 %, 2 dof"))
     least_radius_mm: float = tuned(200.0, "mm", "of an optimum that counts", derived("two thirds of what canals do"))
     first_steps: int = tuned(12, "1", "steps of the fit from each start", _INSPECTION)
@@ -348,6 +329,9 @@ class NailSolver:
     damping_after_failure: float = tuned(0.1, "1", "damping after a step that failed", derived("less fails again"))
     largest_damping: float = tuned(1e6, "1", "damping at which a fit ends", derived("steps are 1e-6 of the scale"))
     damping_factor: float = tuned(10.0, "1", "change of the damping", standard("Marquardt 1963"))
+    coarse_tolerance: float = tuned(
+        2.0, "1", "decrease of the cost that ends a coarse fit", derived("log likelihood 1")
+    )
     useless_share: float = tuned(0.3, "tolerance", "predicted decrease below which no rays are traced", _INSPECTION)
     trusted_decreases: float = tuned(5.0, "predicted decreases", "margin of gain before a fit is abandoned", _ABANDONED)
     close_deviations: float = tuned(3.0, "sd", "distance within which derivatives are kept", _KEPT)
@@ -363,7 +347,6 @@ class CentringStage:
     knot_spacing_mm: float = tuned(8.0, "mm", "spacing of the background's knots", _INSPECTION)
     texture_sd: float = tuned(0.005, "1", "prior of second differences of the background", _INSPECTION)
     most_steps: int = tuned(8, "1", "steps of the fit", _INSPECTION)
-    tolerance: float = tuned(2.0, "1", "decrease of the cost that ends the fit", derived("a log likelihood of 1"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -380,7 +363,6 @@ class TiltSearchStage:
     distinct_deg: float = tuned(1.5, "°", "angle of a hole's axis from which two optima differ", _INSPECTION)
     screening_steps: int = tuned(4, "1", "steps before equal searches are merged", _INSPECTION)
     most_steps: int = tuned(10, "1", "steps of a search", _INSPECTION)
-    tolerance: float = tuned(2.0, "1", "decrease of the cost that ends a search", derived("a log likelihood of 1"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -393,13 +375,11 @@ class ComparisonStage:
     knot_spacing_mm: float = tuned(2.0, "mm", "spacing of the background's knots", _INSPECTION)
     texture_sd: float = tuned(0.01, "1", "prior of second differences of the background", _INSPECTION)
     noise_steps: int = tuned(3, "1", "steps before the noise is estimated", _INSPECTION)
-    noise_tolerance: float = tuned(2.0, "1", "decrease of the cost that ends these", derived("a log likelihood of 1"))
     most_steps: int = tuned(8, "1", "steps of a fit", _INSPECTION)
     tolerance: float = tuned(0.2, "1", "decrease of the cost that ends a fit", derived("a log likelihood of 0.1"))
     abandoned_margin: float = tuned(60.0, "1", "margin that ends another fit", derived("1.5 times a limit of 40"))
     nearby_tilt_deg: float = tuned(3.0, "°", "tilts that test the best optimum", derived("twice `distinct_deg`"))
     nearby_steps: int = tuned(3, "1", "steps of these tests", _INSPECTION)
-    nearby_tolerance: float = tuned(2.0, "1", "decrease of the cost that ends these", derived("a log likelihood of 1"))
     most_restarts: int = tuned(3, "1", "searches resumed from a better tilt nearby", _INSPECTION)
 
 
@@ -510,12 +490,7 @@ class ModelErrors:
     turn_about_z_deg: float = tuned(0.02, "deg", "turn about the nail's z axis", _MODEL_ERRORS_FIT)
     position_mm: float = tuned(0.007, "mm", "across the beam, and of the length that sets the depth", _MODEL_ERRORS_FIT)
     radius_deviations: float = tuned(0.2, "sd of the prior", "estimated radii of holes and nail (6 um)", _TWO_IMAGES)
-    curvature_per_m: float = tuned(
-        0.04,
-        "1/m",
-        "estimated curvature, each plane",
-        derived("either hole off by tilt_deg at 15 mm"),
-    )
+    curvature_per_m: float = tuned(0.04, "1/m", "estimated curvature, each plane", derived("tilt_deg at 15 mm"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -600,9 +575,7 @@ class GuideMeasurement:
 class GuideAsBuilt:
     """When the guide's balls are taken to be displaced from where its file puts them."""
 
-    largest_chi_square: float = tuned(
-        2.5, "1", "chi-square over its degrees of freedom beyond which a spread is estimated", _AS_BUILT
-    )
+    largest_chi_square: float = tuned(2.5, "1", "chi-square per degree of freedom: a spread is estimated", _AS_BUILT)
     least_freedom: int = tuned(6, "1", "degrees of freedom without which none is", derived("six balls"))
     explained_by_planes: float = tuned(0.5, "1", "share of chi-square for which planes are named", _INSPECTION)
 
@@ -611,9 +584,7 @@ class GuideAsBuilt:
 class NailAsBuilt:
     """What a nail's tolerances do beside the pose that is fitted to the holes as they are."""
 
-    own_share: float = tuned(
-        0.5, "1", "share of the variance that stays with each hole", derived("of two holes the pose takes the mean")
-    )
+    own_share: float = tuned(0.5, "1", "share of variance left to each hole", derived("the pose takes the mean of two"))
 
 
 @dataclass(frozen=True, slots=True)

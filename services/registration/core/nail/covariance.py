@@ -16,7 +16,6 @@ from services.registration.core.nail.noise import NoiseModel, covariance_of_sums
 from services.registration.core.nail.parameters import (
     CURVATURE,
     SHAPE_PARAMETERS,
-    motion_by_parameters,
     prior_mean,
     prior_precision,
 )
@@ -57,7 +56,7 @@ def errors_of_straight(problem: Problem, solution: Solution, noise: NoiseModel, 
     errors = pose_errors(problem, solution, noise)
     count, of_shape = len(solution.equations.gradient), len(errors.shape_deviations)
     followed = np.linalg.solve(freed.equations.matrix[:count, :count], freed.equations.matrix[:count, count:])
-    motion = motion_by_parameters(solution.parameters[:POSE_SIZE], problem.model.camera, problem.model.anchors)
+    motion = problem.model.motion_by_parameters(solution.parameters)
     rows = [int(np.count_nonzero(problem.free[:parameter])) for parameter in SHAPE_PARAMETERS[:of_shape]]
     per_deviation = np.sqrt(prior_precision()[list(SHAPE_PARAMETERS[:of_shape])])
     by_curvature = np.vstack([motion @ followed[:POSE_SIZE], per_deviation[:, None] * followed[rows]])
@@ -97,8 +96,7 @@ def _covariance_by(
 
 def motion_gain(problem: Problem, solution: Solution) -> NDArray[np.float64]:
     """The nail's small motion per gradient, shape (6, P)."""
-    model = problem.model
-    motion = motion_by_parameters(solution.parameters[:POSE_SIZE], model.camera, model.anchors)
+    motion = problem.model.motion_by_parameters(solution.parameters)
     return np.asarray(motion @ np.linalg.inv(solution.equations.matrix)[:POSE_SIZE])
 
 

@@ -28,14 +28,12 @@ from services.registration.core.nail.parameters import (
     Anchors,
     Parameter,
     anchors_of,
-    attenuation_per_mm,
     chamfer,
     curvature_of,
     motion_by_parameters,
     parameters_from_pose,
     pose_from_parameters,
     rotation_and_translation,
-    steel_in_material,
 )
 from services.registration.core.nail.rays import (
     LEAST_RAYS_TO_SHARE,
@@ -97,6 +95,10 @@ class ForwardModel:
     def pose(self, parameters: NDArray[np.float64]) -> Transform[Camera, Nail]:
         """`camera_from_nail` of the parameters."""
         return pose_from_parameters(parameters[:POSE_SIZE], self.camera, self.anchors)
+
+    def motion_by_parameters(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Small motion of the nail by the pose's parameters (see there), shape (6, 6)."""
+        return motion_by_parameters(parameters[:POSE_SIZE], self.camera, self.anchors)
 
     def with_pose(
         self, parameters: NDArray[np.float64], camera_from_nail: Transform[Camera, Nail]
@@ -181,6 +183,8 @@ def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailSha
     excess = parameters[Parameter.HOLE_RADIUS_EXCESS_MM]
     radius_mm = float(nail.radius_mm + parameters[Parameter.NAIL_RADIUS_EXCESS_MM])
     widening_mm = radius_mm - chamfer(nail, parameters)[0]
+    usual_per_mm = BEAM.steel_attenuation_per_mm if nail.material == "steel" else BEAM.titanium_attenuation_per_mm
+    per_mm = usual_per_mm * float(np.exp(parameters[Parameter.LOG_ATTENUATION]))
     return NailShape(
         rotation=np.ascontiguousarray(rotation),
         translation_mm=np.ascontiguousarray(translation_mm),
@@ -189,8 +193,8 @@ def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailSha
         bores=np.array(
             [(*h.axis.point_mm, *h.axis.direction, 0.5 * h.diameter_mm + excess, widening_mm) for h in nail.holes]
         ),
-        material=(attenuation_per_mm(nail, parameters), float(parameters[Parameter.HARDENING]), BEAM.hardest_share),
-        steel_in_nail_material=steel_in_material(nail),
+        material=(per_mm, float(parameters[Parameter.HARDENING]), BEAM.hardest_share),
+        steel_in_nail_material=BEAM.steel_attenuation_per_mm / usual_per_mm,
     )
 
 
@@ -260,8 +264,7 @@ def _transmission_derivatives(
 ) -> Iterator[NDArray[np.float32]]:
     """Derivatives of the transmission by the free parameters that act on the paths, in their order."""
     causes = np.zeros((len(_PATH_PARAMETERS), DERIVATIVES))
-    motion = motion_by_parameters(traced.parameters[:POSE_SIZE], model.camera, model.anchors)
-    causes[:POSE_SIZE, :MOTION_SIZE] = motion.T
+    causes[:POSE_SIZE, :MOTION_SIZE] = model.motion_by_parameters(traced.parameters).T
     causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
     causes[Parameter.CHAMFER_DEVIATIONS] *= chamfer(model.nail, traced.parameters)[1]
     for values in causes[free[: len(_PATH_PARAMETERS)]].astype(np.float32) @ traced.derivatives.T:

@@ -220,18 +220,20 @@ def _linear_solution(problem: Problem, traced: TracedTransmission, visible: NDAr
 
 def normal_equations_at(problem: Problem, here: LinearSolution) -> NormalEquations:
     """Linearise a problem about its solution at some parameters."""
-    step = here.background - here.floor
-    changes = visible_fraction_derivatives(problem.model, here.traced, problem.free)
-    return _equations(problem, here, np.column_stack([change * step for change in changes]))
+    return _equations(problem, here, _derivatives(here, problem.free))
 
 
 def with_curvature(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
     """The same end of a straight nail's fit with the curvature free, and derivatives by it."""
     freed, here = replace(problem, free=problem.free | ~STRAIGHT_NAIL), solution.linear
-    step = here.background - here.floor
-    changes = visible_fraction_derivatives(problem.model, here.traced, ~STRAIGHT_NAIL)
-    jacobian = np.column_stack([solution.equations.jacobian, *(change * step for change in changes)])
+    jacobian = np.column_stack([solution.equations.jacobian, _derivatives(here, ~STRAIGHT_NAIL)])
     return freed, replace(solution, equations=_equations(freed, here, jacobian))
+
+
+def _derivatives(here: LinearSolution, free: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Derivatives of the modelled grey values by some parameters, background and floor held, shape (N, P)."""
+    step = here.background - here.floor
+    return np.column_stack([change * step for change in visible_fraction_derivatives(here.model, here.traced, free)])
 
 
 def _equations(problem: Problem, here: LinearSolution, jacobian: NDArray[np.float64]) -> NormalEquations:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.rays import (
-    _EVERYWHERE,
+    EVERYWHERE,
     FIRST_SAMPLES,
     SAMPLES_PX,
     PixelRays,
@@ -124,7 +124,7 @@ def _path_in(blocks: DrilledBoxes, origin: NDArray[np.float64], cx: float, cy: f
     dy = turn[0, 1] * cx + turn[1, 1] * cy + turn[2, 1]
     dz = turn[0, 2] * cx + turn[1, 2] * cy + turn[2, 2]
     for box in range(boxes.shape[0]):
-        near, far = _between(boxes[box, 0] - origin[0], 0.5 * boxes[box, 3], dx, -_EVERYWHERE, _EVERYWHERE)
+        near, far = _between(boxes[box, 0] - origin[0], 0.5 * boxes[box, 3], dx, -EVERYWHERE, EVERYWHERE)
         near, far = _between(boxes[box, 1] - origin[1], 0.5 * boxes[box, 4], dy, near, far)
         near, far = _between(boxes[box, 2] - origin[2], 0.5 * boxes[box, 5], dz, near, far)
         if far <= near:
@@ -166,8 +166,6 @@ def guide_body_path(
 ) -> NDArray[np.float64]:
     """Length in the guide's Delrin, bores left out, mean over places, shape (K, 2), within each pixel; (S,), in mm."""
     out = np.zeros(len(rays.slopes))
-    if not guide.body:
-        return out
     boxes = np.array([(*box.centre_mm, *box.size_mm) for box in guide.body])
     bores = [(*hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm) for hole in guide.holes]
     placed = camera_from_guide.rotation, camera_from_guide.translation_mm

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
-from services.registration.core.tuning import BEAM, NAIL_PRIORS
+from services.registration.core.tuning import NAIL_PRIORS
 from shared.compiled import compiled_inline as compiled
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
@@ -59,7 +59,6 @@ class Parameter(IntEnum):
 
 PARAMETER_COUNT = len(Parameter)
 CURVATURE = [Parameter.BEND_Y_PER_M, Parameter.BEND_Z_PER_M]
-ALL_PARAMETERS = np.ones(PARAMETER_COUNT, dtype=bool)
 # All but the curvature, which stays zero.
 STRAIGHT_NAIL = ~np.isin(np.arange(PARAMETER_COUNT), CURVATURE)
 POSE_ONLY = np.arange(PARAMETER_COUNT) < POSE_SIZE
@@ -135,17 +134,6 @@ def clipped_to_bounds(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
 def curvature_of(parameters: NDArray[np.float64]) -> tuple[float, float]:
     """Curvature towards the nail's y and z in 1/m."""
     return float(parameters[Parameter.BEND_Y_PER_M]), float(parameters[Parameter.BEND_Z_PER_M])
-
-
-def attenuation_per_mm(nail: NailPart, parameters: NDArray[np.float64]) -> float:
-    """Mean attenuation of the nail's material."""
-    usual = BEAM.steel_attenuation_per_mm if nail.material == "steel" else BEAM.titanium_attenuation_per_mm
-    return usual * float(np.exp(parameters[Parameter.LOG_ATTENUATION]))
-
-
-def steel_in_material(nail: NailPart) -> float:
-    """How many mm of the nail's material attenuate as 1 mm of steel does."""
-    return 1.0 if nail.material == "steel" else BEAM.steel_in_titanium
 
 
 def chamfer(nail: NailPart, parameters: NDArray[np.float64]) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from services.registration.core.tuning import BENT_NAIL
 from shared.compiled import compiled_inline as compiled
 from shared.geometry.bend import places_along
-from shared.geometry.frames import Camera, Nail
+from shared.geometry.frames import Nail
 from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 
@@ -36,7 +36,7 @@ FIRST_SAMPLES = 2 * len(_FIRST)
 LEAST_RAYS_TO_SHARE = 1000
 
 # Guards: a ray parallel to a cylinder is inside everywhere or nowhere; small lengths would divide by zero.
-PARALLEL, _EVERYWHERE = 1e-14, 1e9
+PARALLEL, EVERYWHERE = 1e-14, 1e9
 LEAST_STEP_MM, _LEAST_ACROSS = 1e-4, 1e-6
 # Below this cosine a hole's axis lies along the nail, and the reach of its rims along it has no bound.
 _LEAST_COSINE = 0.2
@@ -109,22 +109,13 @@ def cylinder_interval(
     a = px * px + py * py + pz * pz
     c = qx * qx + qy * qy + qz * qz - radius * radius
     if a < PARALLEL:
-        return (-_EVERYWHERE, _EVERYWHERE) if c < 0.0 else (1.0, 0.0)
+        return (-EVERYWHERE, EVERYWHERE) if c < 0.0 else (1.0, 0.0)
     b = px * qx + py * qy + pz * qz
     discriminant = b * b - a * c
     if discriminant <= 0.0:
         return (1.0, 0.0)
     root = np.sqrt(discriminant)
     return ((-b - root) / a, (-b + root) / a)
-
-
-def nail_rays(
-    directions: NDArray[np.float64], camera_from_nail: Transform[Camera, Nail]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rays, shape (N, 2), in the nail's frame: the focal spot, shape (3,), and directions, shape (N, 3)."""
-    in_camera = np.column_stack([directions, np.ones(len(directions))])
-    inverse = camera_from_nail.inverse()
-    return inverse.translation_mm, inverse.directions(in_camera)
 
 
 @compiled

@@ -19,7 +19,6 @@ from services.registration.core.nail.rays import (
     LEAST_RAYS_TO_SHARE,
     PixelRays,
     SteelPaths,
-    nail_rays,
     pixel_rays,
     rays_of,
 )
@@ -256,7 +255,9 @@ def _nail_plane(
     slopes: NDArray[np.float64], camera_from_nail: Transform[Camera, Nail]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where rays meet the plane through the nail's axis that faces the focal spot: x and y in mm, shape (N,) each."""
-    spot, directions = nail_rays(slopes, camera_from_nail)
+    nail_from_camera = camera_from_nail.inverse()
+    spot = nail_from_camera.translation_mm
+    directions = nail_from_camera.directions(np.column_stack([slopes, np.ones(len(slopes))]))
     normal = np.array([0.0, *(-spot[1:] / np.linalg.norm(spot[1:]))])
     depth = -(spot @ normal) / (directions @ normal)
     where = spot + depth[:, None] * directions

@@ -41,6 +41,7 @@ from services.registration.core.tuning import (
     CENTRING_STAGE,
     COMPARISON_STAGE,
     FINAL_STAGE,
+    NAIL_SOLVER,
     TILT_SEARCH_STAGE,
 )
 from shared.geometry.bend import MM_PER_M
@@ -77,7 +78,7 @@ def _centred(fit_input: FitInput, start: Transform[Camera, Nail]) -> Transform[C
         return None
     problem = problem_for(model, CENTRING_STAGE, _ANCHORS_ONLY)
     initial = model.with_pose(prior_mean(), start)
-    return model.pose(minimise(problem, initial, CENTRING_STAGE.most_steps, CENTRING_STAGE.tolerance).parameters)
+    return model.pose(minimise(problem, initial, CENTRING_STAGE.most_steps, NAIL_SOLVER.coarse_tolerance).parameters)
 
 
 def _optimal_poses(fit_input: FitInput, start: Transform[Camera, Nail]) -> list[Transform[Camera, Nail]]:
@@ -100,14 +101,14 @@ def local_optima(problem: Problem, start: NDArray[np.float64]) -> list[Solution]
     """
     stage = TILT_SEARCH_STAGE
     searches = [
-        minimise(problem, _tilted(start, tilt), stage.screening_steps, stage.tolerance)
+        minimise(problem, _tilted(start, tilt), stage.screening_steps, NAIL_SOLVER.coarse_tolerance)
         for tilt in _starting_tilts(start)
     ]
     # searches that have converged to the same pose are merged
     found = [_resumed(problem, search) for search in distinct(searches)]
     best = min(found, key=lambda solution: solution.cost)
     reflected = _tilted(best.parameters, -best.parameters[TILTS])
-    found.append(minimise(problem, reflected, stage.most_steps, stage.tolerance))
+    found.append(minimise(problem, reflected, stage.most_steps, NAIL_SOLVER.coarse_tolerance))
     return distinct(found)
 
 
@@ -139,7 +140,7 @@ def _resumed(problem: Problem, search: Solution) -> Solution:
     if search.converged:
         return search
     steps = TILT_SEARCH_STAGE.most_steps - TILT_SEARCH_STAGE.screening_steps
-    return minimise_from(problem, search.linear, steps, TILT_SEARCH_STAGE.tolerance)
+    return minimise_from(problem, search.linear, steps, NAIL_SOLVER.coarse_tolerance)
 
 
 def _compared(fit_input: FitInput, poses: list[Transform[Camera, Nail]]) -> GlobalOptimum | None:
@@ -149,7 +150,7 @@ def _compared(fit_input: FitInput, poses: list[Transform[Camera, Nail]]) -> Glob
     if model is None:
         return None
     problem = problem_for(model, stage, STRAIGHT_NAIL)
-    first = minimise(problem, model.with_pose(prior_mean(), poses[0]), stage.noise_steps, stage.noise_tolerance)
+    first = minimise(problem, model.with_pose(prior_mean(), poses[0]), stage.noise_steps, NAIL_SOLVER.coarse_tolerance)
     # no pixel may weigh less because the first of them does not explain it
     problem = evenly_weighted(problem, estimate_noise(problem, first.linear))
     optima = [minimise_from(problem, first.linear, stage.most_steps, stage.tolerance)]
@@ -204,7 +205,7 @@ def _nearby(problem: Problem, best: Solution) -> Solution:
             held,
             _tilted(best.parameters, best.parameters[TILTS] + tilt),
             stage.nearby_steps,
-            stage.nearby_tolerance,
+            NAIL_SOLVER.coarse_tolerance,
             _cost_limit(best),
         )
         for tilt in np.radians(stage.nearby_tilt_deg * _AXES)

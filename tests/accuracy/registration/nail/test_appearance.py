@@ -18,7 +18,7 @@ from services.registration.core.nail.forward_model import (
 from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.noise import noise_correlation, whitening_filter
 from services.registration.core.nail.parameters import (
-    ALL_PARAMETERS,
+    PARAMETER_COUNT,
     Parameter,
     clipped_to_bounds,
     parameters_from_pose,
@@ -71,7 +71,7 @@ def test_derivatives_are_those_of_the_picture(unknown: Parameter, prepared: Call
     model = prepared()
     parameters[Parameter.LOG_SHARPENING_WIDTH_PX] = np.log(2.4)
     traced = trace_transmission(model, parameters)
-    free = np.zeros_like(ALL_PARAMETERS)
+    free = np.zeros(PARAMETER_COUNT, dtype=bool)
     free[unknown] = True
     (found,) = visible_fraction_derivatives(model, traced, free)
     sides = []
@@ -111,7 +111,7 @@ def test_a_curve_that_became_straight_finds_its_way_back() -> None:
     parameters = clipped_to_bounds(parameters)
     assert parameters[Parameter.CURVE] == 0.0
     traced = trace_transmission(model, parameters)
-    free = np.zeros_like(ALL_PARAMETERS)
+    free = np.zeros(PARAMETER_COUNT, dtype=bool)
     free[Parameter.CURVE] = True
     (found,) = visible_fraction_derivatives(model, traced, free)
     assert np.abs(found).max() > 0.1

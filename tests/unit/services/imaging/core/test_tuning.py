@@ -15,9 +15,3 @@ def test_values_have_unit_effect_and_provenance(group: object) -> None:
         assert value.unit
         assert value.effect
         assert value.origin.source
-
-
-@pytest.mark.parametrize("module", [imaging, xray], ids=["imaging", "xray"])
-def test_every_instance_of_a_module_is_listed(module: object) -> None:
-    declared = [name for name in vars(module) if name.isupper() and not name.startswith("_") and name != "SETTINGS"]
-    assert [vars(module)[name] for name in declared] == list(vars(module)["SETTINGS"])
