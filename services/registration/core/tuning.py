@@ -151,6 +151,7 @@ class OpeningCover:
 class FitRegionSettings:
     """Which pixels take part in the fit (`core/nail/region.py`)."""
 
+    kernel_reach: float = tuned(4.0, "sd", "half length of a blur's kernel", derived("its end is 0.04 % of its middle"))
     blur_reach_px: int = tuned(8, "stage px", "rendered margin for the blur", derived("3 sd of the usual tail, 2.6 px"))
     aperture_margin_detector_mm: float = tuned(2.115, "mm", "margin inside the aperture", _INSPECTION)
     white_percentile: float = tuned(95.0, "%", "grey value that is taken as brightness 1", _INSPECTION)
@@ -181,14 +182,6 @@ class BeamPhysics:
     hardest_share: float = tuned(0.4, "1", "attenuation of hardest X-rays over mean", _SPECTRUM_END)
     focal_spot_mm: float = tuned(0.5, "mm", "edge of the focal spot", physical("0.3 to 0.6; docs/nail-likelihood.md"))
     least_spread: float = tuned(0.2, "stage px", "least spread of a pixel's rays", derived("equal rays would jump"))
-
-
-@dataclass(frozen=True, slots=True)
-class Clipping:
-    """Grey values cut off at the dark end (`core/nail/left_out.py`)."""
-
-    window_px: int = tuned(5, "px", "side of the square in which black pixels are counted", _INSPECTION)
-    largest_share: float = tuned(0.06, "1", "share of black pixels that is tolerated", _CUT)
 
 
 # The nail's fit: priors
@@ -234,14 +227,6 @@ class NailPriors:
     least_anchor_distance_mm: float = tuned(5.0, "mm", "holes closer than this are one place", _INSPECTION)
     usual_anchor_mm: float = tuned(15.0, "mm", "anchors from the origin then", physical("usual holes are 30 mm apart"))
     largest_deviations: float = tuned(6.0, "sd", "bound of all other parameters", standard("six sigma"))
-
-
-@dataclass(frozen=True, slots=True)
-class ImagingSteps:
-    """How blur and display are computed (`core/nail/imaging_chain.py`)."""
-
-    kernel_reach: float = tuned(4.0, "sd", "half length of a blur's kernel", derived("its end is 0.04 % of its middle"))
-    derivative_step: float = tuned(0.005, "1", "step of differences", derived("what curvature adds is below 1 %"))
 
 
 # The nail's fit: noise
@@ -292,8 +277,10 @@ class AgreementOfParts:
 
 @dataclass(frozen=True, slots=True)
 class ForeignObjects:
-    """What is darker than any nail explains (`core/nail/left_out.py`, `core/nail/evidence.py`)."""
+    """What is cut off, or darker than any nail explains (`core/nail/left_out.py`, `core/nail/evidence.py`)."""
 
+    black_window_px: int = tuned(5, "px", "side of the square in which black pixels are counted", _INSPECTION)
+    largest_black_share: float = tuned(0.06, "1", "share of black pixels that is tolerated", _CUT)
     most_rounds: int = tuned(2, "1", "fits after which more may be left out", _FOREIGN)
     blur_detector_mm: float = tuned(0.3525, "mm", "Gaussian before residuals are compared with the limit", _FOREIGN)
     limit_in_spreads: float = tuned(6.0, "robust sd", "darkness beyond which a pixel is foreign", _FOREIGN)
@@ -332,6 +319,7 @@ class NailSolver:
     coarse_tolerance: float = tuned(
         2.0, "1", "decrease of the cost that ends a coarse fit", derived("log likelihood 1")
     )
+    derivative_step: float = tuned(0.005, "1", "of blur and display", derived("what curvature adds is below 1 %"))
     useless_share: float = tuned(0.3, "tolerance", "predicted decrease below which no rays are traced", _INSPECTION)
     trusted_decreases: float = tuned(5.0, "predicted decreases", "margin of gain before a fit is abandoned", _ABANDONED)
     close_deviations: float = tuned(3.0, "sd", "distance within which derivatives are kept", _KEPT)
@@ -819,10 +807,8 @@ OPENING_COVER: Final = OpeningCover()
 FIT_REGION: Final = FitRegionSettings()
 RAY_SAMPLING: Final = RaySampling()
 BEAM: Final = BeamPhysics()
-CLIPPING: Final = Clipping()
 BENT_NAIL: Final = BentNail()
 NAIL_PRIORS: Final = NailPriors()
-IMAGING_STEPS: Final = ImagingSteps()
 NAIL_NOISE: Final = NailNoise()
 NAIL_SOLVER: Final = NailSolver()
 AGREEMENT_OF_PARTS: Final = AgreementOfParts()

@@ -21,34 +21,19 @@ from shared.errors import Reason
 
 @dataclass(frozen=True, slots=True)
 class FrameEvidence:
-    """What the acceptance of a frame depends on in which guide and nail were found.
-
-    Attributes
-    ----------
-    structure
-        As `ResidualStatistics.structure`.
-    unexplained
-        Share of the pixels around the holes whose residual is beyond four standard deviations of the noise.
-    turned_deg, turn_sd_deg
-        Rotation of the observed nail from the predicted one about the nail's x and y axes, and its predicted standard
-        deviation.
-    across_mm
-        Distance of the observed nail from the predicted one across the holes.
-    blur_px, reference_blur_px
-        Standard deviation of the blur in this frame and in the reference image.
-    tilt_sd_deg
-        Standard deviation of the nail's tilt by this frame's pixels alone.
-    """
+    """What the acceptance of a frame depends on in which guide and nail were found."""
 
     holes: tuple[HoleView, ...]
-    structure: float
-    unexplained: float
+    structure: float  # as `ResidualStatistics.structure`
+    unexplained: float  # share of the pixels around the holes whose residual is beyond four deviations of the noise
+    # Rotation of the observed nail from the predicted one about the nail's x and y axes, and its predicted deviation
     turned_deg: tuple[float, ...]
     turn_sd_deg: tuple[float, ...]
-    across_mm: float
+    across_mm: float  # distance of the observed nail from the predicted one across the holes
+    # Standard deviation of the blur in this frame and in the reference image
     blur_px: float
     reference_blur_px: float
-    tilt_sd_deg: float
+    tilt_sd_deg: float  # standard deviation of the nail's tilt by this frame's pixels alone
 
 
 def frame_reasons(evidence: FrameEvidence) -> tuple[Reason, ...]:

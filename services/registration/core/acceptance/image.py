@@ -42,38 +42,21 @@ from shared.geometry.transform import Transform
 
 @dataclass(frozen=True, slots=True)
 class HoleView:
-    """How a hole was seen.
-
-    Attributes
-    ----------
-    opening
-        Area through which background is seen, clear of balls and inside the image, as a share of the bore's disc.
-    contrast_to_noise
-        Brightness of the opening over the metal around it, in standard deviations of a pixel.
-    """
+    """How a hole was seen."""
 
     id: str
-    opening: float
-    contrast_to_noise: float
+    opening: float  # area through which background is seen, clear of balls and in the image, over the bore's disc
+    contrast_to_noise: float  # brightness of the opening over the metal around it, in standard deviations of a pixel
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualStatistics:
-    """What the model does not explain.
+    """What the model does not explain."""
 
-    Attributes
-    ----------
-    structure
-        Rms of the smoothed residual around rims and edges, over that elsewhere: one when only noise is left.
-    noise_inflation
-        Variance of a mean over many pixels, over that of independent pixels.
-    spot
-        Largest smoothed residual in and about a hole, as a share of the step from metal to background, if it is far
-        beyond noise: a wrong pose may explain all but a small piece of a hole that shows between two balls.
-    """
-
-    structure: float
-    noise_inflation: float
+    structure: float  # rms of the smoothed residual around rims and edges, over that elsewhere: one where all is noise
+    noise_inflation: float  # variance of a mean over many pixels, over that of independent pixels
+    # Largest smoothed residual in and about a hole, as a share of the step from metal to background, if it is far
+    # beyond noise: a wrong pose may explain all but a small piece of a hole that shows between two balls
     spot: float
 
 

@@ -39,6 +39,8 @@ from services.registration.core.nail.rays import (
     LEAST_RAYS_TO_SHARE,
     SAMPLES_PX,
     NailShape,
+    PixelRays,
+    SteelPaths,
     rays_of,
     section_places,
     section_shape,
@@ -134,45 +136,30 @@ class TracedTransmission:
 
 
 def trace_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
-    """Trace all rays of the region."""
-    if curvature_of(parameters) != (0.0, 0.0):
-        return _trace_bent(model, parameters)
-    region, count = model.region, len(model.region.support)
+    """Trace all rays of the region; of a bent nail, section by section."""
+    region, count, curvature = model.region, len(model.region.support), curvature_of(parameters)
+    shape, limits = _nail_shape(model, parameters), TraceLimits(*astuple(RAY_SAMPLING))
     transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
-    shape = _nail_shape(model, parameters)
-    limits = TraceLimits(*astuple(RAY_SAMPLING))
 
-    def trace_part(part: slice) -> None:
-        rays, steel = rays_of(region.rays, part), region.steel.of(part)
-        trace_pixels(rays, SAMPLES_PX, steel, shape, limits, transmission[part], derivatives[part])
+    def trace(rays: PixelRays, steel: SteelPaths, nail: NailShape, part: slice) -> None:
+        rays, steel = rays_of(rays, part), steel.of(part)
+        trace_pixels(rays, SAMPLES_PX, steel, nail, limits, transmission[part], derivatives[part])
 
-    on_both_halves(trace_part, count, LEAST_RAYS_TO_SHARE)
-    return TracedTransmission(parameters, region.on_rectangle(transmission, 1.0), derivatives)
-
-
-def _trace_bent(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
-    """Trace each ray through the straight nail of the cross-section where it passes nearest to the centre line."""
-    region, count = model.region, len(model.region.support)
-    shape, curvature, limits = (
-        _nail_shape(model, parameters),
-        curvature_of(parameters),
-        TraceLimits(*astuple(RAY_SAMPLING)),
-    )
+    if curvature == (0.0, 0.0):
+        on_both_halves(lambda part: trace(region.rays, region.steel, shape, part), count, LEAST_RAYS_TO_SHARE)
+        return TracedTransmission(parameters, region.on_rectangle(transmission, 1.0), derivatives)
     along_mm = section_places(model.nail, curvature, region.rays, shape)
     order = np.argsort(along_mm, kind="stable")
     rays, steel = rays_of(region.rays, order), region.steel.of(order)
-    transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
 
-    def trace_part(part: slice) -> None:
+    def trace_sections(part: slice) -> None:
         for section in sections_of(along_mm[order], part):
-            frame = section_frame(curvature, float(along_mm[order[section.start]]))
-            local, own = section_shape(shape, frame, float(along_mm[order[section.start]])), derivatives[section]
-            trace_pixels(
-                rays_of(rays, section), SAMPLES_PX, steel.of(section), local, limits, transmission[section], own
-            )
+            x_mm, own = float(along_mm[order[section.start]]), derivatives[section]
+            frame = section_frame(curvature, x_mm)
+            trace(rays, steel, section_shape(shape, frame, x_mm), section)
             own[:, :MOTION_SIZE] = own[:, :MOTION_SIZE] @ frame.inverse().adjoint.astype(np.float32)
 
-    on_both_halves(trace_part, count, LEAST_RAYS_TO_SHARE)
+    on_both_halves(trace_sections, count, LEAST_RAYS_TO_SHARE)
     back = np.argsort(order)
     return TracedTransmission(parameters, region.on_rectangle(transmission[back], 1.0), derivatives[back], along_mm)
 

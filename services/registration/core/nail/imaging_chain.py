@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.parameters import Parameter
-from services.registration.core.tuning import IMAGING_STEPS
+from services.registration.core.tuning import FIT_REGION, NAIL_SOLVER
 from shared.xray.pixel_scale import USUAL_PIXEL_MM
 
 Real = TypeVar("Real", np.float32, np.float64)
@@ -33,7 +33,7 @@ def blurred_image(image: NDArray[Real], sigma: float) -> NDArray[Real]:
 @lru_cache(maxsize=64)
 def _blur_kernel(sigma: float) -> NDArray[np.float64]:
     # Not GaussianBlur: its kernel's length is odd in steps, so that the result would jump while a fit moves sigma.
-    reach = max(1, int(np.ceil(IMAGING_STEPS.kernel_reach * sigma)))
+    reach = max(1, int(np.ceil(FIT_REGION.kernel_reach * sigma)))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-3)) ** 2)
     kernel /= kernel.sum()
     kernel.flags.writeable = False
@@ -177,7 +177,7 @@ def chain_derivative(
         Of the transmission through the chain with these parameters.
     """
     moved = parameters.copy()
-    moved[parameter] += IMAGING_STEPS.derivative_step
+    moved[parameter] += NAIL_SOLVER.derivative_step
     chain = imaging_chain(sampling, moved)
     if parameter in SHARPENING_PARAMETERS:
         change = chain.sharpened(images.tone_mapped) - images.sharpened
@@ -185,4 +185,4 @@ def chain_derivative(
         change = chain.tone_slope(images) * (chain.blurred(transmission) - images.blurred)
     else:  # of the curve
         change = chain.tone_mapped(images.blurred) - images.tone_mapped
-    return np.asarray(change / IMAGING_STEPS.derivative_step, dtype=np.float32)
+    return np.asarray(change / NAIL_SOLVER.derivative_step, dtype=np.float32)

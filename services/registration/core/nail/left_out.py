@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from services.registration.core.estimation.robust import robust_spread
 from services.registration.core.nail.region import FitRegion
 from services.registration.core.nail.search.outline import Opening
-from services.registration.core.tuning import CLIPPING, FOREIGN_OBJECTS, OPENING_COVER
+from services.registration.core.tuning import FOREIGN_OBJECTS, OPENING_COVER
 from shared.geometry.calibration import CArmCalibration
 from shared.xray.pixel_scale import pixels as pixels_of
 from shared.xray.pixel_scale import whole_pixels
@@ -21,8 +21,9 @@ def clipped_pixels(pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
     pose. Background at the white end costs nothing: the model's background is as flat.
     """
     black = (pixels <= pixels.min()).astype(np.float32)
-    share = cv2.boxFilter(black, -1, (CLIPPING.window_px, CLIPPING.window_px), borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(share > CLIPPING.largest_share)
+    window = (FOREIGN_OBJECTS.black_window_px,) * 2
+    share = cv2.boxFilter(black, -1, window, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(share > FOREIGN_OBJECTS.largest_black_share)
 
 
 def covered_pixels(
