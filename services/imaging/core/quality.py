@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.imaging.core.ball_measurement import found_radii_px, measurement_settings, usual_radii_px
+from services.imaging.core.ring_tracking import square_grid_mm
 from services.imaging.core.tuning import QUALITY_CONTROL
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.parts import RingPart
@@ -15,8 +16,6 @@ from shared.xray.measurement import measure_balls
 
 Array = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
-
-_GRID = np.stack(np.meshgrid(np.linspace(-80.0, 80.0, 9), np.linspace(-80.0, 80.0, 9)), axis=-1).reshape(-1, 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,8 +107,8 @@ def ball_statistics(measured: Sequence[Residuals], ball: int) -> BallStatistics:
     if count == 0:
         return BallStatistics(0, (0.0, 0.0), 0.0, 0.0, moved=False, rarely_seen=rarely)
     shift = np.median(residual[there], axis=0)
-    # A median of Gaussians scatters 1.25 times as much as their mean; one image with a covered ball does not move it.
-    error = 1.25 * float(np.sqrt(np.median(np.square(deviation[there])) / count))
+    # one image with a covered ball does not move a median
+    error = QUALITY_CONTROL.median_scatter * float(np.sqrt(np.median(np.square(deviation[there])) / count))
     length = float(np.hypot(*shift))
     return BallStatistics(
         seen=count,
@@ -127,13 +126,13 @@ def mean_distortion(measured: Sequence[Residuals]) -> tuple[tuple[float, float],
     """Mean distortion on the ring's plane, in its frame, in pixels: what a similarity does not explain."""
     if not measured:
         return ()
-    fields = []
+    fields, grid_mm = [], square_grid_mm(QUALITY_CONTROL.plane_half_side_mm, QUALITY_CONTROL.plane_places)
     for one in measured:
         calibration = one.calibration
-        plane = np.column_stack([_GRID, np.zeros(len(_GRID))])
+        plane = np.pad(grid_mm, ((0, 0), (0, 1)))
         ideal = calibration.camera.project(calibration.camera_from_ring.points(plane))
         image = calibration.distortion.distort(ideal)
-        fields.append(_without_similarity(_GRID, image @ calibration.camera_from_ring.rotation[:2, :2]))
+        fields.append(_without_similarity(grid_mm, image @ calibration.camera_from_ring.rotation[:2, :2]))
     return tuple((float(x), float(y)) for x, y in np.mean(fields, axis=0))
 
 

@@ -20,8 +20,6 @@ from shared.xray.measurement import Discs
 from shared.xray.pixel_scale import USUAL_PIXEL_MM
 from shared.xray.pixel_scale import pixels as pixels_at_detector
 
-_ROSE = np.stack([np.cos(np.arange(8) * np.pi / 4.0), np.sin(np.arange(8) * np.pi / 4.0)], axis=1)
-
 
 def calibrate_next(
     pixels: FloatImage, ring: RingPart, nominal: NominalGeometry, before: CArmCalibration | None
@@ -90,9 +88,11 @@ def still_dark(pixels: FloatImage, balls: BallCandidates, pixel_mm: float = USUA
     named = balls.ring_index != NOT_OF_THE_RING
     beside_px = pixels_at_detector(RING_TRACKING.beside_detector_mm, pixel_mm)
     centre, reach = balls.centre_px[named], balls.radius_px[named] + beside_px
-    around = centre[:, None] + reach[:, None, None] * _ROSE
+    angle_rad = np.arange(RING_TRACKING.directions) * 2.0 * np.pi / RING_TRACKING.directions
+    rose = np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=1)
+    around = centre[:, None] + reach[:, None, None] * rose
     beside = _grey(pixels, around).mean(axis=1)
-    return bool(np.mean(_grey(pixels, centre[:, None] + _ROSE).mean(axis=1) < beside) > RING_TRACKING.least_balls_kept)
+    return bool(np.mean(_grey(pixels, centre[:, None] + rose).mean(axis=1) < beside) > RING_TRACKING.least_balls_kept)
 
 
 def _grey(pixels: FloatImage, places_px: Array) -> FloatImage:
@@ -106,9 +106,6 @@ def _radii_before(ring: RingPart, before: CArmCalibration) -> Array:
     """Radii of the ring's balls in the earlier image; those not seen there look like the others of their size."""
     found_px = found_radii_px(before.balls, ring)
     return np.where(np.isfinite(found_px), found_px, usual_radii_px(found_px, ring))
-
-
-_GRID_MM = np.stack(np.meshgrid(np.linspace(-60.0, 60.0, 7), np.linspace(-60.0, 60.0, 7)), axis=-1).reshape(-1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,12 +137,22 @@ def ring_shift(now: CArmCalibration, before: CArmCalibration) -> RingShift | Non
         return None
     then, there = (_plate(c) @ np.array([1.0, 1.0j]) for c in (before, now))
     factor = np.vdot(then - then.mean(), there - there.mean()) / np.vdot(then - then.mean(), then - then.mean())
-    px_per_mm = float(np.abs(then - then.mean()).mean() / np.hypot(*_GRID_MM.T).mean())
+    px_per_mm = float(np.abs(then - then.mean()).mean() / np.hypot(*_plate_mm().T).mean())
     moved_px = float(np.abs(there.mean() - then.mean()))
     return RingShift(moved_px / px_per_mm, float(np.degrees(np.angle(factor))))
 
 
+def square_grid_mm(half_side_mm: float, count: int) -> Array:
+    """Places on a square about the ring's middle, `count` along each side, shape (N, 2)."""
+    along_mm = np.linspace(-half_side_mm, half_side_mm, count)
+    return np.stack(np.meshgrid(along_mm, along_mm), axis=-1).reshape(-1, 2)
+
+
+def _plate_mm() -> Array:
+    return square_grid_mm(RING_TRACKING.plate_half_side_mm, RING_TRACKING.plate_places)
+
+
 def _plate(calibration: CArmCalibration) -> Array:
     """Pixels in which a grid on the plate appears, shape (N, 2)."""
-    plane = np.column_stack([_GRID_MM, np.zeros(len(_GRID_MM))])
+    plane = np.pad(_plate_mm(), ((0, 0), (0, 1)))
     return calibration.image_from_camera(calibration.camera_from_ring.points(plane))

@@ -14,6 +14,7 @@ _BALLS: Final = fitted("by inspection on the seeded images of `python -m benchma
 _LIVE: Final = fitted("by inspection on the seeded frames of `python -m benchmarks.imaging.live_mode`")
 _STILL: Final = fitted("by inspection on the seeded frames of `tests/unit/services/imaging/core/test_still_frames.py`")
 _QUALITY: Final = fitted("by inspection on seeded images of damaged rings")
+_UNRECORDED: Final = fitted("by inspection; no run that compared alternatives is recorded")
 _DRAWN: Final = fitted("by inspection of drawn pages; nothing is measured by it")
 _TEN_PER_CENT: Final = derived("nominal C-arm values may be wrong by ten per cent")
 
@@ -208,6 +209,9 @@ class RingTracking:
     residual_growth: float = tuned(2.0, "1", "largest residual over that of the earlier image", _LIVE)
     residual_floor_detector_mm: float = tuned(0.01175, "mm", "residual below which that is not tested", _LIVE)
     beside_detector_mm: float = tuned(0.705, "mm", "from a ball's edge to the surroundings it is compared with", _LIVE)
+    directions: int = tuned(8, "1", "places about a ball and in it", _LIVE)
+    plate_half_side_mm: float = tuned(60.0, "mm", "half side of the square whose motion is measured", _QUALITY)
+    plate_places: int = tuned(7, "1", "places along its sides", _QUALITY)
     shift_limit_mm: float = tuned(1.0, "mm", "shift of the ring that is reported", _QUALITY)
     turn_limit_deg: float = tuned(0.5, "°", "rotation of the ring that is reported", _QUALITY)
 
@@ -238,6 +242,9 @@ class QualityControl:
 
     shift_mm: float = tuned(0.05, "mm", "ball's distance from its place in the file that is reported", _QUALITY)
     shift_sigmas: float = tuned(5.0, "1", "the same in standard errors", standard("5 sigma"))
+    median_scatter: float = tuned(1.25, "1", "scatter of a median over a mean's", standard("root of pi / 2"))
+    plane_half_side_mm: float = tuned(80.0, "mm", "half side of the square on which distortion is compared", _QUALITY)
+    plane_places: int = tuned(9, "1", "places along its sides", _QUALITY)
     worst_ball_mm: float = tuned(0.1, "mm", "change of a ball since the last report that is reported", _QUALITY)
     least_seen: float = tuned(0.5, "1", "share of the images that must show a ball", _QUALITY)
     least_images: int = tuned(3, "1", "images without which nothing is reported of a ball", _QUALITY)
@@ -263,6 +270,14 @@ class QualityPage:
     beside_ring_mm: float = tuned(12.0, "mm", "margin about the ring's balls", _DRAWN)
 
 
+@dataclass(frozen=True, slots=True)
+class ScreenCopies:
+    """Grey images that were stored in colours (`devices/dicom_pixels.py`)."""
+
+    coloured_levels: int = tuned(24, "levels", "difference of channels of a coloured pixel", _UNRECORDED)
+    most_coloured: float = tuned(0.02, "1", "share of coloured pixels that is allowed: text", _UNRECORDED)
+
+
 NOMINAL_VALUES = NominalValues()
 RING_DETECTION = RingDetection()
 HYPOTHESIS_SEARCH = HypothesisSearch()
@@ -275,4 +290,5 @@ RING_TRACKING = RingTracking()
 STILL_FRAMES = StillFrames()
 QUALITY_CONTROL = QualityControl()
 QUALITY_PAGE = QualityPage()
+SCREEN_COPIES = ScreenCopies()
 SETTINGS = declared_groups(globals())

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydicom.dataset import Dataset
 
+from services.imaging.core.tuning import SCREEN_COPIES
 from shared.errors import ImageUnreadable
 
 _GREY = ("MONOCHROME1", "MONOCHROME2")
 _COLOUR = ("RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
 _LUMINANCE = np.array([0.299, 0.587, 0.114], dtype=np.float32)
-_MOST_COLOURED = 0.02
-_COLOURED_LEVELS = 24
 
 
 def grey_frames(dataset: Dataset, stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:
@@ -73,10 +72,13 @@ def _without_unused_bits(dataset: Dataset, stored: NDArray[np.generic]) -> NDArr
 def _grey_of_colours(stored: NDArray[np.generic], source: str) -> NDArray[np.float32]:
     """Luminance of a screen's copy of a grey image; little coloured text is allowed."""
     values = stored.astype(np.float32)
-    coloured = float(np.mean(np.ptp(values, axis=-1) > _COLOURED_LEVELS))
-    if coloured > _MOST_COLOURED:
+    coloured, most = (
+        float(np.mean(np.ptp(values, axis=-1) > SCREEN_COPIES.coloured_levels)),
+        SCREEN_COPIES.most_coloured,
+    )
+    if coloured > most:
         raise ImageUnreadable(
-            f"{source}: {100 * coloured:.0f} % of the pixels are coloured (limit {100 * _MOST_COLOURED:.0f} %); "
+            f"{source}: {100 * coloured:.0f} % of the pixels are coloured (limit {100 * most:.0f} %); "
             "send the X-ray image itself, in grey values"
         )
     return np.asarray(values @ _LUMINANCE, dtype=np.float32)
