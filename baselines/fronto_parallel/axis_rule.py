@@ -78,7 +78,7 @@ def along_the_beam(
     Accepted or Rejected
         Rejected with `tilt_too_large` when a hole does not look round.
     """
-    circularity = tuple(outline.aspect_ratio for outline in seen.outlines)
+    circularity = tuple(minor / major for major, minor in (outline.semi_axes_px for outline in seen.outlines))
     worst = int(np.argmin(circularity))
     if circularity[worst] < LOWEST_ASPECT_RATIO:
         message = (

@@ -25,11 +25,6 @@ class Ellipse:
     semi_axes_px: tuple[float, float]  # major, then minor
     major_axis_rad: float  # direction of the major axis, from +x to +y
 
-    @property
-    def aspect_ratio(self) -> float:
-        """Minor over major axis, at most 1: the paper's measure of a hole's circularity."""
-        return self.semi_axes_px[1] / self.semi_axes_px[0]
-
     def signed_distance_px(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """First-order distance of points, shape (N, 2), from the outline; positive outside, shape (N,)."""
         turn = np.array([np.cos(self.major_axis_rad), np.sin(self.major_axis_rad)])
