@@ -119,7 +119,8 @@ def plan_move(
             f"guide and nail axes of {', '.join(hole_ids)} cannot coincide at once: {RESIDUAL.quoted(residual_mm)} "
             f"would remain{_askew(aims)}",
         )
-    turns_deg = _both_ways(PLAN_SEARCH.largest_turn_deg, PLAN_SEARCH.turns) if len(aims) == 1 else np.zeros(1)
+    most_deg = PLAN_SEARCH.largest_turn_deg
+    turns_deg = np.linspace(-most_deg, most_deg, PLAN_SEARCH.turns) if len(aims) == 1 else np.zeros(1)
     chosen = _within_reach(shortest, aims[0].hole.axis_guide, turns_deg, robot)
     return chosen if isinstance(chosen, Refusal) else Accepted(_planned(chosen, aims, robot))
 
@@ -156,7 +157,8 @@ def _within_reach(
     shortest: Transform[Guide, Guide], axis: Line, turns_deg: NDArray[np.float64], robot: RobotNow
 ) -> _Freedom | Refusal[PlanRefusal]:
     """The use of the freedom with the least travel that the hexapod can make, along the whole way."""
-    shifts_mm = _both_ways(PLAN_SEARCH.longest_shift_mm, PLAN_SEARCH.shifts)
+    most_mm = PLAN_SEARCH.longest_shift_mm
+    shifts_mm = np.linspace(-most_mm, most_mm, PLAN_SEARCH.shifts)
     uses = sorted(product(shifts_mm, turns_deg), key=lambda use: abs(use[0]) + PLAN_SEARCH.mm_per_deg * abs(use[1]))
     tried: list[tuple[float, _Freedom]] = []
     for shift_mm, turn_deg in uses:
@@ -168,10 +170,6 @@ def _within_reach(
         tried.append((margin, freedom))
     nearest = max(tried, key=lambda one: one[0])[1]
     return Refusal(OUT_OF_REACH.code, _out_of_reach(tried[0][1], nearest, robot))
-
-
-def _both_ways(farthest: float, count: int) -> NDArray[np.float64]:
-    return np.linspace(-farthest, farthest, count)
 
 
 def _out_of_reach(shortest: _Freedom, nearest: _Freedom, robot: RobotNow) -> str:
