@@ -4,6 +4,7 @@ Three X-ray energies, scatter, a glare halo, quantum noise that the detector blu
 masking with a wider mask than the fit expects; metal by the distance between skew lines, Delrin by sampled depth.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ SIZE_PX = 330
 FOCAL_PX = 4200.0
 PHOTONS_PER_PIXEL = 2500.0
 _OVERSAMPLING = 4
+_BAND_ROWS_PX = 5
 _ENERGIES = np.array([0.3, 0.4, 0.3])
 _PER_MM: dict[Material, NDArray[np.float64]] = {
     "steel": np.array([2.1, 1.2, 0.8]),
@@ -105,16 +107,8 @@ def shoot(
     """Take an image; `guide_beside_mm` places the guide's bore relative to the distal hole's ray."""
     rng = np.random.default_rng(seed)
     guide = placed_guide(guide_beside_mm, camera_from_nail)
-    fine = (np.arange(SIZE_PX * _OVERSAMPLING) + 0.5) / _OVERSAMPLING - 0.5
     view = calibration()
-    K = view.camera.intrinsic_matrix_px
-    x, y = np.meshgrid((fine - K[0, 2]) / FOCAL_PX, (fine - K[1, 2]) / FOCAL_PX)
-    directions = np.stack([x, y, np.ones_like(x)], axis=-1)
-    metal = _nail_path(directions, nail, camera_from_nail)
-    steel = _ball_path(directions, guide.camera_from_guide.points(guide.part.balls.position_mm))
-    passed = _binned(
-        _transmitted(metal, nail.material, steel) * np.exp(-_DELRIN_PER_MM * _delrin_path(directions, guide))
-    )
+    passed = np.concatenate([_passed(rays, nail, camera_from_nail, guide) for rays in _bands_of_rays(view)])
     intensity = passed * _tissue(rng)
     intensity = 0.94 * intensity + 0.06 * gaussian_filter(intensity, 40.0) + 0.12
     photons = PHOTONS_PER_PIXEL * dose
@@ -122,6 +116,25 @@ def shoot(
     displayed = 60000.0 * np.sqrt(np.clip(gaussian_filter(noisy, 0.6), 0.0, None))
     displayed += 0.45 * (displayed - gaussian_filter(displayed, 2.2))
     return Shot(displayed.astype(np.float32), view, nail, Occluders(guide, None), camera_from_nail)
+
+
+def _bands_of_rays(view: CArmCalibration) -> Iterator[NDArray[np.float64]]:
+    """Rays through an image, several to a pixel, some rows at a time so that they stay in the processor's caches."""
+    fine = (np.arange(SIZE_PX * _OVERSAMPLING) + 0.5) / _OVERSAMPLING - 0.5
+    K = view.camera.intrinsic_matrix_px
+    for band in fine.reshape(-1, _BAND_ROWS_PX * _OVERSAMPLING):
+        x, y = np.meshgrid((fine - K[0, 2]) / FOCAL_PX, (band - K[1, 2]) / FOCAL_PX)
+        yield np.stack([x, y, np.ones_like(x)], axis=-1)
+
+
+def _passed(
+    directions: NDArray[np.float64], nail: NailPart, camera_from_nail: Transform[Camera, Nail], guide: PlacedGuide
+) -> NDArray[np.float64]:
+    """What passes nail and guide, as the mean of each pixel."""
+    metal = _nail_path(directions, nail, camera_from_nail)
+    steel = _ball_path(directions, guide.camera_from_guide.points(guide.part.balls.position_mm))
+    delrin = np.exp(-_DELRIN_PER_MM * _delrin_path(directions, guide))
+    return _binned(_transmitted(metal, nail.material, steel) * delrin)
 
 
 def _transmitted(
@@ -145,8 +158,8 @@ def _tissue(rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _binned(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    side = image.shape[0] // _OVERSAMPLING
-    return np.asarray(image.reshape(side, _OVERSAMPLING, side, _OVERSAMPLING).mean(axis=(1, 3)))
+    rows, columns = (size // _OVERSAMPLING for size in image.shape)
+    return np.asarray(image.reshape(rows, _OVERSAMPLING, columns, _OVERSAMPLING).mean(axis=(1, 3)))
 
 
 def _inside_cylinder(
