@@ -6,8 +6,9 @@ INSTALLED := .venv/.installed
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 # How many processes share the tests. A file's tests stay in one of them, with the fixtures that they share; the folders
-# with the longest files come first, so that no process ends long before the others. End-to-end tests run by themselves:
-# an installation is seven processes, and some of its tests hold safety deadlines.
+# with the longest files come first, so that no process ends long before the others. Contract tests mostly wait, so one
+# more process runs them beside the others. End-to-end tests follow, because an installation is seven processes; those
+# that hold safety deadlines are the last, one after the other.
 WORKERS ?= 2
 PYTEST := $(BIN)/python -m pytest -q
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
@@ -16,7 +17,8 @@ T ?= tests/unit
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
 
-.PHONY: help setup demo test check lint tests unit mutation bench lock generated wheel-check clean
+.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit mutation bench lock generated \
+	wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
@@ -47,10 +49,11 @@ demo: $(COMPILED)
 
 # Each part prints little unless it fails, so that they can run at the same time.
 test: setup
-	@$(MAKE) --no-print-directory --jobs=2 lint tests
+	@$(MAKE) --no-print-directory --jobs=3 lint contract-tests tests
+	@$(MAKE) --no-print-directory e2e-tests
 
 check: setup
-	@$(MAKE) --no-print-directory --jobs=2 lint quick-tests
+	@$(MAKE) --no-print-directory --jobs=3 lint contract-tests quick-tests
 
 lint: setup
 	@$(BIN)/ruff check --quiet .
@@ -60,11 +63,17 @@ lint: setup
 	@$(BIN)/mypy
 
 tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) tests/accuracy tests/contract tests/property tests/unit
-	$(PYTEST) tests/e2e
+	$(PYTEST) $(PARALLEL) tests/accuracy tests/property tests/unit
+
+contract-tests: $(COMPILED)
+	$(PYTEST) tests/contract
+
+e2e-tests: $(COMPILED)
+	$(PYTEST) $(PARALLEL) -m "not alone" tests/e2e
+	$(PYTEST) -m alone tests/e2e
 
 quick-tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) tests/contract tests/property tests/unit
+	$(PYTEST) $(PARALLEL) tests/property tests/unit
 
 unit: $(COMPILED)
 	$(PYTEST) $(T)

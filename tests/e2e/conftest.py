@@ -50,9 +50,9 @@ def operating_room(folder: Path, seed: int) -> Iterator[OperatingRoom]:
         yield OperatingRoom(fleet, installation, rest, control)
 
 
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[OperatingRoom]:
-    """A fresh installation."""
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OperatingRoom]:
+    """A fresh installation for a file's tests."""
     print(f"scenario seed {SEED}")
-    with operating_room(tmp_path, SEED) as room:
+    with operating_room(tmp_path_factory.mktemp("room"), SEED) as room:
         yield room

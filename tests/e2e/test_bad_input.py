@@ -5,7 +5,6 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
@@ -19,16 +18,9 @@ from pynetdicom import AE
 
 from distalock.case_client import CaseClient
 from distalock.rest_client import JsonObject, RequestRefused
-from tests.e2e.conftest import SEED, OperatingRoom, operating_room
+from tests.e2e.conftest import OperatingRoom
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OperatingRoom]:
-    print(f"scenario seed {SEED}")
-    with operating_room(tmp_path_factory.mktemp("room"), SEED) as room:
-        yield room
 
 
 @pytest.fixture(scope="module")

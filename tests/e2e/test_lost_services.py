@@ -13,7 +13,7 @@ from distalock.case_client import CaseClient, Operation, Plan
 from distalock.rest_client import JsonObject
 from tests.e2e.conftest import SEED, OperatingRoom, operating_room
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
 
 # Longer than any command lives (1 s) and any link's lease (1 s).
 FROZEN_S = 2.5

@@ -6,6 +6,7 @@ from benchmarks.robot.stop_latency import LIMIT_P99_S, LIMIT_WORST_S, TRIALS, me
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.timeout(600)
 def test_a_stop_over_rest_reaches_the_wire_at_once_in_motion_and_with_a_mute_controller() -> None:
     latencies = measured(TRIALS // 10, seed=78)
