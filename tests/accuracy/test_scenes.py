@@ -14,7 +14,7 @@ from services.registration.core.tuning import NAIL_PRIORS
 from simulation.render.image import ImageFaults, Noise, exposed, view_of
 from simulation.world.poses import starting_state
 
-SEEDS = range(7000, 7008)
+SEEDS = range(7000, 7006)
 
 
 @pytest.mark.slow
@@ -23,11 +23,14 @@ def test_random_scenes_are_localised_or_refused_but_never_wrong() -> None:
     print(f"seeds {SEEDS}: {found}")
     assert found.wrong == 0
     assert found.ended_wrong == 0
-    assert found.accepted >= 7
-    assert found.entry_mm[0] < 0.3
-    assert found.axis_deg[0] < 0.5
-    assert found.normalised_entry < 2.0
-    assert found.normalised_axis < 2.0
+    assert found.accepted == len(SEEDS)
+    # measured: median 0.051 and largest 0.077 mm, median 0.075 and largest 0.116 degrees, normalised 1.09 and 0.64
+    assert found.entry_mm[0] < 0.076
+    assert found.entry_mm[2] < 0.116
+    assert found.axis_deg[0] < 0.113
+    assert found.axis_deg[2] < 0.175
+    assert 0.72 < found.normalised_entry < 1.64
+    assert 0.42 < found.normalised_axis < 0.97
 
 
 # Two balls lie over a hole in each: one search ended 11° off, and one on a slope.

@@ -18,7 +18,7 @@ from tests.unit.services.registration.core.wires.wire_scene import (
 )
 from tests.unit.services.registration.xray_scene import nail_part, posed_guide
 
-SEEDS = range(100, 106)
+SEEDS = range(100, 104)
 
 
 def true_offsets_mm(wires: Wired, hole_id: str) -> NDArray[np.float64]:
@@ -63,17 +63,24 @@ def errors(kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return np.array(distances), np.array(predicted)
 
 
+# measured: medians 0.093 and 0.324 mm, largest 0.329 and 0.868 mm; normalised rms 1.08 and 0.71, largest 2.13 and 1.19
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "found", "median_mm"), [("pair", 11, 0.15), ("lateral", 10, 0.5)])
-def test_errors_are_as_large_as_predicted(kind: str, found: int, median_mm: float) -> None:
+@pytest.mark.parametrize(
+    ("kind", "median_mm", "largest_mm", "normalised_rms", "normalised_largest"),
+    [("pair", 0.14, 0.49, (0.72, 1.61), 3.2), ("lateral", 0.49, 1.30, (0.47, 1.07), 1.8)],
+)
+def test_errors_are_as_large_as_predicted(
+    kind: str, median_mm: float, largest_mm: float, normalised_rms: tuple[float, float], normalised_largest: float
+) -> None:
     distances, predicted = errors(kind)
     normalised = distances / predicted
+    rms = float(np.sqrt(np.mean(normalised**2)))
     print(
         f"{kind}: seeds {SEEDS}, {len(distances)} wires, median {np.median(distances):.3f} mm, "
-        f"largest {distances.max():.3f} mm, normalised rms {np.sqrt(np.mean(normalised**2)):.2f}, "
-        f"largest {normalised.max():.2f}"
+        f"largest {distances.max():.3f} mm, normalised rms {rms:.2f}, largest {normalised.max():.2f}"
     )
-    assert len(distances) >= found
+    assert len(distances) == 2 * len(SEEDS)
     assert np.median(distances) < median_mm
-    assert np.sqrt(np.mean(normalised**2)) < 1.3
-    assert normalised.max() < 3.5
+    assert distances.max() < largest_mm
+    assert normalised_rms[0] < rms < normalised_rms[1]
+    assert normalised.max() < normalised_largest

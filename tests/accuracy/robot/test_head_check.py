@@ -81,4 +81,6 @@ def test_an_extension_entered_10_mm_wrong_shows_in_a_first_move_that_turns() -> 
     print(refused)
     assert refused is not None
     assert refused.code is HeadTrouble.HEAD_EXTENSION
+    # to the millimetre: its standard uncertainty is 1 mm
+    assert f"extension at {scenario.head_extension_mm:.0f} ± 1 mm" in refused.message
     assert check_motion(hexapod, scenario.head_extension_mm, before.view, after.view) is None, "as it really is"

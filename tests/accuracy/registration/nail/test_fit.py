@@ -81,11 +81,12 @@ def test_axes_and_places_are_accurate() -> None:
 
 def test_predicted_errors_are_those_that_occur() -> None:
     normalised = np.array([o.normalised for o in outcomes()])
-    assert 0.6 < float(np.sqrt(np.mean(normalised**2))) < 1.8
+    # measured: rms 1.19
+    assert 0.79 < float(np.sqrt(np.mean(normalised**2))) < 1.78
 
 
 def test_the_reflected_tilt_is_worse_by_a_margin() -> None:
-    assert min(o.fit.evidence.mirror_margin for o in outcomes()) > 8.0
+    assert min(o.fit.evidence.mirror_margin for o in outcomes()) > 53.0  # measured: 80.5
 
 
 def test_the_hardening_of_the_beam_does_not_turn_a_titanium_nail() -> None:
@@ -93,17 +94,18 @@ def test_the_hardening_of_the_beam_does_not_turn_a_titanium_nail() -> None:
     truth = posed(3.0, -4.0, 20.0)
     nail, rng = nail_part("Ti6Al4V", 11.0, 5.3), np.random.default_rng(21)
     errors_deg = []
-    for seed in range(6):
+    for seed in range(4):
         fit = accepted(shoot(nail, truth, (1.0, -1.0), seed, dose=4.0), start_beside(truth, rng)).fit
         motion = truth.inverse() @ fit.camera_from_nail
         errors_deg.append(np.degrees(motion.rotation_vector_rad[:2]))
-    assert np.abs(np.mean(errors_deg, axis=0)).max() < 0.06
+    assert np.abs(np.mean(errors_deg, axis=0)).max() < 0.056  # measured: 0.037
 
 
 def test_radii_come_out_as_they_are() -> None:
+    # measured: at most 0.0030 mm and 0.0049 mm
     for outcome in outcomes():
-        assert abs(outcome.fit.evidence.hole_radius_excess_mm) < 0.04
-        assert abs(outcome.fit.evidence.nail_radius_excess_mm) < 0.04
+        assert abs(outcome.fit.evidence.hole_radius_excess_mm) < 0.0045
+        assert abs(outcome.fit.evidence.nail_radius_excess_mm) < 0.0074
 
 
 def test_what_the_nails_shape_does_to_the_tilt_turns_round_with_the_tilt() -> None:
@@ -121,10 +123,11 @@ def test_what_the_nails_shape_does_to_the_tilt_turns_round_with_the_tilt() -> No
         of_what_was_free = fit.errors.own_covariance[:9, :9]
         assert np.all(np.linalg.eigvalsh(of_what_was_free) > 0.0)
     print(f"by radius {np.round(by_radius_deg, 4)}, by chamfer {np.round(by_chamfer_deg, 4)} degrees")
-    assert by_radius_deg[0] > 0.002
-    assert by_radius_deg[1] < -0.002
-    assert by_chamfer_deg[0] > 0.002
-    assert by_chamfer_deg[1] < -0.002
+    # measured: 0.0134 and -0.0097, 0.0222 and -0.0157
+    assert by_radius_deg[0] > 0.0089
+    assert by_radius_deg[1] < -0.0065
+    assert by_chamfer_deg[0] > 0.0148
+    assert by_chamfer_deg[1] < -0.0105
 
 
 def test_holes_wider_than_the_files_are_told_in_deviations() -> None:
@@ -135,7 +138,7 @@ def test_holes_wider_than_the_files_are_told_in_deviations() -> None:
         nail = nail_part("steel", 12.0, diameter_mm)
         fit = accepted(replace(shot, nail=nail), shot.camera_from_nail).fit
         deviations.append(fit.errors.shape_deviations[0])
-    assert deviations[1] - deviations[0] == pytest.approx(1.0, abs=0.2)
+    assert deviations[1] - deviations[0] == pytest.approx(1.0, abs=0.045)  # measured: 0.97
 
 
 @cache
@@ -148,7 +151,7 @@ def test_starts_at_reflected_tilts_end_at_the_truth(tilt: tuple[float, float]) -
     shot = tilted_shot()
     beside = shot.camera_from_nail.translation_mm + np.array([0.6, -0.5, 4.0])
     start = Transform[Camera, Nail].from_rotation_translation(posed(*tilt, 70.0).rotation, beside)
-    assert accepted(shot, start).axis_deg < 0.4
+    assert accepted(shot, start).axis_deg < 0.15  # measured: 0.090 to 0.100
 
 
 def test_both_holes_are_seen_and_said_to_be() -> None:

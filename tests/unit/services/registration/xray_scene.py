@@ -149,8 +149,7 @@ def render(scene: Scene, view: CArmCalibration, seed: int) -> NDArray[np.float32
         metal = metal + METAL_PER_MM[scene.nail.material] * path_mm
     for rod in scene.rods:
         metal = metal + rod.per_mm * _rod_path_mm(rays, rod)
-    for ball in scene.balls:
-        metal = metal + METAL_PER_MM["steel"] * _ball_path_mm(rays, ball[:3], 0.5 * float(ball[3]))
+    metal = metal + METAL_PER_MM["steel"] * _ball_paths_mm(rays, scene.balls)
     shares, over_mean = scene.beam
     passed = np.exp(-metal[..., None] * over_mean) @ shares
     light = gaussian_filter(np.exp(-tissue) * passed, 1.2)
@@ -225,20 +224,22 @@ def _rod_path_mm(rays: NDArray[np.float64], rod: Rod) -> NDArray[np.float64]:
     near = _distance_of_lines_mm(rays, rod.start_mm, axis.direction) < 0.5 * rod.diameter_mm
     seen = np.ascontiguousarray(rays[near].T)
     along_rays, before_start = axis.direction @ seen, axis.direction @ rod.start_mm
-    inside = np.zeros(seen.shape[1])
+    radius2_mm2, inside = (0.5 * rod.diameter_mm) ** 2, np.zeros(seen.shape[1])
     for depth_mm in np.arange(low - rod.diameter_mm, high + rod.diameter_mm, _DEPTH_STEP_MM):
         along = along_rays * depth_mm - before_start
-        inside += (_away2_mm2(seen * depth_mm, axis) <= (0.5 * rod.diameter_mm) ** 2) & (along >= 0.0) & (along <= length)
+        inside += (_away2_mm2(seen * depth_mm, axis) <= radius2_mm2) & (along >= 0.0) & (along <= length)
     total = np.zeros(rays.shape[:2])
     total[near] = inside * _DEPTH_STEP_MM
     return total
 
 
-def _ball_path_mm(rays: NDArray[np.float64], centre_mm: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:
-    unit = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-    along = unit @ centre_mm
-    square = radius_mm**2 - (centre_mm @ centre_mm - along**2)
-    return np.asarray(2.0 * np.sqrt(np.maximum(square, 0.0)))
+def _ball_paths_mm(rays: NDArray[np.float64], balls: NDArray[np.float64]) -> NDArray[np.float64]:
+    units, total = rays / np.linalg.norm(rays, axis=-1, keepdims=True), np.zeros(rays.shape[:2])
+    for *centre, diameter_mm in balls.tolist():
+        centre_mm = np.array(centre)
+        square = (0.5 * diameter_mm) ** 2 - (centre_mm @ centre_mm - (units @ centre_mm) ** 2)
+        total += 2.0 * np.sqrt(np.maximum(square, 0.0))
+    return total
 
 
 def turned(camera_from_nail: Transform[Camera, Nail], nail: NailPart, turn: CArmTurn) -> Transform[Camera, Nail]:

@@ -1,12 +1,13 @@
 """K-wires on rendered images: measured where they are, refused where one image cannot say."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from services.registration.core.wires.image import RegisteredImage
-from services.registration.core.wires.verify import verify_wires
+from services.registration.core.wires.verify import WireVerification, verify_wires
 from shared.errors import ReasonCode
 from tests.unit.services.registration.core.wires.wire_scene import (
     ALONG_THE_GUIDE,
@@ -33,10 +34,17 @@ from tests.unit.services.registration.xray_scene import (
     render,
 )
 
+WIRES = {"along the guide": ALONG_THE_GUIDE, "askew in the guide": ASKEW}
 
-@pytest.mark.parametrize("wires", [ALONG_THE_GUIDE, ASKEW], ids=["along the guide", "askew in the guide"])
-def test_a_pair_of_images_measures_both_wires(wires: Wired) -> None:
-    result = verified(view_of(LATERAL, wires, seed=31), view_of(oblique(38.0), wires, seed=32))
+
+@cache
+def verified_pair(name: str) -> WireVerification:
+    return verified(view_of(LATERAL, WIRES[name], seed=31), view_of(oblique(38.0), WIRES[name], seed=32))
+
+
+@pytest.mark.parametrize("name", WIRES)
+def test_a_pair_of_images_measures_both_wires(name: str) -> None:
+    result, wires = verified_pair(name), WIRES[name]
     assert result.reasons == ()
     assert [wire.hole.id for wire in result.wires] == ["distal", "proximal"]
     for wire in result.wires:
@@ -47,13 +55,11 @@ def test_a_pair_of_images_measures_both_wires(wires: Wired) -> None:
 
 
 def test_wires_along_the_holes_let_the_drill_pass() -> None:
-    result = verified(view_of(LATERAL, ALONG_THE_GUIDE, seed=33), view_of(oblique(38.0), ALONG_THE_GUIDE, seed=34))
-    assert [wire.chance_as_it_stands > 0.9 for wire in result.wires] == [True, True]
+    assert [wire.chance_as_it_stands > 0.9 for wire in verified_pair("along the guide").wires] == [True, True]
 
 
 def test_wires_askew_do_not() -> None:
-    result = verified(view_of(LATERAL, ASKEW, seed=35), view_of(oblique(38.0), ASKEW, seed=36))
-    assert [wire.chance_as_it_stands < 0.05 for wire in result.wires] == [True, True]
+    assert [wire.chance_as_it_stands < 0.05 for wire in verified_pair("askew in the guide").wires] == [True, True]
 
 
 def test_the_lateral_image_alone_sees_the_stubs() -> None:
