@@ -116,6 +116,12 @@ class CArmCalibration:
         """Pixel pitch at the ring's plate next to the detector: its distance from the focal spot over focal length."""
         return float(self.camera_from_ring.translation_mm[2] / self.camera.focal_length_px)
 
+    @property
+    def focal_length_deviation(self) -> float:
+        """Relative standard deviation of the focal length, by that of the focal spot along the camera's axis."""
+        along = self.camera_from_ring.rotation[2]
+        return float(np.sqrt(along @ self.source_covariance_mm2 @ along) / self.camera_from_ring.translation_mm[2])
+
     def shows(self, x_px: _Reals, y_px: _Reals, margin_px: float) -> NDArray[np.bool_]:
         """Whether places, columns and rows that broadcast, are in image and aperture, a margin from their borders."""
         inside = (x_px >= margin_px) & (x_px <= self.width_px - 1 - margin_px)

@@ -103,19 +103,24 @@ def _poses_for_other_sources(
     balls_seen = Correspondences(balls, balls_px, guide_fit.standard_deviation_px[used])
     return tuple(
         refine_pose(camera, camera_from_guide, balls_seen).inverse() @ refine_pose(camera, camera_from_nail, rims_seen)
-        for camera in _cameras_with_other_sources(calibration)
+        for camera in _cameras_with_other_sources(calibration, guide_fit)
     )
 
 
-def _cameras_with_other_sources(calibration: CArmCalibration) -> tuple[PinholeCamera, ...]:
+def _cameras_with_other_sources(calibration: CArmCalibration, guide_fit: GuideFit) -> tuple[PinholeCamera, ...]:
     """Cameras whose focal spot is moved by one standard deviation along the axes of its covariance.
 
     The image plane stays where it is, at the ring: a shift across the beam moves the principal point, one along the
-    beam changes the focal length.
+    beam changes the focal length. A focal length that the guide's balls contradict is as uncertain as they differ.
     """
-    to_camera = calibration.camera_from_ring.rotation
-    values, vectors = np.linalg.eigh(to_camera @ calibration.source_covariance_mm2 @ to_camera.T)
-    px_per_mm = calibration.camera.focal_length_px / float(calibration.camera_from_ring.translation_mm[2])
+    to_camera, distance_mm = (
+        calibration.camera_from_ring.rotation,
+        float(calibration.camera_from_ring.translation_mm[2]),
+    )
+    covariance_mm2 = to_camera @ calibration.source_covariance_mm2 @ to_camera.T
+    covariance_mm2[2, 2] += (distance_mm * guide_fit.focal_length.conflict(calibration.focal_length_deviation)) ** 2
+    values, vectors = np.linalg.eigh(covariance_mm2)
+    px_per_mm = calibration.camera.focal_length_px / distance_mm
     cameras = []
     for value, direction in zip(values, vectors.T, strict=True):
         x, y, z = np.sqrt(max(float(value), 0.0)) * direction * px_per_mm

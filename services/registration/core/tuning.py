@@ -78,6 +78,12 @@ class NailHoleSearch:
     metal_to: float = tuned(0.4, "band widths", "metal is sampled, end", derived("inside the edge at 0.5"))
     beside_from: float = tuned(0.62, "band widths", "surroundings sampled, begin", derived("beyond the edge at 0.5"))
     beside_to: float = tuned(0.9, "band widths", "surroundings sampled, end", _INSPECTION)
+    clear_quantile: float = tuned(
+        0.8,
+        "1",
+        "quantile of the darkness along a band taken for that of its parts in the clear",
+        fitted("`distalock bench foreign_objects --seeds fit`"),
+    )
     lateral_reach: float = tuned(0.1, "band widths", "how far from the middle line a hole may lie", _INSPECTION)
     disc_in_radii: float = tuned(0.75, "hole radii", "disc whose mean is an opening's brightness", _INSPECTION)
     side_disc_in_radii: float = tuned(0.35, "hole radii", "disc whose mean is the metal beside it", _INSPECTION)
@@ -122,6 +128,9 @@ class NailContour:
 
     beyond_holes_mm: float = tuned(10.0, "mm", "length beyond the outer holes with fitted edges", _INSPECTION)
     reach_in_widths: float = tuned(0.16, "band widths", "distance from the proposed edge that is searched", _INSPECTION)
+    share_of_steepest: float = tuned(
+        0.5, "1", "slope of an edge over the steepest near it", fitted("`distalock bench processing --seeds fit`")
+    )
     smoothing_px: float = tuned(1.0, "search px", "Gaussian before the slope", _INSPECTION)
     outlier_deviations: float = tuned(2.5, "sd", "a point is left out", standard("robust line fit"))
     least_deviation_px: float = tuned(0.3, "search px", "floor of that standard deviation", _INSPECTION)
@@ -286,6 +295,10 @@ class ForeignObjects:
     limit_in_spreads: float = tuned(6.0, "robust sd", "darkness beyond which a pixel is foreign", _FOREIGN)
     least_pixels: int = tuned(12, "px", "fewest connected pixels that count", _FOREIGN)
     margin_detector_mm: float = tuned(0.705, "mm", "margin around an object", derived("two blur widths"))
+    around_hole_in_radii: float = tuned(
+        1.5, "hole radii", "surroundings of a hole that are fitted alone", derived("inside the nail's edges")
+    )
+    stretch_mm: float = tuned(0.5, "mm", "along the nail: what lies beyond an object as seen from there", _FOREIGN)
     directions: int = tuned(36, "1", "directions in which a rim is looked for", derived("10° each"))
     about_rim_in_radii: float = tuned(0.25, "hole radii", "distance from the rim at which pixels show it", _FOREIGN)
     seen_share: float = tuned(0.5, "1", "share of the usual pixels with which a direction is seen", _FOREIGN)
@@ -300,6 +313,12 @@ class BentNail:
 
     section_step_mm: float = tuned(0.5, "mm", "between cross-sections", derived("0.1 um off an arc of 300 mm"))
     about_hole_mm: float = tuned(2.0, "mm", "beyond a hole: its own section", derived("8° of tilt and an edge's reach"))
+    largest_error_ratio: float = tuned(
+        1.5,
+        "1",
+        "errors over what the noise explains up to which a curvature is believed",
+        fitted("`distalock bench bent_nails --seeds fit`: 1.2 at most; `processing --seeds fit`: from 1.9"),
+    )
     chi_square: float = tuned(9.2, "1", "of both curvatures beyond what a straight nail has", standard("1 %, 2 dof"))
     least_radius_mm: float = tuned(200.0, "mm", "of an optimum that counts", derived("two thirds of what canals do"))
     first_steps: int = tuned(12, "1", "steps of the fit from each start", _INSPECTION)
@@ -566,6 +585,12 @@ class GuideAsBuilt:
     largest_chi_square: float = tuned(2.5, "1", "chi-square per degree of freedom: a spread is estimated", _AS_BUILT)
     least_freedom: int = tuned(6, "1", "degrees of freedom without which none is", derived("six balls"))
     explained_by_planes: float = tuned(0.5, "1", "share of chi-square for which planes are named", _INSPECTION)
+    agreeing_sigmas: float = tuned(
+        2.5,
+        "1",
+        "difference of ring's and guide's focal lengths up to which they agree, in standard deviations",
+        derived("one right image in eighty"),
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,6 +92,12 @@ GUIDE_DISPLACEMENT: Final = Criterion(
     at_most(0.3, "mm", decimals=2),
     "measure the guide (`distalock calibrate guide`), or check that the file is that of this guide",
     "derived: three times the 0.1 mm to which plates are drilled")
+GUIDE_FOCAL_LENGTH: Final = Criterion(
+    ReasonCode.GUIDE_MODEL_MISMATCH,
+    "difference of the focal lengths that the ring's balls and the guide's give, in its standard deviations",
+    at_most(4.0, "standard deviations", decimals=1),
+    "check that ring and guide are those of their files, or measure them (`distalock calibrate ring`, `... guide`)",
+    "derived: one right image in fifteen thousand")
 NAIL_BAND: Final = Finding(
     ReasonCode.NAIL_NOT_FOUND, "no dark band of the nail's width is in the image",
     "bring the nail's distal end into view, or check the nail file")

@@ -4,6 +4,9 @@ Each ball's displacement is a random effect with one standard deviation for all 
 residuals are larger than measurement explains: a covariance that is estimated from few balls is itself uncertain.
 """
 
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -21,6 +24,34 @@ from shared.geometry.transform import Transform
 
 _POSE_SIZE = 6
 _LARGEST_MM = 10.0
+_LEAST_INFORMATION = 1e-12  # of balls in one plane across the beam, which have no perspective
+
+
+@dataclass(frozen=True, slots=True)
+class FocalLength:
+    """The focal length that a body's balls give, over the camera's, less one.
+
+    Attributes: `standard_deviation` by the balls alone; `explained` share of the balls' chi-square that goes with it.
+    """
+
+    excess: float
+    standard_deviation: float
+    explained: float
+
+    def sigmas(self, of_camera: float) -> float:
+        """Conflict with the camera's own, whose relative standard deviation is given, in standard deviations."""
+        return self.excess / float(np.hypot(self.standard_deviation, of_camera))
+
+    def conflict(self, of_camera: float) -> float:
+        """Relative standard deviation that the camera's focal length has beside its own because of the conflict.
+
+        It begins at none where both agree, so that no image's uncertainty jumps.
+        """
+        agreeing = GUIDE_AS_BUILT.agreeing_sigmas * float(np.hypot(self.standard_deviation, of_camera))
+        return float(np.sqrt(max(self.excess**2 - agreeing**2, 0.0))) if np.isfinite(agreeing) else 0.0
+
+
+NO_FOCAL_LENGTH: Final = FocalLength(0.0, np.inf, 0.0)
 
 
 def px_per_mm(
@@ -68,22 +99,35 @@ def displacement_sd_mm(
     return float(brentq(lambda spread_mm: excess(spread_mm) - 1.0, 0.0, _LARGEST_MM, xtol=1e-4))
 
 
-def planes_farther_apart(
-    camera: PinholeCamera, camera_from_body: Transform[Camera, Body], seen: Correspondences
-) -> tuple[float, float]:
-    """Scale of the body along its z axis over that across it, less one, and the share of chi-square that it explains.
+def focal_length_of(
+    camera: PinholeCamera,
+    camera_from_body: Transform[Camera, Body],
+    seen: Correspondences,
+    shared_px2: NDArray[np.float64],
+) -> FocalLength:
+    """The focal length that balls at several depths give, beside the camera's.
 
-    The scale of the whole body is not measurable: a larger one farther away gives the same image.
+    To the first order a body whose planes are farther apart by a share shows as a camera whose focal length is shorter
+    by that share. The scale of the whole body shows nowhere: a larger one farther away gives the same image.
+
+    Parameters
+    ----------
+    seen, shared_px2
+        As in `displacement_sd_mm`.
     """
-    weight = 1.0 / seen.standard_deviation_px[:, None, None]
+    root = np.linalg.cholesky(shared_px2 + np.diag(seen.standard_deviation_px**2))
     J = projection_jacobian(camera, camera_from_body, seen.body_mm)
-    stretch = J[:, :, 5:] * seen.body_mm[:, 2, None, None]
-    design = (np.concatenate([J, stretch], axis=2) * weight).reshape(-1, _POSE_SIZE + 1)
-    target = (residuals_px(camera, camera_from_body, seen) * weight[..., 0]).ravel()
-    before = target - design[:, :-1] @ np.linalg.lstsq(design[:, :-1], target, rcond=None)[0]
-    found = np.linalg.lstsq(design, target, rcond=None)[0]
-    after = target - design @ found
-    return float(found[-1]), 1.0 - float(after @ after) / max(float(before @ before), 1e-12)
+    by_focal_length = camera.project(camera_from_body.points(seen.body_mm)) - camera.intrinsic_matrix_px[:2, 2]
+    pose, longer = _whitened(root, J), _whitened(root, by_focal_length[..., None])
+    target = _whitened(root, residuals_px(camera, camera_from_body, seen)[..., None])[:, 0]
+    unexplained = np.column_stack([longer, target])
+    unexplained -= pose @ np.linalg.lstsq(pose, unexplained, rcond=None)[0]
+    longer, target = unexplained.T
+    information, before = float(longer @ longer), float(target @ target)
+    if information <= _LEAST_INFORMATION:
+        return NO_FOCAL_LENGTH
+    excess = float(longer @ target) / information
+    return FocalLength(excess, 1.0 / np.sqrt(information), excess**2 * information / max(before, 1e-12))
 
 
 def _chi_square(
@@ -91,8 +135,12 @@ def _chi_square(
 ) -> float:
     """Of what no pose explains, both axes having the same covariance, shape (N, N)."""
     root = np.linalg.cholesky(covariance_px2)
-    whitened = np.linalg.solve(root, residual_px)
-    design = np.linalg.solve(root, jacobian.reshape(len(jacobian), -1)).reshape(jacobian.shape)
-    rows, target = design.reshape(-1, _POSE_SIZE), whitened.ravel()
+    rows, target = _whitened(root, jacobian), _whitened(root, residual_px[..., None])[:, 0]
     left = target - rows @ np.linalg.lstsq(rows, target, rcond=None)[0]
     return float(left @ left)
+
+
+def _whitened(root_px: NDArray[np.floating], per_point: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Rows of points, shape (N, 2, K), in units of errors whose covariance per axis has this root; shape (2 N, K)."""
+    columns = per_point.shape[-1]
+    return np.asarray(np.linalg.solve(root_px, per_point.reshape(len(per_point), -1)).reshape(-1, columns))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.criteria import (
     GUIDE_BALLS,
     GUIDE_DISPLACEMENT,
+    GUIDE_FOCAL_LENGTH,
     GUIDE_IDENTITY,
     GUIDE_MARGIN,
     GUIDE_SHARE,
@@ -15,7 +16,13 @@ from services.registration.core.acceptance.criteria import (
 from services.registration.core.estimation.image_points import Correspondences, reprojection_rms_px
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
-from services.registration.core.guide.as_built import displacement_sd_mm, planes_farther_apart, px_per_mm
+from services.registration.core.guide.as_built import (
+    NO_FOCAL_LENGTH,
+    FocalLength,
+    displacement_sd_mm,
+    focal_length_of,
+    px_per_mm,
+)
 from services.registration.core.guide.identity import GuideIdentity
 from services.registration.core.guide.measure import GuideImage, measured_and_fitted, ring_shadows, shrinkage
 from services.registration.core.guide.search import search_guide
@@ -49,6 +56,7 @@ class GuideFit:
     # Spread of the balls' places about their file's that neither measurement nor the stated tolerance explains, per
     # axis; it is in the standard deviations above
     displacement_sd_mm: float = 0.0
+    focal_length: FocalLength = NO_FOCAL_LENGTH  # as the balls give it, beside the calibration's
 
     @property
     def camera_from_guide(self) -> Transform[Camera, Guide]:
@@ -111,7 +119,9 @@ def measured_guide(
         return Rejected((GUIDE_BALLS.reason(f"of the guide's {len(guide.balls)} balls {quoted} could be measured"),))
     fit = _guide_fit(calibration, guide, pose, seen, used, named.margin)
     if not GUIDE_DISPLACEMENT.is_met(fit.displacement_sd_mm):
-        return Rejected((_displacement_reason(calibration, guide, fit),))
+        return Rejected((_displacement_reason(guide, fit),))
+    if not GUIDE_FOCAL_LENGTH.is_met(abs(fit.focal_length.sigmas(calibration.focal_length_deviation))):
+        return Rejected((_focal_length_reason(calibration, fit),))
     return Accepted(fit)
 
 
@@ -179,6 +189,7 @@ def _guide_fit(
         reprojection_rms_px=reprojection_rms_px(calibration.camera, fit.mean, chosen),
         runner_up_margin=margin,
         displacement_sd_mm=spread_mm,
+        focal_length=focal_length_of(calibration.camera, fit.mean, chosen, shared),
     )
 
 
@@ -188,20 +199,28 @@ def _frame_covariance(guide: GuidePart) -> NDArray[np.float64]:
     return np.diag(np.square([turn] * 3 + [shift] * 3))
 
 
-def _displacement_reason(calibration: CArmCalibration, guide: GuidePart, fit: GuideFit) -> Reason:
+def _displacement_reason(guide: GuidePart, fit: GuideFit) -> Reason:
     """Name what the image and the guide's file disagree about."""
-    used = Correspondences(guide.balls.position_mm, fit.ideal_px, fit.standard_deviation_px).chosen(fit.used)
-    stretch, explained = planes_farther_apart(calibration.camera, fit.camera_from_guide, used)
     observed = (
         f"beyond their measurement the guide's balls lie {GUIDE_DISPLACEMENT.quoted(fit.displacement_sd_mm)} from "
         "where its file puts them"
     )
-    if explained < GUIDE_AS_BUILT.explained_by_planes:
+    if fit.focal_length.explained < GUIDE_AS_BUILT.explained_by_planes:
         return GUIDE_DISPLACEMENT.reason(f"{observed}: displaced balls")
-    apart_mm = stretch * float(np.ptp(guide.balls.position_mm[:, 2]))
+    apart_mm = -fit.focal_length.excess * float(np.ptp(guide.balls.position_mm[:, 2]))
     return GUIDE_DISPLACEMENT.reason(
-        f"{observed}, and {100 * explained:.0f} % of that are planes of balls {abs(apart_mm):.1f} mm "
+        f"{observed}, and {100 * fit.focal_length.explained:.0f} % of that are planes of balls {abs(apart_mm):.1f} mm "
         f"{'farther apart' if apart_mm > 0.0 else 'nearer'} than in the file"
+    )
+
+
+def _focal_length_reason(calibration: CArmCalibration, fit: GuideFit) -> Reason:
+    """Name both focal lengths."""
+    given_px = calibration.camera.focal_length_px
+    sigmas = fit.focal_length.sigmas(calibration.focal_length_deviation)
+    return GUIDE_FOCAL_LENGTH.reason(
+        f"the ring gives a focal length of {given_px:.0f} px, the guide's balls one of "
+        f"{given_px * (1.0 + fit.focal_length.excess):.0f} px, {GUIDE_FOCAL_LENGTH.quoted(abs(sigmas))} apart"
     )
 
 

@@ -51,8 +51,10 @@ def pose_errors(problem: Problem, solution: Solution, noise: NoiseModel) -> Pose
     return PoseErrors(deviations, by_others, pull, by_model, ray_to(camera_from_nail), bend_sd)
 
 
-def errors_of_straight(problem: Problem, solution: Solution, noise: NoiseModel, freed: Solution) -> PoseErrors:
-    """Errors of a straight nail's fit: a curvature that makers leave in nails, and the fit holds at zero, is added."""
+def errors_of_straight(
+    problem: Problem, solution: Solution, noise: NoiseModel, freed: Solution, curvature_sd_per_m: float
+) -> PoseErrors:
+    """Errors of a straight nail's fit: a curvature that the nail may have, and the fit holds at zero, is added."""
     errors = pose_errors(problem, solution, noise)
     count, of_shape = len(solution.equations.gradient), len(errors.shape_deviations)
     followed = np.linalg.solve(freed.equations.matrix[:count, :count], freed.equations.matrix[:count, count:])
@@ -60,7 +62,7 @@ def errors_of_straight(problem: Problem, solution: Solution, noise: NoiseModel, 
     rows = [int(np.count_nonzero(problem.free[:parameter])) for parameter in SHAPE_PARAMETERS[:of_shape]]
     per_deviation = np.sqrt(prior_precision()[list(SHAPE_PARAMETERS[:of_shape])])
     by_curvature = np.vstack([motion @ followed[:POSE_SIZE], per_deviation[:, None] * followed[rows]])
-    return errors.with_held_curvature(NAIL_PRIORS.straightness_sd_per_m, by_curvature)
+    return errors.with_held_curvature(curvature_sd_per_m, by_curvature)
 
 
 def curvature_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ from services.registration.core.nail.least_squares import (
     with_derivatives,
     with_hidden_filled,
 )
-from services.registration.core.nail.left_out import foreign_pixels
+from services.registration.core.nail.left_out import around_holes, beyond_foreign, foreign_pixels
 from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import (
     CURVATURE,
@@ -72,6 +72,21 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
     Accepted[NailFit] or Rejected
         Rejected as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
     """
+    _, found = _fitted_without_foreign_objects(fit_input, start)
+    if isinstance(found, Rejected) or fit_reasons(found.fit.evidence):
+        seen = _seen_from_the_holes(fit_input, start)
+        again = None if seen is None else _fitted_without_foreign_objects(*seen)[1]
+        found = found if again is None or isinstance(again, Rejected) else again
+    if isinstance(found, Rejected):
+        return found
+    reasons = fit_reasons(found.fit.evidence)
+    return Rejected(reasons) if reasons else Accepted(found.fit)
+
+
+def _fitted_without_foreign_objects(
+    fit_input: FitInput, start: Transform[Camera, Nail]
+) -> tuple[FitInput, "_Fitted | Rejected"]:
+    """Leave out what is darker than the fit and fit again, while the fit is not acceptable and there is more."""
     found = _fitted(fit_input, start)
     for _ in range(FOREIGN_OBJECTS.most_rounds):
         if isinstance(found, Rejected) or not fit_reasons(found.fit.evidence):
@@ -80,10 +95,36 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
         if without is None:
             break
         fit_input, found = without, _fitted(without, start)
-    if isinstance(found, Rejected):
-        return found
-    reasons = fit_reasons(found.fit.evidence)
-    return Rejected(reasons) if reasons else Accepted(found.fit)
+    return fit_input, found
+
+
+def _seen_from_the_holes(
+    fit_input: FitInput, start: Transform[Camera, Nail]
+) -> tuple[FitInput, Transform[Camera, Nail]] | None:
+    """Input without what is darker than an acceptable fit to the surroundings of the holes alone, and that fit's pose.
+
+    An object along an edge of the nail draws the fit of the whole region to itself; the rims are still as they were.
+    What the fit around the holes accepts is not enough: a nail of another width shows at its edges only.
+    """
+    around = around_holes(fit_input, start)
+    only, found = _fitted_without_foreign_objects(_hiding(fit_input, ~around), start)
+    if isinstance(found, Rejected) or fit_reasons(found.fit.evidence):
+        return None
+    pose, covered = found.fit.camera_from_nail, only.occluders.hidden
+    whole = fit_input if covered is None else _hiding(fit_input, covered & around)
+    model = model_at(whole, pose, FINAL_STAGE, 1)
+    if model is None:
+        return None
+    problem = problem_for(model, FINAL_STAGE, STRAIGHT_DISPLAY)
+    linear = linear_solution_at(problem, found.end.solution.parameters)
+    variance = estimate_noise(problem, linear).variance
+    foreign = foreign_pixels(model.region, linear.residual, variance, fit_input.pixels.shape)
+    return _hiding(whole, foreign | beyond_foreign(model.region, model.nail, foreign)), pose
+
+
+def _hiding(fit_input: FitInput, more: NDArray[np.bool_]) -> FitInput:
+    hidden = fit_input.occluders.hidden
+    return replace(fit_input, occluders=replace(fit_input.occluders, hidden=more if hidden is None else hidden | more))
 
 
 def measure_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
@@ -117,6 +158,11 @@ class _Fitted:
 
 
 def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Rejected:
+    """The straight nail's fit, unless the pixels show a curvature that no straight nail has.
+
+    Wrong brightness between the rims looks like a bend as well: where parts of the image disagree, the curvature that
+    was found is what the straight nail's is uncertain by.
+    """
     optimum = find_global_optimum(fit_input, start)
     model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
     if optimum is None or model is None:
@@ -124,12 +170,18 @@ def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Re
     straight = _refined(model, optimum)
     problem, solution, noise = straight.problem, straight.solution, straight.noise
     freed, there = with_curvature(problem, solution)
-    bent = _bent(straight, freed, there)
-    return bent or _with_evidence(straight, errors_of_straight(problem, solution, noise, there))
+    bent, curvature_sd = _bent(straight, freed, there), NAIL_PRIORS.straightness_sd_per_m
+    if bent is not None:
+        curvature = np.array(bent.fit.curvature_per_m)
+        if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio:
+            curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
+        elif is_bent(curvature, bent.fit.errors.bend_covariance):
+            return bent
+    return _with_evidence(straight, errors_of_straight(problem, solution, noise, there, curvature_sd))
 
 
 def _bent(straight: _End, freed: Problem, there: Solution) -> _Fitted | None:
-    """The fit of a bent nail; None unless the pixels show a curvature that no straight nail has.
+    """The fit with the curvature free; None where noise explains the curvature that the straight fit leaves.
 
     Parameters
     ----------
@@ -146,8 +198,7 @@ def _bent(straight: _End, freed: Problem, there: Solution) -> _Fitted | None:
     problem = reweighted(freed, linear, estimate_noise(freed, linear))
     solution = minimise_from(problem, linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
     end = _End.of(problem, solution, straight.margin if margin is None else margin)
-    bent = _with_evidence(end, pose_errors(end.problem, end.solution, end.noise))
-    return bent if is_bent(np.array(bent.fit.curvature_per_m), bent.fit.errors.bend_covariance) else None
+    return _with_evidence(end, pose_errors(end.problem, end.solution, end.noise))
 
 
 def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
@@ -181,8 +232,7 @@ def _without_foreign_objects(fit_input: FitInput, end: _End) -> FitInput | None:
     hidden = fit_input.occluders.hidden
     if not np.any(foreign if hidden is None else foreign & ~hidden):
         return None
-    together = foreign if hidden is None else foreign | hidden
-    return replace(fit_input, occluders=replace(fit_input.occluders, hidden=together))
+    return _hiding(fit_input, foreign)
 
 
 def _refined(model: ForwardModel, optimum: GlobalOptimum) -> _End:

@@ -5,10 +5,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.estimation.robust import robust_spread
-from services.registration.core.nail.region import FitRegion
+from services.registration.core.nail.region import FitInput, FitRegion
 from services.registration.core.nail.search.outline import Opening
 from services.registration.core.tuning import FOREIGN_OBJECTS, OPENING_COVER
 from shared.geometry.calibration import CArmCalibration
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.parts import NailPart, hole_surface_points
+from shared.geometry.transform import Transform
 from shared.xray.pixel_scale import pixels as pixels_of
 from shared.xray.pixel_scale import whole_pixels
 
@@ -127,3 +130,35 @@ def _widened(mask: NDArray[np.uint8], margin_px: int) -> NDArray[np.bool_]:
     """A mask with a margin in all directions."""
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin_px + 1, 2 * margin_px + 1))
     return np.asarray(cv2.dilate(mask, kernel) > 0)
+
+
+def beyond_foreign(region: FitRegion, nail: NailPart, foreign: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pixels beside the nail that lie beyond foreign ones, as seen from it, shape of the image.
+
+    The background is smooth, and takes up what is flat beyond an object's edge.
+    """
+    rows, columns = np.divmod(region.compared, region.shape[1])
+    left, top = (int(v) for v in region.origin_px)
+    rows, columns = rows + top, columns + left
+    place = np.floor(region.along_mm / FOREIGN_OBJECTS.stretch_mm).astype(np.int64)
+    place = 2 * (place - place.min()) + (region.across_mm > 0.0)
+    away = np.abs(region.across_mm)
+    beside = foreign[rows, columns] & (away > nail.radius_mm)
+    nearest = np.full(int(place.max()) + 1, np.inf)
+    np.minimum.at(nearest, place[beside], away[beside])
+    mask = np.zeros_like(foreign)
+    beyond = away >= nearest[place]
+    mask[rows[beyond], columns[beyond]] = True
+    return mask
+
+
+def around_holes(fit_input: FitInput, camera_from_nail: Transform[Camera, Nail]) -> NDArray[np.bool_]:
+    """Surroundings of the holes, inside the nail's edges, shape of the image."""
+    image, calibration = np.zeros(fit_input.pixels.shape, np.uint8), fit_input.calibration
+    for hole in fit_input.nail.holes:
+        middle = camera_from_nail.points(np.mean(hole_surface_points(fit_input.nail, hole), axis=0))
+        x, y = (round(float(v)) for v in calibration.image_from_camera(middle))
+        radius_mm = 0.5 * hole.diameter_mm * FOREIGN_OBJECTS.around_hole_in_radii
+        radius_px = radius_mm * calibration.camera.focal_length_px / float(middle[2])
+        cv2.circle(image, (x, y), round(radius_px), 1, cv2.FILLED)
+    return image > 0

@@ -90,7 +90,7 @@ def dark_bands(image: SearchImage, calibration: CArmCalibration, nail: NailPart)
     widths_px = (width_at_1_mm / far_mm, width_at_1_mm / near_mm)
     bands = find_bands(image, widths_px, NAIL_BAND_SEARCH.most_bands)
     strips = [straighten_band(image, band) for band in bands]
-    return [strip for strip in strips if strip.typical_darkness >= NAIL_BAND_SEARCH.least_darkness]
+    return [strip for strip in strips if strip.clear_darkness >= NAIL_BAND_SEARCH.least_darkness]
 
 
 def pattern_quality(pattern: HolePattern) -> float:

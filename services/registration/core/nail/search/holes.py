@@ -38,9 +38,11 @@ class StraightenedBand:
         return self.outside - self.inside
 
     @property
-    def typical_darkness(self) -> float:
-        """Median of the darkness over the part of the band inside the image."""
-        return float(np.median(self.darkness[self.valid])) if self.valid.any() else 0.0
+    def clear_darkness(self) -> float:
+        """Darkness where the band lies in the clear: neither beyond its tip nor across or beside something dark."""
+        if not self.valid.any():
+            return 0.0
+        return float(np.quantile(self.darkness[self.valid], NAIL_HOLE_SEARCH.clear_quantile))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +135,7 @@ def _openness_profile(strip: StraightenedBand, nail: NailPart, px_per_mm: float)
     side = _mean_of_disc(strip.grey, rows, NAIL_HOLE_SEARCH.side_disc_in_radii * radius)
     gap = int(np.rint(NAIL_HOLE_SEARCH.side_distance_in_radii * radius))
     contrast = disc - np.maximum(np.roll(side, gap, axis=1), np.roll(side, -gap, axis=1))
-    openness = contrast.max(axis=0).astype(np.float64) / max(strip.typical_darkness, NAIL_HOLE_SEARCH.least_darkness)
+    openness = contrast.max(axis=0).astype(np.float64) / max(strip.clear_darkness, NAIL_HOLE_SEARCH.least_darkness)
     openness[~strip.valid] = _NOT_A_HOLE
     openness[:gap], openness[-gap:] = _NOT_A_HOLE, _NOT_A_HOLE
     return OpennessProfile(px_per_mm, openness, (contrast.argmax(axis=0) - reach).astype(np.float64))

@@ -169,7 +169,7 @@ def band_width_ideal_px(image: SearchImage, pattern: HolePattern) -> float:
     columns = np.arange(first, last + 1)
     edges = []
     for side in (-1.0, 1.0):
-        rows = _steepest_rows(strip.grey[:, first : last + 1], strip.band.width_px, side)
+        rows = _edge_rows(strip.grey[:, first : last + 1], strip.band.width_px, side)
         slope, offset = _robust_line(columns.astype(np.float64), rows)
         edges.append([strip.search_px(float(c), float(offset + slope * c)) for c in columns[[0, -1]]])
     ideal = image.ideal_px(np.array(edges))
@@ -178,19 +178,25 @@ def band_width_ideal_px(image: SearchImage, pattern: HolePattern) -> float:
     return float((np.abs(separation @ np.array([-run[1], run[0]])) / np.linalg.norm(run)).mean())
 
 
-def _steepest_rows(grey: NDArray[np.float32], width_px: float, side: float) -> NDArray[np.float64]:
-    """Row from the middle, to a fraction of a pixel, where it brightens most towards one side, for every column."""
+def _edge_rows(grey: NDArray[np.float32], width_px: float, side: float) -> NDArray[np.float64]:
+    """Row from the middle, to a fraction of a pixel, where it brightens towards one side, for every column.
+
+    Of several steep places the innermost is the nail's edge: bone brightens further out, in processed images as
+    steeply.
+    """
     middle = grey.shape[0] // 2
     smooth = cv2.GaussianBlur(grey, (0, 0), NAIL_CONTOUR.smoothing_px)
     slope = side * np.gradient(smooth, axis=0)
     reach = max(int(np.ceil(NAIL_CONTOUR.reach_in_widths * width_px)), 2)
     centre = int(np.rint(middle + side * 0.5 * width_px))
-    first = max(centre - reach, 1)
-    window = slope[first : min(centre + reach + 1, slope.shape[0] - 1)]
-    peak = first + window.argmax(axis=0)
+    rows = np.arange(max(centre - reach, 1), min(centre + reach + 1, slope.shape[0] - 1))[:: 1 if side > 0.0 else -1]
+    steepest = slope[rows].max(axis=0)
+    peaks = (slope[rows] >= slope[rows - 1]) & (slope[rows] >= slope[rows + 1])
+    peaks &= slope[rows] >= NAIL_CONTOUR.share_of_steepest * steepest
+    edge = rows[np.where(peaks.any(axis=0), peaks.argmax(axis=0), slope[rows].argmax(axis=0))]
     column = np.arange(grey.shape[1])
-    steps = subpixel_offset(slope[peak - 1, column], slope[peak, column], slope[peak + 1, column])
-    return np.asarray(peak - middle + steps, dtype=np.float64)
+    steps = subpixel_offset(slope[edge - 1, column], slope[edge, column], slope[edge + 1, column])
+    return np.asarray(edge - middle + steps, dtype=np.float64)
 
 
 def _robust_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]:

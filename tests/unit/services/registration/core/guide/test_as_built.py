@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.image_points import Correspondences, refine_pose
 from services.registration.core.estimation.shared_image_errors import fit_with_shared_errors
-from services.registration.core.guide.as_built import displacement_sd_mm, planes_farther_apart, px_per_mm
+from services.registration.core.guide.as_built import FocalLength, displacement_sd_mm, focal_length_of, px_per_mm
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
@@ -51,11 +51,35 @@ def test_a_guide_as_filed_has_no_spread() -> None:
     assert [spread_mm(seen_of(BODY_MM, rng)) for _ in range(20)] == [0.0] * 20
 
 
-def test_planes_at_another_distance_are_named_and_another_scale_cannot_be() -> None:
+def focal_length(true_mm: NDArray[np.float64], rng: np.random.Generator) -> FocalLength:
+    seen = seen_of(true_mm, rng)
+    return focal_length_of(CAMERA, refine_pose(CAMERA, POSE, seen), seen, NOTHING_SHARED)
+
+
+def test_planes_at_another_distance_show_as_another_focal_length_and_another_scale_does_not() -> None:
     rng = np.random.default_rng(43)
-    apart = seen_of(BODY_MM * np.array([1.0, 1.0, 1.1]), rng)
-    stretch, explained = planes_farther_apart(CAMERA, refine_pose(CAMERA, POSE, apart), apart)
-    assert stretch == pytest.approx(0.1, abs=0.02)
-    assert explained > 0.8
-    larger = seen_of(BODY_MM * 1.03, rng)
-    assert spread_mm(larger) == 0.0
+    apart = focal_length(BODY_MM * np.array([1.0, 1.0, 1.1]), rng)
+    assert apart.excess == pytest.approx(-0.1, abs=0.02)
+    assert apart.explained > 0.8
+    assert abs(focal_length(BODY_MM * 1.03, rng).excess) < 3.0 * apart.standard_deviation
+    assert spread_mm(seen_of(BODY_MM * 1.03, rng)) == 0.0
+
+
+def test_the_focal_length_of_the_balls_errs_as_predicted() -> None:
+    rng = np.random.default_rng(44)
+    sigmas = [focal_length(BODY_MM, rng).sigmas(0.0) for _ in range(100)]
+    assert 0.85 < np.std(sigmas) < 1.15
+
+
+def test_a_conflict_grows_from_none_where_both_agree_to_the_difference() -> None:
+    assert FocalLength(0.1, 0.004, 0.5).conflict(0.003) == pytest.approx(0.1, rel=0.01)
+    assert FocalLength(0.01, 0.004, 0.5).conflict(0.003) == 0.0
+    assert 0.0 < FocalLength(0.0126, 0.004, 0.5).conflict(0.003) < 0.002
+
+
+def test_balls_in_one_plane_across_the_beam_give_no_focal_length() -> None:
+    flat = Correspondences(
+        BODY_MM * [1.0, 1.0, 0.0], CAMERA.project(POSE.points(BODY_MM * [1.0, 1.0, 0.0])), np.ones(28)
+    )
+    found = focal_length_of(CAMERA, POSE, flat, NOTHING_SHARED)
+    assert (found.excess, found.conflict(0.01)) == (0.0, 0.0)
