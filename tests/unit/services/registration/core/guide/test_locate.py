@@ -14,6 +14,7 @@ from services.registration.core.guide.locate import GuideFit, locate_guide, need
 from services.registration.core.guide.search import search_guide, vote
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
+from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.parts import BallPattern, GuidePart, RingPart
 from shared.geometry.transform import Transform
@@ -143,6 +144,17 @@ def test_a_guide_with_other_spacings_is_not_found(guide: GuidePart, seed: int) -
     true = posed((15.0, 2.0, 1.0))
     scene = Scene(SIZE_PX, balls=balls_of(guide, true, np.ones(28, dtype=bool)))
     assert codes(located(scene, other, seed=7)) == [ReasonCode.GUIDE_NOT_FOUND]
+
+
+def test_a_focal_length_that_the_balls_contradict_is_refused_and_both_are_named(guide: GuidePart) -> None:
+    scene = Scene(SIZE_PX, balls=balls_of(guide, posed((15.0, 2.0, 1.0)), np.ones(28, dtype=bool)))
+    pixels, found = seen(scene, calibration(SIZE_PX), seed=8)
+    K = found.camera.intrinsic_matrix_px * np.array([[1.06, 1.0, 1.0], [1.0, 1.06, 1.0], [1.0, 1.0, 1.0]])
+    assert fit_of(locate_guide(pixels, found, NO_RING, guide)).focal_length.conflict(0.0) == 0.0
+    refused = locate_guide(pixels, replace(found, camera=PinholeCamera(K)), NO_RING, guide)
+    assert codes(refused) == [ReasonCode.GUIDE_MODEL_MISMATCH]
+    assert isinstance(refused, Rejected)
+    assert f"the ring gives a focal length of {K[0, 0]:.0f} px" in refused.reasons[0].message
 
 
 def test_a_pattern_that_looks_the_same_when_turned_is_ambiguous(guide: GuidePart) -> None:

@@ -3,7 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.nail.left_out import clipped_pixels, covered_pixels, foreign_pixels
+from services.registration.core.nail.left_out import (
+    around_holes,
+    beyond_foreign,
+    clipped_pixels,
+    covered_pixels,
+    foreign_pixels,
+)
+from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.search.find import find_nail
 from services.registration.core.tuning import FOREIGN_OBJECTS
 from shared.errors import Accepted
@@ -101,3 +109,23 @@ def test_noise_bright_spots_and_specks_are_not_foreign() -> None:
     assert not found(residual(0.0, 0.0)).any()
     assert not found(residual(6.0, 6.0)).any()
     assert not found(residual(-8.0, 0.8)).any()
+
+
+def test_what_lies_beyond_an_object_beside_the_nail_is_left_out_and_the_nail_is_not() -> None:
+    rows, columns = np.divmod(REGION.compared, REGION.shape[1])
+    left, top = (int(v) for v in REGION.origin_px)
+    strip = np.zeros((SIDE, SIDE), dtype=bool)
+    on_strip = np.abs(REGION.across_mm - (NAIL.radius_mm + 1.0)) < 0.3
+    strip[rows[on_strip] + top, columns[on_strip] + left] = True
+    beyond = beyond_foreign(REGION, NAIL, strip)[rows + top, columns + left]
+    assert beyond[REGION.across_mm > NAIL.radius_mm + 1.0].all()
+    assert not beyond[REGION.across_mm < NAIL.radius_mm + 0.6].any()
+
+
+def test_surroundings_of_the_holes_lie_inside_the_nails_edges() -> None:
+    view = calibration(SIZE_PX)
+    around = around_holes(FitInput(np.zeros((SIZE_PX, SIZE_PX), np.float32), view, NAIL, Occluders(None, None)), POSE)
+    radius_px = 0.5 * NAIL.holes[0].diameter_mm * view.camera.focal_length_px / float(POSE.translation_mm[2])
+    assert np.count_nonzero(around) > 2 * np.pi * (1.3 * radius_px) ** 2
+    edge = POSE.points(np.array([[x, y, 0.0] for x in (-15.0, 15.0) for y in (-NAIL.radius_mm, NAIL.radius_mm)]))
+    assert not any(around[round(y), round(x)] for x, y in view.image_from_camera(edge))

@@ -1,5 +1,6 @@
 """Where a search converges, with costs that are written down; a bent nail is found bent, a straight one straight."""
 
+from dataclasses import replace
 from functools import cache
 from typing import cast
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from services.registration.core.nail import fit as nail_fit
 from services.registration.core.nail.background import BorderedFactor, DesignMatrix
 from services.registration.core.nail.fit import NailFit, is_bent, measure_nail
 from services.registration.core.nail.forward_model import ForwardModel, TracedTransmission
@@ -15,7 +17,7 @@ from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.parameters import CURVATURE, Anchors, Parameter, prior_mean
 from services.registration.core.nail.region import FitInput, FitRegion
 from services.registration.core.nail.tilt_ambiguity import converged_optimum, hole_directions, reflections
-from services.registration.core.tuning import NAIL_PRIORS, TILT_SEARCH_STAGE
+from services.registration.core.tuning import BENT_NAIL, NAIL_PRIORS, TILT_SEARCH_STAGE
 from shared.errors import Accepted
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.lines import angle_between_rad, unit
@@ -98,8 +100,10 @@ def measured(curvature_per_m: tuple[float, float]) -> NailFit:
 
 
 @pytest.mark.parametrize("curvature", [(1.0, -1.5), (-0.8, 1.0)])
-def test_the_curvature_of_a_bent_nail_is_found(curvature: tuple[float, float]) -> None:
-    fit = measured(curvature)
+def test_the_curvature_of_a_bent_nail_is_found(curvature: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
+    # parts of this simple drawing disagree: it has one energy and no penumbra
+    monkeypatch.setattr(nail_fit, "BENT_NAIL", replace(BENT_NAIL, largest_error_ratio=np.inf))
+    fit = measured.__wrapped__(curvature)
     off = np.array(fit.curvature_per_m) - curvature
     assert np.abs(off).max() < 0.3
     assert off @ np.linalg.solve(fit.errors.covariance_with_bend[6:, 6:], off) < 12.0
@@ -108,6 +112,13 @@ def test_the_curvature_of_a_bent_nail_is_found(curvature: tuple[float, float]) -
         axis = fit.camera_from_nail.directions(hole_axis(found, hole).direction)
         expected = CAMERA_FROM_NAIL.directions(hole_axis(true, hole).direction)
         assert np.degrees(angle_between_rad(axis, expected)) < 0.5
+
+
+def test_where_parts_of_the_image_disagree_a_curvature_is_an_uncertainty_of_the_straight_nail() -> None:
+    fit = measured((1.0, -1.5))
+    assert fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio
+    assert fit.curvature_per_m == (0.0, 0.0)
+    assert fit.errors.bend_sd_per_m == pytest.approx(np.hypot(1.0, 1.5), rel=0.2)
 
 
 def test_a_straight_nail_stays_straight() -> None:

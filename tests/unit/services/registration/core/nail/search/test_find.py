@@ -71,6 +71,26 @@ def test_the_nail_is_found_in_any_rotation(spin_deg: float, material: str) -> No
     assert_found(nail, found(find_nail(pixels, view, nail)), true, tilt_deg=2.5)
 
 
+def test_it_is_found_where_something_dark_hides_more_than_half_of_the_band() -> None:
+    nail, view, true = nail_part(), calibration(SIZE_PX), posed_nail(0.0, (2.0, -1.5), (4.0, -3.0, 730.0))
+    pixels = render(Scene(SIZE_PX, nail, true), view, seed=2)
+    covered = pixels.copy()
+    holes_px = view.image_from_camera(true.points(hole_midpoints_mm(nail)))
+    covered[:, : int(holes_px[:, 0].min()) - 40] = np.percentile(pixels, 5.0)
+    assert_found(nail, found(find_nail(covered, view, nail)), true, tilt_deg=2.5)
+
+
+def test_of_two_steep_edges_the_inner_one_is_the_nails() -> None:
+    nail, view, true = nail_part(), calibration(SIZE_PX), posed_nail(0.0, (0.0, 0.0), (0.0, 0.0, 730.0))
+    pixels = render(Scene(SIZE_PX, nail, true), view, seed=3)
+    rows = np.arange(SIZE_PX)[:, None]
+    edges_px = view.image_from_camera(true.points(np.array([[0.0, -nail.radius_mm, 0.0], [0.0, nail.radius_mm, 0.0]])))
+    low, high = edges_px[:, 1].min(), edges_px[:, 1].max()
+    beyond = 0.1 * (high - low)
+    brighter = np.where((rows < low - beyond) | (rows > high + beyond), 1.8, 1.0)
+    assert_found(nail, found(find_nail((pixels * brighter).astype(np.float32), view, nail)), true, tilt_deg=1.0)
+
+
 @pytest.mark.parametrize("depth_mm", [660.0, 820.0])
 def test_its_depth_may_be_anywhere(depth_mm: float) -> None:
     nail, view = nail_part(), calibration(SIZE_PX)
