@@ -24,6 +24,7 @@ _STRAIGHT: Final = derived("assumed 0.3 mm over 180 mm: 8 * 0.3 / 180^2")
 _MUSCLE: Final = physical("60-80 kV behind 100-200 mm of muscle")
 _SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most")
 _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_objects --seeds fit`")
+_FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
 _TOLERANCE: Final = physical("manufacturing tolerance, assumed")
 _ABANDONED: Final = fitted("65 abandoned fits, 30 scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred")
@@ -282,6 +283,8 @@ class AgreementOfParts:
     softness_of_one_deviation: float = tuned(1.0, "sd", "softness beyond it that doubles the variance", _PROCESSED)
     usual_sharpening: float = tuned(2.0, "sd", "edge enhancement that plain images have too", _PROCESSED)
     sharpening_of_one_deviation: float = tuned(1.0, "sd", "sharpening beyond it that doubles the variance", _PROCESSED)
+    processed_from: float = tuned(2.5, "1", "growth of the variance from where an image counts as processed", _FILTERED)
+    processed_sd_deg: float = tuned(0.3, "°", "error of a tilt by processing, whatever the noise", _FILTERED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from services.registration.core.nail.least_squares import Problem, Solution, lin
 from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import Parameter, prior_mean, prior_precision
 from services.registration.core.nail.region import FitRegion
+from services.registration.core.nail.search.holes import hole_midpoints_mm
 from services.registration.core.tuning import AGREEMENT_OF_PARTS, FOREIGN_OBJECTS, NAIL_EVIDENCE
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import displacement_by_motion
@@ -129,18 +130,27 @@ class Agreement:
         """The same for standard deviations."""
         return float(np.sqrt(self.variance_ratio))
 
-    def widened(self, errors: PoseErrors, camera_from_nail: Transform[Camera, Nail]) -> PoseErrors:
+    def widened(self, errors: PoseErrors, camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> PoseErrors:
         """Errors of the pose, grown by what the model does not explain.
 
-        Wrong brightness between the rims turns the nail, but hardly moves it: edges stay in place. A nail that appears
-        larger than its file may be nearer than the distance of its holes says: that distance is then not the file's.
+        Wrong brightness between the rims turns the nail, but hardly moves it: edges stay in place. How far does not
+        follow from the noise, of which a filter may have left next to none. A nail that appears larger than its file
+        may be nearer than the distance of its holes says: that distance is then not the file's.
         """
         ratio = self.error_ratio
         grown = errors.with_image_errors_times(ratio, float(np.sqrt(ratio)), ratio)
         excess = max(abs(self.scale_excess) - AGREEMENT_OF_PARTS.usual_scale_excess, 0.0)
         depth_error_mm = excess * float(np.linalg.norm(camera_from_nail.translation_mm))
         along_ray = np.concatenate([np.zeros(3), depth_error_mm * ray_to(camera_from_nail)])
-        return grown.with_more(np.outer(along_ray, along_ray))
+        turned = self._turned_by_processing(nail)
+        return grown.with_more(np.outer(along_ray, along_ray) + turned.T @ turned)
+
+    def _turned_by_processing(self, nail: NailPart) -> NDArray[np.float64]:
+        """Turns about the nail's x and y through the middle of its holes, one standard deviation each, shape (2, 6)."""
+        s = AGREEMENT_OF_PARTS
+        share = max(1.0 - s.processed_from / self.variance_ratio, 0.0)
+        turns = np.sqrt(share) * np.radians(s.processed_sd_deg) * np.eye(3)[:2]
+        return np.hstack([turns, -np.cross(turns, hole_midpoints_mm(nail).mean(axis=0))])
 
 
 def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) -> Agreement:

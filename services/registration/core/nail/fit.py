@@ -221,7 +221,9 @@ def _with_evidence(end: _End, errors: PoseErrors) -> _Fitted:
         error_ratio=parts.error_ratio,
         rim_shares=rim_shares(model.region, model.nail),
     )
-    fit = NailFit(camera_from_nail, parts.widened(errors, camera_from_nail), evidence, curvature_of(parameters))
+    fit = NailFit(
+        camera_from_nail, parts.widened(errors, camera_from_nail, model.nail), evidence, curvature_of(parameters)
+    )
     return _Fitted(fit, end)
 
 

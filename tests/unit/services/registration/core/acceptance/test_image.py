@@ -112,9 +112,9 @@ def test_within_all_limits_is_accepted() -> None:
             "the rim of hole 'proximal' is visible over 29 % (at least 30 %) of its length",
         ),
         (
-            replace(FIT, error_ratio=6.1),
+            replace(FIT, error_ratio=12.1),
             ReasonCode.IMAGE_PROCESSED,
-            "disagree about the nail's rotation by 6.1 times (limit 6 times) what the noise explains",
+            "disagree about the nail's rotation by 12.1 times (limit 12 times) what the noise explains",
         ),
         (
             replace(FIT, hole_radius_excess_mm=0.2),

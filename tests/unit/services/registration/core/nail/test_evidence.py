@@ -7,6 +7,8 @@ import pytest
 
 from services.registration.core.estimation.pose_estimate import PoseErrors
 from services.registration.core.nail.evidence import Agreement, pull_ratio, rim_shares
+from services.registration.core.tuning import AGREEMENT_OF_PARTS
+from shared.geometry.lines import displacement_by_motion
 from tests.unit.services.registration.core.nail.whole_region import REGION
 from tests.unit.services.registration.xray_scene import nail_part, posed_nail
 
@@ -36,7 +38,7 @@ def test_one_part_that_has_nearly_all_the_weight_proves_little() -> None:
 
 USUAL = Agreement(1.0, 0.1, 0.7, 0.003, 4.0, 1.3, 2.0)
 ERRORS = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
-POSE = posed_nail(10.0)
+POSE, NAIL = posed_nail(10.0), nail_part()
 
 
 def test_what_plain_images_show_changes_nothing() -> None:
@@ -64,12 +66,24 @@ def test_symptoms_add_and_the_pulls_multiply() -> None:
 
 
 def test_rotation_grows_by_the_ratio_and_position_by_its_root() -> None:
-    grown = replace(USUAL, pull_ratio=16.0).widened(ERRORS, POSE).image_covariance
-    np.testing.assert_allclose(np.diag(grown), [16.0] * 3 + [4.0] * 3 + [16.0] * 3)
+    grown = replace(USUAL, pull_ratio=16.0).widened(ERRORS, POSE, NAIL).image_covariance
+    np.testing.assert_allclose(np.diag(grown), [16.0] * 3 + [4.0] * 3 + [16.0] * 3, rtol=1e-4)
+
+
+def test_processing_turns_the_nail_about_its_holes_whatever_the_noise() -> None:
+    known = replace(ERRORS, image_covariance=1e-12 * np.eye(9))
+    assert np.allclose(USUAL.widened(known, POSE, NAIL).image_covariance, known.image_covariance)
+    turned = replace(USUAL, pull_ratio=1e6).widened(known, POSE, NAIL).image_covariance[:6, :6]
+    turned = turned - np.diag([1e-6] * 3 + [1e-9] * 3)
+    tilt_deg = np.degrees(np.sqrt(np.diag(turned)[:3]))
+    np.testing.assert_allclose(tilt_deg[:2], AGREEMENT_OF_PARTS.processed_sd_deg, rtol=0.01)
+    assert tilt_deg[2] < 0.01
+    at_middle = displacement_by_motion(np.mean([hole.axis.point_mm for hole in NAIL.holes], axis=0))
+    assert np.abs(at_middle @ turned @ at_middle.T).max() < 1e-6
 
 
 def test_a_nail_that_appears_larger_may_be_nearer() -> None:
-    larger = replace(USUAL, scale_excess=0.013).widened(ERRORS, POSE).image_covariance
+    larger = replace(USUAL, scale_excess=0.013).widened(ERRORS, POSE, NAIL).image_covariance
     expected_mm = 0.01 * np.linalg.norm(POSE.translation_mm)
     ray = POSE.rotation.T @ POSE.translation_mm / np.linalg.norm(POSE.translation_mm)
     across = np.cross(ray, [1.0, 0.0, 0.0])
