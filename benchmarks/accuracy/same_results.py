@@ -145,6 +145,8 @@ def compare(before: Path, after: Path, subset: Subset) -> int:
     first, second = _by_image(before), _by_image(after)
     images = sorted(first.keys() & second.keys())
     print(f"{len(images)} images in both, {len(first.keys() ^ second.keys())} in one only")
+    if not images:
+        return 1
     different = [name for name in images if verdict_of(first[name]) != verdict_of(second[name])]
     for name in different:
         print(f"{name}: {verdict_of(first[name])} before, {verdict_of(second[name])} after")

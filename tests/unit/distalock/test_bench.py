@@ -40,6 +40,8 @@ def test_a_word_after_the_name_is_an_action_of_the_benchmark(tmp_path: Path) -> 
     after.write_text(rows[0])
     assert main(["bench", "same_results", "compare", str(before), str(after), "--subset"]) == 0
     assert main(["bench", "same_results", "compare", str(before), str(after)]) == 1
+    before.write_text("")
+    assert main(["bench", "same_results", "compare", str(before), str(after), "--subset"]) == 1, "nothing was compared"
 
 
 def test_without_a_name_there_is_a_list(capsys: pytest.CaptureFixture[str]) -> None:
