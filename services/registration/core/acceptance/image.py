@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from services.registration.core.acceptance.criteria import (
+    AGREEMENT_BESIDE_OBJECTS,
     AXIS_BOUND,
     BEST_RIM,
     CHANCE_TO_PASS,
@@ -77,6 +78,7 @@ class FitEvidence:
     error_ratio: float  # of the nail's rotation, over what the noise explains
     rim_shares: tuple[float, ...]  # of each hole's rim that takes part in the fit, in the order of `holes`
     openings: Openings = CLEAR_VIEW
+    objects_left_out: bool = False  # pixels over the nail that are darker than an earlier fit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,7 +177,14 @@ def _mismatch(evidence: FitEvidence) -> Iterator[Reason]:
 
 
 def _processed(evidence: FitEvidence) -> Iterator[Reason]:
-    if not PROCESSING.is_met(evidence.error_ratio):
+    """What was left out by a wrong fit can make that fit look right: what remains must be plain."""
+    if evidence.objects_left_out and not AGREEMENT_BESIDE_OBJECTS.is_met(evidence.error_ratio):
+        quoted = AGREEMENT_BESIDE_OBJECTS.quoted(evidence.error_ratio)
+        yield AGREEMENT_BESIDE_OBJECTS.reason(
+            "something dark lies over the nail, and beside it parts of the image disagree about the nail's rotation by "
+            f"{quoted} what the noise explains"
+        )
+    elif not PROCESSING.is_met(evidence.error_ratio):
         yield PROCESSING.reason(
             f"parts of the image disagree about the nail's rotation by {PROCESSING.quoted(evidence.error_ratio)} what "
             "the noise explains: the display has changed local contrast, or something unknown lies there"

@@ -75,7 +75,7 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
     _, found = _fitted_without_foreign_objects(fit_input, start)
     if isinstance(found, Rejected) or fit_reasons(found.fit.evidence):
         seen = _seen_from_the_holes(fit_input, start)
-        again = None if seen is None else _fitted_without_foreign_objects(*seen)[1]
+        again = None if seen is None else _beside_objects(_fitted_without_foreign_objects(*seen)[1])
         found = found if again is None or isinstance(again, Rejected) else again
     if isinstance(found, Rejected):
         return found
@@ -94,8 +94,16 @@ def _fitted_without_foreign_objects(
         without = _without_foreign_objects(fit_input, found.end)
         if without is None:
             break
-        fit_input, found = without, _fitted(without, start)
+        fit_input, found = without, _beside_objects(_fitted(without, start))
     return fit_input, found
+
+
+def _beside_objects(found: "_Fitted | Rejected") -> "_Fitted | Rejected":
+    """The same fit, marked as one from which pixels were left out that are darker than an earlier fit."""
+    if isinstance(found, Rejected):
+        return found
+    evidence = replace(found.fit.evidence, objects_left_out=True)
+    return replace(found, fit=replace(found.fit, evidence=evidence))
 
 
 def _seen_from_the_holes(

@@ -117,6 +117,11 @@ def test_within_all_limits_is_accepted() -> None:
             "disagree about the nail's rotation by 12.1 times (limit 12 times) what the noise explains",
         ),
         (
+            replace(FIT, error_ratio=2.6, objects_left_out=True),
+            ReasonCode.HOLE_NOT_VISIBLE,
+            "disagree about the nail's rotation by 2.6 times (limit 2.5 times) what the noise explains",
+        ),
+        (
             replace(FIT, hole_radius_excess_mm=0.2),
             ReasonCode.NAIL_MODEL_MISMATCH,
             "the holes measure +0.40 mm (limit 0.24 mm) in diameter",
