@@ -49,8 +49,8 @@ class Declared:
             self._declared.undeclare()
 
 
-def pump(channel: Channel[T], handle: Callable[[T], None], name: str) -> None:
-    """Hand every item to `handle` on a thread of its own, until the channel is undeclared."""
+def pump(channel: Channel[T], handle: Callable[[T], None], name: str) -> threading.Thread:
+    """Hand every item to `handle` on a thread of its own, which is returned, until the channel is undeclared."""
 
     def run() -> None:
         for item in channel:
@@ -59,4 +59,6 @@ def pump(channel: Channel[T], handle: Callable[[T], None], name: str) -> None:
             except Exception:  # noqa: BLE001 - the border of a task: the next item is handled all the same
                 _log.exception("bus handler raised", key=name)
 
-    threading.Thread(target=run, name=f"bus {name}", daemon=True).start()
+    thread = threading.Thread(target=run, name=f"bus {name}", daemon=True)
+    thread.start()
+    return thread

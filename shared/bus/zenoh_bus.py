@@ -7,11 +7,13 @@ session time out); here a hung handler costs its own key its oldest samples and 
 """
 
 import json
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self, TypeVar
+from weakref import WeakSet
 
 import zenoh
 
@@ -37,6 +39,8 @@ _STREAM_DEPTH = 8
 _RETAINED_DEPTH = 256
 _QUERY_DEPTH = 64
 _TOKEN_DEPTH = 1024
+# They end at once when nothing hangs in a handler; a service that leaves is ended by force after 10 s.
+_PUMP_ENDS_WITHIN_S = 1.0
 _TIMEOUT_TEXT = "Timeout"
 
 T = TypeVar("T")
@@ -117,6 +121,7 @@ class ZenohBus:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._kept: set[Declared] = set()
+        self._pumps: WeakSet[threading.Thread] = WeakSet()  # those that still run
         self._views: list[AliveView] = []
         links = session.info.declare_transport_events_listener(zenoh.handlers.RingChannel(_TOKEN_DEPTH))
         self._serve(links, self._on_link, "link")
@@ -206,14 +211,23 @@ class ZenohBus:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Take all declarations back, close, and wait for the threads that served them.
+
+        A thread that comes back from Zenoh while the interpreter ends would abort the process.
+        """
+        for declared in tuple(self._kept):
+            declared.close()
         self._session.close()  # type: ignore[no-untyped-call]
+        for thread in tuple(self._pumps):
+            if thread is not threading.current_thread():
+                thread.join(_PUMP_ENDS_WITHIN_S)
 
     def _on_link(self, event: zenoh.TransportEvent) -> None:
         for view in self._views:
             view.on_link(up=_is_put(event.kind))
 
     def _serve(self, channel: Channel[T], handle: Callable[[T], None], key: str) -> Declared:
-        pump(channel, handle, key)
+        self._pumps.add(pump(channel, handle, key))
         return Declared(channel, self._kept)
 
 
