@@ -1,6 +1,6 @@
 """A nail that bends: its centreline, the axis of each hole at its own place, and its shapes for the ray tracer.
 
-Also a straight nail with another tip, or with a slot.
+Also a straight nail with another tip.
 """
 
 from dataclasses import dataclass, replace
@@ -13,8 +13,8 @@ from shared.geometry.lines import Line, angle_between_rad
 from shared.geometry.parts import Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 from simulation.render import tracer
-from simulation.render.rows import Shapes, bar_row, ellipsoid_row
-from simulation.render.scene import NAIL_LENGTH_MM, bore_rows
+from simulation.render.rows import Shapes, bar_row, ellipsoid_row, joined
+from simulation.render.scene import NAIL_LENGTH_MM, hole_shapes
 from simulation.render.tracer import PackedScene
 from simulation.render.truth import HoleTruth
 from simulation.scenario.frames import Beam
@@ -24,8 +24,6 @@ Floats = NDArray[np.float64]
 _X = np.array([1.0, 0.0, 0.0])
 # How far a straight piece may be off the arc.
 _SAGITTA_MM = 0.005
-# Bores side by side make a slot; by so much apart they leave ridges of less than 0.01 mm.
-_SLOT_STEP_MM = 0.3
 _BAR_END = 9  # column of a bar's row
 
 
@@ -82,11 +80,12 @@ def bent_shapes(nail: NailPart, bend: Bend, beam_from_nail: Transform[Beam, Nail
     if nail.cannulation_diameter_mm > 0.0:
         canal = _tube_rows(bend, beam_from_nail, 0.5 * nail.cannulation_diameter_mm, tip + 1.0)
         bars += [(tracer.NAIL_VOID, row) for row in canal]
+    holes = []
     for hole in nail.holes:
         pose = beam_from_nail @ bend.frame_at(float(hole.axis.point_mm[0]))
-        bars += [(tracer.NAIL_VOID, row) for row in bore_rows(pose, local_hole(hole), radius)]
+        holes.append(hole_shapes(pose, local_hole(hole), radius))
     end = ellipsoid_row(beam_from_nail @ bend.frame_at(tip - radius), np.zeros(3), np.full(3, radius))
-    return Shapes(ellipsoids=((tracer.NAIL, end),), bars=tuple(bars))
+    return joined([Shapes(ellipsoids=((tracer.NAIL, end),), bars=tuple(bars)), *holes])
 
 
 def _tube_rows(bend: Bend, beam_from_nail: Transform[Beam, Nail], radius_mm: float, end_mm: float) -> list[Floats]:
@@ -110,6 +109,8 @@ def with_bent_nail(packed: PackedScene, nail: NailPart, bend: Bend, world: World
     return packed._replace(
         bars=np.concatenate([shapes.bar_rows(), packed.bars[bars]]),
         bar_class=np.concatenate([shapes.bar_classes(), packed.bar_class[bars]]),
+        blocks=shapes.block_rows(),
+        block_class=shapes.block_classes(),
         ellipsoids=np.concatenate([packed.ellipsoids[ellipsoids], shapes.ellipsoid_rows()]),
         ellipsoid_class=np.concatenate([packed.ellipsoid_class[ellipsoids], shapes.ellipsoid_classes()]),
     )
@@ -123,18 +124,6 @@ def with_tip(packed: PackedScene, nail: NailPart, depth_mm: float, world: World)
     bars[packed.bar_class == tracer.NAIL, _BAR_END] = nail.tip_x_mm - depth_mm
     ellipsoids[packed.ellipsoid_class == tracer.NAIL] = end
     return packed._replace(bars=bars, ellipsoids=ellipsoids)
-
-
-def with_slot(packed: PackedScene, nail: NailPart, hole: Hole, longer_mm: float, world: World) -> PackedScene:
-    """The scene with a hole that is longer along the nail."""
-    rows = []
-    for shift in np.linspace(-0.5 * longer_mm, 0.5 * longer_mm, int(np.ceil(longer_mm / _SLOT_STEP_MM)) + 1):
-        moved = replace(hole, axis=Line(hole.axis.point_mm + shift * _X, hole.axis.direction))
-        rows += bore_rows(world.beam_from_nail, moved, nail.radius_mm)
-    return packed._replace(
-        bars=np.concatenate([packed.bars, rows]),
-        bar_class=np.concatenate([packed.bar_class, np.full(len(rows), tracer.NAIL_VOID)]),
-    )
 
 
 def bent_truths(nail: NailPart, bend: Bend, world: World) -> tuple[HoleTruth, ...]:

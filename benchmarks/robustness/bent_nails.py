@@ -2,8 +2,9 @@
 
 usage: distalock bench bent_nails [--kind NAME ...] [--count 20] [--seeds judged] [--rows FILE] [--images FOLDER]
 
-The part file that a localisation gets stays that of the straight nail with two parallel round holes. The truth of each
-hole is its own axis. A bent nail keeps the place and the tangent of its file halfway between the holes.
+The part file that a localisation gets stays that of the straight nail with two parallel round holes, but where the
+kind says what is filed. The truth of each hole is its own axis. A bent nail keeps the place and the tangent of its file
+halfway between the holes.
 """
 
 import sys
@@ -13,13 +14,14 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail, with_slot, with_tip
-from benchmarks.robustness.changed_parts import with_nail_holes
+from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail, with_tip
+from benchmarks.robustness.changed_parts import with_holes, with_nail_holes
 from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
 from benchmarks.robustness.scene import ChangePacked, Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
+from shared.geometry.parts import Hole
 from simulation.scenario.values import Scenario
 from simulation.world.poses import starting_state, world_at
 
@@ -69,10 +71,8 @@ def tilted_holes(kind: str, seed: int) -> RobustScene:
 def chamfers(kind: str, seed: int) -> RobustScene:
     """Both rims of both holes countersunk to a depth from none to 1 mm."""
     depth_mm, scenario = float(generator_of(kind, seed).uniform(0.0, 1.0)), scene_of_seed(seed)
-    nail = scenario.parts.nail
-    holes = tuple(replace(hole, chamfer_mm=depth_mm) for hole in nail.holes)
-    changed = replace(scenario, parts=replace(scenario.parts, nail=replace(nail, holes=holes)))
-    return _straight_scene(kind, changed, {"depth_mm": depth_mm})
+    holes = tuple(replace(hole, chamfer_mm=depth_mm) for hole in scenario.parts.nail.holes)
+    return _straight_scene(kind, with_holes(scenario, holes), {"depth_mm": depth_mm})
 
 
 def rounded_tip(kind: str, seed: int) -> RobustScene:
@@ -87,10 +87,29 @@ def rounded_tip(kind: str, seed: int) -> RobustScene:
 def oblong_slot(kind: str, seed: int) -> RobustScene:
     """The proximal hole 2 to 6 mm longer along the nail than the file says; its axis is that of the slot's middle."""
     longer_mm, scenario = float(generator_of(kind, seed).uniform(2.0, 6.0)), scene_of_seed(seed)
-    nail = scenario.parts.nail
-    hole = min(nail.holes, key=lambda one: float(one.axis.point_mm[0]))
-    drawn: Drawn = {"longer_mm": longer_mm}
-    return _straight_scene(kind, scenario, drawn, lambda packed, world: with_slot(packed, nail, hole, longer_mm, world))
+    changed = with_holes(scenario, _with_proximal_slot(scenario.parts.nail.holes, longer_mm))
+    return _straight_scene(kind, changed, {"longer_mm": longer_mm})
+
+
+def oblong_holes(kind: str, seed: int) -> RobustScene:
+    """The proximal hole a slot, 2 to 6 mm longer along the nail than wide, as the file says."""
+    longer_mm, scenario = float(generator_of(kind, seed).uniform(2.0, 6.0)), scene_of_seed(seed)
+    holes = _with_proximal_slot(scenario.parts.nail.holes, longer_mm)
+    scene = _straight_scene(kind, with_holes(scenario, holes), {"longer_mm": longer_mm})
+    return replace(scene, filed_holes=holes)
+
+
+def slot_in_file(kind: str, seed: int) -> RobustScene:
+    """Round holes, of which the file says that the proximal one is a slot, 2 to 6 mm longer than wide."""
+    longer_mm, scenario = float(generator_of(kind, seed).uniform(2.0, 6.0)), scene_of_seed(seed)
+    scene = _straight_scene(kind, scenario, {"longer_mm": longer_mm})
+    return replace(scene, filed_holes=_with_proximal_slot(scenario.parts.nail.holes, longer_mm))
+
+
+def _with_proximal_slot(holes: tuple[Hole, ...], longer_mm: float) -> tuple[Hole, ...]:
+    proximal = min(holes, key=lambda one: float(one.axis.point_mm[0]))
+    slot = replace(proximal, slot_length_mm=proximal.diameter_mm + longer_mm)
+    return tuple(slot if hole is proximal else hole for hole in holes)
 
 
 def _straight_scene(
@@ -107,7 +126,8 @@ def _bent_kind(low_mm: float, high_mm: float) -> Kind:
 
 KINDS: tuple[Kind, ...] = (
     *(_bent_kind(*radii) for radii in _RADII_MM),
-    *(rendered_kind(make) for make in (hole_spacing, tilted_holes, chamfers, rounded_tip, oblong_slot)),
+    *(rendered_kind(make) for make in (hole_spacing, tilted_holes, chamfers, rounded_tip)),
+    *(rendered_kind(make) for make in (oblong_slot, oblong_holes, slot_in_file)),
 )
 BENCH = RobustnessBench("bent_nails", "nails that are bent or made otherwise than their file says", KINDS)
 

@@ -1,13 +1,13 @@
 """Scenarios whose parts were made otherwise than their files say: rendered so, localised with the files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry.lines import Line, read_only
-from shared.geometry.parts import BallPattern, Box, Plate
+from shared.geometry.parts import BallPattern, Box, Hole, Plate
 from simulation.scenario.values import Scenario
 
 Floats = NDArray[np.float64]
@@ -15,9 +15,13 @@ Floats = NDArray[np.float64]
 
 def with_nail_holes(scenario: Scenario, changed: Callable[[Line], Line]) -> Scenario:
     """Other axes of the nail's holes."""
-    nail = scenario.parts.nail
-    holes = tuple(replace(hole, axis=changed(hole.axis)) for hole in nail.holes)
-    return replace(scenario, parts=replace(scenario.parts, nail=replace(nail, holes=holes)))
+    return with_holes(scenario, (replace(hole, axis=changed(hole.axis)) for hole in scenario.parts.nail.holes))
+
+
+def with_holes(scenario: Scenario, holes: Iterable[Hole]) -> Scenario:
+    """Other holes of the nail."""
+    nail = replace(scenario.parts.nail, holes=tuple(holes))
+    return replace(scenario, parts=replace(scenario.parts, nail=nail))
 
 
 def with_displaced_guide_balls(scenario: Scenario, displacement_mm: Floats) -> Scenario:

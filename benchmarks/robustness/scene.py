@@ -11,9 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.robustness.changed_parts import with_holes
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.localise import Parts
+from shared.geometry.lines import Line
+from shared.geometry.parts import Hole
 from simulation.render import detector
 from simulation.render.display import Grey, turned_points
 from simulation.render.image import NO_FAULTS, ImageFaults, Noise, Shot, View, exposed, metal_behind_mm, trace_primary
@@ -44,6 +47,8 @@ class RobustScene:
         Truth hole by hole: each has its own axis, in the guide's frame, where the guide's frame is that of its file.
     middle_px
         Column and row of the nail's origin in the image, distortion left out: where to look.
+    filed_holes
+        The nail's holes in the file that a localisation gets; None where they are those of the seed's scene.
     """
 
     kind: str
@@ -53,11 +58,13 @@ class RobustScene:
     nominal: NominalGeometry
     holes: tuple[HoleTruth, ...]
     middle_px: tuple[float, float]
+    filed_holes: tuple[Hole, ...] | None = None
 
     @property
     def parts(self) -> Parts:
         """The part files that a localisation gets: nominal ones, which do not state how holes are chamfered."""
-        return parts_of(scene_of_seed(self.seed))
+        scenario = scene_of_seed(self.seed)
+        return parts_of(scenario if self.filed_holes is None else with_holes(scenario, self.filed_holes))
 
 
 def generator_of(kind: str, seed: int) -> np.random.Generator:
@@ -134,6 +141,8 @@ def _write(image: Path, scene: RobustScene) -> None:
         for hole in scene.holes
     ]
     content = {"drawn": scene.drawn, "nominal": nominal, "holes": holes, "middle_px": scene.middle_px}
+    if scene.filed_holes is not None:
+        content["filed_holes"] = [_filed(hole) for hole in scene.filed_holes]
     unfinished = unfinished.with_suffix(".json")
     unfinished.write_text(json.dumps(content, indent=1))
     unfinished.replace(image.with_suffix(".json"))
@@ -147,5 +156,20 @@ def _read(image: Path, kind: str, seed: int) -> RobustScene:
         for hole in content["holes"]
     )
     column, row = content["middle_px"]
-    nominal = NominalGeometry(**content["nominal"])
-    return RobustScene(kind, seed, content["drawn"], pixels, nominal, holes, (column, row))
+    nominal, filed = NominalGeometry(**content["nominal"]), None
+    if "filed_holes" in content:
+        filed = tuple(
+            Hole(h["id"], Line(np.array(h["point_mm"]), np.array(h["direction"])), h["diameter_mm"], None, h["slot_mm"])
+            for h in content["filed_holes"]
+        )
+    return RobustScene(kind, seed, content["drawn"], pixels, nominal, holes, (column, row), filed)
+
+
+def _filed(hole: Hole) -> dict[str, object]:
+    return {
+        "id": hole.id,
+        "point_mm": hole.axis.point_mm.tolist(),
+        "direction": hole.axis.direction.tolist(),
+        "diameter_mm": hole.diameter_mm,
+        "slot_mm": hole.slot_length_mm,
+    }

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.drill_clearance import across_basis
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide.measure import shadows
+from services.registration.core.hole_axes import rims_of
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
 from services.registration.core.tuning import OVERLAY
 from services.registration.core.wires.nail_outline import axis_about_holes_mm, touched_normals
@@ -107,13 +107,10 @@ def _draw_nail(
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(edge)), NAIL)
     angle = np.linspace(0.0, 2.0 * np.pi, OVERLAY.rim_points)
     for hole in nail.holes:
-        direction = hole_axis(nail, hole).direction
-        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across_basis(direction)
-        ends = hole_surface_points(nail, hole)
-        for end in ends:
-            rim = end + 0.5 * hole.diameter_mm * circle
+        for rim in rims_of(nail, hole, angle):
             _line(canvas, calibration.image_from_camera(camera_from_nail.points(rim)), NAIL)
-        axis = np.stack([ends[0] - OVERLAY.axis_mm * direction, ends[1]])
+        ends = hole_surface_points(nail, hole)
+        axis = np.stack([ends[0] - OVERLAY.axis_mm * hole_axis(nail, hole).direction, ends[1]])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(axis)), AXIS)
 
 

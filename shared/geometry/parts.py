@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shared.geometry.bend import section_frame
 from shared.geometry.frames import Nail
-from shared.geometry.lines import Line
+from shared.geometry.lines import Line, unit
 from shared.geometry.transform import Transform
 
 Material = Literal["steel", "Ti6Al4V"]
@@ -64,20 +64,54 @@ class RingPart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hole:
-    """A cylindrical hole of a guide or a nail.
+    """A hole of a guide or a nail: a bore, or in a nail a slot, two half bores and what lies between them.
 
     Attributes
     ----------
     axis
-        Directed along drilling, in the part's frame, through the point the part's file gives.
+        Directed along drilling, in the part's frame, through the point the part's file gives; of a slot that through
+        its middle.
+    diameter_mm
+        Of the bore; of a slot its width.
     chamfer_mm
-        Depth to which both rims are countersunk at 45 degrees, under the part's widest place; None where nobody says.
+        Depth to which both rims are countersunk at 45 degrees, under the part's widest place (of a hole that leans
+        along the nail: along its axis); None where nobody says.
+    slot_length_mm
+        Length of a slot's whole opening along the nail; None of a bore.
     """
 
     id: str
     axis: Line
     diameter_mm: float
     chamfer_mm: float | None = None
+    slot_length_mm: float | None = None
+
+    @property
+    def half_slot_mm(self) -> float:
+        """From a slot's middle to the axis of either half bore; 0 of a bore."""
+        return 0.0 if self.slot_length_mm is None else 0.5 * (self.slot_length_mm - self.diameter_mm)
+
+    @property
+    def half_length_mm(self) -> float:
+        """Half the length of the opening along the nail."""
+        return 0.5 * self.diameter_mm + self.half_slot_mm
+
+    @property
+    def cosine_across_nail(self) -> float:
+        """Cosine of the angle by which a nail's hole leans along the nail: 1 where it is square to the nail's axis."""
+        return float(np.hypot(self.axis.direction[1], self.axis.direction[2]))
+
+    def along_nail(self) -> NDArray[np.float64]:
+        """Direction of a nail's slot: as near to the nail's x axis as it can be across the hole's, unit, shape (3,)."""
+        direction = self.axis.direction
+        return unit(np.array([1.0, 0.0, 0.0]) - direction[0] * direction)
+
+    def beyond_slot(self, along_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Places along the nail, from a slot's middle, seen from the nearest axis that a drill may follow, same shape.
+
+        Across the hole a slot is then as round as a bore.
+        """
+        return np.asarray(along_mm - np.clip(along_mm, -self.half_slot_mm, self.half_slot_mm))
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,6 +47,7 @@ _LEAST_RING_BALLS: Final = 16
 _BESIDE_PLATE_MM, _DEEPEST_PLATE_MM = 15.0, 400.0
 # Directions in files are rounded to two decimals or more.
 _LENGTH_ROUNDING: Final = 0.02
+_LONGEST_SLOT_MM: Final = 30.0
 _LEAST_ANGLE_TO_NAIL_DEG, _MOST_ANGLE_TO_DRILLING_DEG = 30.0, 100.0
 
 
@@ -94,10 +95,24 @@ class GuideHoleFile(HoleFile):
 
 
 class NailHoleFile(HoleFile):
-    """A nail hole; `chamfer_mm` is how deep its rims are countersunk at 45 degrees, where the maker says so."""
+    """A nail hole.
+
+    `chamfer_mm` is how deep its rims are countersunk at 45 degrees, where the maker says so; `slot_length_mm` the
+    length along the nail of an oblong hole, whose width is `diameter_mm`.
+    """
 
     position_mm: Vector
     chamfer_mm: Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=2.0)] | None = None
+    slot_length_mm: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=_LONGEST_SLOT_MM)] | None = None
+
+    @model_validator(mode="after")
+    def _slot_is_longer_than_wide(self) -> "NailHoleFile":
+        if self.slot_length_mm is not None and self.slot_length_mm <= self.diameter_mm:
+            raise ValueError(
+                f"the slot of hole '{self.id}' is {self.slot_length_mm:g} mm long and {self.diameter_mm:g} mm wide; "
+                "leave slot_length_mm out of a round hole"
+            )
+        return self
 
 
 class BoxFile(PartModel):
@@ -233,7 +248,8 @@ def _refuse_outside(hole: NailHoleFile, nail: NailFile) -> None:
     position, direction = np.array(hole.position_mm), np.array(hole.direction)
     across = direction[1:] / np.linalg.norm(direction[1:])
     beside = abs(float(position[1] * across[1] - position[2] * across[0]))
-    radius, room = 0.5 * hole.diameter_mm, 0.5 * (nail.diameter_mm - hole.diameter_mm)
+    room = 0.5 * (nail.diameter_mm - hole.diameter_mm)
+    radius = 0.5 * (hole.slot_length_mm or hole.diameter_mm)
     if beside > room:
         raise ValueError(
             f"the axis of hole '{hole.id}' passes the nail's axis at {beside:.2f} mm (limit {room:.2f} in a nail of "
@@ -300,7 +316,7 @@ def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
     """Read a nail file's content; raises `PartFileInvalid`."""
     file = parse_part(NailFile, content, source)
     holes = tuple(
-        Hole(h.id, Line(np.array(h.position_mm), np.array(h.direction)), h.diameter_mm, h.chamfer_mm)
+        Hole(h.id, Line(np.array(h.position_mm), np.array(h.direction)), h.diameter_mm, h.chamfer_mm, h.slot_length_mm)
         for h in file.holes
     )
     return NailPart(

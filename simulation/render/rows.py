@@ -23,6 +23,7 @@ class Shapes:
 
     ellipsoids: tuple[Row, ...] = ()
     bars: tuple[Row, ...] = ()
+    blocks: tuple[Row, ...] = ()
     tubes: tuple[Row, ...] = ()
 
     def ellipsoid_rows(self) -> Floats:
@@ -32,6 +33,14 @@ class Shapes:
     def bar_rows(self) -> Floats:
         """Shape (N, 10)."""
         return _stack(self.bars, 10)
+
+    def block_rows(self) -> Floats:
+        """Shape (N, 14)."""
+        return _stack(self.blocks, 14)
+
+    def block_classes(self) -> NDArray[np.int64]:
+        """Shape (N,)."""
+        return _classes(self.blocks)
 
     def tube_rows(self) -> Floats:
         """Shape (N, 8)."""
@@ -63,6 +72,7 @@ def joined(groups: Sequence[Shapes]) -> Shapes:
     return Shapes(
         tuple(row for g in groups for row in g.ellipsoids),
         tuple(row for g in groups for row in g.bars),
+        tuple(row for g in groups for row in g.blocks),
         tuple(row for g in groups for row in g.tubes),
     )
 
@@ -74,6 +84,23 @@ def bar_row(
     return np.concatenate(
         [pose @ axis.point_mm, pose.directions(axis.direction), [radius_mm, slope, from_mm, to_mm]], dtype=np.float64
     )
+
+
+def block_row(
+    pose: Transform[Beam, Part],
+    axis: Line,
+    along: Floats,
+    half_size_mm: tuple[float, float],
+    from_mm: float,
+    to_mm: float,
+    slope: float = 0.0,
+) -> Floats:
+    """Row of a rectangular bar about an axis of the part's frame: half length along a direction across it, half width.
+
+    The half width is that at the axis' point.
+    """
+    place = [pose @ axis.point_mm, pose.directions(axis.direction), pose.directions(along)]
+    return np.concatenate([*place, [*half_size_mm, slope, from_mm, to_mm]], dtype=np.float64)
 
 
 def ellipsoid_row(pose: Transform[Beam, Part], centre_mm: Floats, half_axes_mm: Floats) -> Floats:

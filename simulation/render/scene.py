@@ -13,7 +13,7 @@ from simulation.render import tracer
 from simulation.render.anatomy import bone_shapes, spongy_row
 from simulation.render.attenuation import Material
 from simulation.render.distortion import measured_from_ideal
-from simulation.render.rows import Shapes, bar_row, ellipsoid_row, joined
+from simulation.render.rows import Shapes, bar_row, block_row, ellipsoid_row, joined
 from simulation.render.texture import VOXEL_MM, trabecular_volume
 from simulation.render.tiles import TILE_PX, sort_into_tiles
 from simulation.scenario.frames import Beam
@@ -88,6 +88,8 @@ def pack_scene(scenario: Scenario, world: World, balls: BallsInView) -> tracer.P
         ellipsoid_class=shapes.ellipsoid_classes(),
         bars=shapes.bar_rows(),
         bar_class=shapes.bar_classes(),
+        blocks=shapes.block_rows(),
+        block_class=shapes.block_classes(),
         delrin_boxes=boxes,
         delrin_axes=np.ascontiguousarray(world.beam_from_guide.rotation.T),
         steel_boxes=np.zeros((0, 6)),
@@ -119,20 +121,33 @@ def _nail_shapes(scenario: Scenario, world: World) -> Shapes:
         bars.append(
             (tracer.NAIL_VOID, bar_row(pose, axis, 0.5 * nail.cannulation_diameter_mm, -NAIL_LENGTH_MM, tip + 1.0))
         )
-    bars += [(tracer.NAIL_VOID, row) for hole in nail.holes for row in bore_rows(pose, hole, radius)]
     end = ellipsoid_row(pose, np.array([tip - radius, 0.0, 0.0]), np.full(3, radius))
-    return Shapes(ellipsoids=((tracer.NAIL, end),), bars=tuple(bars))
+    solid = Shapes(ellipsoids=((tracer.NAIL, end),), bars=tuple(bars))
+    return joined([solid, *(hole_shapes(pose, hole, radius) for hole in nail.holes)])
 
 
-def bore_rows(pose: Transform[Beam, Nail], hole: Hole, radius_mm: float) -> list[Floats]:
-    """Rows of a hole through a nail of some radius: its bore, and the chamfers of both rims."""
+def hole_shapes(pose: Transform[Beam, Nail], hole: Hole, radius_mm: float) -> Shapes:
+    """A hole through a nail of some radius: its bore, and the chamfers of both rims; of a slot two, and between them.
+
+    A piece of a bore reaches `from` to `to` along the axis, and is `flare` wider at each mm further along.
+    """
     chamfer = _USUAL_CHAMFER_MM if hole.chamfer_mm is None else hole.chamfer_mm
-    bore, rim = 0.5 * hole.diameter_mm, radius_mm - chamfer
-    rows = [bar_row(pose, hole.axis, bore, -_BEYOND_MM, _BEYOND_MM)]
-    for direction in (hole.axis.direction, -hole.axis.direction):
-        outwards = Line(hole.axis.point_mm, direction)
-        rows.append(bar_row(pose, outwards, bore - rim, rim, radius_mm + 1.0, slope=1.0))
-    return rows
+    bore, half, along = 0.5 * hole.diameter_mm, hole.half_slot_mm, hole.along_nail()
+    end = radius_mm / hole.cosine_across_nail
+    rim = end - chamfer
+    forwards, backwards = (Line(hole.axis.point_mm, side * hole.axis.direction) for side in (1.0, -1.0))
+    pieces = [
+        (forwards, bore, -_BEYOND_MM, _BEYOND_MM, 0.0),
+        *((axis, bore - rim, rim, end + 1.0, 1.0) for axis in (forwards, backwards)),
+    ]
+    bars, blocks = [], []
+    for axis, wide, first, last, flare in pieces:
+        for shift in (-half, half) if half > 0.0 else (0.0,):
+            moved = Line(axis.point_mm + shift * along, axis.direction)
+            bars.append((tracer.NAIL_VOID, bar_row(pose, moved, wide, first, last, flare)))
+        if half > 0.0:
+            blocks.append((tracer.NAIL_VOID, block_row(pose, axis, along, (half, wide), first, last, flare)))
+    return Shapes(bars=tuple(bars), blocks=tuple(blocks))
 
 
 def _delrin_rows(scenario: Scenario, world: World) -> Floats:

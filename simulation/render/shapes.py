@@ -92,6 +92,35 @@ def frustum(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy")
+def flared_block(row: Floats, o: Floats, d: Floats) -> tuple[float, float]:
+    """A straight or flaring piece of a rectangular bar.
+
+    `row = [px, py, pz, ax, ay, az, lx, ly, lz, half length along l, half width at the point, slope of the half width
+    along the axis, from, to]`; axis and l are unit vectors across each other, and the half width must be positive
+    between `from` and `to`.
+    """
+    p, q, m, n, v, w = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    wx, wy, wz = row[4] * row[8] - row[5] * row[7], row[5] * row[6] - row[3] * row[8], row[3] * row[7] - row[4] * row[6]
+    for i in range(3):
+        across = wx if i == 0 else (wy if i == 1 else wz)
+        offset = o[i] - row[i]
+        p += row[3 + i] * offset
+        q += row[3 + i] * d[i]
+        m += row[6 + i] * offset
+        n += row[6 + i] * d[i]
+        v += across * offset
+        w += across * d[i]
+    near, far = slab(p, q, row[12], row[13])
+    a, b = slab(m, n, -row[9], row[9])
+    near, far = max(near, a), min(far, b)
+    # either side: slope * along + half width at the point -+ across >= 0
+    for side in (-1.0, 1.0):
+        a, b = slab(row[10] + row[11] * p + side * v, row[11] * q + side * w, 0.0, 1e30)
+        near, far = max(near, a), min(far, b)
+    return near, far
+
+
+@njit(cache=True, error_model="numpy")
 def box(row: Floats, axes: Floats, o: Floats, d: Floats) -> tuple[float, float]:
     """`row = [cx, cy, cz, half x, half y, half z]`; the rows of `axes`, shape (3, 3), are the box's unit axes."""
     near, far = -1e30, 1e30

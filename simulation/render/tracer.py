@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from simulation.render.femur import tube
-from simulation.render.shapes import box, ellipsoid, frustum, sphere
+from simulation.render.shapes import box, ellipsoid, flared_block, frustum, sphere
 from simulation.render.spongy import mineral_share
 
 Floats = NDArray[np.float64]
@@ -32,6 +32,8 @@ class PackedScene(NamedTuple):
     ellipsoid_class: Integers
     bars: Floats
     bar_class: Integers
+    blocks: Floats
+    block_class: Integers
     delrin_boxes: Floats
     delrin_axes: Floats
     steel_boxes: Floats
@@ -87,6 +89,16 @@ def _add(times: Floats, codes: Integers, n: int, near: float, far: float, shape_
     return n
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _ball_events(scene: PackedScene, tile: int, o: Floats, d: Floats, times: Floats, codes: Integers, n: int) -> int:
+    """Collect the balls whose shadows touch a tile of the image."""
+    if tile >= 0:
+        for k in range(scene.tile_start[tile], scene.tile_start[tile + 1]):
+            a, b = sphere(scene.balls[scene.tile_balls[k]], o, d)
+            n = _add(times, codes, n, a, b, STEEL_PART)
+    return n
+
+
 @njit(cache=True, error_model="numpy")
 def _events(scene: PackedScene, tile: int, o: Floats, d: Floats, bone: Floats, times: Floats, codes: Integers) -> int:
     """Collect where the ray enters and leaves every shape, in order.
@@ -119,11 +131,11 @@ def _events(scene: PackedScene, tile: int, o: Floats, d: Floats, bone: Floats, t
         a, b = frustum(scene.bars[i], o, d)
         hit_nail |= a < b and kind == NAIL
         n = _add(times, codes, n, a, b, kind)
-    if tile >= 0:
-        for k in range(scene.tile_start[tile], scene.tile_start[tile + 1]):
-            a, b = sphere(scene.balls[scene.tile_balls[k]], o, d)
-            n = _add(times, codes, n, a, b, STEEL_PART)
-    return n
+    if hit_nail:
+        for i in range(scene.blocks.shape[0]):
+            a, b = flared_block(scene.blocks[i], o, d)
+            n = _add(times, codes, n, a, b, scene.block_class[i])
+    return _ball_events(scene, tile, o, d, times, codes, n)
 
 
 @njit(cache=True, error_model="numpy")

@@ -166,14 +166,22 @@ def _meeting(nail: NailPart, hole: Hole, axis_nail: Line, diameter_mm: float) ->
     first, last = at_entry - entry, at_exit - leave
     clearance = 0.5 * (hole.diameter_mm - diameter_mm)
     offsets = float(np.linalg.norm(first)), float(np.linalg.norm(last))
-    if max(offsets) <= clearance:
+    first, last = _beside_slot(hole, first), _beside_slot(hole, last)
+    if max(float(np.linalg.norm(first)), float(np.linalg.norm(last))) <= clearance:
         return _Meeting(*offsets, clearance, Strike.NOTHING, None)
     if _misses(nail, axis_nail, diameter_mm):
         return _Meeting(*offsets, clearance, Strike.BESIDE_THE_NAIL, None)
-    if offsets[0] > clearance:
+    if float(np.linalg.norm(first)) > clearance:
         return _Meeting(*offsets, clearance, Strike.NAIL_SURFACE, at_entry)
     share = _share_where_reaches(first, last, clearance)
     return _Meeting(*offsets, clearance, Strike.BORE_WALL, at_entry + share * (at_exit - at_entry))
+
+
+def _beside_slot(hole: Hole, offset_mm: Floats) -> Floats:
+    """An offset from a hole's axis as one from the nearest axis within a slot."""
+    along = hole.along_nail()
+    free_mm = float(np.clip(offset_mm @ along, -hole.half_slot_mm, hole.half_slot_mm))
+    return np.asarray(offset_mm - free_mm * along)
 
 
 def _misses(nail: NailPart, axis_nail: Line, diameter_mm: float) -> bool:

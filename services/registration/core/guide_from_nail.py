@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.drill_clearance import across_basis
 from services.registration.core.estimation.image_points import Correspondences, refine_pose
 from services.registration.core.estimation.pose_estimate import (
     PoseErrors,
@@ -14,12 +13,13 @@ from services.registration.core.estimation.pose_estimate import (
     ray_to,
 )
 from services.registration.core.guide.locate import GuideFit, distortion_correlation_px
+from services.registration.core.hole_axes import rims_of
 from services.registration.core.nail.fit import NailFit
 from services.registration.core.tuning import HOLE_RIMS
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.parts import GuidePart, NailPart, hole_axis, hole_surface_points
+from shared.geometry.parts import GuidePart, NailPart
 from shared.geometry.transform import Transform
 
 
@@ -132,11 +132,4 @@ def _cameras_with_other_sources(calibration: CArmCalibration, guide_fit: GuideFi
 def _rim_points(nail: NailPart) -> NDArray[np.float64]:
     """Points on the circles where the holes meet the nail's surface, in the nail's frame, shape (K, 3), in mm."""
     angle = 2.0 * np.pi * np.arange(HOLE_RIMS.points) / HOLE_RIMS.points
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return np.concatenate(
-        [
-            end + 0.5 * hole.diameter_mm * circle @ across_basis(hole_axis(nail, hole).direction)
-            for hole in nail.holes
-            for end in hole_surface_points(nail, hole)
-        ]
-    )
+    return np.concatenate([rims_of(nail, hole, angle).reshape(-1, 3) for hole in nail.holes])

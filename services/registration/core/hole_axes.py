@@ -11,7 +11,7 @@ from services.registration.core.tuning import NAIL_AS_BUILT
 from shared.geometry.bend import motion_by_curvature
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import Line, displacement_by_motion
-from shared.geometry.parts import NailPart, hole_axis, hole_surface_points
+from shared.geometry.parts import Hole, NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
 
@@ -74,6 +74,20 @@ def holes_at(
             )
         )
     return tuple(estimates)
+
+
+def rims_of(nail: NailPart, hole: Hole, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points of the rims where a hole meets the nail's surface, at angles about its axis, shape (2, N, 3).
+
+    The nail's surface is taken as flat across the axis; that of a slot runs about both its ends.
+    """
+    direction = hole_axis(nail, hole).direction
+    circle = np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=1) @ across_basis(direction)
+    rim = 0.5 * hole.diameter_mm * circle
+    if hole.half_slot_mm > 0.0:
+        along = nail.section_of(hole).directions(hole.along_nail())
+        rim += hole.half_slot_mm * np.sign(circle @ along)[:, None] * along
+    return np.stack([end + rim for end in hole_surface_points(nail, hole)])
 
 
 def _as_built(nail: NailPart, length_mm: float) -> NDArray[np.float64]:

@@ -27,6 +27,7 @@ from services.registration.core.nail.rays import (
     Ray,
     SteelPaths,
     Tube,
+    beside_bore,
     bore_and_rim_near,
     bore_at,
     chamfered,
@@ -220,8 +221,7 @@ def _add_wall(
     middle = 0.5 * (max(first, tube[0]) + min(last, tube[1]))
     x, y, z = ray[0] + middle * ray[3], ray[1] + middle * ray[4], ray[2] + middle * ray[5]
     px, py, pz = x - bore[0], y - bore[1], z - bore[2]
-    along = px * bore[3] + py * bore[4] + pz * bore[5]
-    gx, gy, gz = px - along * bore[3], py - along * bore[4], pz - along * bore[5]
+    _, gx, gy, gz = beside_bore(px, py, pz, bore)
     norm = np.sqrt(gx * gx + gy * gy + gz * gz)
     add_surface_motion(x, y, z, gx / norm, gy / norm, gz / norm, share, slope)
 

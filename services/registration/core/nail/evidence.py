@@ -39,9 +39,10 @@ def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
 
     def view(hole: Hole) -> HoleView:
         radius_mm, (x_mm, y_mm) = 0.5 * hole.diameter_mm, hole.axis.point_mm[:2]
-        away_mm = np.hypot(region.along_mm - x_mm, region.across_mm - y_mm)
+        away_mm = np.hypot(hole.beyond_slot(region.along_mm - x_mm), region.across_mm - y_mm)
         seen = clear & (away_mm < NAIL_EVIDENCE.near_hole_in_radii * radius_mm) & inside_nail
-        opening = float(np.count_nonzero(seen)) * pixel_mm**2 / (np.pi * radius_mm**2)
+        area_mm2 = np.pi * radius_mm**2 + 4.0 * radius_mm * hole.half_slot_mm
+        opening = float(np.count_nonzero(seen)) * pixel_mm**2 / area_mm2
         return HoleView(hole.id, min(opening, 1.0), float(np.median(contrast[seen])) if np.any(seen) else 0.0)
 
     return tuple(view(hole) for hole in problem.model.nail.holes)
@@ -81,7 +82,7 @@ def _spot(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
     for hole in problem.model.nail.holes:
         x, y = hole.axis.point_mm[:2]
         reach_mm = 0.5 * hole.diameter_mm + NAIL_EVIDENCE.about_hole_mm
-        near |= np.hypot(region.along_mm - x, region.across_mm - y) < reach_mm
+        near |= np.hypot(hole.beyond_slot(region.along_mm - x), region.across_mm - y) < reach_mm
     step, blur_px = np.abs(_local_step(problem, solution)), NAIL_EVIDENCE.spot_blur_px
     deviations = np.abs(region.compared_values(region.smoothed(linear.residual / np.sqrt(noise.variance), blur_px)))
     certain = deviations > NAIL_EVIDENCE.certain_deviations * DEVIATION_PER_MEDIAN * np.median(deviations)

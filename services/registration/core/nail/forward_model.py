@@ -59,7 +59,7 @@ from services.registration.core.tuning import (
 from shared.geometry.bend import section_frame, section_motions
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.parts import NailPart
+from shared.geometry.parts import Hole, NailPart
 from shared.geometry.transform import Transform
 from shared.two_cores import mapped, on_both_halves
 from shared.xray.pixel_scale import quantised_pitch_mm
@@ -169,7 +169,7 @@ def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailSha
     rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], model.camera, model.anchors)
     excess = parameters[Parameter.HOLE_RADIUS_EXCESS_MM]
     radius_mm = float(nail.radius_mm + parameters[Parameter.NAIL_RADIUS_EXCESS_MM])
-    widening_mm = radius_mm - chamfer(nail, parameters)[0]
+    chamfer_mm = chamfer(nail, parameters)[0]
     usual_per_mm = BEAM.steel_attenuation_per_mm if nail.material == "steel" else BEAM.titanium_attenuation_per_mm
     per_mm = usual_per_mm * float(np.exp(parameters[Parameter.LOG_ATTENUATION]))
     return NailShape(
@@ -177,12 +177,16 @@ def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailSha
         translation_mm=np.ascontiguousarray(translation_mm),
         radius_mm=radius_mm,
         cannulation_radius_mm=0.5 * nail.cannulation_diameter_mm,
-        bores=np.array(
-            [(*h.axis.point_mm, *h.axis.direction, 0.5 * h.diameter_mm + excess, widening_mm) for h in nail.holes]
-        ),
+        bores=np.array([_bore(hole, excess, radius_mm, chamfer_mm) for hole in nail.holes]),
         material=(per_mm, float(parameters[Parameter.HARDENING]), BEAM.hardest_share),
         steel_in_nail_material=BEAM.steel_attenuation_per_mm / usual_per_mm,
     )
+
+
+def _bore(hole: Hole, excess_mm: float, nail_radius_mm: float, chamfer_mm: float) -> tuple[float, ...]:
+    """A row of `NailShape.bores`; a leaning hole's chamfer begins below where its axis leaves the nail."""
+    widening_mm = nail_radius_mm / hole.cosine_across_nail - chamfer_mm
+    return *hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm, hole.half_slot_mm
 
 
 def visible_fraction(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float64]:

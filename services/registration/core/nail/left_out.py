@@ -78,7 +78,7 @@ def _add_stub(
         )
     )
     centre = calibration.distortion.distort(opening.ellipse.centre_px)
-    reach = int(np.ceil(opening.ellipse.semi_axes_px[0] + metal_to_px))
+    reach = int(np.ceil(opening.ellipse.reach_px + metal_to_px))
     left, top = (max(int(np.rint(c)) - reach, 0) for c in centre)
     right, bottom = (int(np.rint(c)) + reach + 1 for c in centre)
     block = pixels[top:bottom, left:right].astype(np.float64)
@@ -156,9 +156,12 @@ def around_holes(fit_input: FitInput, camera_from_nail: Transform[Camera, Nail])
     """Surroundings of the holes, inside the nail's edges, shape of the image."""
     image, calibration = np.zeros(fit_input.pixels.shape, np.uint8), fit_input.calibration
     for hole in fit_input.nail.holes:
-        middle = camera_from_nail.points(np.mean(hole_surface_points(fit_input.nail, hole), axis=0))
-        x, y = (round(float(v)) for v in calibration.image_from_camera(middle))
+        middle = np.mean(hole_surface_points(fit_input.nail, hole), axis=0)
         radius_mm = 0.5 * hole.diameter_mm * FOREIGN_OBJECTS.around_hole_in_radii
-        radius_px = radius_mm * calibration.camera.focal_length_px / float(middle[2])
-        cv2.circle(image, (x, y), round(radius_px), 1, cv2.FILLED)
+        count = 1 + int(np.ceil(2.0 * hole.half_slot_mm / hole.diameter_mm))
+        for shift_mm in np.linspace(-hole.half_slot_mm, hole.half_slot_mm, 2 * count - 1):
+            centre = camera_from_nail @ (middle + shift_mm * hole.along_nail())
+            x, y = (round(float(v)) for v in calibration.image_from_camera(centre))
+            radius_px = radius_mm * calibration.camera.focal_length_px / float(centre[2])
+            cv2.circle(image, (x, y), round(radius_px), 1, cv2.FILLED)
     return image > 0

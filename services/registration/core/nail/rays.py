@@ -45,7 +45,7 @@ _LEAST_RATE = 0.2
 
 Ray = tuple[float, float, float, float, float, float]
 Tube = tuple[float, float, float, float]
-Bore = tuple[float, float, float, float, float, float, float, float]
+Bore = tuple[float, float, float, float, float, float, float, float, float]
 NO_TUBE = (1.0, 0.0, 1.0, 0.0)
 # Mean attenuation per mm, its relative variance (hardening), and the least attenuation over the mean.
 Material = tuple[float, float, float]
@@ -121,7 +121,17 @@ def cylinder_interval(
 @compiled
 def bore_at(bores: NDArray[np.float64], h: int) -> Bore:
     """One of the bores (see `NailShape`) as plain numbers: references to a view of it would be counted at every use."""
-    return (bores[h, 0], bores[h, 1], bores[h, 2], bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6], bores[h, 7])
+    return (
+        bores[h, 0],
+        bores[h, 1],
+        bores[h, 2],
+        bores[h, 3],
+        bores[h, 4],
+        bores[h, 5],
+        bores[h, 6],
+        bores[h, 7],
+        bores[h, 8],
+    )
 
 
 @compiled
@@ -172,7 +182,7 @@ def may_touch(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, reach_mm: floa
     middle, half = 0.5 * (tube[0] + tube[1]), 0.5 * (tube[1] - tube[0])
     wide_mm = bore[6] + reach_mm
     leaning = abs(bore[3]) / max(np.sqrt(max(1.0 - bore[3] * bore[3], 0.0)), _LEAST_ACROSS)
-    along_mm = leaning * (radius_mm + wide_mm + abs(bore[1]) + abs(bore[2]))
+    along_mm = leaning * (radius_mm + wide_mm + abs(bore[1]) + abs(bore[2])) + bore[8]
     return bool(abs(ray[0] + middle * ray[3] - bore[0]) < wide_mm + along_mm + half * abs(ray[3]))
 
 
@@ -197,15 +207,66 @@ def in_bore(ray: Ray, bore: Bore, excess_mm: float) -> tuple[float, float]:
     """Where the ray is inside a bore whose radius is larger by so much; nowhere when nothing is left of it."""
     ox, oy, oz, dx, dy, dz = ray
     qx, qy, qz = ox - bore[0], oy - bore[1], oz - bore[2]
-    return cylinder_interval(qx, qy, qz, dx, dy, dz, bore[3], bore[4], bore[5], max(bore[6] + excess_mm, 0.0))
+    radius = max(bore[6] + excess_mm, 0.0)
+    if bore[8] > 0.0:
+        return _slot_interval(qx, qy, qz, dx, dy, dz, bore, radius)
+    return cylinder_interval(qx, qy, qz, dx, dy, dz, bore[3], bore[4], bore[5], radius)
+
+
+@compiled
+def _slot_interval(
+    qx: float, qy: float, qz: float, dx: float, dy: float, dz: float, bore: Bore, radius: float
+) -> tuple[float, float]:
+    """Where the ray q + s d is inside a slot: two half bores and the block between them, which are convex together."""
+    ex, ey, ez, half = *_slot_direction(bore), bore[8]
+    first, last = EVERYWHERE, -EVERYWHERE
+    for end in (-half, half):
+        x, y, z = qx - end * ex, qy - end * ey, qz - end * ez
+        near, far = cylinder_interval(x, y, z, dx, dy, dz, bore[3], bore[4], bore[5], radius)
+        if near < far:
+            first, last = min(first, near), max(last, far)
+    fx, fy, fz = bore[4] * ez - bore[5] * ey, bore[5] * ex - bore[3] * ez, bore[3] * ey - bore[4] * ex
+    near, far = _between(qx * ex + qy * ey + qz * ez, dx * ex + dy * ey + dz * ez, half)
+    across_near, across_far = _between(qx * fx + qy * fy + qz * fz, dx * fx + dy * fy + dz * fz, radius)
+    near, far = max(near, across_near), min(far, across_far)
+    if near < far:
+        first, last = min(first, near), max(last, far)
+    return (first, last) if first < last else (1.0, 0.0)
+
+
+@compiled
+def _slot_direction(bore: Bore) -> tuple[float, float, float]:
+    """Across the bore's axis, along the nail as far as can be; unit."""
+    across = max(np.sqrt(1.0 - bore[3] * bore[3]), _LEAST_ACROSS)
+    return across, -bore[3] * bore[4] / across, -bore[3] * bore[5] / across
+
+
+@compiled
+def _between(place: float, rate: float, half: float) -> tuple[float, float]:
+    """Where place + s rate is less than `half` from zero; empty as (1, 0)."""
+    if abs(rate) < PARALLEL:
+        return (-EVERYWHERE, EVERYWHERE) if abs(place) < half else (1.0, 0.0)
+    middle, reach = -place / rate, half / abs(rate)
+    return middle - reach, middle + reach
+
+
+@compiled
+def beside_bore(px: float, py: float, pz: float, bore: Bore) -> tuple[float, float, float, float]:
+    """A place from a bore's point: how far along the axis, and the vector across it from the nearest axis of a slot."""
+    along = px * bore[3] + py * bore[4] + pz * bore[5]
+    gx, gy, gz = px - along * bore[3], py - along * bore[4], pz - along * bore[5]
+    if bore[8] > 0.0:
+        ex, ey, ez = _slot_direction(bore)
+        end = min(max(gx * ex + gy * ey + gz * ez, -bore[8]), bore[8])
+        gx, gy, gz = gx - end * ex, gy - end * ey, gz - end * ez
+    return along, gx, gy, gz
 
 
 @compiled
 def cone(ray: Ray, place: float, bore: Bore) -> tuple[float, float, float, float]:
     """How far a point is inside a bore's chamfer (mm, negative outside), and the gradient of that."""
     px, py, pz = ray[0] + place * ray[3] - bore[0], ray[1] + place * ray[4] - bore[1], ray[2] + place * ray[5] - bore[2]
-    along = px * bore[3] + py * bore[4] + pz * bore[5]
-    gx, gy, gz = px - along * bore[3], py - along * bore[4], pz - along * bore[5]
+    along, gx, gy, gz = beside_bore(px, py, pz, bore)
     aside = max(np.sqrt(gx * gx + gy * gy + gz * gz), LEAST_STEP_MM)
     side = 1.0 if along > 0.0 else -1.0
     inside = side * along - bore[7] - (aside - bore[6])
@@ -256,8 +317,9 @@ class NailShape(NamedTuple):
     # Of the nail and of the canal along it (0: solid)
     radius_mm: float
     cannulation_radius_mm: float
-    # Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as it
-    # goes on (its chamfer), in the nail's frame, shape (H, 8). Bores must not cross one another.
+    # Per hole: point, unit direction, radius, distance from the point beyond which the bore widens by as much as it
+    # goes on (its chamfer), and half the distance of a slot's two axes, in the nail's frame, shape (H, 9). Bores must
+    # not cross one another.
     bores: NDArray[np.float64]
     material: Material  # of the nail
     steel_in_nail_material: float  # how many mm of the nail's material attenuate as 1 mm of steel does
@@ -275,7 +337,7 @@ def section_places(
     for hole in nail.holes:
         x_mm, lean = float(hole.axis.point_mm[0]), abs(float(hole.axis.direction[0]))
         cosine = max(np.sqrt(1.0 - lean * lean), _LEAST_COSINE)
-        reach_mm = (0.5 * hole.diameter_mm + nail.radius_mm * lean) / cosine + BENT_NAIL.about_hole_mm
+        reach_mm = (hole.half_length_mm + nail.radius_mm * lean) / cosine + BENT_NAIL.about_hole_mm
         away = np.abs(place - x_mm)
         here = (away < reach_mm) & (away < nearest)
         chosen[here], nearest[here] = x_mm, away[here]

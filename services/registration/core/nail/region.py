@@ -54,8 +54,8 @@ class RegionBounds:
 
 def region_bounds(nail: NailPart, surroundings_mm: float) -> RegionBounds:
     """The holes with so many mm of surroundings along and beside the nail, without the rounded tip."""
-    first = min(h.axis.point_mm[0] - 0.5 * h.diameter_mm for h in nail.holes)
-    last = max(h.axis.point_mm[0] + 0.5 * h.diameter_mm for h in nail.holes)
+    first = min(h.axis.point_mm[0] - h.half_length_mm for h in nail.holes)
+    last = max(h.axis.point_mm[0] + h.half_length_mm for h in nail.holes)
     before_tip = max(last, nail.tip_x_mm - nail.radius_mm)
     return RegionBounds(
         float(first) - surroundings_mm, float(min(last + surroundings_mm, before_tip)), nail.radius_mm + surroundings_mm
@@ -151,10 +151,16 @@ class FitRegion:
         return blurred_image(image, blur_px)
 
     def about_hole(self, hole: Hole, sectors: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Distance of the compared pixels from a hole's middle in hole radii, and which of so many sectors, (N,)."""
+        """Distance of the compared pixels from a hole's middle in hole radii, and which of so many sectors, (N,).
+
+        The distance is that from the middle line of a slot; its sectors have equal lengths of the rim.
+        """
         dx, dy = self.along_mm - hole.axis.point_mm[0], self.across_mm - hole.axis.point_mm[1]
-        sector = np.floor((np.arctan2(dy, dx) / (2.0 * np.pi) + 0.5) * sectors).astype(np.int64)
-        return np.asarray(np.hypot(dx, dy) / (0.5 * hole.diameter_mm)), sector % sectors
+        beyond, radius_mm, half_mm = hole.beyond_slot(dx), 0.5 * hole.diameter_mm, hole.half_slot_mm
+        along_rim_mm = radius_mm * np.arctan2(np.abs(dy), beyond) + half_mm - (dx - beyond)
+        rim_mm = 2.0 * np.pi * radius_mm + 4.0 * half_mm
+        sector = np.floor((np.copysign(along_rim_mm, dy) / rim_mm + 0.5) * sectors).astype(np.int64)
+        return np.asarray(np.hypot(beyond, dy) / radius_mm), sector % sectors
 
     def on_rectangle(self, values: NDArray[Real], elsewhere: float) -> NDArray[Real]:
         """Values of the support's pixels, shape (S,), on the whole rectangle, shape of it."""

@@ -10,7 +10,7 @@ from services.registration.core.guide.measure import shadows
 from services.registration.core.tuning import WIRE_VISIBILITY
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.parts import GuidePart, NailPart
+from shared.geometry.parts import GuidePart, Hole, NailPart
 from shared.geometry.transform import Transform
 from shared.xray.pixel_scale import pixels, whole_pixels
 
@@ -115,9 +115,23 @@ def metal_length_mm(
     near, far = _inside(source, rays, np.array([1.0, 0.0, 0.0]), nail.radius_mm)
     length = np.maximum(far - near, 0.0)
     for hole in nail.holes:
-        first, last = _inside(source - hole.axis.point_mm, rays, hole.axis.direction, 0.5 * hole.diameter_mm)
+        first, last = _open(source - hole.axis.point_mm, rays, hole)
         length = length - np.maximum(np.minimum(last, far) - np.maximum(first, near), 0.0)
     return np.asarray(np.maximum(length, 0.0))
+
+
+def _open(
+    origin_mm: NDArray[np.float64], rays: NDArray[np.float64], hole: Hole
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where rays are inside a hole: of a slot, in any of some bores side by side."""
+    radius_mm = 0.5 * hole.diameter_mm
+    count = 1 + 2 * int(np.ceil(hole.half_slot_mm / radius_mm))
+    first, last = np.full(rays.shape[:-1], np.inf), np.full(rays.shape[:-1], -np.inf)
+    for shift_mm in np.linspace(-hole.half_slot_mm, hole.half_slot_mm, count):
+        near, far = _inside(origin_mm - shift_mm * hole.along_nail(), rays, hole.axis.direction, radius_mm)
+        hit = far > near
+        first, last = np.where(hit, np.minimum(first, near), first), np.where(hit, np.maximum(last, far), last)
+    return first, last
 
 
 def _inside(

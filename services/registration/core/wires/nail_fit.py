@@ -40,7 +40,7 @@ from services.registration.core.wires.image import RegisteredImage, discs_mask, 
 from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad, unit
-from shared.geometry.parts import GuidePart, NailPart
+from shared.geometry.parts import GuidePart, Hole, NailPart
 from shared.geometry.transform import Transform
 
 
@@ -99,7 +99,7 @@ def locate_nail_near_guide_axes(
         )
         return Rejected((OPENNESS_BESIDE_WIRES.reason(observation),))
     centres_px = [
-        _centre_ideal_px(registered, image, best, place, 0.5 * hole.diameter_mm)
+        _centre_ideal_px(registered, image, best, place, hole)
         for place, hole in zip(best.centre_search_px, nail.holes, strict=True)
     ]
     depth_mm = calibration.camera.focal_length_px / (best.px_per_mm * image.step_px)
@@ -146,13 +146,18 @@ def _centre_ideal_px(
     image: SearchImage,
     pattern: HolePattern,
     place_search_px: NDArray[np.float64],
-    radius_mm: float,
+    hole: Hole,
 ) -> NDArray[np.float64]:
     """Centre of an opening's outline where enough of it is visible beside the wire, else that of the pattern."""
     calibration = registered.calibration
     ideal = image.ideal_px(place_search_px)
-    radius_px = radius_mm * pattern.px_per_mm * image.step_px
-    opening = measure_opening(registered.pixels, calibration, "", calibration.distortion.distort(ideal), radius_px)
+    px_per_mm = pattern.px_per_mm * image.step_px
+    radius_px, half_slot_px = (
+        0.5 * hole.diameter_mm * px_per_mm,
+        hole.half_slot_mm * px_per_mm * pattern.strip.band.along,
+    )
+    centre_px = calibration.distortion.distort(ideal)
+    opening = measure_opening(registered.pixels, calibration, hole.id, centre_px, radius_px, half_slot_px)
     if opening is None or not SEARCHED_OUTLINE.is_met(opening.seen_fraction):
         return ideal
     return opening.ellipse.centre_px

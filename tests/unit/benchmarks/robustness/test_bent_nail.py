@@ -1,10 +1,13 @@
 """The bent nail: its centreline, its surface as the ray tracer has it, and the axes of its holes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.robustness.bent_nail import Bend, bent_truths, local_hole, with_bent_nail, with_slot, with_tip
+from benchmarks.robustness.bent_nail import Bend, bent_truths, local_hole, with_bent_nail, with_tip
+from benchmarks.robustness.changed_parts import with_holes
 from shared.geometry.lines import angle_between_rad, unit
 from shared.geometry.parts import hole_surface_points
 from simulation.render.attenuation import Material
@@ -102,7 +105,9 @@ def test_a_hardly_bent_nail_has_the_truth_of_the_straight_one() -> None:
 
 def test_a_slot_is_open_to_its_ends_and_closed_beyond() -> None:
     hole, longer_mm = NAIL.holes[0], 5.0
-    packed = with_slot(PACKED, NAIL, hole, longer_mm, WORLD)
+    slot = replace(hole, slot_length_mm=hole.diameter_mm + longer_mm)
+    slotted = with_holes(SCENARIO, (slot, *NAIL.holes[1:]))
+    packed = pack_scene(slotted, WORLD, balls_in_view(slotted, WORLD))
     reach = 0.5 * longer_mm + 0.4 * hole.diameter_mm - 1.0
     shifts = np.linspace(-reach, reach, 9)[:, None] * np.array([1.0, 0.0, 0.0])
     assert np.all(metal_of(packed, WORLD.beam_from_nail @ (hole.axis.point_mm + shifts)) == 0.0)

@@ -183,7 +183,9 @@ def _in_metal(points_mm: NDArray[np.float64], nail: NailPart) -> NDArray[np.bool
     metal = across2 + beyond * beyond <= nail.radius_mm**2
     metal &= across2 >= (0.5 * nail.cannulation_diameter_mm) ** 2
     for hole in nail.holes:
-        metal &= _away2_mm2(points_mm, hole.axis) > (0.5 * hole.diameter_mm) ** 2
+        for shift_mm in np.linspace(-hole.half_slot_mm, hole.half_slot_mm, 9 if hole.half_slot_mm > 0.0 else 1):
+            axis = Line(hole.axis.point_mm + shift_mm * hole.along_nail(), hole.axis.direction)
+            metal &= _away2_mm2(points_mm, axis) > (0.5 * hole.diameter_mm) ** 2
     return np.asarray(metal)
 
 

@@ -63,11 +63,25 @@ def with_hole(**changed: object) -> bytes:
         ({"position_mm": [15.0, 2.6, 0.0]}, r"passes the nail's axis at 2.60 mm \(limit 2.40 in a nail of 10 mm\)"),
         ({"position_mm": [34.0, 0.0, 0.0]}, r"reaches x = 36.6 mm \(limit: the nail's end at 36\)"),
         ({"direction": [0.8, 0.0, 0.6], "position_mm": [28.0, 0.0, 0.0]}, r"reaches x = 37.3 mm"),
+        (
+            {"slot_length_mm": 5.2},
+            r"the slot of hole 'distal' is 5.2 mm long and 5.2 mm wide; leave slot_length_mm out",
+        ),
+        ({"slot_length_mm": 31.0}, r"slot_length_mm"),
+        ({"slot_length_mm": 12.0, "position_mm": [31.0, 0.0, 0.0]}, r"reaches x = 37.0 mm"),
     ],
 )
 def test_a_hole_that_cannot_be_is_refused_when_the_file_is_read(changed: dict[str, object], sentence: str) -> None:
     with pytest.raises(PartFileInvalid, match=sentence):
         nail_from_json(with_hole(**changed))
+
+
+def test_a_slot_is_read() -> None:
+    slot, bore = nail_from_json(with_hole(slot_length_mm=9.2)).holes
+    assert (slot.slot_length_mm, bore.slot_length_mm) == (9.2, None)
+    assert slot.half_slot_mm == pytest.approx(2.0)
+    assert bore.half_slot_mm == 0.0
+    assert [slot.half_length_mm, bore.half_length_mm] == pytest.approx([4.6, 2.6])
 
 
 def test_an_oblique_hole_is_read() -> None:

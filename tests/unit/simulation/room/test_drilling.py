@@ -63,6 +63,17 @@ def test_offset_and_tilt_pass_each_alone_but_not_both() -> None:
     assert both.strike_point_nail_mm == pytest.approx([15.0, 0.65, -5.5 + 9.539], abs=2e-3)
 
 
+@pytest.mark.parametrize(("along_mm", "across_mm", "passes"), [(2.6, 0.0, True), (2.7, 0.0, False), (1.0, 0.7, False)])
+def test_in_a_slot_a_drill_has_room_along_the_nail(along_mm: float, across_mm: float, *, passes: bool) -> None:
+    scenario = rooms.scenario()
+    slot = replace(scenario.parts.nail.holes[0], slot_length_mm=9.3)
+    nail = replace(scenario.parts.nail, holes=(slot, *scenario.parts.nail.holes[1:]))
+    slotted = replace(scenario, parts=replace(scenario.parts, nail=nail))
+    went = drill(slotted, state_with_guide_at(slotted, shifted(along_mm, across_mm)), slot.id, NO_FORCE)
+    assert went.passed is passes
+    assert went.entry_offset_mm == pytest.approx(np.hypot(along_mm, across_mm))
+
+
 def test_it_strikes_the_nails_surface_when_it_is_off_at_the_entry() -> None:
     scenario = rooms.scenario()
     went = drill(scenario, state_with_guide_at(scenario, shifted(1.0, 0.0)), "distal", NO_FORCE)

@@ -163,8 +163,11 @@ def _openings(
     proposed_px = calibration.distortion.distort(image.ideal_px(pattern.centre_search_px))
     found = []
     for hole, centre_px in zip(nail.holes, proposed_px, strict=True):
-        radius_px = 0.5 * hole.diameter_mm * pattern.px_per_mm * image.step_px
-        opening = measure_opening(pixels, calibration, hole.id, centre_px, radius_px)
+        px_per_mm = pattern.px_per_mm * image.step_px
+        half_slot_px = hole.half_slot_mm * px_per_mm * pattern.strip.band.along
+        opening = measure_opening(
+            pixels, calibration, hole.id, centre_px, 0.5 * hole.diameter_mm * px_per_mm, half_slot_px
+        )
         seen = 0.0 if opening is None else opening.seen_fraction
         if opening is None or not SEARCHED_OUTLINE.is_met(seen):
             quoted = SEARCHED_OUTLINE.quoted(seen)

@@ -62,12 +62,12 @@ class HolePattern:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpennessProfile:
-    """Openness of every column of a straightened band, as the middle of an opening of one scale."""
+    """Openness of every column of a straightened band, as the middle of each of the nail's openings at one scale."""
 
     px_per_mm: float
-    # Brightness between the metal (0) and the band's sides (1), at the best row, shape (columns,)
+    # Brightness between the metal (0) and the band's sides (1), at the best row, shape (N, columns)
     openness: NDArray[np.float64]
-    row_from_middle: NDArray[np.float64]  # that row, shape (columns,)
+    row_from_middle: NDArray[np.float64]  # that row, shape (N, columns)
 
 
 def straighten_band(image: SearchImage, band: Band) -> StraightenedBand:
@@ -118,8 +118,8 @@ def _best_pattern(strip: StraightenedBand, nail: NailPart, levels: list[Openness
     scored = [_best_column(level.openness, hole_x_mm * level.px_per_mm) for level in levels]
     best = int(np.argmax([total for total, _ in scored]))
     level, column = levels[best], scored[best][1]
-    columns = np.clip(column + hole_x_mm * level.px_per_mm, 0, level.openness.size - 1)
-    nearest = np.rint(columns).astype(np.int64)
+    columns = np.clip(column + hole_x_mm * level.px_per_mm, 0, level.openness.shape[1] - 1)
+    nearest = np.arange(len(columns)), np.rint(columns).astype(np.int64)
     places = zip(columns, level.row_from_middle[nearest], strict=True)
     centres = np.array([strip.search_px(float(c), float(r)) for c, r in places])
     evidence = _tip_evidence(strip, nail, column, sign * level.px_per_mm)
@@ -133,12 +133,21 @@ def _openness_profile(strip: StraightenedBand, nail: NailPart, px_per_mm: float)
     rows = slice(middle - reach, middle + reach + 1)
     disc = _mean_of_disc(strip.grey, rows, NAIL_HOLE_SEARCH.disc_in_radii * radius)
     side = _mean_of_disc(strip.grey, rows, NAIL_HOLE_SEARCH.side_disc_in_radii * radius)
-    gap = int(np.rint(NAIL_HOLE_SEARCH.side_distance_in_radii * radius))
-    contrast = disc - np.maximum(np.roll(side, gap, axis=1), np.roll(side, -gap, axis=1))
-    openness = contrast.max(axis=0).astype(np.float64) / max(strip.clear_darkness, NAIL_HOLE_SEARCH.least_darkness)
-    openness[~strip.valid] = _NOT_A_HOLE
-    openness[:gap], openness[-gap:] = _NOT_A_HOLE, _NOT_A_HOLE
-    return OpennessProfile(px_per_mm, openness, (contrast.argmax(axis=0) - reach).astype(np.float64))
+    darkness = max(strip.clear_darkness, NAIL_HOLE_SEARCH.least_darkness)
+
+    def profile(half_slot_mm: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        gap = int(np.rint(NAIL_HOLE_SEARCH.side_distance_in_radii * radius + half_slot_mm * px_per_mm))
+        contrast = disc - np.maximum(np.roll(side, gap, axis=1), np.roll(side, -gap, axis=1))
+        openness = contrast.max(axis=0).astype(np.float64) / darkness
+        openness[~strip.valid] = _NOT_A_HOLE
+        openness[:gap], openness[-gap:] = _NOT_A_HOLE, _NOT_A_HOLE
+        return openness, (contrast.argmax(axis=0) - reach).astype(np.float64)
+
+    profiles = {hole.half_slot_mm: profile(hole.half_slot_mm) for hole in nail.holes}
+    openness, rows_from_middle = (
+        np.stack([profiles[hole.half_slot_mm][part] for hole in nail.holes]) for part in range(2)
+    )
+    return OpennessProfile(px_per_mm, openness, rows_from_middle)
 
 
 def _mean_of_disc(grey: NDArray[np.float32], rows: slice, radius: float) -> NDArray[np.float32]:
@@ -154,9 +163,12 @@ def _mean_of_disc(grey: NDArray[np.float32], rows: slice, radius: float) -> NDAr
 
 def _best_column(openness: NDArray[np.float64], offsets_px: NDArray[np.float64]) -> tuple[float, float]:
     """Column of the nail's origin at which the holes are brightest together; the dimmest hole counts double."""
-    columns = np.arange(openness.size, dtype=np.float64)
+    columns = np.arange(openness.shape[1], dtype=np.float64)
     at_holes = np.stack(
-        [np.interp(columns + o, columns, openness, left=_NOT_A_HOLE, right=_NOT_A_HOLE) for o in offsets_px]
+        [
+            np.interp(columns + offset, columns, of_hole, left=_NOT_A_HOLE, right=_NOT_A_HOLE)
+            for of_hole, offset in zip(openness, offsets_px, strict=True)
+        ]
     )
     # A very bright hole must not make up for a dim one; but flat out it would leave ties among places and scales.
     capped = np.minimum(at_holes, 1.0 + NAIL_HOLE_SEARCH.beyond_open * (at_holes - 1.0))

@@ -1,6 +1,6 @@
 """Outlines in the image as received: of a hole's opening, and of the nail's two edges."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -19,21 +19,38 @@ from shared.xray.pixel_scale import whole_pixels
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ellipse:
-    """An ellipse in an image."""
+    """An ellipse in an image; that of a slot is cut in two, with the slot's straight part between its halves."""
 
     centre_px: NDArray[np.float64]  # shape (2,)
     semi_axes_px: tuple[float, float]  # major, then minor
     major_axis_rad: float  # direction of the major axis, from +x to +y
+    # From the slot's middle to where either half begins, shape (2,); zero of a bore
+    half_slot_px: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+
+    @property
+    def reach_px(self) -> float:
+        """From the centre to the farthest point of the outline, at most."""
+        return self.semi_axes_px[0] + float(np.linalg.norm(self.half_slot_px))
 
     def signed_distance_px(self, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """First-order distance of points, shape (N, 2), from the outline; positive outside, shape (N,)."""
         turn = np.array([np.cos(self.major_axis_rad), np.sin(self.major_axis_rad)])
         offset = points_px - self.centre_px
+        offset = offset - _along_slot(offset, self.half_slot_px)
         along, across = offset @ turn, offset @ np.array([-turn[1], turn[0]])
         a, b = self.semi_axes_px
         level = np.hypot(along / a, across / b)
         slope = np.hypot(along / a**2, across / b**2) / np.maximum(level, 1e-9)
         return np.asarray((level - 1.0) / np.maximum(slope, 1e-9))
+
+
+def _along_slot(offset_px: NDArray[np.float64], half_slot_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The nearest point of a slot's middle line, for offsets from its middle, shape (N, 2)."""
+    length_px = float(np.linalg.norm(half_slot_px))
+    if length_px == 0.0:
+        return np.zeros_like(offset_px)
+    direction = half_slot_px / length_px
+    return np.clip(offset_px @ direction, -length_px, length_px)[:, None] * direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +71,7 @@ def measure_opening(
     hole_id: str,
     centre_px: NDArray[np.float64],
     radius_px: float,
+    half_slot_px: NDArray[np.float64],
 ) -> Opening | None:
     """Outline of an opening about a proposed centre; None when too little of it can be seen.
 
@@ -67,25 +85,29 @@ def measure_opening(
     centre_px
         Proposed centre in measured pixels, shape (2,).
     radius_px
-        Radius that the hole would have if seen along its axis.
+        Radius that the hole would have if seen along its axis; of a slot that of its ends.
+    half_slot_px
+        From a slot's middle to the centre of either end, shape (2,): the outline is searched about both, and its halves
+        are put together before an ellipse is fitted. Zero of a bore.
     """
     pixel_mm = calibration.pixel_mm
-    grey, corner_px = _surroundings(pixels, centre_px, radius_px, pixel_mm)
+    reach_px = radius_px + float(np.linalg.norm(half_slot_px))
+    grey, corner_px = _surroundings(pixels, centre_px, reach_px, pixel_mm)
     centre = centre_px
     for _ in range(2):
-        points = _crossings(grey, centre - corner_px, radius_px, pixel_mm) + corner_px
+        points, ends_px = _crossings(grey, centre - corner_px, radius_px, pixel_mm, half_slot_px)
         if len(points) < OPENING_OUTLINE.least_points:
             return None
         tail = OPENING_OUTLINE.extent_percentile
-        centre = np.asarray(np.percentile(points, (tail, 100.0 - tail), axis=0).mean(axis=0))
-    ideal = calibration.distortion.undistort(points)
+        points = points + corner_px
+        centre = np.asarray(np.percentile(points - ends_px, (tail, 100.0 - tail), axis=0).mean(axis=0))
+    ideal = calibration.distortion.undistort(points) - ends_px
     fitted = _fit_without_covered(ideal, radius_px, pixel_mm)
     if fitted is None:
         return None
     ellipse, used = fitted
-    return Opening(
-        hole_id, read_only(points[used]), ellipse, float(np.count_nonzero(used)) / OPENING_OUTLINE.directions
-    )
+    seen = float(np.count_nonzero(used)) / OPENING_OUTLINE.directions
+    return Opening(hole_id, read_only(points[used]), replace(ellipse, half_slot_px=read_only(half_slot_px)), seen)
 
 
 def _surroundings(
@@ -103,14 +125,25 @@ def _surroundings(
 
 
 def _crossings(
-    grey: NDArray[np.float32], centre_px: NDArray[np.float64], radius_px: float, pixel_mm: float
-) -> NDArray[np.float64]:
-    """Points, shape (M, 2), where the grey value falls through the middle level on rays from the centre."""
+    grey: NDArray[np.float32],
+    centre_px: NDArray[np.float64],
+    radius_px: float,
+    pixel_mm: float,
+    half_slot_px: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where the grey value falls through the middle level on rays from the centre, or from the ends of a slot.
+
+    Returns
+    -------
+    tuple of arrays
+        The points, and where the ray of each begins, from the centre; shape (M, 2) both.
+    """
     s, step_px = OPENING_OUTLINE, pixels_of(OPENING_OUTLINE.step_detector_mm, pixel_mm)
     angles = np.linspace(0.0, 2.0 * np.pi, s.directions, endpoint=False)
     distances = np.arange(0.0, s.reach_in_radii * radius_px, step_px)
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    where = (centre_px + rays[:, None, :] * distances[None, :, None]).astype(np.float32)
+    ends_px = np.sign(rays @ half_slot_px)[:, None] * half_slot_px
+    where = (centre_px + ends_px[:, None, :] + rays[:, None, :] * distances[None, :, None]).astype(np.float32)
     profile = cv2.remap(grey, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     bright = float(np.percentile(profile[:, distances < s.bright_within_radii * radius_px], s.bright_percentile))
     # Along the band the metal reaches far, across it the band's edge is near: the darkest quarter is metal.
@@ -124,7 +157,7 @@ def _crossings(
     here, after = profile[row, column], profile[row, column + 1]
     fraction = (here - 0.5 * (bright + dark)) / np.maximum(here - after, 1e-9)
     distance = (column + np.clip(fraction, 0.0, 1.0)) * step_px
-    return np.asarray(centre_px + rays[row] * distance[:, None])
+    return np.asarray(centre_px + ends_px[row] + rays[row] * distance[:, None]), ends_px[row]
 
 
 def _fit_without_covered(

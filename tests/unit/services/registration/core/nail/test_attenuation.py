@@ -33,7 +33,13 @@ LIMITS = TraceLimits(
     RAY_SAMPLING.near_edge_in_steps,
 )
 CENTRE_ONLY = np.zeros((4, 2))
-BORES = np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.6], [-15.0, 0.5, 0.0, 0.0, 0.2, np.sqrt(0.96), 2.5, 5.7]])
+BORES = np.array(
+    [[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.6, 0.0], [-15.0, 0.5, 0.0, 0.0, 0.2, np.sqrt(0.96), 2.5, 5.7, 0.0]]
+)
+# Both drawn out along the nail; a deep chamfer of a hole that leans to it is not traced to its ends.
+SLOTS = np.array(
+    [[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.6, 2.0], [-15.0, 0.5, 0.0, 0.1, 0.2, np.sqrt(0.95), 2.5, 6.0, 1.5]]
+)
 ROTATION = np.ascontiguousarray(Rotation.from_euler("zyx", [40.0, 4.0, -6.0], degrees=True).as_matrix())
 PLACE = np.array([3.0, -2.0, 740.0])
 
@@ -52,15 +58,19 @@ def no_steel(count: int) -> SteelPaths:
     return SteelPaths(np.full(count, -1), np.zeros((0, len(SAMPLES_PX))))
 
 
-def transmitted(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.float64]:
+def transmitted(
+    rays: NDArray[np.float64], cannulation_mm: float, bores: NDArray[np.float64] = BORES
+) -> NDArray[np.float64]:
     none = np.zeros_like(rays)
     out, derivatives = np.empty(len(rays)), np.empty((len(rays), DERIVATIVES), dtype=np.float32)
-    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, BORES, (0.1, 0.0, HARDEST), 1.0)
+    nail = NailShape(ROTATION, PLACE, 6.0, cannulation_mm, bores, (0.1, 0.0, HARDEST), 1.0)
     trace_pixels(PixelRays(rays, none, none), CENTRE_ONLY, no_steel(len(rays)), nail, LIMITS, out, derivatives)
     return out
 
 
-def stepped_length(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[np.float64]:
+def stepped_length(
+    rays: NDArray[np.float64], cannulation_mm: float, bores: NDArray[np.float64] = BORES
+) -> NDArray[np.float64]:
     step = 0.005
     depths = np.arange(725.0, 755.0, step)
     lengths = []
@@ -69,9 +79,12 @@ def stepped_length(rays: NDArray[np.float64], cannulation_mm: float) -> NDArray[
         p = (depths[:, None] * ray - PLACE) @ ROTATION
         radius = np.hypot(p[:, 1], p[:, 2])
         metal = (radius < 6.0) & (radius > cannulation_mm)
-        for bore in BORES:
+        for bore in bores:
             off = p - bore[:3]
             off -= np.outer(off @ bore[3:6], bore[3:6])
+            long = np.array([1.0, 0.0, 0.0]) - bore[3] * bore[3:6]
+            long /= np.linalg.norm(long)
+            off -= np.outer(np.clip(off @ long, -bore[8], bore[8]), long)
             aside = np.linalg.norm(off, axis=1)
             along = np.abs((p - bore[:3]) @ bore[3:6])
             metal &= (aside > bore[6]) & (aside - bore[6] > along - bore[7])
@@ -85,6 +98,15 @@ def test_metal_is_cylinder_less_bores_less_cannulation(cannulation_mm: float) ->
     length = -np.log(transmitted(rays, cannulation_mm)) / 0.1
     assert np.abs(length - stepped_length(rays, cannulation_mm)).max() < 0.05
     assert np.count_nonzero(length < 1e-9) > 2  # some rays pass through a bore or beside the nail
+
+
+@pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
+def test_a_slot_is_two_bores_and_what_lies_between_them(cannulation_mm: float) -> None:
+    rays = directions(7, 60)
+    length = -np.log(transmitted(rays, cannulation_mm, SLOTS)) / 0.1
+    assert np.abs(length - stepped_length(rays, cannulation_mm, SLOTS)).max() < 0.05
+    wider = length < -np.log(transmitted(rays, cannulation_mm)) / 0.1 - 1.0
+    assert np.count_nonzero(wider) > 2
 
 
 def test_pixels_beside_steel_are_sampled_more_finely() -> None:
@@ -134,7 +156,7 @@ def rays_of_picture() -> PixelRays:
     return PixelRays(slopes, np.hstack([steps, 0.0 * steps]), np.hstack([0.0 * steps, steps]))
 
 
-def nail_in_picture(cannulation_mm: float) -> NailShape:
+def nail_in_picture(cannulation_mm: float, half_slot_mm: float = 0.0) -> NailShape:
     """A nail that is tilted by 3 and 5 degrees, its first hole in the middle."""
     pose = Rotation.from_euler("zyx", [25.0, 3.0, -5.0], degrees=True).as_matrix()
     return NailShape(
@@ -142,7 +164,7 @@ def nail_in_picture(cannulation_mm: float) -> NailShape:
         np.array([0.0, 0.0, 640.0]) - pose @ [15.0, 0.0, 0.0],
         5.5,
         cannulation_mm,
-        np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.1]]),
+        np.array([[15.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.1, half_slot_mm]]),
         (0.33, 0.7, HARDEST),
         1.0,
     )
@@ -181,11 +203,11 @@ def moved(nail: NailShape, cause: int, by: float) -> NailShape:
         pose = pose @ Transform[Nail, Nail].from_rotvec(motion[:3], motion[3:])
         return nail._replace(rotation=np.ascontiguousarray(pose.rotation), translation_mm=np.array(pose.translation_mm))
     if cause == BY_HOLE_RADIUS:
-        return nail._replace(bores=nail.bores + by * np.eye(8)[6])
+        return nail._replace(bores=nail.bores + by * np.eye(9)[6])
     if cause == BY_NAIL_RADIUS:  # the chamfer's depth stays the same
-        return nail._replace(radius_mm=nail.radius_mm + by, bores=nail.bores + by * np.eye(8)[7])
+        return nail._replace(radius_mm=nail.radius_mm + by, bores=nail.bores + by * np.eye(9)[7])
     if cause == BY_CHAMFER:
-        return nail._replace(bores=nail.bores - by * np.eye(8)[7])
+        return nail._replace(bores=nail.bores - by * np.eye(9)[7])
     attenuation, hardening, hardest = nail.material
     if cause == BY_LOG_ATTENUATION:
         return nail._replace(material=(attenuation * float(np.exp(by)), hardening, hardest))
@@ -194,8 +216,11 @@ def moved(nail: NailShape, cause: int, by: float) -> NailShape:
 
 @pytest.mark.parametrize("cannulation_mm", [0.0, 2.2])
 @pytest.mark.parametrize("cause", range(DERIVATIVES))
-def test_derivatives_agree_with_differences_over_a_tenth_of_a_pixel(cause: int, cannulation_mm: float) -> None:
-    nail, step = nail_in_picture(cannulation_mm), STEPS[cause]
+@pytest.mark.parametrize("half_slot_mm", [0.0, 1.5])
+def test_derivatives_agree_with_differences_over_a_tenth_of_a_pixel(
+    cause: int, cannulation_mm: float, half_slot_mm: float
+) -> None:
+    nail, step = nail_in_picture(cannulation_mm, half_slot_mm), STEPS[cause]
     sides = [blurred(traced(moved(nail, cause, side * step))[0]) for side in (0.5, -0.5)]
     expected = (sides[0] - sides[1]) / step
     found = blurred(traced(nail)[1][:, cause])

@@ -59,6 +59,10 @@ def test_the_tube_is_two_cylinders_about_the_nails_axis() -> None:
         assert np.abs(found - np.array([*outer, *inner])).max() < 1e-9
 
 
+# Second and third coordinate of a point, and a direction
+AXIS, TILTED = (0.0, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.2, np.sqrt(0.96))
+
+
 def beside(ray: Ray, rng: np.random.Generator, most_mm: float) -> Ray:
     """A parallel ray less than so far away."""
     direction = np.array(ray[3:])
@@ -67,9 +71,10 @@ def beside(ray: Ray, rng: np.random.Generator, most_mm: float) -> Ray:
     return (*(np.array(ray[:3]) + shift), *direction)
 
 
-def test_what_a_ray_beside_would_meet_is_near() -> None:
+@pytest.mark.parametrize("half_slot_mm", [0.0, 2.5])
+def test_what_a_ray_beside_would_meet_is_near(half_slot_mm: float) -> None:
     rng = np.random.default_rng(7)
-    bores = np.array([[10.0, 0.0, 0.0, 0.0, 0.0, 1.0, 3.0, 5.6], [-10.0, 0.5, 0.0, 0.0, 0.2, np.sqrt(0.96), 2.5, 5.7]])
+    bores = np.array([[10.0, *AXIS, 3.0, 5.6, half_slot_mm], [-10.0, 0.5, *TILTED, 2.5, 5.7, half_slot_mm]])
     near_count = open_count = edge_count = far_count = 0
     for ray in random_rays(3000):
         near, rim_near = bore_and_rim_near(ray, _RADIUS_MM, _INNER_MM, bores, _REACH_MM)
@@ -91,7 +96,7 @@ def test_what_a_ray_beside_would_meet_is_near() -> None:
 
 
 def test_of_a_bore_narrower_than_nothing_no_ray_is_inside() -> None:
-    bore = bore_at(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 5.6]]), 0)
+    bore = bore_at(np.array([[0.0, *AXIS, 1.0, 5.6, 0.0]]), 0)
     first, last = in_bore((0.1, 0.0, 0.0, 0.0, 0.0, 1.0), bore, -1.5)
     assert last < first
 

@@ -1,5 +1,7 @@
 """The nail's coarse search on rendered images: found from any direction, refused when it is not there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -116,6 +118,20 @@ def test_any_number_of_holes_at_any_spacing(hole_x_mm: tuple[float, ...]) -> Non
     assert [opening.hole_id for opening in start.openings] == [hole.id for hole in nail.holes]
     # With one hole the depth comes from the band's width, which is known to a few per cent only.
     assert_found(nail, start, true, tilt_deg=1.5, depth_mm=14.0 if len(hole_x_mm) > 1 else 40.0)
+
+
+def test_a_slot_beside_a_bore_is_found_in_its_middle() -> None:
+    parallel, view = nail_part(), calibration(SIZE_PX)
+    distal, proximal = parallel.holes
+    nail = replace(parallel, holes=(distal, replace(proximal, slot_length_mm=10.5)))
+    true = posed_nail(25.0, (3.0, 1.0), (4.0, -3.0, 730.0))
+    pixels = render(Scene(SIZE_PX, nail, true), view, seed=5)
+    start = found(find_nail(pixels, view, nail))
+    assert_found(nail, start, true, tilt_deg=3.5)
+    slot = start.openings[1].ellipse
+    px_per_mm = view.camera.focal_length_px / 730.0
+    assert slot.reach_px == pytest.approx(5.25 * px_per_mm, rel=0.06)
+    assert slot.semi_axes_px[0] == pytest.approx(3.0 * px_per_mm, rel=0.06)
 
 
 def test_balls_on_the_holes_rims_are_left_out() -> None:
