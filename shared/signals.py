@@ -6,6 +6,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from shared.threads import supervised_thread
+
 _NUMBERS = (signal.SIGTERM, signal.SIGINT)
 
 
@@ -25,7 +27,7 @@ def set_by_signals(stop: threading.Event) -> Iterator[None]:
             if number[0] in _NUMBERS:
                 stop.set()
 
-    thread = threading.Thread(target=relay, name="signals", daemon=True)
+    thread = supervised_thread("signals", relay)
     thread.start()
     wakeup_before = signal.set_wakeup_fd(written.fileno(), warn_on_full_buffer=False)
     before = [signal.signal(number, lambda *_: None) for number in _NUMBERS]

@@ -39,6 +39,8 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
         settings.initial_stop_button(),
     )
 
+    runtime.first_on_fault.append(drive.fail)
+
     def note_change(status: DriveStatus) -> None:
         runtime.log.info("state", state=status.state, detail=status.detail, command_id=status.command_id)
         if status.state in (MotionState.DISCONNECTED, MotionState.FAULT):

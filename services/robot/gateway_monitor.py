@@ -12,6 +12,7 @@ from shared.errors import InputError
 from shared.messages.base import decode
 from shared.messages.presence import Heartbeat
 from shared.runtime.watchdog import Watchdog
+from shared.threads import supervised_thread
 
 
 class GatewayMonitor:
@@ -34,7 +35,7 @@ class GatewayMonitor:
         self._boot_epoch: str | None = None
         self._sequence = -1
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="gateway-watch", daemon=True)
+        self._thread = supervised_thread("gateway-watch", self._watch)
         self._declared = (
             bus.subscribe(keys.heartbeat("ui_api"), self._on_heartbeat),
             self._presence.watch_alive(keys.alive("ui_api"), self._on_alive),

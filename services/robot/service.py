@@ -23,6 +23,7 @@ from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.registration import RegistrationEpoch
 from shared.messages.robot import CommandReply, MoveCommand, PlainCommand, StopCommand
+from shared.threads import supervised_thread
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +65,7 @@ class RobotService:
         self._sequence = 0
         self._publisher = bus.retained_publisher(keys.robot_state)
         self._ended = threading.Event()
-        self._publishing = threading.Thread(target=self._publish_forever, name="robot-state", daemon=True)
+        self._publishing = supervised_thread("robot-state", self._publish_forever)
 
     def __enter__(self) -> Self:
         self.listen()

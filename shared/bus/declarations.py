@@ -4,12 +4,10 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import Protocol, TypeVar
 
-import structlog
+from shared.threads import report_error, supervised_thread
 
 T_co = TypeVar("T_co", covariant=True)
 T = TypeVar("T")
-
-_log = structlog.get_logger("distalock.bus")
 
 
 class Undeclarable(Protocol):
@@ -50,15 +48,18 @@ class Declared:
 
 
 def pump(channel: Channel[T], handle: Callable[[T], None], name: str) -> threading.Thread:
-    """Hand every item to `handle` on a thread of its own, which is returned, until the channel is undeclared."""
+    """Hand every item to `handle` on a thread of its own, which is returned, until the channel is undeclared.
+
+    A handler that raises is reported, and the next item is handled all the same; a channel that raises is a fault.
+    """
 
     def run() -> None:
         for item in channel:
             try:
                 handle(item)
-            except Exception:  # noqa: BLE001 - the border of a task: the next item is handled all the same
-                _log.exception("bus handler raised", key=name)
+            except Exception as error:  # noqa: BLE001 - the border of a task
+                report_error(f"bus handler of '{name}'", error)
 
-    thread = threading.Thread(target=run, name=f"bus {name}", daemon=True)
+    thread = supervised_thread(f"bus {name}", run)
     thread.start()
     return thread

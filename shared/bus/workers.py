@@ -4,10 +4,9 @@ import threading
 from collections import deque
 from collections.abc import Callable
 
-import structlog
+from shared.threads import report_error, supervised_thread
 
 _BOUND = 1024
-_log = structlog.get_logger("distalock.bus")
 
 
 class Worker:
@@ -17,7 +16,8 @@ class Worker:
         self._tasks: deque[Callable[[], None]] = deque(maxlen=_BOUND)
         self._changed = threading.Condition()
         self._closed = False
-        threading.Thread(target=self._run, name=f"memory-bus {name}", daemon=True).start()
+        self._name = name
+        supervised_thread(f"memory-bus {name}", self._run).start()
 
     def submit(self, task: Callable[[], None]) -> None:
         """Run later; too late when closed."""
@@ -40,11 +40,7 @@ class Worker:
                 if self._closed:
                     return
                 task = self._tasks.popleft()
-            _run_logged(task)
-
-
-def _run_logged(task: Callable[[], None]) -> None:
-    try:
-        task()
-    except Exception:  # noqa: BLE001 - the border of a task: a handler that raises must not end the bus's thread
-        _log.exception("bus handler raised")
+            try:
+                task()
+            except Exception as error:  # noqa: BLE001 - the border of a task: it must not end the bus's thread
+                report_error(f"bus handler of '{self._name}'", error)

@@ -8,11 +8,13 @@ import os
 import secrets
 import sys
 import threading
+import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
-from typing import TypeVar
+from typing import Final, TypeVar
 
 import structlog
 
@@ -22,15 +24,21 @@ from shared.bus.zenoh_bus import BusSettings, open_bus
 from shared.errors import BusUnavailable, ConfigurationError, DistalockError
 from shared.messages.presence import ServiceName
 from shared.runtime.help import service_parser
-from shared.runtime.logging import Log, configure_logging
+from shared.runtime.impairments import watched
+from shared.runtime.logging import Log, configure_logging, flush_logs
 from shared.runtime.presence import StatusReporter, beating
 from shared.runtime.settings import ServiceSettings, load_settings
 from shared.runtime.sole_service import sole_service
 from shared.signals import set_by_signals
+from shared.threads import described, faults_go_to, supervised
 
 # Services of which a room has place for one: a second robot service would stop the first one's moves.
 ONE_IN_A_ROOM: frozenset[ServiceName] = frozenset({"robot"})
 HEARTBEAT_HZ: dict[ServiceName, float] = {"imaging": 5.0, "registration": 5.0, "robot": 5.0, "ui_api": 20.0}
+# A handler of the robot that fails may be the one that would have stopped a motion.
+FAULT_AT_ANY_ERROR: frozenset[ServiceName] = frozenset({"robot"})
+# As long as somebody needs to see it on a health page.
+ERROR_IMPAIRS_S: Final = 60.0
 _LEAVE_WITHIN_S = 10.0
 
 S = TypeVar("S", bound=ServiceSettings)
@@ -49,6 +57,12 @@ class Runtime:
         Set when the service is to end; workers leave when they see it.
     fault
         Why the service ends with a fault, or None.
+    first_on_fault
+        Called with the fault's sentence before anything else is done about it: for a stop.
+    errors
+        Pieces of work that brought an exception, by place: handlers on the bus, threads of libraries.
+    last_error_s
+        When the last of them did that nobody foresaw, on the monotonic clock.
     """
 
     service: ServiceName
@@ -58,12 +72,40 @@ class Runtime:
     status: StatusReporter
     stop: threading.Event = field(default_factory=threading.Event)
     fault: str | None = None
+    first_on_fault: list[Callable[[str], None]] = field(default_factory=list)
+    errors: Counter[str] = field(default_factory=Counter)
+    last_error_s: float = float("-inf")
 
     def fail(self, message: str) -> None:
-        """End the service with a fault: logged now, exit code 1. The first fault is kept."""
-        self.log.error("fault", detail=message)
+        """End the service with a fault: logged now, exit code 1. The first fault is kept. Never raises."""
         self.fault = self.fault or message
         self.stop.set()
+        for act in self.first_on_fault:
+            try:
+                act(message)
+            except Exception:
+                self.log.exception("what had to be done about a fault failed", fault=message)
+        self.log.error("fault", detail=message)
+
+    def note_error(self, place: str, error: BaseException) -> None:
+        """Count an exception that ended no loop of the service; it has been logged.
+
+        A message or an image that was refused is only counted. What nobody foresaw impairs the service for a while, and
+        is a fault of one whose errors may not pass: of the robot.
+        """
+        self.errors[place] += 1
+        if isinstance(error, DistalockError):
+            return
+        if self.service in FAULT_AT_ANY_ERROR:
+            self.fail(f"{place} brought {described(error)}")
+            return
+        self.last_error_s = time.monotonic()
+        self.status.impair("errors", f"{place} brought {described(error)} ({self.errors[place]} so far); see the log")
+
+    def forget_errors(self) -> None:
+        """Take the impairment by errors back when the last one is some time ago."""
+        if time.monotonic() - self.last_error_s > ERROR_IMPAIRS_S:
+            self.status.impair("errors", None)
 
     def ready(self, detail: str = "") -> None:
         """Report that the service does its work."""
@@ -98,20 +140,21 @@ def open_service(
         When the room has such a service already and place for one only; nothing was published.
     """
     boot_epoch = secrets.token_hex(8)
-    log = configure_logging(name, settings.room, boot_epoch, settings.log_level)
+    log = configure_logging(name, settings.room, boot_epoch, settings.log_level, settings.log_file)
     keys = Keys(settings.room)
     with opener(BusSettings(settings.router_endpoint, settings.router_timeout_s)) as bus:
         status = StatusReporter(bus.retained_publisher(keys.status(name)), name, boot_epoch, software_version())
         runtime = Runtime(name, boot_epoch, keys, log, status)
-        with _place_in_room(bus, runtime):
+        with faults_go_to(runtime), _place_in_room(bus, runtime):
             status.report("starting")
-            with beating(bus, keys, name, boot_epoch, HEARTBEAT_HZ[name], lambda e: runtime.fail(f"heartbeat: {e}")):
+            with beating(bus, keys, name, boot_epoch, HEARTBEAT_HZ[name]), watched(runtime, settings):
                 log.info("started", version=software_version(), router=settings.router_endpoint)
                 try:
                     yield bus, runtime
                 finally:
                     status.report("stopping")
     log.info("ended")
+    flush_logs()
 
 
 def _place_in_room(bus: Bus, runtime: Runtime) -> AbstractContextManager[None]:
@@ -173,15 +216,26 @@ def run_service(
             leaving.start()
     except (ConfigurationError, BusUnavailable) as error:
         return _refuse_start(name, error)
-    except Exception:  # noqa: BLE001 - the border of the process: the fault is logged and becomes the exit code
+    except Exception as error:  # noqa: BLE001 - the border of the process: the fault is logged and becomes the exit code
         structlog.stdlib.get_logger(f"distalock.{name}").exception("fault")
-        return 1
-    return 1 if runtime.fault else 0
+        return _end_with_fault(name, described(error))
+    return _end_with_fault(name, runtime.fault) if runtime.fault else 0
+
+
+def _end_with_fault(name: ServiceName, fault: str) -> int:
+    flush_logs()
+    _tell_terminal(f"{name}: fault: {fault}")
+    return 1
 
 
 def _refuse_start(name: ServiceName, error: DistalockError) -> int:
-    print(f"{name}: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
+    _tell_terminal(f"{name}: {error}")
     return 2
+
+
+def _tell_terminal(sentence: str) -> None:
+    with suppress(OSError, ValueError):  # nobody is there any more
+        print(sentence, file=sys.stderr, flush=True)  # noqa: T201 - the one sentence for the person at the terminal
 
 
 @contextmanager
@@ -191,9 +245,10 @@ def _end_when_leaving_hangs(name: ServiceName) -> Iterator[threading.Timer]:
     def end() -> None:
         log = structlog.stdlib.get_logger(f"distalock.{name}")
         log.error("fault", detail=f"leaving took longer than {_LEAVE_WITHIN_S:g} s; ended by force")
+        flush_logs()
         os._exit(1)
 
-    timer = threading.Timer(_LEAVE_WITHIN_S, end)
+    timer = threading.Timer(_LEAVE_WITHIN_S, supervised("leaving", end))
     timer.daemon = True
     try:
         yield timer

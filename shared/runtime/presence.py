@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Literal
 
@@ -10,60 +10,73 @@ from shared.bus.keys import Keys
 from shared.bus.port import Bus, Publisher
 from shared.messages.base import encode
 from shared.messages.presence import Heartbeat, ServiceName, ServiceStatus
+from shared.threads import supervised_thread
 
 Condition = Literal["starting", "ready", "degraded", "stopping"]
 
 
 class StatusReporter:
-    """Publishes a service's condition; the last one is kept for late joiners."""
+    """Publishes a service's condition; the last one is kept for late joiners.
+
+    A service that does its work but is impaired, for instance by a disk that is nearly full, is degraded until the
+    impairment has gone.
+    """
 
     def __init__(self, publisher: Publisher, service: ServiceName, boot_epoch: str, version: str) -> None:
         self._publisher = publisher
         self._service: ServiceName = service
         self._boot_epoch = boot_epoch
         self._version = version
+        self._lock = threading.Lock()
+        self._detail = ""
+        self._impaired: dict[str, str] = {}
         self.condition: Condition | None = None
 
     def report(self, condition: Condition, detail: str = "") -> None:
         """Say how the service fares."""
-        self.condition = condition
+        with self._lock:
+            self.condition, self._detail = condition, detail
+            self._publish(condition)
+
+    def impair(self, cause: str, detail: str | None) -> None:
+        """Say what else impairs the service, or with None that this cause has gone; nothing is sent if unchanged."""
+        with self._lock:
+            if self._impaired.get(cause) == detail:
+                return
+            if detail is None:
+                del self._impaired[cause]
+            else:
+                self._impaired[cause] = detail
+            self._publish(self.condition or "starting")
+
+    def _publish(self, own: Condition) -> None:
+        details = [self._detail, *self._impaired.values()]
         status = ServiceStatus(
             service=self._service,
             boot_epoch=self._boot_epoch,
             version=self._version,
-            condition=condition,
-            detail=detail,
+            condition="degraded" if self._impaired and own == "ready" else own,
+            detail="; ".join(detail for detail in details if detail),
             sent_at_ns=time.time_ns(),
         )
         self._publisher.put(encode(status))
 
 
 @contextmanager
-def beating(
-    bus: Bus, keys: Keys, service: ServiceName, boot_epoch: str, rate_hz: float, on_error: Callable[[Exception], None]
-) -> Iterator[None]:
-    """Hold the liveliness token and send heartbeats, from a thread of their own, for as long as the context lasts.
-
-    Parameters
-    ----------
-    on_error
-        Called once when a heartbeat could not be sent; the beating has then ended.
-    """
+def beating(bus: Bus, keys: Keys, service: ServiceName, boot_epoch: str, rate_hz: float) -> Iterator[None]:
+    """Hold the liveliness token and send heartbeats, from a thread of their own, for as long as the context lasts."""
     ended = threading.Event()
     publisher = bus.publisher(keys.heartbeat(service))
 
     def beat() -> None:
         sequence, due_s = 0, time.monotonic()
-        try:
-            while not ended.wait(max(due_s - time.monotonic(), 0.0)):
-                publisher.put(encode(Heartbeat(service=service, boot_epoch=boot_epoch, sequence=sequence)))
-                sequence += 1
-                # From beat to beat, not from pause to pause; but after a hang, missed beats are not made up for.
-                due_s = max(due_s, time.monotonic() - 1.0 / rate_hz) + 1.0 / rate_hz
-        except Exception as error:  # noqa: BLE001 - the border of a task: a service that cannot beat must end
-            on_error(error)
+        while not ended.wait(max(due_s - time.monotonic(), 0.0)):
+            publisher.put(encode(Heartbeat(service=service, boot_epoch=boot_epoch, sequence=sequence)))
+            sequence += 1
+            # From beat to beat, not from pause to pause; but after a hang, missed beats are not made up for.
+            due_s = max(due_s, time.monotonic() - 1.0 / rate_hz) + 1.0 / rate_hz
 
-    thread = threading.Thread(target=beat, name=f"heartbeat {service}", daemon=True)
+    thread = supervised_thread(f"heartbeat {service}", beat)
     token = bus.presence().declare_alive(keys.alive(service))
     thread.start()
     try:

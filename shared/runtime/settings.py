@@ -47,6 +47,10 @@ class ServiceSettings(BaseSettings):
         Path.home() / ".local" / "state" / "distalock", description="Folder for all that outlives a process."
     )
     log_level: LogLevel = "info"
+    log_file: Path | None = Field(None, description="File for the log, which rotates; default: standard error.")
+    least_free_mib: Annotated[float, Field(ge=0.0)] = Field(
+        64.0, description="Free space below which the state folder's disk counts as nearly full."
+    )
 
     @classmethod
     def settings_customise_sources(

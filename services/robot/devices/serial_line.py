@@ -26,6 +26,7 @@ import serial
 from services.robot.core.tuning import CONTROLLER_LINE
 from services.robot.devices.controller import ControllerSilent, ReplyGarbled, StopInForce, garbled
 from shared.errors import DeviceError
+from shared.threads import supervised_thread
 
 # The reader ends at most this long after it was asked to.
 READ_POLL_S = 0.05
@@ -122,7 +123,7 @@ class SerialLine:
         self._in_step = True
         self._forget_partial = threading.Event()
         self._replies: queue.Queue[list[str]] = queue.Queue(maxsize=MOST_STALE_REPLIES)
-        self._reader = threading.Thread(target=self._read_forever, name="controller-reader", daemon=True)
+        self._reader = supervised_thread("controller-reader", self._read_forever)
         self._reader.start()
 
     def ask(self, question: bytes, parse: Callable[[list[str]], T]) -> T:

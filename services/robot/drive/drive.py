@@ -5,7 +5,6 @@ controller questions (`worker`). A stop goes to the controller before anything e
 waits for neither.
 """
 
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -19,6 +18,7 @@ from services.robot.devices.controller import HexapodController
 from services.robot.drive.motion_controller import MotionController
 from services.robot.drive.worker import Worker
 from shared.robot_states import StopButton
+from shared.threads import supervised_thread
 
 Guard = Callable[[DriveStatus], PermittedMove | Refusal]
 
@@ -55,7 +55,7 @@ class Drive:
         self._clock_s = clock_s
         self._motion = MotionController(stop_button)
         self._worker = Worker(self._motion, connect, clock_s, retry_s, on_crash)
-        self._thread = threading.Thread(target=self.work, name="drive", daemon=True)
+        self._thread = supervised_thread("drive", self.work)
 
     def start(self) -> None:
         """Begin to connect."""
@@ -135,6 +135,11 @@ class Drive:
     def halt(self) -> None:
         """Send the stop to the controller and nothing else: for who has yet to find out why."""
         self._motion.halt()
+
+    def fail(self, why: str) -> None:
+        """Stop and lock because the service itself has failed: the stop goes out before anything else."""
+        self.halt()
+        self._motion.apply(Event.FAULT_SEEN, f"the robot service failed: {why}; it was stopped, restart the service")
 
     def step(self) -> bool:
         """One round of the worker's work; False at the end. For the worker thread, or a test in its place."""

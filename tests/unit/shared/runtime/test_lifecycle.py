@@ -9,13 +9,14 @@ import pytest
 
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
-from shared.bus.port import Bus
+from shared.bus.port import Bus, Sample
 from shared.bus.zenoh_bus import BusSettings
-from shared.errors import BusUnavailable, ConfigurationError
+from shared.errors import BusUnavailable, ConfigurationError, InputError
 from shared.messages.base import decode
 from shared.messages.presence import Heartbeat, ServiceStatus
 from shared.runtime.lifecycle import Runtime, open_service, run_service
 from shared.runtime.settings import ServiceSettings
+from shared.threads import supervised_thread
 
 PATIENCE_S = 60.0
 KEYS = Keys("test")
@@ -26,8 +27,8 @@ Compose = Callable[[Bus, Runtime], AbstractContextManager[object]]
 class Room:
     """A bus with somebody who listens to one service."""
 
-    def __init__(self) -> None:
-        self.router = MemoryRouter()
+    def __init__(self, router: MemoryRouter | None = None) -> None:
+        self.router = router or MemoryRouter()
         self.statuses: queue.Queue[ServiceStatus] = queue.Queue()
         self.beats: queue.Queue[Heartbeat] = queue.Queue()
         self.alive: queue.Queue[bool] = queue.Queue()
@@ -44,6 +45,15 @@ class Room:
 
     def run(self, compose: Compose) -> int:
         return run_service("imaging", SETTINGS, compose, self.opener)
+
+
+class HeartlessRouter(MemoryRouter):
+    """Takes no heartbeats, as a session that was closed."""
+
+    def deliver(self, sample: Sample) -> bool:
+        if sample.key == KEYS.heartbeat("imaging"):
+            raise BusUnavailable("the session is closed")
+        return super().deliver(sample)
 
 
 @pytest.fixture
@@ -113,6 +123,79 @@ def test_unexpected_error_is_logged_and_1(room: Room, capsys: pytest.CaptureFixt
     assert "ZeroDivisionError" in fault
     assert '"service": "imaging"' in fault
     assert room.conditions(2) == ["starting", "stopping"]
+
+
+def test_a_fault_is_the_last_thing_that_the_terminal_hears(room: Room, capsys: pytest.CaptureFixture[str]) -> None:
+    @contextmanager
+    def compose(_bus: Bus, runtime: Runtime) -> Iterator[None]:
+        runtime.fail("the leg fell off")
+        yield
+
+    assert room.run(compose) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == "imaging: fault: the leg fell off"
+
+
+def test_what_comes_first_at_a_fault_is_done_even_if_another_such_act_fails(room: Room) -> None:
+    done: list[str] = []
+    with open_service("robot", SETTINGS, room.opener) as (_, runtime):
+        runtime.first_on_fault += [lambda _: 1 / 0, done.append]  # type: ignore[list-item]
+        runtime.fail("the leg fell off")
+        assert done == ["the leg fell off"]
+        assert runtime.stop.is_set()
+
+
+def test_an_exception_of_a_thread_is_a_fault_of_the_service(room: Room) -> None:
+    @contextmanager
+    def compose(_bus: Bus, runtime: Runtime) -> Iterator[None]:
+        supervised_thread("legs", lambda: 1 / 0).start()
+        yield
+        assert runtime.fault == "thread 'legs' ended with ZeroDivisionError: division by zero"
+
+    assert room.run(compose) == 1
+
+
+def test_a_heartbeat_that_cannot_be_sent_is_a_fault() -> None:
+    with open_service("imaging", SETTINGS, Room(HeartlessRouter()).opener) as (_, runtime):
+        assert runtime.stop.wait(PATIENCE_S)
+        assert runtime.fault == "thread 'heartbeat imaging' ended with BusUnavailable: the session is closed"
+
+
+def test_an_error_that_nobody_foresaw_impairs_a_service_until_it_is_long_ago(room: Room) -> None:
+    with open_service("imaging", SETTINGS, room.opener) as (_, runtime):
+        runtime.ready("on port 104")
+        runtime.note_error("bus handler of 'plan'", InputError("no plan"))
+        runtime.note_error("bus handler of 'plan'", ZeroDivisionError("by zero"))
+        assert room.conditions(2) == ["starting", "ready"]
+        status = room.statuses.get(timeout=PATIENCE_S)
+        assert status.condition == "degraded"
+        assert status.detail == (
+            "on port 104; bus handler of 'plan' brought ZeroDivisionError: by zero (2 so far); see the log"
+        )
+        runtime.forget_errors()
+        assert room.statuses.empty()
+        runtime.last_error_s = float("-inf")
+        runtime.forget_errors()
+        assert room.conditions(1) == ["ready"]
+        assert runtime.fault is None
+
+
+def test_an_error_that_nobody_foresaw_is_a_fault_of_the_robot(room: Room) -> None:
+    with open_service("robot", SETTINGS, room.opener) as (_, runtime):
+        runtime.note_error("bus handler of 'plan'", InputError("no plan"))
+        assert runtime.fault is None
+        runtime.note_error("bus handler of 'plan'", ZeroDivisionError("by zero"))
+        assert runtime.fault == "bus handler of 'plan' brought ZeroDivisionError: by zero"
+
+
+def test_a_disk_that_is_nearly_full_degrades_a_service_until_space_returns(room: Room) -> None:
+    settings = ServiceSettings(room="test", least_free_mib=1e12)
+    with open_service("imaging", settings, room.opener) as (_, runtime):
+        runtime.ready()
+        while (status := room.statuses.get(timeout=PATIENCE_S)).condition != "degraded":
+            pass
+        assert "MiB free (limit 1e+12 MiB); free some space" in status.detail
+        runtime.status.impair("disk", None)
+        assert room.conditions(1) == ["ready"]
 
 
 @pytest.mark.parametrize("error", [ConfigurationError("port 104 is in use"), BusUnavailable("no router; start it")])
