@@ -17,6 +17,7 @@ from services.imaging.service import Defaults, ImagingService
 from services.imaging.service.quality_handler import QualityHandler
 from services.imaging.settings import ImagingSettings
 from shared.bus.port import Bus
+from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime, service_main
 from shared.runtime.logging import Log
 
@@ -32,7 +33,7 @@ def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[N
     )
     memory = CArmMemory(PositionStore(settings.state_dir / "c-arm-positions"))
     quality = QualityHandler(store, settings.state_dir / "qa", lambda: datetime.now(UTC))
-    service = ImagingService(bus, runtime, store, memory, quality, defaults, settings.run_interval_s)
+    service = ImagingService(bus, runtime, store, memory, quality, defaults, settings.run_interval_s, Clock())
     with service.running(), ExitStack() as stack:
         places = [stack.enter_context(s.receiving(service.take)) for s in sources(settings, runtime.log)]
         for place in places:

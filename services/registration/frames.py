@@ -73,6 +73,12 @@ class ReceivedFrame:
     epoch: str  # registration epoch that began with it
     # state of the robot when it was exposed; None when it was not known, or not at rest for long enough
     robot: RobotState | None
+    # when imaging received it, on registration's monotonic clock; None when its age was not known
+    received_at_s: float | None = None
+
+    def age_s(self, now_s: float) -> float | None:
+        """How long ago imaging received it; None when nobody knows."""
+        return None if self.received_at_s is None else max(now_s - self.received_at_s, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

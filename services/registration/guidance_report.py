@@ -40,6 +40,7 @@ class FrameFacts:
     calibration: CArmCalibration | None  # None when the ring was not found
     skipped: int
     elapsed_ms: float
+    image_age_s: float | None = None  # None when nobody knows
 
 
 def ring_turn_rad(calibration: CArmCalibration) -> float:
@@ -115,6 +116,7 @@ def guidance_message(estimate: FrameEstimate, facts: FrameFacts, picture: Pictur
         else MirrorCheck(log_likelihood_ratio=margin.log_likelihood_ratio, frames_ago=margin.frames_ago),
         skipped=facts.skipped,
         elapsed_ms=facts.elapsed_ms,
+        image_age_s=facts.image_age_s,
     )
 
 

@@ -211,7 +211,16 @@ class LiveGuidance:
         passed_over = self._frames.replaced + self._unseen
         skipped, self._skipped_before = passed_over - self._skipped_before, passed_over
         context = case.context
-        facts = FrameFacts(image, context.case_id, context.revision, angles, calibration, skipped, elapsed_ms)
+        facts = FrameFacts(
+            image,
+            context.case_id,
+            context.revision,
+            angles,
+            calibration,
+            skipped,
+            elapsed_ms,
+            frame.age_s(self._state.now_s()),
+        )
         self._publisher.put(encode(guidance_message(estimate, facts, self._picture)))
 
 

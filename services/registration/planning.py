@@ -9,7 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.registration.core.acceptance.criteria import HEAD_NOT_SEEN, HeadTrouble
+from services.registration.core.acceptance.criteria import (
+    HEAD_NOT_SEEN,
+    IMAGE_AGE_UNKNOWN,
+    OLDEST_IMAGE,
+    HeadTrouble,
+    ImageTrouble,
+)
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.fusion import fuse_localisations
 from services.registration.core.head_check import MotionView, check_motion, check_place
@@ -46,8 +52,8 @@ class PlanAxes:
     fusion: Fusion | None  # how several images agree; None for one image, or a verification
 
 
-def answer_plan_request(request: PlanRequest, state: RegistrationState) -> PlanReply:
-    """Plan from the newest accepted localisation, or refuse."""
+def answer_plan_request(request: PlanRequest, state: RegistrationState, oldest_image_s: float) -> PlanReply:
+    """Plan from the newest accepted localisation, or refuse; no image may be older than `oldest_image_s`."""
     case = state.case
     if case is None or case.context.case_id != request.case_id:
         return refused("no_case", f"case '{request.case_id}' is not the open one; open it and take one more image")
@@ -64,6 +70,9 @@ def answer_plan_request(request: PlanRequest, state: RegistrationState) -> PlanR
     refusal = _stale_case(localised, case)
     if refusal is not None:
         return refusal
+    aged = _image_age(request, localised, state, oldest_image_s)
+    if isinstance(aged, Refusal):
+        return refused(aged.code.value, aged.message)
     axes = axes_for(request, localised, state)
     if isinstance(axes, PlanReply):
         return axes
@@ -73,7 +82,24 @@ def answer_plan_request(request: PlanRequest, state: RegistrationState) -> PlanR
     outcome = head_trouble(localised, state) or plan_move(axes.holes, axes.guide, request.hole_ids, now)
     if isinstance(outcome, Refusal):
         return refused(outcome.code.value, outcome.message)
-    return PlanReply(verdict="accepted", plan=_plan_message(request, outcome.value, now, localised.record, axes))
+    plan = _plan_message(request, outcome.value, now, localised.record, axes)
+    return PlanReply(verdict="accepted", plan=plan.model_copy(update={"image_age_s": aged}))
+
+
+def _image_age(
+    request: PlanRequest, newest: LocalisedFrame, state: RegistrationState, oldest_image_s: float
+) -> float | Refusal[ImageTrouble]:
+    """Age of the oldest image that is named, or why it is too old; images that are not kept are refused later."""
+    named = (state.images.get(sha256) for sha256 in (*request.earlier_image_sha256, *request.verified_image_sha256))
+    ages = [one.frame.age_s(state.now_s()) for one in (newest, *named) if one is not None]
+    known = [age_s for age_s in ages if age_s is not None]
+    if len(known) < len(ages):
+        return IMAGE_AGE_UNKNOWN.refusal()
+    oldest_s = max(known)
+    if OLDEST_IMAGE.is_met(oldest_s, oldest_image_s):
+        return oldest_s
+    quoted = OLDEST_IMAGE.quoted(oldest_s, oldest_image_s)
+    return OLDEST_IMAGE.refusal(f"the age of the oldest image that the plan rests on is {quoted}")
 
 
 def _stale_case(localised: LocalisedFrame, case: OpenCase) -> PlanReply | None:

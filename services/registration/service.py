@@ -112,7 +112,8 @@ class RegistrationService:
             )
 
     def _on_plan_request(self, query: Query) -> Answer:
-        reply = answer_plan_request(decode(PlanRequest, query.payload), self._state)
+        request = decode(PlanRequest, query.payload)
+        reply = answer_plan_request(request, self._state, self._settings.oldest_image_s)
         if reply.plan is not None:
             # published before it is answered: the robot must know a plan before anyone can approve it
             self._plans.put(encode(reply.plan))
@@ -184,7 +185,8 @@ class RegistrationService:
         result, found = timed_localisation(frame.pixels, calibrated, case.parts, job.image.sha256, job.elapsed_ms)
         calibration = calibrated.value if isinstance(calibrated, Accepted) else None
         drawn = overlay_png(frame.pixels, calibration, result, case.parts)
-        record = _record(frame, job, case, found.model_copy(update={"notes": frame.header.notes}), drawn)
+        noted = found.model_copy(update={"notes": frame.header.notes})
+        record = _record(frame, job, case, noted, drawn, frame.age_s(self._state.now_s()))
         localised = LocalisedFrame(frame, case, record, calibration, result)
         self._state.images.note(localised)
         self._localisations.put(encode(record))
@@ -209,7 +211,12 @@ class RegistrationService:
 
 
 def _record(
-    frame: ReceivedFrame, job: CalibrationMessage, case: OpenCase, found: Localisation, drawn: bytes
+    frame: ReceivedFrame,
+    job: CalibrationMessage,
+    case: OpenCase,
+    found: Localisation,
+    drawn: bytes,
+    age_s: float | None,
 ) -> LocalisationRecord:
     pose = pose_at_rest(frame.robot)
     return LocalisationRecord(
@@ -225,6 +232,7 @@ def _record(
         nail_sha256=case.parts.nail.sha256,
         software_version=software_version(),
         overlay_png_base64=base64.b64encode(drawn).decode(),
+        image_age_s=age_s,
     )
 
 

@@ -4,6 +4,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from services.registration.core.acceptance.criteria import OLDEST_IMAGE
 from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.runtime.settings import ServiceSettings
 
@@ -23,6 +24,11 @@ class RegistrationSettings(ServiceSettings):
         0.5,
         description="Longest time from an exposure to its arrival, as measured on this C-arm: an image that arrives "
         "sooner than this after the robot moved may show it elsewhere, and no plan is made from it.",
+    )
+    oldest_image_s: Annotated[float, Field(gt=0.0, le=86400.0)] = Field(
+        OLDEST_IMAGE.limit.value,
+        description="Greatest age of an image from which a plan is made, in seconds since imaging received it, on "
+        "monotonic clocks. An image shows where the bone was; what happens to the leg afterwards no one measures.",
     )
     frame_timeout_s: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
         5.0, description="How long imaging may take to hand over the pixels of an image that was missed."

@@ -91,7 +91,8 @@ class RegistrationState:
     def _keep(self, header: FrameHeader, pixels: NDArray[np.float32], robot: RobotState | None) -> ReceivedFrame:
         """Pixels that come after their announcement belong to the epoch that began with it: others may be newer."""
         epoch = self._announced.pop(header.sha256, None) or self._begin_epoch(header.sha256)
-        frame = ReceivedFrame(header, pixels, epoch, robot)
+        received_at_s = None if header.age_s is None else self._clock_s() - header.age_s
+        frame = ReceivedFrame(header, pixels, epoch, robot, received_at_s)
         self._frames[header.sha256] = frame
         while len(self._frames) > self._kept:
             self._frames.popitem(last=False)
@@ -112,6 +113,10 @@ class RegistrationState:
             )
             case = self._case
             return case if case is not None and set_up_of(case) == (case_id, revision) else None
+
+    def now_s(self) -> float:
+        """Registration's monotonic clock."""
+        return self._clock_s()
 
     def note_verified(self, sha256s: tuple[str, ...], verified: WireVerification) -> None:
         """Note what the last verification found."""

@@ -83,6 +83,7 @@ def robot_state(
         boot_epoch=boot_epoch,
         sequence=sequence,
         sent_at_ns=time.time_ns(),
+        clock_s=time.monotonic(),
         state=status.state,
         stop=wire.StopLatch.LATCHED if stop_is_latched(status.state) else wire.StopLatch.CLEAR,
         stop_button=status.stop_button,

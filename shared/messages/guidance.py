@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from shared.messages.base import Finite, Identifier, Message, ReasonMessage, Verdict, WireModel
-from shared.messages.imaging import ImageReference
-from shared.messages.registration import CArmCorrection
+from shared.messages.imaging import ImageAge, ImageReference
+from shared.messages.registration import IMAGE_AGE, CArmCorrection
 
 GuidanceOrigin = Literal["localised", "followed"]
 Degrees = Annotated[float, Field(allow_inf_nan=False, ge=0.0)]
@@ -77,3 +77,4 @@ class Guidance(Message):
     mirror_check: MirrorCheck | None
     skipped: int = Field(ge=0)
     elapsed_ms: Finite
+    image_age_s: ImageAge = Field(None, description=IMAGE_AGE)

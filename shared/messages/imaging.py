@@ -26,6 +26,13 @@ from shared.messages.base import (
 )
 
 Pixels = NDArray[np.float32]
+ImageAge = Annotated[float | None, Field(ge=0.0, allow_inf_nan=False)]
+_SEQUENCE = "Number in the image store, which gives one to every image: from 1, without a gap, over all restarts."
+_STORE_ID = "Names the image store in which `sequence` counts. Images of two stores have no order."
+_AGE = (
+    "Time since the image was received, in seconds on monotonic clocks, when this message was published. None: imaging "
+    "has started anew since then, and nobody knows."
+)
 RunInterval = Annotated[float | None, Field(gt=0.0, allow_inf_nan=False)]
 _RUN_INTERVAL = (
     "Present when the image is part of a run of images (running fluoroscopy): it was received within this time after "
@@ -39,9 +46,14 @@ class ImageReference(WireModel):
 
     sha256: Sha256
     sop_instance_uid: str
-    sequence: int = Field(ge=0)
-    received_at_ns: UnixNanoseconds
+    sequence: int = Field(ge=0, description=_SEQUENCE)
+    received_at_ns: UnixNanoseconds = Field(description="For people: never compared.")
     run_interval_s: RunInterval = Field(None, description=_RUN_INTERVAL)
+    store_id: Identifier | None = Field(None, description=_STORE_ID)
+
+    def precedes(self, other: "ImageReference") -> bool:
+        """Whether this image was received before the other one; False when nobody can know. No clock is asked."""
+        return self.store_id is not None and self.store_id == other.store_id and self.sequence < other.sequence
 
 
 class FrameHeader(Message):
@@ -54,9 +66,9 @@ class FrameHeader(Message):
     schema_name: Literal["distalock/frame/1"] = Field("distalock/frame/1", alias="schema")
     sha256: Sha256 = Field(description="Of the stored file, DICOM as received or as made by imaging.")
     sop_instance_uid: str
-    sequence: int = Field(ge=0)
+    sequence: int = Field(ge=0, description=_SEQUENCE)
     boot_epoch: Identifier
-    received_at_ns: UnixNanoseconds
+    received_at_ns: UnixNanoseconds = Field(description="For people: never compared.")
     width_px: int = Field(gt=0, le=8192)
     height_px: int = Field(gt=0, le=8192)
     pixel_format: Literal["float32"] = "float32"
@@ -79,6 +91,8 @@ class FrameHeader(Message):
     notes: tuple[str, ...] = Field(
         (), description="Header values that were ignored, and nominal values that were assumed.", exclude_if=is_empty
     )
+    store_id: Identifier | None = Field(None, description=_STORE_ID)
+    age_s: ImageAge = Field(None, description=_AGE)
 
     def reference(self) -> ImageReference:
         """Name this image in a result."""
@@ -88,6 +102,7 @@ class FrameHeader(Message):
             sequence=self.sequence,
             received_at_ns=self.received_at_ns,
             run_interval_s=self.run_interval_s,
+            store_id=self.store_id,
         )
 
     def pixels(self, payload: bytes) -> Pixels:

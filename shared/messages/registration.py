@@ -19,9 +19,13 @@ from shared.messages.base import (
     encode,
     is_empty,
 )
-from shared.messages.imaging import ImageReference
+from shared.messages.imaging import ImageAge, ImageReference
 from shared.messages.robot import PlatformPoseMessage
 
+IMAGE_AGE = (
+    "Age of the image when this message was published, in seconds on monotonic clocks: what imaging stated, and the "
+    "time since then. None: not known, because imaging or registration has started anew since the image was received."
+)
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 Method = Literal["model", "fronto-parallel"]
 
@@ -192,6 +196,7 @@ class LocalisationRecord(Message):
     nail_sha256: Sha256
     software_version: str
     overlay_png_base64: str | None = Field(None, description="What was found, drawn on the image, for people.")
+    image_age_s: ImageAge = Field(None, description=IMAGE_AGE)
 
 
 class RegistrationEpoch(Message):
@@ -260,6 +265,7 @@ class Plan(Message):
     verified_image_sha256: tuple[Sha256, ...] = Field(
         (), description="Images of the verification whose residual it corrects; empty for a plan from localisations."
     )
+    image_age_s: ImageAge = Field(None, description=f"{IMAGE_AGE} Of several images, of the oldest.")
 
     def sha256(self) -> str:
         """Hash of the plan's canonical JSON: what an approval quotes."""

@@ -44,7 +44,7 @@ class RobotState(Message):
     schema_name: Literal["distalock/robot-state/1"] = Field("distalock/robot-state/1", alias="schema")
     boot_epoch: Identifier
     sequence: int = Field(ge=0)
-    sent_at_ns: UnixNanoseconds
+    sent_at_ns: UnixNanoseconds = Field(description="For people: never compared.")
     state: MotionState
     stop: StopLatch
     locked: bool = Field(description="Brake on and servo off, as read back from the controller.")
@@ -62,6 +62,11 @@ class RobotState(Message):
     deviation_mm: Finite | None = Field(None, description="Read-back minus target after the last move.")
     deviation_deg: Finite | None = None
     detail: str = ""
+    clock_s: Finite | None = Field(
+        None,
+        description="Monotonic clock of the robot service when it sent this: compared only with that of another state "
+        "of the same boot epoch.",
+    )
     stop_button: StopButton = Field(StopButton.ABSENT, description="The controller's own button, as far as it says.")
 
 

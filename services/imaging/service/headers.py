@@ -18,6 +18,10 @@ class Defaults:
     polarity: Polarity = Polarity.AS_TAGGED
 
 
+Moment = tuple[int, float]
+"""Unix time in ns, for people, and monotonic time in s."""
+
+
 @dataclass(frozen=True, slots=True)
 class Arrival:
     """When an image was received.
@@ -29,7 +33,9 @@ class Arrival:
     boot_epoch
         Names this start of the service.
     received_at_ns
-        Unix time.
+        Unix time, for people.
+    received_at_s
+        Monotonic time: what the next arrival and the image's age are reckoned from.
     run_interval_s
         Longest time between two images of a run when this one is part of a run, otherwise None.
     """
@@ -37,19 +43,17 @@ class Arrival:
     sequence: int
     boot_epoch: str
     received_at_ns: int
+    received_at_s: float
     run_interval_s: float | None
 
     @staticmethod
-    def after(previous: "Arrival | None", boot_epoch: str, received_at_ns: int, run_interval_s: float) -> "Arrival":
-        """The next arrival: part of a run when it follows the previous one within `run_interval_s`.
-
-        A clock that was set back starts a new run.
-        """
+    def after(previous: "Arrival | None", boot_epoch: str, received: Moment, run_interval_s: float) -> "Arrival":
+        """The next arrival: part of a run when it follows the previous one within `run_interval_s`."""
+        unix_ns, monotonic_s = received
         if previous is None:
-            return Arrival(1, boot_epoch, received_at_ns, None)
-        since_s = 1e-9 * (received_at_ns - previous.received_at_ns)
-        in_run = 0.0 < since_s < run_interval_s
-        return Arrival(previous.sequence + 1, boot_epoch, received_at_ns, run_interval_s if in_run else None)
+            return Arrival(1, boot_epoch, unix_ns, monotonic_s, None)
+        in_run = monotonic_s - previous.received_at_s < run_interval_s
+        return Arrival(previous.sequence + 1, boot_epoch, unix_ns, monotonic_s, run_interval_s if in_run else None)
 
 
 def frame_header(

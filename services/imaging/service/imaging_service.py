@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,10 +28,12 @@ from shared.messages.cases import CaseContext
 from shared.messages.imaging import FrameHeader
 from shared.messages.qa import QaRequest
 from shared.parts.files import ring_from_json
+from shared.runtime.clock import Clock
 from shared.runtime.latest import BoundedQueue
 from shared.runtime.lifecycle import Runtime
 
 _QUEUE = 64
+_AGES_KEPT = 1024
 _WAIT_S = 0.2
 
 
@@ -60,6 +63,8 @@ class ImagingService:
         Nominal C-arm values.
     run_interval_s
         Longest time between two images of a run (running fluoroscopy).
+    clock
+        When images are received, and how old they are.
     """
 
     def __init__(
@@ -71,8 +76,11 @@ class ImagingService:
         quality: QualityHandler,
         defaults: Defaults,
         run_interval_s: float,
+        clock: Clock,
     ) -> None:
         self._runtime = runtime
+        self._clock = clock
+        self._received_at_s: OrderedDict[str, float] = OrderedDict()
         self._store = store
         self._defaults = defaults
         self._run_interval_s = run_interval_s
@@ -121,13 +129,15 @@ class ImagingService:
         OSError
             When the disk does not take it.
         """
+        received = self._clock.unix_ns(), self._clock.monotonic_s()
         image = read_image(content, sender).normalised(self._defaults.polarity)
         sha256 = self._store.put(image.dicom)
         with self._lock:
-            arrival = Arrival.after(self._newest, self._runtime.boot_epoch, time.time_ns(), self._run_interval_s)
+            arrival = Arrival.after(self._newest, self._runtime.boot_epoch, received, self._run_interval_s)
             self._newest = arrival
             header = frame_header(image, sha256, arrival, self._case, self._defaults)
             self._store.put_header(sha256, encode(header))
+            self._note_receipt(sha256, arrival.received_at_s)
             queued = self._shots.put(_Shot(header, image, self._ring))
             if queued:
                 self._announce(header, image)
@@ -137,10 +147,22 @@ class ImagingService:
 
     def _announce(self, header: FrameHeader, image: ReceivedImage) -> None:
         try:
-            self._frames.put(wire_pixels(image), encode(header))
+            self._frames.put(wire_pixels(image), encode(self._with_age(header)))
         except BusError as error:
             self._runtime.log.exception("image not published", sha256=header.sha256)
             self._runtime.degraded(f"image {header.sha256[:12]} could not be published: {error}; take another image")
+
+    def _note_receipt(self, sha256: str, received_at_s: float) -> None:
+        self._received_at_s[sha256] = received_at_s
+        self._received_at_s.move_to_end(sha256)
+        while len(self._received_at_s) > _AGES_KEPT:
+            self._received_at_s.popitem(last=False)
+
+    def _with_age(self, header: FrameHeader) -> FrameHeader:
+        """The header as it is published now; of an image from before this run of imaging nobody knows the age."""
+        received_at_s = self._received_at_s.get(header.sha256)
+        age_s = None if received_at_s is None else max(self._clock.monotonic_s() - received_at_s, 0.0)
+        return header.model_copy(update={"age_s": age_s})
 
     def _on_case(self, sample: Sample) -> None:
         try:
@@ -157,11 +179,12 @@ class ImagingService:
     def _on_frame_query(self, query: Query) -> Answer:
         """Pixels and header of a kept image, by its hash."""
         sha256 = query.key.rsplit("/", 1)[-1]
-        content, header = self._store.get(sha256), self._store.get_header(sha256)
-        if content is None or header is None:
+        content, kept = self._store.get(sha256), self._store.get_header(sha256)
+        if content is None or kept is None:
             raise ImageUnreadable(f"no image with SHA-256 {sha256} is kept here (0 found, 1 needed); send it again")
-        image = read_image(content, sha256).normalised(polarity_of(decode(FrameHeader, header)))
-        return Answer(wire_pixels(image), header)
+        header = decode(FrameHeader, kept)
+        image = read_image(content, sha256).normalised(polarity_of(header))
+        return Answer(wire_pixels(image), encode(self._with_age(header)))
 
     def _on_qa_request(self, query: Query) -> Answer:
         """A quality report over kept images; the bus answers each key on a thread of its own."""

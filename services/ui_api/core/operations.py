@@ -1,7 +1,8 @@
 """Commands to the robot as operations: what a robot state says about one that is under way.
 
 A command that brought no answer is `unknown`, never "not executed": the robot may still have begun. Only the robot's
-own state settles it. Times are compared on the robot's clock alone, because clocks of two hosts cannot be compared.
+own state settles it: by its boot epoch, its sequence numbers, the commands it names, and its monotonic clock, which is
+compared with nothing but itself. Wall clocks settle nothing: they may be set while a command is under way.
 """
 
 from dataclasses import dataclass, replace
@@ -51,7 +52,7 @@ class RobotSaying:
 
     boot_epoch: str
     sequence: int
-    sent_at_ns: int
+    clock_s: float | None
     command_id: str | None
     outcome: str
     at_rest: bool
@@ -110,8 +111,9 @@ def settle(operation: Operation, saying: RobotSaying) -> OperationProgressed | O
 def _too_late(operation: Operation, saying: RobotSaying) -> bool:
     """Whether the robot refuses the command from now on, with some time on top for a command being decided on."""
     requested = operation.requested
-    last_ns = requested.state_sent_at_ns + int((requested.time_to_live_s + _SETTLING_S) * 1e9)
-    return saying.sent_at_ns > last_ns
+    if requested.state_clock_s is None or saying.clock_s is None:
+        return False
+    return saying.clock_s - requested.state_clock_s > requested.time_to_live_s + _SETTLING_S
 
 
 def _not_executed(operation: Operation) -> OperationEnded:

@@ -30,8 +30,11 @@ class OperationRequested:
         Of a move; None otherwise.
     hold_to_move
         Whether motion lasts only as long as a lease is renewed.
-    robot_boot_epoch, after_state_sequence, state_sent_at_ns, previous_command_id
-        From the newest robot state before sending: what decides, later, whether the command can still take effect.
+    robot_boot_epoch, after_state_sequence, state_clock_s, previous_command_id
+        From the newest robot state before sending: what decides, later, whether the command can still take effect. The
+        clock is the robot's own monotonic one; records of older versions have none.
+    state_sent_at_ns
+        Wall clock of that state, for people.
     time_to_live_s
         How long after that state the robot may begin.
     """
@@ -46,6 +49,7 @@ class OperationRequested:
     state_sent_at_ns: int
     previous_command_id: str | None
     time_to_live_s: float
+    state_clock_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

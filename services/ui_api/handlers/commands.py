@@ -205,4 +205,5 @@ def _requested(
         state_sent_at_ns=state.sent_at_ns,
         previous_command_id=state.command_id,
         time_to_live_s=envelope.time_to_live_s,
+        state_clock_s=state.clock_s,
     )

@@ -26,6 +26,7 @@ class LiveFrame:
 
     header: FrameHeader
     payload: bytes
+    heard_at_s: float  # on the gateway's own monotonic clock
 
     def jpeg(self) -> bytes:
         """The picture for people, 8 bits, as received."""
@@ -74,12 +75,12 @@ class LiveHandler:
             heard = self._guidance
         return heard if heard is not None and heard.guidance.case_id == case_id else None
 
-    def heard_s_ago(self, heard: HeardGuidance) -> float:
-        """How long ago a word was heard."""
+    def heard_s_ago(self, heard: HeardGuidance | LiveFrame) -> float:
+        """How long ago a word or a frame was heard."""
         return self._clock.monotonic_s() - heard.heard_at_s
 
     def _on_frame(self, sample: Sample) -> None:
-        frame = LiveFrame(decode(FrameHeader, sample.attachment), bytes(sample.payload))
+        frame = LiveFrame(decode(FrameHeader, sample.attachment), bytes(sample.payload), self._clock.monotonic_s())
         with self._lock:
             self._frame = frame
         self.feed.wake()
@@ -88,10 +89,7 @@ class LiveHandler:
         heard = HeardGuidance(decode(Guidance, sample.payload), self._clock.monotonic_s())
         with self._lock:
             before = self._guidance
-            overtaken = (
-                before is not None and before.guidance.image.received_at_ns > heard.guidance.image.received_at_ns
-            )
-            if overtaken:
+            if before is not None and heard.guidance.image.precedes(before.guidance.image):
                 return  # the word of an older frame, which took longer
             self._guidance = heard
         self.feed.wake()

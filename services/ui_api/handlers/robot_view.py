@@ -99,7 +99,7 @@ def saying_of(state: RobotState) -> RobotSaying:
     return RobotSaying(
         boot_epoch=state.boot_epoch,
         sequence=state.sequence,
-        sent_at_ns=state.sent_at_ns,
+        clock_s=state.clock_s,
         command_id=state.command_id,
         outcome=state.outcome,
         at_rest=state.state not in IN_MOTION,

@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect, status
 
 from services.ui_api.handlers.live import HeardGuidance, LiveFrame, LiveHandler
-from services.ui_api.routes.result_views import GuidanceView, age_s
+from services.ui_api.routes.result_views import GuidanceView, aged
 from services.ui_api.routes.views import View
 from services.ui_api.service import Gateway
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
@@ -25,7 +25,7 @@ class LiveView(View):
     image: Sha256
     sequence: int
     received_at_ns: UnixNanoseconds
-    age_s: float
+    age_s: float | None
     case_id: Identifier | None
     picture: Literal["image/jpeg"] | None
     guidance: GuidanceView | None
@@ -85,7 +85,7 @@ def _view(
         image=header.sha256,
         sequence=header.sequence,
         received_at_ns=header.received_at_ns,
-        age_s=age_s(header.received_at_ns),
+        age_s=aged(header.age_s, live.heard_s_ago(frame)),
         case_id=header.case_id,
         picture=picture,
         guidance=None if heard is None else _guidance(live, header, heard),

@@ -81,10 +81,11 @@ class GuidanceView(Guidance):
     """What the newest frame of running fluoroscopy said, with its age and whether it is about the moment.
 
     It is current while its frame is the newest image. While newer ones are on their way it is current for half a second
-    after it was heard, and only if the frame itself is no older than a second.
+    after it was heard, and only if the frame itself is no older than a second. `age_s` is the frame's, on monotonic
+    clocks; null when nobody knows.
     """
 
-    age_s: float
+    age_s: float | None
     validity: ResultValidity
     stale_because: str | None
 
@@ -93,12 +94,14 @@ class GuidanceView(Guidance):
         guidance: Guidance, heard_s_ago: float, newest_image: str | None, case_revision: int | None
     ) -> "GuidanceView":
         """From the word, and the newest image and the case's revision that there are."""
-        age = age_s(guidance.image.received_at_ns)
+        age = aged(guidance.image_age_s, heard_s_ago)
         newest = guidance.image.sha256 == newest_image
         same_set_up = case_revision in (None, guidance.case_revision)
-        current = same_set_up and (newest or (heard_s_ago <= GUIDANCE_LASTS_S and age <= OLDEST_FRAME_S))
+        young = age is not None and age <= OLDEST_FRAME_S
+        current = same_set_up and (newest or (heard_s_ago <= GUIDANCE_LASTS_S and young))
+        old = "of unknown age" if age is None else f"{age:.1f} s old"
         clause = (
-            f"newer images have come; this word is about one that is {age:.1f} s old (limit {OLDEST_FRAME_S:g} s) "
+            f"newer images have come; this word is about one that is {old} (limit {OLDEST_FRAME_S:g} s) "
             f"and was heard {heard_s_ago:.1f} s ago (limit {GUIDANCE_LASTS_S:g} s); wait for the next one"
         )
         if not same_set_up:
@@ -136,6 +139,11 @@ class VerificationView(Verification):
     """What `distalock verify` prints, with its number in the case."""
 
     number: int
+
+
+def aged(age_s: float | None, heard_s_ago: float) -> float | None:
+    """Age of an image now: what it was when it was published, and the time since; None when nobody knew it."""
+    return None if age_s is None else age_s + heard_s_ago
 
 
 def age_s(received_at_ns: int) -> float:

@@ -48,6 +48,12 @@ class HeadTrouble(StrEnum):
     NOT_SEEN = "head_not_seen"
 
 
+class ImageTrouble(StrEnum):
+    """Why no plan is made from an image, whatever it shows; stable names."""
+
+    TOO_OLD = "image_too_old"
+
+
 @dataclass(frozen=True, slots=True)
 class Openings:
     """How much of a hole's disc must be visible: of the hole that shows most, and of each other one.
@@ -385,6 +391,16 @@ EXTENSION_ERROR: Final = Criterion(
 EXTENSION_ERROR_SIGMAS: Final = Criterion(
     HeadTrouble.HEAD_EXTENSION, "the same difference over its standard error", at_most(4.0, "", decimals=1),
     EXTENSION_ERROR.remedy, "standard: 4 sigma", "refused only where both exceed their limits")
+
+# The image that a plan rests on
+OLDEST_IMAGE: Final = Criterion(
+    ImageTrouble.TOO_OLD, "age of the image that a plan rests on, of several that of the oldest",
+    at_most(600.0, "s", decimals=0), "take one more image and plan from it",
+    "required: longer than the slowest procedure needs from an image to its approved plan (minutes), shorter than a "
+    "pause in which a leg is moved; setting oldest_image_s", "the setting oldest_image_s changes it")
+IMAGE_AGE_UNKNOWN: Final = Finding(
+    ImageTrouble.TOO_OLD, "the age of an image that a plan rests on is not known: imaging or registration has started "
+    "anew since it was received", "take one more image and plan from it")
 
 # The plan; what the robot's guard checks of a plan stands in the robot service
 UNKNOWN_HOLE: Final = Finding(

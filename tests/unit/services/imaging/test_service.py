@@ -30,6 +30,7 @@ from shared.messages.cases import CaseContext
 from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.presence import ServiceStatus
 from shared.messages.qa import QaReply, QaRequest
+from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime
 from shared.runtime.presence import StatusReporter
 from tests.unit.services.imaging.devices.dicom_samples import dataset_of, file_of, grey_ramp
@@ -86,6 +87,7 @@ def room_of(
             quality,
             Defaults(1000.0, 0.235, polarity),
             run_interval_s,
+            Clock(),
         )
         frames: queue.Queue[Sample] = queue.Queue()
         calibrations: queue.Queue[Sample] = queue.Queue()
@@ -117,7 +119,12 @@ def test_a_frame_is_published_with_its_header_and_fetched_again_by_hash(room: Ro
     assert (header.sequence, header.boot_epoch, header.case_id) == (1, "epoch-1", None)
     assert (header.nominal_pixel_mm, header.nominal_source_to_detector_mm) == (0.3, 950.0)
     answer = room.bus.query(KEYS.frame_by_hash(header.sha256), b"", PATIENCE_S)
-    assert (answer.payload, answer.attachment) == (sample.payload, sample.attachment)
+    assert answer.payload == sample.payload
+    again = decode(FrameHeader, answer.attachment)
+    assert again.model_copy(update={"age_s": header.age_s}) == header
+    assert header.age_s is not None
+    assert again.age_s is not None
+    assert 0.0 <= header.age_s <= again.age_s
 
 
 def test_a_frame_is_still_there_after_a_restart(tmp_path: Path) -> None:
@@ -127,7 +134,10 @@ def test_a_frame_is_still_there_after_a_restart(tmp_path: Path) -> None:
     sha256 = decode(FrameHeader, sample.attachment).sha256
     with room_of(ImageStore(tmp_path), tmp_path / "positions") as after:
         answer = after.bus.query(KEYS.frame_by_hash(sha256), b"", PATIENCE_S)
-    assert (answer.payload, answer.attachment) == (sample.payload, sample.attachment)
+    assert answer.payload == sample.payload
+    again = decode(FrameHeader, answer.attachment)
+    assert again.age_s is None, "no clock has run since it was received"
+    assert again == decode(FrameHeader, sample.attachment).model_copy(update={"age_s": None})
 
 
 def test_an_unknown_hash_is_an_error_reply(room: Room) -> None:
@@ -201,13 +211,13 @@ def test_images_with_a_pause_between_them_are_single_shots(tmp_path: Path) -> No
     assert marks_of_two_images(tmp_path, 1e-9) == [None, None]
 
 
-@pytest.mark.parametrize(
-    ("since_ns", "run_interval_s"),
-    [(1, 0.5), (499_999_999, 0.5), (500_000_000, None), (10**10, None), (0, None), (-(10**9), None)],
-)
-def test_the_time_since_the_image_before_decides(since_ns: int, run_interval_s: float | None) -> None:
-    first = Arrival.after(None, "epoch-1", 10**12, 0.5)
-    second = Arrival.after(first, "epoch-1", 10**12 + since_ns, 0.5)
+@pytest.mark.parametrize(("since_s", "run_interval_s"), [(0.0, 0.5), (0.499, 0.5), (0.5, None), (10.0, None)])
+@pytest.mark.parametrize("stepped_s", [0, 3, -3, 3600, -3600])
+def test_the_monotonic_time_since_the_image_before_decides(
+    since_s: float, run_interval_s: float | None, stepped_s: int
+) -> None:
+    first = Arrival.after(None, "epoch-1", (10**13, 100.0), 0.5)
+    second = Arrival.after(first, "epoch-1", (10**13 + stepped_s * 10**9, 100.0 + since_s), 0.5)
     assert (first.sequence, first.run_interval_s) == (1, None)
     assert (second.sequence, second.run_interval_s) == (2, run_interval_s)
 

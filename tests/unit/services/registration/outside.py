@@ -90,9 +90,14 @@ class Outside:
         self.bus.retained_publisher(KEYS.robot_state).put(encode(message))
         eventually(lambda: self.state.robot == message)
 
-    def frame(self, name: str, pixels: np.ndarray[tuple[int, ...], np.dtype[np.float32]] = BLANK) -> None:
+    def frame(
+        self,
+        name: str,
+        pixels: np.ndarray[tuple[int, ...], np.dtype[np.float32]] = BLANK,
+        age_s: float | None = 0.2,
+    ) -> None:
         payload = np.ascontiguousarray(pixels, dtype="<f4").tobytes()
-        self.bus.publisher(KEYS.frame).put(payload, encode(header(name)))
+        self.bus.publisher(KEYS.frame).put(payload, encode(header(name, age_s)))
 
     def calibrated(self, name: str, values: CalibrationValues | None, revision: int = 1) -> None:
         reasons = () if values else (ReasonMessage(code=ReasonCode.RING_NOT_FOUND, message="no ring; show it"),)
@@ -124,7 +129,7 @@ class Outside:
         return self.records.get(timeout=PATIENCE_S)
 
 
-def header(name: str) -> FrameHeader:
+def header(name: str, age_s: float | None = 0.2) -> FrameHeader:
     return FrameHeader(
         sha256=sha256_of(name.encode()),
         sop_instance_uid="1.2.3",
@@ -138,6 +143,7 @@ def header(name: str) -> FrameHeader:
         case_revision=1,
         nominal_source_to_detector_mm=1000.0,
         nominal_pixel_mm=0.235,
+        age_s=age_s,
     )
 
 

@@ -66,6 +66,7 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     assert outside.plans.get(timeout=PATIENCE_S).sha256() == reply.plan.sha256()
     assert reply.plan.registration_epoch == record.registration_epoch
     assert reply.plan.start_pose == HOME
+    assert (record.image_age_s, reply.plan.image_age_s) == (pytest.approx(0.2), pytest.approx(0.2))
     assert all(hole.chance_to_pass > 0.9 for hole in reply.plan.predicted)
     assert outside.ask_plan("one", ("middle",)).code == "unknown_hole"
 
@@ -81,6 +82,10 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     eventually(lambda: outside.ask_plan("one").code == "robot_unknown")
     outside.robot_is()
     eventually(lambda: outside.ask_plan("one").verdict == "accepted")
+    outside.clock.now_s += 600.0
+    old = outside.ask_plan("one")
+    assert old.code == "image_too_old"
+    assert "is 600.2 s (limit 600.0 s); take one more image" in old.message
     outside.frame("two")
     eventually(lambda: outside.ask_plan("one").code == "stale")
     outside.open_case(revision=2)
@@ -111,6 +116,17 @@ def test_a_rejected_calibration_is_recorded_with_its_reasons(outside: Outside) -
     assert record.localisation.camera is None
     assert record.robot_pose is None
     assert outside.ask_plan("one").code == "not_accepted"
+
+
+def test_no_plan_is_made_from_an_image_whose_age_nobody_knows(outside: Outside) -> None:
+    outside.robot_rests()
+    outside.open_case()
+    outside.frame("one", age_s=None)
+    outside.calibrated("one", None)
+    assert outside.next_record().image_age_s is None
+    refused = outside.ask_plan("one")
+    assert refused.code == "image_too_old"
+    assert "is not known" in refused.message
 
 
 def test_missed_pixels_are_fetched_and_bind_no_robot_pose(outside: Outside) -> None:

@@ -153,7 +153,7 @@ class FakeRobot(OnTheBus):
     def say(self, state: MotionState, **changes: object) -> RobotState:
         """Publish a next state."""
         kept = {"command_id": self.state.command_id, "outcome": self.state.outcome, "stop": self.state.stop}
-        at_ns = {"sent_at_ns": self.state.sent_at_ns + 20_000_000, "boot_epoch": self.state.boot_epoch}
+        at_ns = {"boot_epoch": self.state.boot_epoch, "clock_s": (self.state.clock_s or 0.0) + 0.02}
         self.state = samples.robot_state(self.state.sequence + 1, state, **(at_ns | kept | changes))
         self._states.put(encode(self.state))
         return self.state

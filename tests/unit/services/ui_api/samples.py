@@ -119,6 +119,7 @@ def frame_header(name: str, case_id: str | None, revision: int = 1, sequence: in
         model_name="virtual C-arm (simulation)",
         nominal_source_to_detector_mm=1000.0,
         nominal_pixel_mm=0.235,
+        store_id="store-1",
     )
 
 
@@ -173,6 +174,7 @@ def guidance(header: FrameHeader, about_image_x_deg: float) -> Guidance:
         mirror_check=MirrorCheck(log_likelihood_ratio=90.0, frames_ago=3),
         skipped=0,
         elapsed_ms=60.0,
+        image_age_s=7.5,
     )
 
 
@@ -238,6 +240,7 @@ def robot_state(sequence: int, state: MotionState = MotionState.LOCKED, **change
         "boot_epoch": ROBOT_EPOCH,
         "sequence": sequence,
         "sent_at_ns": sequence * 20_000_000,
+        "clock_s": sequence * 0.02,
         "state": state,
         "stop": StopLatch.CLEAR,
         "locked": state is MotionState.LOCKED,

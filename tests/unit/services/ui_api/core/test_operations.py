@@ -12,7 +12,7 @@ from services.ui_api.core.robot_event_data import (
     OperationStatus,
 )
 
-_SENT_AT_NS = 5_000_000_000
+_CLOCK_S = 5.0
 _REQUESTED = OperationRequested(
     operation_id="op",
     verb="move",
@@ -21,9 +21,10 @@ _REQUESTED = OperationRequested(
     hold_to_move=False,
     robot_boot_epoch="robot-1",
     after_state_sequence=10,
-    state_sent_at_ns=_SENT_AT_NS,
+    state_sent_at_ns=5_000_000_000,
     previous_command_id="before",
     time_to_live_s=1.0,
+    state_clock_s=_CLOCK_S,
 )
 _UNKNOWN = Operation(_REQUESTED, "case-1", 0, OperationStatus.UNKNOWN)
 _RUNNING = Operation(_REQUESTED, "case-1", 0, OperationStatus.RUNNING, began=True)
@@ -31,7 +32,7 @@ _ACKNOWLEDGE = replace(_UNKNOWN, requested=replace(_REQUESTED, verb="acknowledge
 _SAYING = RobotSaying(
     boot_epoch="robot-1",
     sequence=11,
-    sent_at_ns=_SENT_AT_NS + 100_000_000,
+    clock_s=_CLOCK_S + 0.1,
     command_id="op",
     outcome="moving",
     at_rest=False,
@@ -41,7 +42,7 @@ _SAYING = RobotSaying(
     deviation_mm=None,
     deviation_deg=None,
 )
-_LATE = replace(_SAYING, sent_at_ns=_SENT_AT_NS + 2_100_000_000, at_rest=True, outcome="none")
+_LATE = replace(_SAYING, clock_s=_CLOCK_S + 2.1, at_rest=True, outcome="none")
 
 
 def test_an_unanswered_command_is_running_when_the_robot_says_so() -> None:
@@ -109,3 +110,10 @@ def test_a_command_without_a_motion_is_settled_by_its_effect(after: RobotSaying,
     ended = settle(_ACKNOWLEDGE, after)
     assert isinstance(ended, OperationEnded)
     assert ended.status is status
+
+
+def test_without_the_robots_clock_nothing_is_called_too_late() -> None:
+    untouched = replace(_LATE, command_id="before")
+    assert settle(_UNKNOWN, replace(untouched, clock_s=None)) is None
+    of_older_version = replace(_UNKNOWN, requested=replace(_REQUESTED, state_clock_s=None))
+    assert settle(of_older_version, untouched) is None

@@ -145,6 +145,8 @@ def test_a_command_without_an_answer_is_unknown_until_the_robot_tells(room: Room
     unknown = room.wait_for_status(operation_id, "unknown")
     assert unknown["began"] is None
     assert "does not mean that it was not carried out" in str(unknown["detail"])
+    for at_ns in (3 * 10**9, 3600 * 10**9, 0):  # somebody sets the robot's clock
+        room.robot.say(MotionState.LOCKED, sent_at_ns=at_ns)
     room.robot.release.set()  # the robot was only slow, and carries it out now
     room.wait_for_status(operation_id, "running")
     room.robot.arrive()
@@ -157,7 +159,7 @@ def test_an_unanswered_command_that_the_robot_can_no_longer_begin_has_failed(roo
     room.robot.answers_moves = room.robot.hang
     operation_id = _move(room, case_id, plan)
     room.wait_for_status(operation_id, "unknown")
-    room.robot.say(MotionState.LOCKED, sent_at_ns=room.robot.state.sent_at_ns + 3_000_000_000)
+    room.robot.say(MotionState.LOCKED, clock_s=(room.robot.state.clock_s or 0.0) + 3.0)
     ended = room.wait_for_status(operation_id, "failed")
     assert (ended["began"], ended["code"]) == (False, "not_executed")
 
