@@ -66,7 +66,8 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     assert outside.plans.get(timeout=PATIENCE_S).sha256() == reply.plan.sha256()
     assert reply.plan.registration_epoch == record.registration_epoch
     assert reply.plan.start_pose == HOME
-    assert (record.image_age_s, reply.plan.image_age_s) == (pytest.approx(0.2), pytest.approx(0.2))
+    assert record.image_age_s == pytest.approx(0.2)
+    assert reply.plan.image_age_s == pytest.approx(0.2)
     assert all(hole.chance_to_pass > 0.9 for hole in reply.plan.predicted)
     assert outside.ask_plan("one", ("middle",)).code == "unknown_hole"
 
