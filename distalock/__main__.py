@@ -195,6 +195,12 @@ def _calibrate_arguments(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _pki_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.pki import add_arguments
+
+    add_arguments(parser)
+
+
 def _benchmark_name(text: str) -> str:
     if not is_benchmark(text):
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; `distalock bench` lists them")
@@ -244,6 +250,12 @@ COMMANDS = (
         "where the balls of a built ring or guide are, from several images of it",
         _calibrate_arguments,
         _imported("distalock.part_calibration.command"),
+    ),
+    Command(
+        "pki",
+        "keys and certificates of an installation: make, show, renew, make all anew",
+        _pki_arguments,
+        _imported("distalock.pki"),
     ),
     Command(
         "bench",

@@ -66,7 +66,7 @@ class Fleet:
         self._folder_lock: IO[bytes] | None = None
 
     def __enter__(self) -> Self:
-        self._folder_lock = _taken_folder(self._log_dir)
+        self._folder_lock = taken_folder(self._log_dir)
         try:
             for spec in self._specs:
                 self._start(spec)
@@ -159,7 +159,7 @@ def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def _taken_folder(log_dir: Path) -> IO[bytes]:
+def taken_folder(log_dir: Path) -> IO[bytes]:
     """Make the folder and hold it, until the file is closed, against a second fleet that would write the same files.
 
     Raises

@@ -1,0 +1,56 @@
+"""The files with which one program proves on the bus who it is: a key, its certificate, and the authority it trusts."""
+
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Self
+
+from shared.errors import ConfigurationError
+
+AUTHORITY_FILE: Final = "authority.pem"
+CERTIFICATE_FILE: Final = "certificate.pem"
+KEY_FILE: Final = "key.pem"
+SCHEME: Final = "tls/"
+_READABLE_BY_OTHERS: Final = stat.S_IRWXG | stat.S_IRWXO
+
+
+@dataclass(frozen=True, slots=True)
+class TlsFiles:
+    """Where they lie.
+
+    Attributes
+    ----------
+    authority
+        Certificate of the authority: who it has signed is believed, and nobody else.
+    certificate, key
+        Certificate of this program, and its private key.
+    """
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+    @classmethod
+    def in_folder(cls, folder: Path) -> Self:
+        """The three files of one folder, as `distalock pki` writes them."""
+        return cls(folder / AUTHORITY_FILE, folder / CERTIFICATE_FILE, folder / KEY_FILE)
+
+    def require(self) -> None:
+        """Refuse files that are missing, or a key that others can read; raises `ConfigurationError`."""
+        for file in (self.authority, self.certificate, self.key):
+            if not file.is_file():
+                raise ConfigurationError(
+                    f"{file} is missing: without it nobody is let on the bus; make it (distalock pki init), or name "
+                    "the files with DISTALOCK_TLS_AUTHORITY, DISTALOCK_TLS_CERTIFICATE and DISTALOCK_TLS_KEY"
+                )
+        require_private(self.key)
+
+
+def require_private(key: Path) -> None:
+    """Refuse a private key that anybody but its owner can read; raises `ConfigurationError`."""
+    mode = stat.S_IMODE(key.stat().st_mode)
+    if mode & _READABLE_BY_OTHERS:
+        raise ConfigurationError(
+            f"{key} can be read by others (mode {mode:04o}, 0600 is needed); if nobody has, chmod 600 it, otherwise "
+            "make all keys anew (distalock pki rotate)"
+        )

@@ -1,0 +1,216 @@
+"""Where keys and certificates lie, and when they are made anew.
+
+::
+
+    pki/authority/{authority.pem, key.pem}                what `distalock pki` signs with; no service reads it
+    pki/SERVICE/{authority.pem, certificate.pem, key.pem}  all that one service needs
+
+Folders can be entered and keys be read by their owner only. Each service has a folder of its own, so that a container
+gets that one and no other.
+"""
+
+import os
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from enum import StrEnum
+from pathlib import Path
+from typing import Final, get_args
+
+from shared.bus.tls import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, require_private
+from shared.errors import ConfigurationError
+from shared.messages.presence import ServiceName
+from shared.pki.authority import (
+    CERTIFICATE_VALID,
+    CertificateFacts,
+    Identity,
+    Use,
+    belong_together,
+    is_issued_by,
+    issue,
+    new_authority,
+)
+
+FOLDER: Final = "pki"
+ROUTER: Final = "router"
+NAMES: Final[tuple[str, ...]] = (ROUTER, *get_args(ServiceName))
+# Half of their validity: whoever starts an installation once in half a year never sees one expire.
+RENEW_BEFORE: Final = timedelta(days=180)
+ROUTER_HOST_NAMES: Final = ("localhost", "127.0.0.1", "::1", ROUTER)
+_AUTHORITY: Final = "authority"
+
+
+class Standing(StrEnum):
+    """What becomes of a certificate when the installation starts the next time."""
+
+    VALID = "valid"
+    RENEWAL_DUE = "renewal due"
+    EXPIRED = "expired"
+    OTHER_AUTHORITY = "of another authority"
+    OTHER_KEY = "of another key"
+    MISSING = "missing"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One certificate of the folder; `facts` is None where there is none."""
+
+    name: str
+    standing: Standing
+    facts: CertificateFacts | None
+
+
+class Keystore:
+    """The folder of an installation's keys and certificates.
+
+    Parameters
+    ----------
+    folder
+        Made with the first authority.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def folder_of(self, name: str) -> Path:
+        """Folder of what one service (or the router) needs."""
+        return self.folder / name
+
+    def ensure(self, now: datetime, host_names: Sequence[str] = ()) -> tuple[str, ...]:
+        """Make what is missing and renew what is due.
+
+        Parameters
+        ----------
+        host_names
+            Further names of the router's host. The names that its certificate has stay.
+
+        Returns
+        -------
+        tuple of str
+            Whose certificates are new.
+
+        Raises
+        ------
+        ConfigurationError
+            When the folder cannot be read or written, or others can read a key.
+        """
+        if self._authority_is_due(now):
+            return self.rotate(now, host_names)
+        due = [entry.name for entry in self.entries(now) if entry.standing is not Standing.VALID]
+        if set(host_names) - set(self._router_host_names()):
+            due = sorted({ROUTER, *due}, key=NAMES.index)
+        return self.issue(due, now, host_names)
+
+    def issue(self, names: Sequence[str], now: datetime, host_names: Sequence[str] = ()) -> tuple[str, ...]:
+        """Make new keys and certificates for some, from the authority that there is; see `ensure`."""
+        if not names:
+            return ()
+        authority = self._authority()
+        all_host_names = tuple(dict.fromkeys((*self._router_host_names(), *host_names)))
+        for name in names:
+            is_router = name == ROUTER
+            use, known_as = (Use.SERVER, all_host_names) if is_router else (Use.CLIENT, ())
+            self._write(name, issue(authority, name, use, known_as, now), authority.certificate_pem)
+        return tuple(names)
+
+    def rotate(self, now: datetime, host_names: Sequence[str] = ()) -> tuple[str, ...]:
+        """Make a new authority and all certificates: none of before is accepted any more; see `ensure`."""
+        authority = new_authority(now)
+        folder = _private_folder(self.folder / _AUTHORITY)
+        _write_private(folder / KEY_FILE, authority.key_pem)
+        _write_private(folder / AUTHORITY_FILE, authority.certificate_pem)
+        return self.issue(NAMES, now, host_names)
+
+    def entries(self, now: datetime) -> tuple[Entry, ...]:
+        """How the certificates stand, the router's first."""
+        return tuple(self._entry(name, now) for name in NAMES)
+
+    def authority_facts(self) -> CertificateFacts:
+        """What the authority's certificate says; raises `ConfigurationError` when there is none."""
+        return CertificateFacts.of(self._authority_certificate())
+
+    def _authority_is_due(self, now: datetime) -> bool:
+        if not (self.folder / _AUTHORITY / AUTHORITY_FILE).exists():
+            return True
+        # What it issues now must not end before its time.
+        return self.authority_facts().not_after < now + CERTIFICATE_VALID
+
+    def _entry(self, name: str, now: datetime) -> Entry:
+        folder = self.folder_of(name)
+        if not all((folder / file).exists() for file in (AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE)):
+            return Entry(name, Standing.MISSING, None)
+        require_private(folder / KEY_FILE)
+        identity = Identity(_read(folder / KEY_FILE), _read(folder / CERTIFICATE_FILE))
+        facts = CertificateFacts.of(identity.certificate_pem)
+        return Entry(name, self._standing(identity, facts, _read(folder / AUTHORITY_FILE), now), facts)
+
+    def _standing(self, identity: Identity, facts: CertificateFacts, trusted: bytes, now: datetime) -> Standing:
+        authority = self._authority_certificate()
+        if trusted != authority or not is_issued_by(authority, identity.certificate_pem):
+            return Standing.OTHER_AUTHORITY
+        if not belong_together(identity):
+            return Standing.OTHER_KEY
+        if not facts.not_before <= now <= facts.not_after:
+            return Standing.EXPIRED
+        return Standing.RENEWAL_DUE if facts.not_after - now < RENEW_BEFORE else Standing.VALID
+
+    def _router_host_names(self) -> tuple[str, ...]:
+        file = self.folder_of(ROUTER) / CERTIFICATE_FILE
+        return CertificateFacts.of(_read(file)).host_names if file.exists() else ROUTER_HOST_NAMES
+
+    def _authority(self) -> Identity:
+        key = self.folder / _AUTHORITY / KEY_FILE
+        if not key.exists():
+            raise ConfigurationError(
+                f"{key} is missing, so no certificate can be made; put it back, or make a new authority "
+                "(distalock pki rotate)"
+            )
+        require_private(key)
+        authority = Identity(_read(key), self._authority_certificate())
+        if not belong_together(authority):
+            raise ConfigurationError(
+                f"{key} is not the key of the authority's certificate; make a new authority (distalock pki rotate)"
+            )
+        return authority
+
+    def _authority_certificate(self) -> bytes:
+        file = self.folder / _AUTHORITY / AUTHORITY_FILE
+        if not file.exists():
+            raise ConfigurationError(f"there is no authority in {self.folder}; make one (distalock pki init)")
+        return _read(file)
+
+    def _write(self, name: str, identity: Identity, authority_pem: bytes) -> None:
+        folder = _private_folder(self.folder_of(name))
+        _write_private(folder / KEY_FILE, identity.key_pem)
+        _write_private(folder / CERTIFICATE_FILE, identity.certificate_pem)
+        _write_private(folder / AUTHORITY_FILE, authority_pem)
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"{file} cannot be read: {error.strerror or error}") from None
+
+
+def _private_folder(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        folder.chmod(0o700)
+    except OSError as error:
+        raise ConfigurationError(f"{folder} cannot be written: {error.strerror or error}") from None
+    return folder
+
+
+def _write_private(file: Path, content: bytes) -> None:
+    """Replace a file as a whole; nobody but the owner can read it at any moment."""
+    new = file.with_name(f".{file.name}.{secrets.token_hex(4)}")
+    try:
+        with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as handle:
+            handle.write(content)
+            handle.flush()
+            os.fsync(handle.fileno())
+        new.replace(file)
+    except OSError as error:
+        raise ConfigurationError(f"{file} cannot be written: {error.strerror or error}") from None
