@@ -196,7 +196,7 @@ def _calibrate_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _pki_arguments(parser: argparse.ArgumentParser) -> None:
-    from distalock.pki import add_arguments
+    from distalock.pki_arguments import add_arguments
 
     add_arguments(parser)
 

@@ -106,6 +106,8 @@ class Keystore:
         """Make new keys and certificates for some, from the authority that there is; see `ensure`."""
         if not names:
             return ()
+        if unknown := sorted(set(names) - set(NAMES)):
+            raise ConfigurationError(f"nobody is called '{unknown[0]}' here; known are {', '.join(NAMES)}")
         authority = self._authority()
         all_host_names = tuple(dict.fromkeys((*self._router_host_names(), *host_names)))
         for name in names:

@@ -135,6 +135,11 @@ def test_an_authority_without_its_key_can_still_be_used_but_makes_nothing(keysto
         keystore.issue(("robot",), NOW)
 
 
+def test_nobody_else_gets_a_certificate(keystore: Keystore) -> None:
+    with pytest.raises(ConfigurationError, match="nobody is called 'kitchen' here; known are router, imaging"):
+        keystore.issue(("robot", "kitchen"), NOW)
+
+
 def test_a_folder_without_an_authority_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"there is no authority in .*/pki; make one"):
         Keystore(tmp_path / "pki").authority_facts()
