@@ -1,6 +1,7 @@
 """The processes of a whole installation on one machine: router, services and, if wanted, the virtual operating room."""
 
 import json
+import os
 import threading
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -9,6 +10,9 @@ from pathlib import Path
 import httpx
 
 from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
+
+_LOOPBACK = "127.0.0.1"
+_DICOM_HOST = "DISTALOCK_IMAGING_DICOM_HOST"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +59,11 @@ class Installation:
     scenario_arguments: tuple[str, ...] = ()
 
     @property
+    def dicom_address(self) -> str:
+        """Where images are received: the loopback interface, unless the setting of imaging names another one."""
+        return f"{os.environ.get(_DICOM_HOST, _LOOPBACK)}:{self.ports.dicom}"
+
+    @property
     def simulated(self) -> bool:
         """Whether the virtual operating room stands where the hospital's hardware would stand."""
         return self.controller_url is None
@@ -89,7 +98,7 @@ class Installation:
         arguments = (
             *("--gcs-port", str(ports.gcs)),
             *("--control-port", str(ports.control)),
-            *("--dicom-target", f"127.0.0.1:{ports.dicom}"),
+            *("--dicom-target", self.dicom_address.replace("0.0.0.0", _LOOPBACK)),  # noqa: S104 - not bound here
             *self.scenario_arguments,
         )
         return ProcessSpec(
@@ -100,6 +109,7 @@ class Installation:
         return {
             "DISTALOCK_ROUTER_ENDPOINT": f"tcp/127.0.0.1:{self.ports.router}",
             "DISTALOCK_STATE_DIR": str(self.state_dir),
+            _DICOM_HOST: self.dicom_address.rpartition(":")[0],
             "DISTALOCK_IMAGING_DICOM_PORT": str(self.ports.dicom),
             "DISTALOCK_ROBOT_CONTROLLER_URL": self.controller_url or f"socket://127.0.0.1:{self.ports.gcs}",
             "DISTALOCK_UI_API_PORT": str(self.ports.rest),

@@ -59,7 +59,7 @@ def _announce(installation: Installation, console: Console) -> None:
     ports = installation.ports
     console.print(f"console and REST  {ports.rest_url}", highlight=False)
     console.print(f"API document      {ports.rest_url}/openapi.json", highlight=False)
-    console.print(f"DICOM C-STORE     127.0.0.1:{ports.dicom}", highlight=False)
+    console.print(f"DICOM C-STORE     {installation.dicom_address}", highlight=False)
     if installation.simulated:
         console.print(f"SIMULATION        virtual operating room, control at {ports.control_url}", highlight=False)
     console.print(f"state and logs    {installation.state_dir}", highlight=False)

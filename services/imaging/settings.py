@@ -18,7 +18,9 @@ class ImagingSettings(ServiceSettings):
 
     section: ClassVar[str] = "imaging"
 
-    dicom_host: str = Field("0.0.0.0", description="Interface on which images are received.")  # noqa: S104
+    dicom_host: str = Field(
+        "127.0.0.1", description="Interface on which images are received; 0.0.0.0 for all, when the C-arm is elsewhere."
+    )
     dicom_port: Port = Field(11112, description="TCP port of DICOM reception.")
     dicom_ae_title: AeTitle = Field("DISTALOCK", description="Application entity title that the C-arm must call.")
     dicom_calling_ae_titles: tuple[AeTitle, ...] = Field((), description="Titles that may send; anyone when empty.")

@@ -1,5 +1,6 @@
 """Receive images from a C-arm: a DICOM Storage provider with verification (C-ECHO)."""
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ from pydicom.uid import (
 )
 from pynetdicom import AE, evt
 
+from services.imaging.devices.association_gate import REQUEST_WITHIN_S, GatedHandler, GatedServer
 from services.imaging.devices.source import Refused, Take
 from shared.errors import ConfigurationError, ImageUnreadable
 from shared.runtime.logging import Log
@@ -69,6 +71,10 @@ _SUCCESS = 0x0000
 _OUT_OF_RESOURCES = 0xA700
 _CANNOT_UNDERSTAND = 0xC000
 _COMMENT_LENGTH = 64
+_ACSE_TIMEOUT_S = 5.0
+_TRANSIENT, _PRESENTATION, _LIMIT_EXCEEDED = 0x02, 0x03, 0x02
+_POLL_S = 0.1
+_MOST_KNOWN = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +94,16 @@ class Endpoint:
     ae_title: str
     calling_ae_titles: tuple[str, ...] = ()
     most_associations: int = 10
+
+    @property
+    def most_of_unknown_titles(self) -> int:
+        """Half of the associations are kept for titles that are listed, or have delivered an image."""
+        return self.most_associations - self.most_associations // 2
+
+    @property
+    def most_of_one_address(self) -> int:
+        """A quarter of the associations is kept for other addresses."""
+        return self.most_associations - self.most_associations // 4
 
 
 class DicomSource:
@@ -118,9 +134,20 @@ class _StoreEvent(Protocol):
     def encoded_dataset(self) -> bytes: ...
 
 
+class _Acse(Protocol):
+    def send_reject(self, result: int, source: int, diagnostic: int) -> None: ...
+
+
 class _Association(Protocol):
+    is_established: bool
+
     @property
     def requestor(self) -> "_Requestor": ...
+
+    @property
+    def acse(self) -> _Acse: ...
+
+    def kill(self) -> None: ...
 
 
 class _Requestor(Protocol):
@@ -137,6 +164,9 @@ class _Requestor(Protocol):
 class _Request(Protocol):
     @property
     def called_ae_title(self) -> str: ...
+
+    @property
+    def calling_ae_title(self) -> str: ...
 
 
 @contextmanager
@@ -168,26 +198,81 @@ def dicom_receiver(endpoint: Endpoint, take: Take, log: Log) -> Iterator[int]:
     entity.require_calling_aet = list(endpoint.calling_ae_titles)
     entity.maximum_associations = endpoint.most_associations
     entity.maximum_pdu_size = 0
+    entity.acse_timeout = _ACSE_TIMEOUT_S
     entity.add_supported_context(_VERIFICATION)
     for uid in _STORED:
         entity.add_supported_context(uid, decodable_syntaxes())
+    doorkeeper = _Doorkeeper(endpoint, log)
     handlers: list[evt.EventHandlerType] = [
-        (evt.EVT_C_STORE, lambda event: _stored(event, take, log)),
+        (evt.EVT_REQUESTED, doorkeeper.requested),
+        (evt.EVT_C_STORE, lambda event: doorkeeper.delivered(event, _stored(event, take, log))),
         (evt.EVT_REJECTED, lambda event: _log_rejection(event, endpoint, log)),
     ]
     try:
-        server = entity.start_server((endpoint.host, endpoint.port), block=False, evt_handlers=handlers)
+        server = entity.make_server(
+            (endpoint.host, endpoint.port),
+            evt_handlers=handlers,
+            server_class=GatedServer,
+            request_handler=GatedHandler,
+        )
     except OSError as error:
         raise ConfigurationError(
             f"port {endpoint.port} for DICOM reception cannot be used ({error.strerror or error}); "
             "end the program that holds it or set another dicom_port"
         ) from None
-    assert server is not None, "a server that does not block is returned"
+    assert isinstance(server, GatedServer)
+    server.on_no_request = doorkeeper.log_no_request
+    doorkeeper.server = server
+    threading.Thread(target=server.serve_forever, args=(_POLL_S,), name="DICOM reception", daemon=True).start()
     try:
         yield int(server.server_address[1])
     finally:
         server.shutdown()
-        server.server_close()
+        entity.shutdown()
+
+
+class _Doorkeeper:
+    """Keeps places free: for titles that are known, and for other addresses than the one that has most."""
+
+    def __init__(self, endpoint: Endpoint, log: Log) -> None:
+        self._endpoint, self._log = endpoint, log
+        self._known = set(endpoint.calling_ae_titles)
+        self.server: GatedServer | None = None
+
+    def requested(self, event: _StoreEvent) -> None:
+        """Reject a request for which no place is left, before anything is negotiated."""
+        request = event.assoc.requestor.primitive
+        assert self.server is not None
+        assert request is not None
+        others = [one.requestor for one in self.server.active_associations if one.is_established]
+        title, address = request.calling_ae_title.strip(), event.assoc.requestor.address
+        unknown = sum(one.ae_title.strip() not in self._known for one in others)
+        of_address = sum(one.address == address for one in others)
+        if title not in self._known and unknown >= self._endpoint.most_of_unknown_titles:
+            why = f"{unknown} associations of titles that have sent no image are open"
+        elif of_address >= self._endpoint.most_of_one_address:
+            why = f"{of_address} associations of its address are open"
+        else:
+            return
+        most = self._endpoint.most_associations
+        why += f" (setting dicom_most_associations {most}; the rest is kept for others); try again later"
+        self._log.warning("association rejected", sender=f"{title}@{address}", detail=why)
+        event.assoc.acse.send_reject(_TRANSIENT, _PRESENTATION, _LIMIT_EXCEEDED)
+        event.assoc.kill()
+
+    def delivered(self, event: _StoreEvent, status: Dataset) -> Dataset:
+        """Note who has sent an image that was taken: the next one finds a place."""
+        if status.Status == _SUCCESS and len(self._known) < _MOST_KNOWN:
+            self._known.add(event.assoc.requestor.ae_title.strip())
+        return status
+
+    def log_no_request(self, address: str, count: int) -> None:
+        """Connections that ask for nothing are closed; port probes do that."""
+        self._log.warning(
+            "connection without an association request",
+            sender=address,
+            detail=f"{count} since the start; each is closed at its end, at the latest after {REQUEST_WITHIN_S:g} s",
+        )
 
 
 def _stored(event: _StoreEvent, take: Take, log: Log) -> Dataset:
