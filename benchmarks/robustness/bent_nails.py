@@ -28,6 +28,7 @@ from simulation.world.poses import starting_state, world_at
 _RADII_MM = ((300.0, 700.0), (700.0, 1500.0), (1500.0, 3000.0))
 _STRAIGHT_BEFORE_MM = 60.0
 _BULLET = (0.3, 3.0)
+_X, _APART_MM = np.array([1.0, 0.0, 0.0]), 12.0
 
 
 def bent_scene(radii_mm: tuple[float, float], kind: str, seed: int) -> RobustScene:
@@ -106,6 +107,35 @@ def slot_in_file(kind: str, seed: int) -> RobustScene:
     return replace(scene, filed_holes=_with_proximal_slot(scenario.parts.nail.holes, longer_mm))
 
 
+def four_holes(kind: str, seed: int) -> RobustScene:
+    """Two more holes, one across the beam and one 30 to 60 degrees askew; file and guide say which to localise."""
+    generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
+    turn = float(np.radians(generator.choice([-1.0, 1.0]) * generator.uniform(30.0, 60.0)))
+    usual = scenario.parts.nail.holes
+    first_mm = min(float(hole.axis.point_mm[0]) for hole in usual)
+    diameter_mm = usual[0].diameter_mm
+    further = (
+        Hole("anterior", Line(np.zeros(3), np.array([0.0, 1.0, 0.0])), diameter_mm),
+        Hole(
+            "oblique", Line(first_mm * _X + _APART_MM * -_X, np.array([0.0, np.sin(turn), np.cos(turn)])), diameter_mm
+        ),
+    )
+    scene = _straight_scene(kind, with_holes(scenario, (*usual, *further)), {"turn_rad": turn})
+    return replace(scene, holes=scene.holes[: len(usual)], filed_holes=(*usual, *further))
+
+
+def leaning_holes(kind: str, seed: int) -> RobustScene:
+    """Each hole leaning by up to 6 degrees along the nail and about it, as the file says."""
+    generator, scenario = generator_of(kind, seed), scene_of_seed(seed)
+    lean = np.tan(np.radians(generator.uniform(-6.0, 6.0, size=(len(scenario.parts.nail.holes), 2))))
+    holes = tuple(
+        replace(hole, axis=Line(hole.axis.point_mm, np.array([*aside, 1.0]) / np.hypot(1.0, np.hypot(*aside))))
+        for hole, aside in zip(scenario.parts.nail.holes, lean, strict=True)
+    )
+    drawn: Drawn = {"along_deg": float(np.degrees(lean[0, 0])), "about_deg": float(np.degrees(lean[0, 1]))}
+    return replace(_straight_scene(kind, with_holes(scenario, holes), drawn), filed_holes=holes)
+
+
 def _with_proximal_slot(holes: tuple[Hole, ...], longer_mm: float) -> tuple[Hole, ...]:
     proximal = min(holes, key=lambda one: float(one.axis.point_mm[0]))
     slot = replace(proximal, slot_length_mm=proximal.diameter_mm + longer_mm)
@@ -127,7 +157,7 @@ def _bent_kind(low_mm: float, high_mm: float) -> Kind:
 KINDS: tuple[Kind, ...] = (
     *(_bent_kind(*radii) for radii in _RADII_MM),
     *(rendered_kind(make) for make in (hole_spacing, tilted_holes, chamfers, rounded_tip)),
-    *(rendered_kind(make) for make in (oblong_slot, oblong_holes, slot_in_file)),
+    *(rendered_kind(make) for make in (oblong_slot, oblong_holes, slot_in_file, four_holes, leaning_holes)),
 )
 BENCH = RobustnessBench("bent_nails", "nails that are bent or made otherwise than their file says", KINDS)
 

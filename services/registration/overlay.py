@@ -106,9 +106,10 @@ def _draw_nail(
         edge = np.stack([section_frame(nail.curvature_per_m, x_mm) @ beside for x_mm in places])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(edge)), NAIL)
     angle = np.linspace(0.0, 2.0 * np.pi, OVERLAY.rim_points)
-    for hole in nail.holes:
+    for hole in nail.all_holes:
         for rim in rims_of(nail, hole, angle):
             _line(canvas, calibration.image_from_camera(camera_from_nail.points(rim)), NAIL)
+    for hole in nail.holes:
         ends = hole_surface_points(nail, hole)
         axis = np.stack([ends[0] - OVERLAY.axis_mm * hole_axis(nail, hole).direction, ends[1]])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(axis)), AXIS)

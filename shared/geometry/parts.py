@@ -152,6 +152,9 @@ class NailPart:
     curvature_per_m
         Of the centre line of a nail that is bent in the canal (`shared/geometry/bend.py`); holes keep their place along
         it and in their cross-section. `Hole.axis` is that of the straight nail: see `hole_axis`.
+    other_holes
+        Further holes, which run in other directions and are not localised in the same image: images show them across
+        or aslant, and what shows the nail has to know them.
     """
 
     material: Material
@@ -163,6 +166,12 @@ class NailPart:
     tolerance_mm: float | None = None
     tolerance_deg: float | None = None
     curvature_per_m: tuple[float, float] = (0.0, 0.0)
+    other_holes: tuple[Hole, ...] = ()
+
+    @property
+    def all_holes(self) -> tuple[Hole, ...]:
+        """Every hole that the nail has, localised or not."""
+        return self.holes + self.other_holes
 
     @property
     def radius_mm(self) -> float:
@@ -183,6 +192,27 @@ class NailPart:
         x_mm = float(hole.axis.point_mm[0])
         back: Transform[Nail, Nail] = Transform.from_rotvec(np.zeros(3), np.array([-x_mm, 0.0, 0.0]))
         return section_frame(self.curvature_per_m, x_mm) @ back
+
+
+def mean_hole_direction(nail: NailPart) -> NDArray[np.float64]:
+    """Mean direction of the localised holes' axes in the nail's frame, unit, shape (3,)."""
+    return unit(np.sum([hole.axis.direction for hole in nail.holes], axis=0))
+
+
+def across_holes(nail: NailPart) -> NDArray[np.float64]:
+    """Directions across the localised holes' mean axis, the first as near to the nail's as can be, shape (2, 3).
+
+    Of usual nails, whose holes run along z, these are x and y.
+    """
+    direction = mean_hole_direction(nail)
+    first = unit(np.array([1.0, 0.0, 0.0]) - direction[0] * direction)
+    return np.stack([first, np.cross(direction, first)])
+
+
+def place_of_hole(nail: NailPart, hole: Hole) -> tuple[float, float]:
+    """Where a hole's middle appears from along the holes: along the nail, and beside its axis, in mm."""
+    along, beside = np.stack([[1.0, 0.0, 0.0], across_holes(nail)[1]]) @ hole.axis.point_mm
+    return float(along), float(beside)
 
 
 def hole_axis(nail: NailPart, hole: Hole) -> Line:

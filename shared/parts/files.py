@@ -6,6 +6,7 @@ The schemas are contracts with other programs: `distalock/ring/1`, `distalock/gu
 import hashlib
 from collections import Counter
 from collections.abc import Iterable
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeVar
 
@@ -48,6 +49,8 @@ _BESIDE_PLATE_MM, _DEEPEST_PLATE_MM = 15.0, 400.0
 # Directions in files are rounded to two decimals or more.
 _LENGTH_ROUNDING: Final = 0.02
 _LONGEST_SLOT_MM: Final = 30.0
+# Of two axes, between which the least distance is looked for
+_PLACES_ALONG_HOLE: Final = 21
 _LEAST_ANGLE_TO_NAIL_DEG, _MOST_ANGLE_TO_DRILLING_DEG = 30.0, 100.0
 
 
@@ -221,6 +224,8 @@ class NailFile(PartModel):
         for hole in self.holes:
             _refuse_impossible_direction(hole)
             _refuse_outside(hole, self)
+        for one, other in combinations(self.holes, 2):
+            _refuse_crossing(one, other, self)
         return self
 
 
@@ -260,6 +265,31 @@ def _refuse_outside(hole: NailHoleFile, nail: NailFile) -> None:
     farthest = max(float(end[0]) for end in ends) + radius
     if farthest > nail.tip_x_mm:
         raise ValueError(f"hole '{hole.id}' reaches x = {farthest:.1f} mm (limit: the nail's end at {nail.tip_x_mm:g})")
+
+
+def _through_nail(hole: NailHoleFile, nail: NailFile) -> Line:
+    """A hole's axis, through the middle of its way in the nail."""
+    axis = Line(np.array(hole.position_mm), np.array(hole.direction))
+    return Line(np.mean(crossings_of_cylinder(axis, 0.5 * nail.diameter_mm), axis=0), axis.direction)
+
+
+def _refuse_crossing(one: NailHoleFile, other: NailHoleFile, nail: NailFile) -> None:
+    """Refuse holes that run into one another inside the nail."""
+    lines = [_through_nail(hole, nail) for hole in (one, other)]
+    pieces = [
+        line.point_mm
+        + np.linspace(-1.0, 1.0, _PLACES_ALONG_HOLE)[:, None]
+        * float(np.linalg.norm(np.diff(crossings_of_cylinder(line, 0.5 * nail.diameter_mm), axis=0)) / 2.0)
+        * line.direction
+        for line in lines
+    ]
+    apart = float(np.linalg.norm(pieces[0][:, None] - pieces[1], axis=-1).min())
+    least = 0.5 * sum(hole.slot_length_mm or hole.diameter_mm for hole in (one, other))
+    if apart < least:
+        raise ValueError(
+            f"holes '{one.id}' and '{other.id}' run into one another: their axes come within {apart:.1f} mm (at least "
+            f"{least:.1f}, half of both diameters)"
+        )
 
 
 def _refuse_repeated(names: Iterable[str], kind: str) -> None:
@@ -315,10 +345,7 @@ def guide_from_json(content: bytes, source: str = "guide file") -> GuidePart:
 def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
     """Read a nail file's content; raises `PartFileInvalid`."""
     file = parse_part(NailFile, content, source)
-    holes = tuple(
-        Hole(h.id, Line(np.array(h.position_mm), np.array(h.direction)), h.diameter_mm, h.chamfer_mm, h.slot_length_mm)
-        for h in file.holes
-    )
+    holes = tuple(Hole(h.id, _through_nail(h, file), h.diameter_mm, h.chamfer_mm, h.slot_length_mm) for h in file.holes)
     return NailPart(
         file.material,
         file.diameter_mm,

@@ -12,6 +12,7 @@ from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_d
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.guide_from_nail import NailEstimate, guide_from_nail_of
 from services.registration.core.hole_axes import HoleEstimate, holes_at
+from services.registration.core.hole_groups import holes_of_guide
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.left_out import clipped_pixels, covered_pixels
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px
@@ -34,12 +35,18 @@ class Step(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """The known shapes in the image, and the drill that is to pass the nail's holes."""
+    """The known shapes in the image, and the drill that is to pass the nail's holes.
+
+    Of the nail's holes those that are drilled with this guide are localised (`holes_of_guide`).
+    """
 
     ring: RingPart
     guide: GuidePart
     nail: NailPart
     drill_diameter_mm: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "nail", holes_of_guide(self.nail, self.guide))
 
     def with_nail_as_found(self, found: NailEstimate) -> "Parts":
         """The same with the nail bent as it was found."""

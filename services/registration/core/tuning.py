@@ -288,6 +288,16 @@ class AgreementOfParts:
 
 
 @dataclass(frozen=True, slots=True)
+class HoleGroups:
+    """Holes that one image shows (`core/hole_groups.py`)."""
+
+    apart_deg: float = tuned(10.0, "°", "largest angle between their axes", derived("well within the limit of tilts"))
+    named_apart_deg: float = tuned(
+        25.0, "°", "the same of holes that the guide has too", derived("half way between them either tilt is in limits")
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class ForeignObjects:
     """What is cut off, or darker than any nail explains (`core/nail/left_out.py`, `core/nail/evidence.py`)."""
 
@@ -840,6 +850,7 @@ NAIL_PRIORS: Final = NailPriors()
 NAIL_NOISE: Final = NailNoise()
 NAIL_SOLVER: Final = NailSolver()
 AGREEMENT_OF_PARTS: Final = AgreementOfParts()
+HOLE_GROUPS: Final = HoleGroups()
 FOREIGN_OBJECTS: Final = ForeignObjects()
 CENTRING_STAGE: Final = CentringStage()
 TILT_SEARCH_STAGE: Final = TiltSearchStage()

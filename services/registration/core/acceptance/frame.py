@@ -26,7 +26,8 @@ class FrameEvidence:
     holes: tuple[HoleView, ...]
     structure: float  # as `ResidualStatistics.structure`
     unexplained: float  # share of the pixels around the holes whose residual is beyond four deviations of the noise
-    # Rotation of the observed nail from the predicted one about the nail's x and y axes, and its predicted deviation
+    # Rotation of the observed nail from the predicted one about both directions across the holes, and its predicted
+    # deviation
     turned_deg: tuple[float, ...]
     turn_sd_deg: tuple[float, ...]
     across_mm: float  # distance of the observed nail from the predicted one across the holes

@@ -51,6 +51,7 @@ from services.registration.core.nail.parameters import (
     TILTS,
     Parameter,
     curvature_of,
+    level_tilts,
     motion_by_parameters,
     prior_mean,
 )
@@ -60,7 +61,7 @@ from shared.errors import Accepted, Rejected
 from shared.geometry.calibration import NOT_OF_THE_RING, CArmCalibration
 from shared.geometry.frames import Camera, Guide, Nail
 from shared.geometry.lines import angle_between_rad
-from shared.geometry.parts import GuidePart
+from shared.geometry.parts import GuidePart, across_holes
 from shared.geometry.transform import Transform
 from shared.xray.pixel_scale import pixels
 
@@ -207,18 +208,20 @@ def frame_evidence(
 ) -> FrameEvidence:
     """The observed nail, and how far it lies from where guide and reference predict it."""
     apart = predicted.mean.inverse() @ nail.pose.mean
-    rotation = nail.pose.covariance[:2, :2] + predicted.covariance[:2, :2]
+    across = across_holes(nail.problem.model.nail)
+    tilts = across @ nail.pose.covariance[:3, :3] @ across.T
+    rotation = tilts + across @ predicted.covariance[:3, :3] @ across.T
     unexplained = NAIL_TRACKING.unexplained_sigmas * np.sqrt(nail.noise.variance)
     return FrameEvidence(
         holes=hole_views(nail.problem, nail.solution),
         structure=residual_statistics(nail.problem, nail.solution, nail.noise).structure,
         unexplained=float(np.mean(np.abs(nail.solution.linear.residual) > unexplained)),
-        turned_deg=tuple(np.degrees(apart.rotation_vector_rad[:2]).tolist()),
+        turned_deg=tuple(np.degrees(across @ apart.rotation_vector_rad).tolist()),
         turn_sd_deg=tuple(np.degrees(np.sqrt(np.diag(rotation))).tolist()),
-        across_mm=float(np.linalg.norm(apart.translation_mm[:2])),
+        across_mm=float(np.linalg.norm(across @ apart.translation_mm)),
         blur_px=nail.blur_px,
         reference_blur_px=appearance.blur_px,
-        tilt_sd_deg=float(np.degrees(np.sqrt(np.diag(nail.pose.covariance)[:2].max()))),
+        tilt_sd_deg=float(np.degrees(np.sqrt(np.diag(tilts).max()))),
     )
 
 
@@ -228,12 +231,12 @@ def mirror_margin(found: TrackedNail) -> float | None:
     Near zero tilt there is no second optimum: the fit from the reflected tilt converges to the same pose.
     """
     start = found.solution.parameters.copy()
-    start[TILTS] *= -1.0
+    start[TILTS] = 2.0 * level_tilts(found.problem.model.nail) - start[TILTS]
     # the weights must not depend on which of both poses was fitted
     problem = evenly_weighted(found.problem, found.noise)
     here = minimise_from(problem, found.solution.linear, NAIL_TRACKING.last_steps, NAIL_TRACKING.first_tolerance)
     reflected = minimise(problem, start, NAIL_TRACKING.reflected_steps, NAIL_TRACKING.first_tolerance)
-    apart_rad = angle_between_rad(reflected.hole_direction_camera, found.pose.mean.rotation[:, 2])
+    apart_rad = angle_between_rad(reflected.hole_direction_camera, found.solution.hole_direction_camera)
     if apart_rad < np.radians(TILT_SEARCH_STAGE.distinct_deg):
         return None
     return 0.5 * (reflected.cost - here.cost)

@@ -22,7 +22,7 @@ from services.registration.core.nail.search.holes import hole_midpoints_mm
 from services.registration.core.tuning import AGREEMENT_OF_PARTS, FOREIGN_OBJECTS, NAIL_EVIDENCE
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import displacement_by_motion
-from shared.geometry.parts import Hole, NailPart, hole_surface_points
+from shared.geometry.parts import Hole, NailPart, across_holes, hole_surface_points, place_of_hole
 from shared.geometry.transform import Transform
 from shared.xray.tuning import DEVIATION_PER_MEDIAN
 
@@ -38,7 +38,7 @@ def hole_views(problem: Problem, solution: Solution) -> tuple[HoleView, ...]:
     pixel_mm = depth_mm / problem.model.camera.focal_length_px * region.sampling.reduction
 
     def view(hole: Hole) -> HoleView:
-        radius_mm, (x_mm, y_mm) = 0.5 * hole.diameter_mm, hole.axis.point_mm[:2]
+        radius_mm, (x_mm, y_mm) = 0.5 * hole.diameter_mm, place_of_hole(problem.model.nail, hole)
         away_mm = np.hypot(hole.beyond_slot(region.along_mm - x_mm), region.across_mm - y_mm)
         seen = clear & (away_mm < NAIL_EVIDENCE.near_hole_in_radii * radius_mm) & inside_nail
         area_mm2 = np.pi * radius_mm**2 + 4.0 * radius_mm * hole.half_slot_mm
@@ -53,7 +53,7 @@ def rim_shares(region: FitRegion, nail: NailPart) -> tuple[float, ...]:
     s = FOREIGN_OBJECTS
     shares = []
     for hole in nail.holes:
-        radii, direction = region.about_hole(hole, s.directions)
+        radii, direction = region.about_hole(nail, hole, s.directions)
         near = np.abs(radii - 1.0) < s.about_rim_in_radii
         seen = np.bincount(direction[near], minlength=s.directions)
         usual = float(np.median(seen[seen > 0])) if np.any(seen) else np.inf
@@ -80,7 +80,7 @@ def _spot(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
     region, linear = problem.model.region, solution.linear
     near = np.zeros(len(region.compared), dtype=bool)
     for hole in problem.model.nail.holes:
-        x, y = hole.axis.point_mm[:2]
+        x, y = place_of_hole(problem.model.nail, hole)
         reach_mm = 0.5 * hole.diameter_mm + NAIL_EVIDENCE.about_hole_mm
         near |= np.hypot(hole.beyond_slot(region.along_mm - x), region.across_mm - y) < reach_mm
     step, blur_px = np.abs(_local_step(problem, solution)), NAIL_EVIDENCE.spot_blur_px
@@ -147,10 +147,10 @@ class Agreement:
         return grown.with_more(np.outer(along_ray, along_ray) + turned.T @ turned)
 
     def _turned_by_processing(self, nail: NailPart) -> NDArray[np.float64]:
-        """Turns about the nail's x and y through the middle of its holes, one standard deviation each, shape (2, 6)."""
+        """Turns across the holes' axes through their middle, one standard deviation each, shape (2, 6)."""
         s = AGREEMENT_OF_PARTS
         share = max(1.0 - s.processed_from / self.variance_ratio, 0.0)
-        turns = np.sqrt(share) * np.radians(s.processed_sd_deg) * np.eye(3)[:2]
+        turns = np.sqrt(share) * np.radians(s.processed_sd_deg) * across_holes(nail)
         return np.hstack([turns, -np.cross(turns, hole_midpoints_mm(nail).mean(axis=0))])
 
 
@@ -208,7 +208,7 @@ def parts_of(region: FitRegion, nail: NailPart) -> NDArray[np.int64]:
     part = np.asarray(np.searchsorted(stretches, x) + s.stretches * (y > 0.0), dtype=np.int64)
     first = 2 * s.stretches
     for hole in nail.holes:
-        radii, sector = region.about_hole(hole, s.sectors)
+        radii, sector = region.about_hole(nail, hole, s.sectors)
         near = (radii < s.about_rim_in_radii) & (np.abs(y) < s.inside_nail_in_radii * nail.radius_mm)
         part[near] = first + sector[near]
         first += s.sectors
@@ -216,9 +216,10 @@ def parts_of(region: FitRegion, nail: NailPart) -> NDArray[np.int64]:
 
 
 def offsets_by_motion_across(nail: NailPart) -> NDArray[np.float64]:
-    """Offsets of the outer holes' ends along the nail's x and y by its small motion, shape (M, 6)."""
+    """Offsets of the outer holes' ends across their axes by the nail's small motion, shape (M, 6)."""
+    across = across_holes(nail)
     ends = [end for hole in (nail.holes[0], nail.holes[-1]) for end in hole_surface_points(nail, hole)]
-    return np.vstack([displacement_by_motion(end)[:2] for end in ends])
+    return np.vstack([across @ displacement_by_motion(end) for end in ends])
 
 
 def _sums(parts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -177,7 +177,7 @@ def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailSha
         translation_mm=np.ascontiguousarray(translation_mm),
         radius_mm=radius_mm,
         cannulation_radius_mm=0.5 * nail.cannulation_diameter_mm,
-        bores=np.array([_bore(hole, excess, radius_mm, chamfer_mm) for hole in nail.holes]),
+        bores=np.array([_bore(hole, excess, radius_mm, chamfer_mm) for hole in nail.all_holes]),
         material=(per_mm, float(parameters[Parameter.HARDENING]), BEAM.hardest_share),
         steel_in_nail_material=BEAM.steel_attenuation_per_mm / usual_per_mm,
     )

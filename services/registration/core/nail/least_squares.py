@@ -37,6 +37,7 @@ from services.registration.core.nail.parameters import (
 )
 from services.registration.core.nail.region import FitRegion
 from services.registration.core.tuning import FIT_REGION, NAIL_NOISE, NAIL_SOLVER
+from shared.geometry.parts import mean_hole_direction
 
 # Guard: a parameter of no effect must not make the damped matrix singular.
 _LEAST_CURVATURE = 1e-3
@@ -112,8 +113,9 @@ class Solution:
 
     @property
     def hole_direction_camera(self) -> NDArray[np.float64]:
-        """The nail's z axis in the camera frame, shape (3,): two optima differ in it."""
-        return self.linear.model.pose(self.parameters).rotation[:, 2]
+        """Mean direction of the holes in the camera frame, shape (3,): two optima differ in it."""
+        model = self.linear.model
+        return model.pose(self.parameters).directions(mean_hole_direction(model.nail))
 
 
 def problem_for(model: ForwardModel, stage: StageSettings, free: NDArray[np.bool_]) -> Problem:

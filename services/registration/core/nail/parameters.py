@@ -18,7 +18,7 @@ from shared.compiled import compiled_inline as compiled
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
-from shared.geometry.parts import NailPart
+from shared.geometry.parts import NailPart, mean_hole_direction
 from shared.geometry.transform import Transform
 from shared.xray.pixel_scale import USUAL_PIXEL_MM, pixels
 
@@ -129,6 +129,15 @@ def clipped_to_bounds(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     clipped[Parameter.CURVE] = max(clipped[Parameter.CURVE], 0.0)
     clipped[tail] = np.clip(clipped[tail], 0.0, NAIL_PRIORS.largest_tail_share)
     return np.asarray(clipped)
+
+
+def level_tilts(nail: NailPart) -> NDArray[np.float64]:
+    """Pitch and roll with which the holes' mean axis lies along the mean ray, shape (2,); zero of usual nails.
+
+    A tilt of the holes is counted from there, and so its reflection.
+    """
+    x, y, z = mean_hole_direction(nail)
+    return np.array([np.arctan2(x, np.hypot(y, z)), np.arctan2(y, z)])
 
 
 def curvature_of(parameters: NDArray[np.float64]) -> tuple[float, float]:

@@ -334,7 +334,7 @@ def section_places(
     place = places_along(spot_mm, directions, curvature_per_m)
     step_mm = BENT_NAIL.section_step_mm
     chosen, nearest = np.round(place / step_mm) * step_mm, np.full(len(place), np.inf)
-    for hole in nail.holes:
+    for hole in nail.all_holes:
         x_mm, lean = float(hole.axis.point_mm[0]), abs(float(hole.axis.direction[0]))
         cosine = max(np.sqrt(1.0 - lean * lean), _LEAST_COSINE)
         reach_mm = (hole.half_length_mm + nail.radius_mm * lean) / cosine + BENT_NAIL.about_hole_mm

@@ -25,7 +25,7 @@ from services.registration.core.nail.rays import (
 from services.registration.core.tuning import FIT_REGION
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.parts import Hole, NailPart
+from shared.geometry.parts import Hole, NailPart, across_holes, place_of_hole
 from shared.geometry.transform import Transform
 from shared.two_cores import on_both_halves
 from shared.xray.pixel_scale import pixels as pixels_of
@@ -43,22 +43,25 @@ class FitInput:
     occluders: Occluders
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class RegionBounds:
     """Part of the nail's plane that is compared: from x to x, and to either side of the nail's axis, in mm."""
 
     first_x_mm: float
     last_x_mm: float
     half_width_mm: float
+    across: NDArray[np.float64]  # direction to the side, across the holes, shape (3,)
 
 
 def region_bounds(nail: NailPart, surroundings_mm: float) -> RegionBounds:
     """The holes with so many mm of surroundings along and beside the nail, without the rounded tip."""
-    first = min(h.axis.point_mm[0] - h.half_length_mm for h in nail.holes)
-    last = max(h.axis.point_mm[0] + h.half_length_mm for h in nail.holes)
+    lean_mm = {h.id: nail.radius_mm * abs(h.axis.direction[0]) / h.cosine_across_nail for h in nail.holes}
+    first = min(h.axis.point_mm[0] - h.half_length_mm - lean_mm[h.id] for h in nail.holes)
+    last = max(h.axis.point_mm[0] + h.half_length_mm + lean_mm[h.id] for h in nail.holes)
     before_tip = max(last, nail.tip_x_mm - nail.radius_mm)
+    last_mm = float(min(last + surroundings_mm, before_tip))
     return RegionBounds(
-        float(first) - surroundings_mm, float(min(last + surroundings_mm, before_tip)), nail.radius_mm + surroundings_mm
+        float(first) - surroundings_mm, last_mm, nail.radius_mm + surroundings_mm, across_holes(nail)[1]
     )
 
 
@@ -105,8 +108,9 @@ def grid_around(
     margin_px: int,
 ) -> PixelGrid | None:
     """Rectangle of the bounds with a margin of reduced pixels; `None` when hardly any of it is in the image."""
-    sides_mm = (-bounds.half_width_mm, bounds.half_width_mm)
-    corners = np.array([(x, y, 0.0) for x in (bounds.first_x_mm, bounds.last_x_mm) for y in sides_mm])
+    sides_mm, x_axis = (-bounds.half_width_mm, bounds.half_width_mm), np.array([1.0, 0.0, 0.0])
+    ends_mm = (bounds.first_x_mm, bounds.last_x_mm)
+    corners = np.array([x * x_axis + side * bounds.across for x in ends_mm for side in sides_mm])
     px = calibration.image_from_camera(camera_from_nail.points(corners))
     margin = margin_px * reduction
     low = np.maximum(np.floor(px.min(axis=0)) - margin, 0.0).astype(int)
@@ -150,12 +154,13 @@ class FitRegion:
         image.ravel()[self.compared] = values
         return blurred_image(image, blur_px)
 
-    def about_hole(self, hole: Hole, sectors: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def about_hole(self, nail: NailPart, hole: Hole, sectors: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Distance of the compared pixels from a hole's middle in hole radii, and which of so many sectors, (N,).
 
         The distance is that from the middle line of a slot; its sectors have equal lengths of the rim.
         """
-        dx, dy = self.along_mm - hole.axis.point_mm[0], self.across_mm - hole.axis.point_mm[1]
+        x_mm, y_mm = place_of_hole(nail, hole)
+        dx, dy = self.along_mm - x_mm, self.across_mm - y_mm
         beyond, radius_mm, half_mm = hole.beyond_slot(dx), 0.5 * hole.diameter_mm, hole.half_slot_mm
         along_rim_mm = radius_mm * np.arctan2(np.abs(dy), beyond) + half_mm - (dx - beyond)
         rim_mm = 2.0 * np.pi * radius_mm + 4.0 * half_mm

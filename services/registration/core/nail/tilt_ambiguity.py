@@ -33,6 +33,7 @@ from services.registration.core.nail.parameters import (
     TILTS,
     Parameter,
     curvature_of,
+    level_tilts,
     prior_mean,
 )
 from services.registration.core.nail.region import FitInput
@@ -97,17 +98,18 @@ def local_optima(problem: Problem, start: NDArray[np.float64]) -> list[Solution]
     Parameters
     ----------
     start
-        All parameters, shape (PARAMETER_COUNT,); the tilt is tried as it is, reflected, and with pitch and roll of ±6°.
+        All parameters, shape (PARAMETER_COUNT,); the tilt of the holes is tried as it is, reflected, and with ±6° of
+        pitch and roll.
     """
-    stage = TILT_SEARCH_STAGE
+    stage, level = TILT_SEARCH_STAGE, level_tilts(problem.model.nail)
     searches = [
         minimise(problem, _tilted(start, tilt), stage.screening_steps, NAIL_SOLVER.coarse_tolerance)
-        for tilt in _starting_tilts(start)
+        for tilt in _starting_tilts(start, level)
     ]
     # searches that have converged to the same pose are merged
     found = [_resumed(problem, search) for search in distinct(searches)]
     best = min(found, key=lambda solution: solution.cost)
-    reflected = _tilted(best.parameters, -best.parameters[TILTS])
+    reflected = _tilted(best.parameters, 2.0 * level - best.parameters[TILTS])
     found.append(minimise(problem, reflected, stage.most_steps, NAIL_SOLVER.coarse_tolerance))
     return distinct(found)
 
@@ -123,11 +125,11 @@ def distinct(found: list[Solution]) -> list[Solution]:
     return kept
 
 
-def _starting_tilts(start: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    own, further = start[TILTS], np.radians(TILT_SEARCH_STAGE.further_tilt_deg * _DIAGONALS)
-    if np.linalg.norm(own) < np.radians(TILT_SEARCH_STAGE.distinct_deg):
+def _starting_tilts(start: NDArray[np.float64], level: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    own, further = start[TILTS], level + np.radians(TILT_SEARCH_STAGE.further_tilt_deg * _DIAGONALS)
+    if np.linalg.norm(own - level) < np.radians(TILT_SEARCH_STAGE.distinct_deg):
         return [own, *further]
-    return [own, -own, *further]
+    return [own, 2.0 * level - own, *further]
 
 
 def _tilted(parameters: NDArray[np.float64], tilt: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -258,14 +260,16 @@ def reflections(problem: Problem, parameters: NDArray[np.float64]) -> Iterator[N
     middle = pose @ np.array([0.5 * (model.anchors.first_x_mm + model.anchors.second_x_mm), 0.0, 0.0])
     ray, divergence = unit(middle), 1.0 / float(np.linalg.norm(middle))
     curvature = pose.directions(np.array([0.0, *curvature_of(parameters)])) / MM_PER_M
-    pitch, rate = float(parameters[Parameter.PITCH_RAD]), float(curvature @ ray) + divergence
-    for other_pitch, other_rate, roll in (
+    level_pitch, level_roll = level_tilts(model.nail)
+    pitch, roll = parameters[Parameter.PITCH_RAD] - level_pitch, parameters[Parameter.ROLL_RAD] - level_roll
+    rate = float(curvature @ ray) + divergence
+    for other_pitch, other_rate, sign in (
         (-pitch, -rate, -1.0),
         (rate * half_mm, pitch / half_mm, 1.0),
         (-rate * half_mm, -pitch / half_mm, 1.0),
     ):
         start = parameters.copy()
-        start[TILTS] = other_pitch, roll * parameters[Parameter.ROLL_RAD]
+        start[TILTS] = level_pitch + other_pitch, level_roll + sign * roll
         turned = model.pose(start).rotation
         aside = curvature - float(curvature @ ray) * ray
         start[CURVATURE] = MM_PER_M * ((aside + (other_rate - divergence) * ray) @ turned)[1:]

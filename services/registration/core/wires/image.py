@@ -114,7 +114,7 @@ def metal_length_mm(
     source, rays = nail_from_camera.translation_mm, nail_from_camera.directions(rays_camera)
     near, far = _inside(source, rays, np.array([1.0, 0.0, 0.0]), nail.radius_mm)
     length = np.maximum(far - near, 0.0)
-    for hole in nail.holes:
+    for hole in nail.all_holes:
         first, last = _open(source - hole.axis.point_mm, rays, hole)
         length = length - np.maximum(np.minimum(last, far) - np.maximum(first, near), 0.0)
     return np.asarray(np.maximum(length, 0.0))

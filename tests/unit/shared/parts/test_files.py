@@ -76,6 +76,21 @@ def test_a_hole_that_cannot_be_is_refused_when_the_file_is_read(changed: dict[st
         nail_from_json(with_hole(**changed))
 
 
+def test_holes_that_run_into_one_another_are_refused() -> None:
+    across = with_hole(direction=[0.0, 1.0, 0.0], position_mm=[-10.5, 0.0, 0.0])
+    with pytest.raises(
+        PartFileInvalid, match=r"'distal' and 'proximal' run into one another: .* 4.5 mm \(at least 5.2"
+    ):
+        nail_from_json(across)
+    beside = nail_from_json(with_hole(direction=[0.0, 1.0, 0.0], position_mm=[-9.0, 0.0, 0.0]))
+    assert [hole.id for hole in beside.holes] == ["distal", "proximal"]
+
+
+def test_an_axis_goes_through_the_middle_of_its_way_in_the_nail() -> None:
+    leaning = nail_from_json(with_hole(direction=[0.6, 0.0, 0.8], position_mm=[15.0, 0.0, 4.0])).holes[0]
+    assert leaning.axis.point_mm == pytest.approx([12.0, 0.0, 0.0])
+
+
 def test_a_slot_is_read() -> None:
     slot, bore = nail_from_json(with_hole(slot_length_mm=9.2)).holes
     assert (slot.slot_length_mm, bore.slot_length_mm) == (9.2, None)

@@ -22,7 +22,6 @@ from services.registration.core.nail.search.holes import (
     StraightenedBand,
     find_pattern,
     hole_midpoints_mm,
-    mean_hole_direction,
     straighten_band,
 )
 from services.registration.core.nail.search.outline import Opening, band_width_ideal_px, measure_opening
@@ -31,7 +30,7 @@ from shared.errors import Accepted, Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
-from shared.geometry.parts import NailPart
+from shared.geometry.parts import NailPart, mean_hole_direction
 from shared.geometry.transform import Transform
 from shared.two_cores import mapped
 

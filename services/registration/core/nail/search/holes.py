@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail.search.band import Band, SearchImage
 from services.registration.core.tuning import NAIL_HOLE_SEARCH
-from shared.geometry.lines import unit
 from shared.geometry.parts import NailPart, hole_surface_points
 
 # Openness of columns that cannot be a hole's middle.
@@ -206,8 +205,3 @@ def _darkness_between(
 def hole_midpoints_mm(nail: NailPart) -> NDArray[np.float64]:
     """Middle of each hole inside the metal, shape (N, 3), in the nail's frame."""
     return np.array([np.mean(hole_surface_points(nail, hole), axis=0) for hole in nail.holes])
-
-
-def mean_hole_direction(nail: NailPart) -> NDArray[np.float64]:
-    """Mean direction of the holes' axes in the nail's frame, unit, shape (3,)."""
-    return unit(np.sum([hole.axis.direction for hole in nail.holes], axis=0))
