@@ -40,7 +40,8 @@ class Outcome:
     why
         The refusal's sentence; empty unless refused.
     before, after
-        True errors of the guide holes' axes before the first move and at the end.
+        True errors of the guide holes' axes before the first move, and where each was drilled: the robot may have
+        gone on to another hole since. Of a hole that was not drilled, at the end.
     """
 
     ending: Ending
@@ -73,6 +74,7 @@ class Procedure:
     shots: int = 0
     moves: int = 0
     drills: list[DrillResult] = field(default_factory=list)
+    drilled_with: dict[str, TrueError] = field(default_factory=dict)
 
     def run(self) -> Outcome:
         """Prepare, align, verify, drill. A refusal of the system ends the procedure: an outcome, not an error."""
@@ -88,7 +90,7 @@ class Procedure:
         return self._outcome(ending, "", before)
 
     def _outcome(self, ending: Ending, why: str, before: tuple[TrueError, ...]) -> Outcome:
-        after = self.room.true_errors()
+        after = tuple(self.drilled_with.get(e.hole_id, e) for e in self.room.true_errors())
         return Outcome(ending, why, before, after, self.shots, self.moves, tuple(self.drills))
 
     def _prepare(self) -> None:
@@ -172,6 +174,7 @@ class Procedure:
         return left
 
     def _drill(self, hole_ids: tuple[str, ...]) -> None:
+        self.drilled_with |= {e.hole_id: e for e in self.room.true_errors() if e.hole_id in hole_ids}
         for hole_id in hole_ids:
             result = self.room.drill(hole_id)
             self.drills.append(result)

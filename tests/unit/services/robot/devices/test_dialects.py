@@ -1,7 +1,5 @@
 """A second dialect: the port, the serial line and the drive suffice for a protocol that has nothing of GCS."""
 
-import queue
-
 from services.robot.core.controller_feedback import ControllerError, ControllerFeedback, ErrorKind
 from services.robot.core.guard import PermittedMove
 from services.robot.core.tuning import SUPERVISION
@@ -12,6 +10,7 @@ from services.robot.drive.drive import Drive
 from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose
 from shared.parts.hexapod_file import default_hexapod
 from shared.robot_states import MotionState, StopButton
+from tests.unit.services.robot.text_device import TextDevice
 
 HEXAPOD = default_hexapod()
 TARGET = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -74,57 +73,42 @@ def _feedback(lines: list[str]) -> ControllerFeedback:
     )
 
 
-class ToyPort:
-    """The device: three flags (locked, moving, referenced), a button, and a pose."""
+class ToyDevice(TextDevice):
+    """Three flags (locked, moving, referenced), a button, and a pose."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.pose, self.target = [0.0] * 6, [0.0] * 6
         self.locked, self.moving, self.referenced, self.button = False, True, False, False
-        self._answers: queue.Queue[bytes] = queue.Queue()
 
-    def write(self, data: bytes, /) -> int:
-        if data == b"!":
-            self.moving, self.locked = False, True
-            return 1
-        match data.decode().split():
+    def obey(self, message: bytes) -> bytes:
+        match message.decode().split():
+            case ["!"]:
+                self.moving, self.locked = False, True
             case ["hello"]:
-                self._answer(b"here\n")
+                return b"here\n"
             case ["state"]:
                 flags = f"L{self.locked:d}M{self.moving:d}R{self.referenced:d}B{self.button:d}"
                 shown = "".join(flags[i] for i in range(0, 8, 2) if flags[i + 1] == "1") or "-"
-                self._answer(f"{' '.join(map(str, self.pose))} &\n{shown}\n".encode())
+                return f"{' '.join(map(str, self.pose))} &\n{shown}\n".encode()
             case ["go", *values]:
                 self.target, self.moving, self.locked = [float(v) for v in values], True, False
             case ["reference"]:
                 self.referenced = True
             case ["lock"]:
                 self.locked = True
-        return len(data)
-
-    def _answer(self, answer: bytes) -> None:
-        for byte in answer:
-            self._answers.put(bytes([byte]))
-
-    def read(self, size: int = 1, /) -> bytes:
-        assert size == 1
-        try:
-            return self._answers.get(timeout=0.01)
-        except queue.Empty:
-            return b""
-
-    def close(self) -> None:
-        """Nothing to close."""
+        return b""
 
     def arrive(self) -> None:
         self.pose, self.moving = self.target, False
 
 
 def test_the_drive_references_moves_and_stops_a_robot_that_speaks_another_dialect() -> None:
-    port = ToyPort()
+    device = ToyDevice()
     driver: Driver = ToyController
 
     def connect() -> HexapodController:
-        return driver(port, HEXAPOD, Encoders.ABSOLUTE, 0.25)
+        return driver(device, HEXAPOD, Encoders.ABSOLUTE, 0.25)
 
     drive = Drive(connect, SUPERVISION.read_back, lambda: 50.0, 1.0, print)
 
@@ -134,17 +118,17 @@ def test_the_drive_references_moves_and_stops_a_robot_that_speaks_another_dialec
         return drive.status.state
 
     assert work() is MotionState.STOPPED
-    assert (port.moving, port.locked) == (False, True)
+    assert (device.moving, device.locked) == (False, True)
     assert drive.acknowledge_stop() is None
     assert work() is MotionState.UNREFERENCED
     assert drive.begin_reference("r1") is None
     assert work() is MotionState.LOCKED
     assert drive.begin_move("m1", lambda _: PermittedMove("a" * 64, ZERO_POSE, TARGET, 2.0, 1.0)) is None
     assert work(1) is MotionState.MOVING
-    port.arrive()
+    device.arrive()
     assert work() is MotionState.LOCKED
     assert drive.status.outcome == "reached"
-    port.button = True
+    device.button = True
     assert work() is MotionState.STOPPED
     assert drive.status.stop_button is StopButton.PRESSED
     assert drive.status.detail == "not by this service: the red button is pressed; release it"
