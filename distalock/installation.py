@@ -3,9 +3,11 @@
 import json
 import os
 import threading
+import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Final
 
 import httpx
 
@@ -13,6 +15,11 @@ from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_por
 
 _LOOPBACK = "127.0.0.1"
 _DICOM_HOST = "DISTALOCK_IMAGING_DICOM_HOST"
+# The gateway gives its own probe two seconds.
+_ANSWER_WITHIN_S: Final = 3.0
+# What readyz says of a service that is not there yet.
+_STILL_STARTING: Final = frozenset({"absent", "silent", "starting", "stale"})
+_USABLE_FOR_S: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +96,7 @@ class Installation:
             ProcessSpec("imaging", "services.imaging", _at_once, environment=environment),
             ProcessSpec("registration", "services.registration", _at_once, environment=environment),
             ProcessSpec("robot", "services.robot", _at_once, environment=environment),
-            ProcessSpec("ui_api", "services.ui_api", lambda: _answers_ok(f"{ports.rest_url}/readyz"), (), environment),
+            ProcessSpec("ui_api", "services.ui_api", _Ready(f"{ports.rest_url}/readyz"), (), environment),
         ]
         return [router, *([self._virtual_room(environment)] if self.simulated else []), *services]
 
@@ -131,8 +138,44 @@ def _at_once() -> bool:
     return True
 
 
-def _answers_ok(url: str) -> bool:
+class _Ready:
+    """Whether a gateway is ready, or can at least be used: all services are there, and what is not ready stays so.
+
+    A controller that is switched off keeps an installation from being ready, but not from being started.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._usable_since_s: float | None = None
+
+    def __call__(self) -> bool:
+        answer = _answer_of(self._url)
+        if answer is None or answer.status_code == httpx.codes.OK:
+            return answer is not None
+        codes = {check.get("code") for check in answer.json().get("checks", ())}
+        if codes & _STILL_STARTING:
+            self._usable_since_s = None
+            return False
+        now_s = time.monotonic()
+        self._usable_since_s = self._usable_since_s or now_s
+        return now_s - self._usable_since_s > _USABLE_FOR_S
+
+
+def why_not_ready(rest_url: str) -> str:
+    """What a gateway says is not ready; empty when it is."""
+    answer = _answer_of(f"{rest_url}/readyz")
+    if answer is None:
+        return "the gateway does not answer"
+    return "" if answer.status_code == httpx.codes.OK else str(answer.json().get("detail", answer.status_code))
+
+
+def _answer_of(url: str) -> httpx.Response | None:
     try:
-        return httpx.get(url, timeout=1.0).status_code == httpx.codes.OK
+        return httpx.get(url, timeout=_ANSWER_WITHIN_S)
     except httpx.HTTPError:
-        return False
+        return None
+
+
+def _answers_ok(url: str) -> bool:
+    answer = _answer_of(url)
+    return answer is not None and answer.status_code == httpx.codes.OK

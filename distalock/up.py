@@ -7,7 +7,7 @@ from typing import Final
 from rich.console import Console
 
 from distalock.arguments import EXIT_BAD_INPUT
-from distalock.installation import Installation
+from distalock.installation import Installation, why_not_ready
 from distalock.processes import Fleet
 from shared.errors import ConfigurationError
 from shared.signals import set_by_signals
@@ -63,4 +63,6 @@ def _announce(installation: Installation, console: Console) -> None:
     if installation.simulated:
         console.print(f"SIMULATION        virtual operating room, control at {ports.control_url}", highlight=False)
     console.print(f"state and logs    {installation.state_dir}", highlight=False)
+    if lacking := why_not_ready(ports.rest_url):
+        console.print(f"not ready yet     {lacking}", highlight=False)
     console.print("Ctrl-C stops everything and leaves the robot locked.", highlight=False)

@@ -11,6 +11,7 @@ which carries one `Reason` or more. An exception is for what the caller did not 
     │   ├── BusUnavailable    no router could be reached
     │   └── NoReply           a query brought no answer: this does not mean that it was not carried out
     ├── DeviceError           a device (hexapod controller, C-arm) did not do what its protocol says
+    ├── RecordUnavailable     the case record cannot be written now
     └── ConfigurationError    settings, ports or folders that do not allow a start
         └── ServiceAlreadyRuns  another service of the same name is in the room
 """
@@ -129,6 +130,12 @@ class DeviceError(DistalockError):
     """A device did not do what its protocol says."""
 
     code = "device_error"
+
+
+class RecordUnavailable(DistalockError):
+    """The case record cannot be written now: nothing was written."""
+
+    code = "record_unavailable"
 
 
 class ConfigurationError(DistalockError):

@@ -15,6 +15,7 @@ from fastapi import FastAPI
 
 from shared.errors import ConfigurationError, InputError
 from shared.signals import set_by_signals
+from shared.threads import described, faults_go_to, supervised_thread
 from simulation.control.api import control_app
 from simulation.controller.accuracy import seeded
 from simulation.controller.servers import tcp_server, terminal_server
@@ -49,18 +50,38 @@ def run_virtual_or(settings: VirtualRoomSettings) -> int:
     Returns
     -------
     int
-        Exit code: 0 after a clean end, 2 when it cannot start (one line on stderr says why).
+        Exit code: 0 after a clean end, 1 after a fault, 2 when it cannot start (one line on stderr says why).
     """
-    ending = threading.Event()
+    ending = _Ending()
     try:
         scenario = chosen_scenario(settings)
-        with set_by_signals(ending), virtual_room(settings, scenario) as addresses:
+        with faults_go_to(ending), set_by_signals(ending.asked), virtual_room(settings, scenario) as addresses:
             _announce(scenario, settings, addresses)
-            ending.wait()
+            ending.asked.wait()
     except (ConfigurationError, InputError) as error:
         print(f"virtual-or: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2
+    if ending.fault is not None:
+        print(f"virtual-or: fault: {ending.fault}", file=sys.stderr)  # noqa: T201 - likewise
+        return 1
     return 0
+
+
+class _Ending:
+    """When the room is to end, and whether by a fault."""
+
+    def __init__(self) -> None:
+        self.asked = threading.Event()
+        self.fault: str | None = None
+
+    def fail(self, message: str) -> None:
+        """See `FaultListener`."""
+        self.fault = self.fault or message
+        self.asked.set()
+
+    def note_error(self, place: str, error: BaseException) -> None:
+        """See `FaultListener`: a room that stands for hardware must not go on with a part missing."""
+        self.fail(f"{place} brought {described(error)}")
 
 
 def chosen_scenario(settings: VirtualRoomSettings) -> Scenario:
@@ -114,7 +135,7 @@ def _warm_up(scenario: Scenario) -> None:
 def _served(app: FastAPI, listener: socket.socket) -> Iterator[None]:
     """Serve on a thread of its own, so that signals stay with the main thread."""
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off"))
-    serving = threading.Thread(target=server.run, args=([listener],), name="control api", daemon=True)
+    serving = supervised_thread("control api", lambda: server.run([listener]))
     serving.start()
     deadline = time.monotonic() + _START_WITHIN_S
     while not server.started:

@@ -43,6 +43,7 @@ from shared.messages.imaging import CalibrationMessage, ImageReference
 from shared.messages.robot import PlatformPoseMessage, RobotState
 from shared.runtime.latest import LatestSlot
 from shared.runtime.lifecycle import Runtime
+from shared.threads import supervised_thread
 
 _WAIT_S = 0.2
 _PIXELS_S = 0.5
@@ -79,7 +80,7 @@ class LiveGuidance:
     @contextmanager
     def running(self) -> Iterator[None]:
         """Follow frames for as long as the context lasts."""
-        worker = threading.Thread(target=self._work, name="guidance", daemon=True)
+        worker = supervised_thread("guidance", self._work)
         worker.start()
         try:
             yield

@@ -29,6 +29,7 @@ from shared.messages.registration import (
 from shared.messages.robot import RobotState
 from shared.runtime.latest import BoundedQueue
 from shared.runtime.lifecycle import Runtime, software_version
+from shared.threads import supervised_thread
 
 _WAIT_S = 0.2
 _EPOCH_EVERY_S = 0.2
@@ -58,11 +59,11 @@ class RegistrationService:
         keys, bus = self._runtime.keys, self._bus
         with ExitStack() as stack:
             stack.enter_context(self._guidance.running())
-            worker = threading.Thread(target=self._work, name="localise", daemon=True)
+            worker = supervised_thread("localise", self._work)
             worker.start()
             stack.callback(worker.join, 5.0)
             stack.callback(self._jobs.close)
-            epochs = threading.Thread(target=self._publish_epochs, name="epoch", daemon=True)
+            epochs = supervised_thread("epoch", self._publish_epochs)
             epochs.start()
             stack.callback(epochs.join, 5.0)
             stack.callback(self._left.set)
@@ -145,16 +146,11 @@ class RegistrationService:
     def _publish_epochs(self) -> None:
         """Publish the newest epoch: at every change, and steadily: silence then means that nothing is confirmed."""
         epoch, sequence = None, 0
-        try:
-            while not self._left.is_set():
-                epoch = self._state.wait_for_another_epoch(epoch, _EPOCH_EVERY_S)
-                message = RegistrationEpoch(
-                    boot_epoch=self._state.boot_epoch, sequence=sequence, registration_epoch=epoch
-                )
-                self._epochs.put(encode(message))
-                sequence += 1
-        except BusError as error:
-            self._runtime.fail(f"the registration epoch cannot be published, so nothing may move: {error}")
+        while not self._left.is_set():
+            epoch = self._state.wait_for_another_epoch(epoch, _EPOCH_EVERY_S)
+            message = RegistrationEpoch(boot_epoch=self._state.boot_epoch, sequence=sequence, registration_epoch=epoch)
+            self._epochs.put(encode(message))
+            sequence += 1
 
     def _work(self) -> None:
         """Localise in what is queued, in order of arrival."""

@@ -1,7 +1,6 @@
 """The HTTP server on a thread of its own: signals are the business of the main thread."""
 
 import socket
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,6 +8,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from shared.errors import ConfigurationError
+from shared.threads import supervised_thread
 
 _LEAVE_WITHIN_S = 3
 _BACKLOG = 128
@@ -53,7 +53,7 @@ def serving(app: FastAPI, listening: socket.socket, on_early_end: Callable[[], N
         if not server.should_exit:
             on_early_end()
 
-    thread = threading.Thread(target=serve, name="http", daemon=True)
+    thread = supervised_thread("http", serve)
     thread.start()
     try:
         yield

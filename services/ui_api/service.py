@@ -12,12 +12,14 @@ from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.context import ContextHandler
 from services.ui_api.handlers.feed import Feed
 from services.ui_api.handlers.images import ImageHandler
-from services.ui_api.handlers.inbox import Inbox
+from services.ui_api.handlers.inbox import WATCHED_SERVICES, Inbox
 from services.ui_api.handlers.leases import Leases
 from services.ui_api.handlers.live import LiveHandler
 from services.ui_api.handlers.planning import PlanningHandler
 from services.ui_api.handlers.quality import QualityHandler
+from services.ui_api.handlers.readiness import Readiness, ReadinessParts
 from services.ui_api.handlers.robot_view import RobotView
+from services.ui_api.handlers.service_health import ServiceHealth
 from services.ui_api.handlers.stop import StopHandler, record_stop
 from services.ui_api.handlers.verification import VerificationHandler
 from services.ui_api.record.database import open_database, sole_gateway
@@ -48,6 +50,8 @@ class Gateway:
     live: LiveHandler
     clock: Clock
     link_up: Callable[[], bool]
+    services: ServiceHealth
+    readiness: Readiness
 
 
 @contextmanager
@@ -68,9 +72,11 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
         gateway.leases.start()
         gateway.inbox.start()
         gateway.live.start()
+        gateway.services.start()
         try:
             yield gateway
         finally:
+            gateway.readiness.close()
             gateway.feed.close()
             gateway.live.close()
             gateway.leases.close()
@@ -90,6 +96,20 @@ def _assemble(
     context = ContextHandler(bus, keys, record)
     feed = Feed()
     record.listen(lambda _: feed.wake())
+    inbox = Inbox(bus, keys, record, view, commands, runtime.log, settings.run_calibrations)
+    services = ServiceHealth(bus, keys, clock, WATCHED_SERVICES)
+    link_up = bus.presence().link_up
+    asked = ReadinessParts(
+        record=record,
+        view=view,
+        inbox=inbox,
+        services=services,
+        own_status=runtime.status,
+        link_up=link_up,
+        state_dir=settings.state_dir,
+        least_free_mib=settings.least_free_mib,
+        clock=clock,
+    )
     gateway = Gateway(
         record=record,
         view=view,
@@ -101,11 +121,13 @@ def _assemble(
         verifications=VerificationHandler(bus, keys, record),
         quality=QualityHandler(bus, keys, record),
         images=ImageHandler(bus, keys, record, settings.images()),
-        inbox=Inbox(bus, keys, record, view, commands, runtime.log, settings.run_calibrations),
+        inbox=inbox,
         feed=feed,
         live=LiveHandler(bus, keys, clock),
         clock=clock,
-        link_up=bus.presence().link_up,
+        link_up=link_up,
+        services=services,
+        readiness=Readiness(asked),
     )
     return gateway, context
 

@@ -49,6 +49,12 @@ class StatusReporter:
                 self._impaired[cause] = detail
             self._publish(self.condition or "starting")
 
+    @property
+    def impaired(self) -> tuple[str, ...]:
+        """What impairs the service beside its own condition."""
+        with self._lock:
+            return tuple(self._impaired.values())
+
     def _publish(self, own: Condition) -> None:
         details = [self._detail, *self._impaired.values()]
         status = ServiceStatus(

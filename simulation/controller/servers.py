@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from shared.errors import ConfigurationError
+from shared.threads import supervised_thread
 from simulation.controller.gcs_protocol import Assembler
 from simulation.controller.virtual_controller import VirtualController
 
@@ -40,7 +41,7 @@ def tcp_server(controller: VirtualController, host: str = "127.0.0.1", port: int
             "stop the program that uses the port, or choose another"
         ) from error
     server = _TcpServer(controller, listener)
-    accepting = threading.Thread(target=server.accept_until_closed, name="gcs tcp", daemon=True)
+    accepting = supervised_thread("gcs tcp", server.accept_until_closed)
     accepting.start()
     try:
         yield listener.getsockname()[1]
@@ -60,9 +61,7 @@ def terminal_server(controller: VirtualController) -> Iterator[str]:
         received = os.read(ours, _RECEIVE_BYTES)
         return b"" if ending.is_set() else received
 
-    serving = threading.Thread(
-        target=_converse, args=(controller, read, lambda reply: _write_all(ours, reply)), name="gcs pty", daemon=True
-    )
+    serving = supervised_thread("gcs pty", lambda: _converse(controller, read, lambda reply: _write_all(ours, reply)))
     serving.start()
     try:
         # We keep the other end open too: otherwise reading fails as soon as a client closes it.
@@ -111,7 +110,7 @@ class _TcpServer:
             if len(self._clients) >= MOST_CLIENTS:
                 client.close()
                 return
-            self._clients[client] = threading.Thread(target=self._serve, args=(client,), name="gcs client", daemon=True)
+            self._clients[client] = supervised_thread("gcs client", lambda: self._serve(client))
             self._clients[client].start()
 
     def _serve(self, client: socket.socket) -> None:
@@ -154,7 +153,7 @@ def _replies(write: Callable[[bytes], object]) -> Iterator[Callable[[bytes, floa
                     write(reply)
             waiting.task_done()
 
-    sending = threading.Thread(target=send_late, name="gcs late", daemon=True)
+    sending = supervised_thread("gcs late", send_late)
     sending.start()
     try:
         yield send

@@ -9,6 +9,7 @@ from pathlib import Path
 from services.imaging.devices.source import Refused, Take
 from shared.errors import ConfigurationError, ImageUnreadable
 from shared.runtime.logging import Log
+from shared.threads import supervised_thread
 
 TAKEN, REFUSED = "taken", "refused"
 _POLL_S = 0.25
@@ -51,7 +52,7 @@ class FolderSource:
                 "allow it or set another watched_folder"
             ) from None
         ended = threading.Event()
-        worker = threading.Thread(target=self._watch, args=(take, ended), name="watch folder", daemon=True)
+        worker = supervised_thread("watch folder", lambda: self._watch(take, ended))
         worker.start()
         try:
             yield f"folder {self._folder}"

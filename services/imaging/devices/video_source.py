@@ -18,6 +18,7 @@ from services.imaging.core.still_frames import MotionLimits, StillRun, still_run
 from services.imaging.devices.source import Refused, Take
 from shared.errors import ConfigurationError, ImageUnreadable
 from shared.runtime.logging import Log
+from shared.threads import supervised_thread
 
 _STABLE_IDS = Path("/dev/v4l/by-id")
 _OPEN_MS, _READ_MS = 5000, 5000
@@ -74,7 +75,7 @@ class VideoSource:
         """Read frames for as long as the context lasts."""
         opened = self._open()
         ended = threading.Event()
-        worker = threading.Thread(target=self._work, args=(opened, take, ended), name="video", daemon=True)
+        worker = supervised_thread("video", lambda: self._work(opened, take, ended))
         worker.start()
         try:
             yield described(opened, self._settings)

@@ -31,6 +31,7 @@ from shared.parts.files import ring_from_json
 from shared.runtime.clock import Clock
 from shared.runtime.latest import BoundedQueue
 from shared.runtime.lifecycle import Runtime
+from shared.threads import supervised_thread
 
 _QUEUE = 64
 _AGES_KEPT = 1024
@@ -103,7 +104,7 @@ class ImagingService:
         case = self._bus.subscribe_retained(keys.case_context, self._on_case)
         frames = self._bus.queryable(keys.any_frame_by_hash, self._on_frame_query)
         reports = self._bus.queryable(keys.qa_request, self._on_qa_request)
-        worker = threading.Thread(target=self._work, name="calibrate", daemon=True)
+        worker = supervised_thread("calibrate", self._work)
         worker.start()
         try:
             yield

@@ -30,6 +30,17 @@ class Ledger:
         self._take_operation(event)
         self.head_sequence = event.sequence
 
+    def with_events(self, events: Sequence[Event]) -> "Ledger":
+        """The ledger after more events; this one stays as it is. Raises what an event brings that does not fit."""
+        after = Ledger(self.cases, self.operations, self.head_sequence)
+        for event in events:
+            after.take(event)
+        return after
+
+    def become(self, after: "Ledger") -> None:
+        """Take over another ledger's contents."""
+        self.cases, self.operations, self.head_sequence = after.cases, after.operations, after.head_sequence
+
     def open_case(self) -> Case | None:
         """The case that is open in this room, if any."""
         return next((c for c in reversed(self.cases.values()) if not c.progress.closed), None)

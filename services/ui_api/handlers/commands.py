@@ -3,8 +3,11 @@
 import itertools
 import secrets
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
+
+import structlog
 
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.operations import VERBS_WITH_A_MOTION, Operation, settle
@@ -24,7 +27,7 @@ from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
-from shared.errors import BusError
+from shared.errors import BusError, RecordUnavailable
 from shared.messages.base import MessageInvalid, decode, encode
 from shared.messages.robot import (
     Approval,
@@ -34,6 +37,9 @@ from shared.messages.robot import (
     PlainCommand,
     RobotState,
 )
+from shared.threads import described, supervised
+
+_log = structlog.stdlib.get_logger("distalock.ui_api")
 
 COMMAND_TIMEOUT_S = 0.5
 TIME_TO_LIVE_S = 1.0
@@ -148,9 +154,25 @@ class CommandHandler:
         return Operation(requested, draft.case_id, event.at_ns)
 
     def _hand_over(self, waiting: _Waiting) -> None:
-        self._sender.submit(self._send, waiting)
+        self._sender.submit(supervised("commands", self._send), waiting)
 
     def _send(self, waiting: _Waiting) -> None:
+        """Send a command and record what came of it; whatever goes wrong, the operation does not stay as it was."""
+        try:
+            self._send_once(waiting)
+        except RecordUnavailable as error:
+            # The robot's states settle the operation as soon as the record takes entries again.
+            _log.error("command_outcome_not_recorded", operation=waiting.operation_id, detail=str(error))
+        except Exception as error:
+            message = (
+                f"the gateway failed while it sent the command ({described(error)}); this does not mean that it was "
+                "not carried out: the robot's state will tell"
+            )
+            with suppress(RecordUnavailable):  # then it is found without an answer by the next start
+                self._note(OperationProgressed(waiting.operation_id, OperationStatus.UNKNOWN, message))
+            raise
+
+    def _send_once(self, waiting: _Waiting) -> None:
         if self._stops.count != waiting.stops_before or self._leases.has_lapsed(waiting.operation_id):
             message = "stopped before the command was sent; nothing moved"
             self._note(_never_began(waiting, OperationStatus.STOPPED, "stopped_before_sending", message))

@@ -20,7 +20,7 @@ from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Sample
-from shared.errors import NoReply
+from shared.errors import NoReply, RecordUnavailable
 from shared.messages.base import MessageInvalid, decode, encode
 from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageReference
 from shared.messages.presence import ServiceName
@@ -28,11 +28,13 @@ from shared.messages.registration import LocalisationRecord
 from shared.messages.robot import RobotState
 from shared.runtime.latest import BoundedQueue
 from shared.runtime.logging import Log
+from shared.threads import report_error, supervised_thread
 
 WATCHED_SERVICES: tuple[ServiceName, ...] = ("imaging", "registration", "robot")
 _QUEUE_SIZE = 4096
 # How long the thread waits for work before any run of images: nothing depends on it.
 _IDLE_S = 0.5
+_AGAIN_AFTER_S = 0.25
 
 
 @dataclass(slots=True)
@@ -44,7 +46,13 @@ class ServicePresence:
 
 
 class Inbox:
-    """Subscribes on `start`; its thread ends on `close` once everything that came in is recorded."""
+    """Subscribes on `start`; its thread ends on `close` once everything that came in is recorded.
+
+    Attributes
+    ----------
+    blocked
+        Why the record takes nothing at the moment, or None.
+    """
 
     def __init__(
         self,
@@ -62,7 +70,9 @@ class Inbox:
         self._run: FluoroscopyRun[bytes] = FluoroscopyRun(run_calibrations)
         self._run_interval_s = _IDLE_S
         self._ended = False
-        self._thread = threading.Thread(target=self._work, name="inbox", daemon=True)
+        self._closing = threading.Event()
+        self.blocked: str | None = None
+        self._thread = supervised_thread("inbox", self._work)
         self.presence = ServicePresence(dict.fromkeys(WATCHED_SERVICES, False))
 
     def start(self) -> None:
@@ -77,6 +87,7 @@ class Inbox:
 
     def close(self) -> None:
         """Record what is still waiting, then end."""
+        self._closing.set()
         self._put(self._end)
         if self._thread.is_alive():
             self._thread.join(5.0)
@@ -89,11 +100,24 @@ class Inbox:
         while not self._ended:
             work = self._queue.take(self._run_interval_s) or self._run_ended
             try:
-                work()
+                self._recorded(work)
             except MessageInvalid as error:
                 self._log.error("message_invalid", detail=str(error))
-            except Exception:  # noqa: BLE001 - the border of a task: one bad message must not end the recording
-                self._log.exception("inbox_fault")
+            except Exception as error:  # noqa: BLE001 - the border of a task: one message must not end the recording
+                report_error("the inbox", error)
+
+    def _recorded(self, work: Callable[[], None]) -> None:
+        """Do one piece of work, again and again while the record takes nothing: what came in is not lost by that."""
+        while True:
+            try:
+                work()
+            except RecordUnavailable as error:
+                self.blocked = str(error)
+                if self._closing.wait(_AGAIN_AFTER_S):
+                    raise
+            else:
+                self.blocked = None
+                return
 
     def _end(self) -> None:
         self._ended = True

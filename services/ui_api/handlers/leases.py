@@ -1,9 +1,14 @@
 """Hold-to-move: a motion lasts only as long as someone renews its lease; when it lapses, the robot is stopped."""
 
 import threading
+from collections import OrderedDict
 from collections.abc import Callable
+from functools import partial
 
 from services.ui_api.handlers.clock import Clock
+from shared.threads import supervised_thread
+
+_MOST_LAPSED = 1024
 
 
 class Leases:
@@ -23,9 +28,9 @@ class Leases:
         self._on_lapse = on_lapse
         self._changed = threading.Condition()
         self._deadline_s: dict[str, float] = {}
-        self._lapsed: set[str] = set()
+        self._lapsed: OrderedDict[str, None] = OrderedDict()
         self._closed = False
-        self._thread = threading.Thread(target=self._watch, name="leases", daemon=True)
+        self._thread = supervised_thread("leases", self._watch)
 
     def start(self) -> None:
         """Begin to watch."""
@@ -37,7 +42,7 @@ class Leases:
             self._closed = True
             held = list(self._deadline_s)
             self._deadline_s.clear()
-            self._lapsed.update(held)
+            self._note_lapsed(held)
             self._changed.notify_all()
         for operation_id in held:
             self._on_lapse(operation_id)
@@ -69,10 +74,16 @@ class Leases:
             overdue = deadline_s is not None and deadline_s <= self._clock.monotonic_s()
             return overdue or operation_id in self._lapsed
 
+    def _note_lapsed(self, operation_ids: list[str]) -> None:
+        """Remember the newest; a command that waits to be sent was asked for a moment ago."""
+        self._lapsed.update(dict.fromkeys(operation_ids))
+        while len(self._lapsed) > _MOST_LAPSED:
+            self._lapsed.popitem(last=False)
+
     def _watch(self) -> None:
         while (lapsed := self._wait_for_lapse()) is not None:
             for operation_id in lapsed:
-                threading.Thread(target=self._on_lapse, args=(operation_id,), name="lapse", daemon=True).start()
+                supervised_thread("lapse", partial(self._on_lapse, operation_id)).start()
 
     def _wait_for_lapse(self) -> list[str] | None:
         """Ids whose leases have lapsed, at least one; None when closed."""
@@ -83,7 +94,7 @@ class Leases:
                 if lapsed:
                     for operation_id in lapsed:
                         del self._deadline_s[operation_id]
-                    self._lapsed.update(lapsed)
+                    self._note_lapsed(lapsed)
                     return lapsed
                 nearest_s = min(self._deadline_s.values(), default=now_s + 3600.0)
                 self._changed.wait(nearest_s - now_s)

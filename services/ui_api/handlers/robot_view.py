@@ -33,7 +33,7 @@ class RobotView:
 
     def __init__(self, clock: Clock, stale_after_s: float) -> None:
         self._clock = clock
-        self._stale_after_s = stale_after_s
+        self.stale_after_s = stale_after_s
         self._seen: SeenRobot | None = None
 
     def note(self, state: RobotState) -> bool:
@@ -56,7 +56,7 @@ class RobotView:
         age_s = self.age_s()
         if age_s is None:
             return Validity.ABSENT
-        return Validity.CURRENT if age_s <= self._stale_after_s else Validity.STALE
+        return Validity.CURRENT if age_s <= self.stale_after_s else Validity.STALE
 
     def current(self) -> RobotState:
         """The newest state if it is fresh; raises `Refused` otherwise."""
@@ -65,11 +65,11 @@ class RobotView:
             raise Refused(
                 RefusalKind.UNAVAILABLE, "robot_absent", "the robot service has not reported its state; start it"
             )
-        if age_s > self._stale_after_s:
+        if age_s > self.stale_after_s:
             raise Refused(
                 RefusalKind.UNAVAILABLE,
                 "robot_state_stale",
-                f"the robot's newest state is {age_s:.1f} s old (limit {self._stale_after_s:g} s); check its service "
+                f"the robot's newest state is {age_s:.1f} s old (limit {self.stale_after_s:g} s); check its service "
                 "and the link",
             )
         return seen.state

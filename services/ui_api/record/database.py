@@ -13,11 +13,13 @@ from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError, DBAPIError
-from sqlalchemy.pool import ConnectionPoolEntry
+from sqlalchemy.pool import ConnectionPoolEntry, NullPool, Pool
 
 from shared.errors import ConfigurationError
 
 WRITES = "distalock_writes"
+BUSY_MS = "distalock_busy_ms"
+_BUSY_MS = 5000
 
 
 def sqlite_url(state_dir: Path) -> str:
@@ -98,10 +100,17 @@ def existing_database(url: str) -> Engine:
     return engine
 
 
-def _engine(url: str) -> Engine:
+def unpooled(engine: Engine) -> Engine:
+    """The same database with a new connection every time: it sees the file as it is, not what another has in memory."""
+    if engine.url.get_backend_name() != "sqlite":
+        return engine
+    return _engine(engine.url.render_as_string(hide_password=False), NullPool)
+
+
+def _engine(url: str, pool: type[Pool] | None = None) -> Engine:
     try:
         parsed = make_url(url)
-        engine = create_engine(parsed)
+        engine = create_engine(parsed, poolclass=pool)
     except (ArgumentError, ImportError) as error:
         raise ConfigurationError(f"database URL {url!r} cannot be used: {error}") from None
     if parsed.get_backend_name() == "sqlite":
@@ -119,13 +128,15 @@ def _prepare_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None
     """WAL, and a flush to the disk with every commit: what was acknowledged survives a kill and a power cut."""
     assert isinstance(connection, sqlite3.Connection)
     connection.isolation_level = None  # transactions begin where `_begin_sqlite` says, not where the driver guesses
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=5000"):
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", f"busy_timeout={_BUSY_MS}"):
         connection.execute(f"PRAGMA {pragma}")
 
 
 def _begin_sqlite(connection: Connection) -> None:
     """Writers take the lock at once, so that no transaction fails half-way for want of it."""
-    writes = connection.get_execution_options().get(WRITES, False)
+    options = connection.get_execution_options()
+    connection.exec_driver_sql(f"PRAGMA busy_timeout={options.get(BUSY_MS, _BUSY_MS)}")
+    writes = options.get(WRITES, False)
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 

@@ -1,21 +1,32 @@
 """The case record: one writer, many readers, and a ledger that is always what the log adds up to."""
 
 import json
+import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Final
 
-from sqlalchemy import Engine, select
+from sqlalchemy import Connection, Engine, delete, func, insert, select
+from sqlalchemy.exc import DBAPIError, IntegrityError, ProgrammingError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from services.ui_api.core.chain import GENESIS_SHA256
 from services.ui_api.core.events import Event, EventDraft
 from services.ui_api.core.ledger import Ledger
 from services.ui_api.record.codec import decoded, entry_of_row
-from services.ui_api.record.database import WRITES
-from services.ui_api.record.tables import ANSWERS, DOCUMENTS, EVENTS
+from services.ui_api.record.database import BUSY_MS, WRITES, unpooled
+from services.ui_api.record.tables import ANSWERS, DOCUMENTS, EVENTS, PROBE
 from services.ui_api.record.unit_of_work import Answer, RememberedAnswer, UnitOfWork
+from shared.errors import ConfigurationError, DistalockError, RecordUnavailable
+from shared.threads import described, report_error
 
 PAGE = 500
+# A client repeats a request within seconds; a day leaves room for one that was switched off over night.
+ANSWERS_LAST_NS: Final = 24 * 3600 * 10**9
+_PROBE_BUSY_MS: Final = 1000
 
 
 class CaseRecord:
@@ -26,17 +37,24 @@ class CaseRecord:
     engine
         From `record.database.open_database`.
     clock_ns
-        Wall clock, nanoseconds since 1970: for people, never compared.
+        Wall clock, nanoseconds since 1970: for people, and for the age of stored answers.
+
+    Raises
+    ------
+    ConfigurationError
+        When the log cannot be read to its end.
     """
 
     def __init__(self, engine: Engine, clock_ns: Callable[[], int]) -> None:
         self._engine = engine
+        self._fresh = unpooled(engine)
         self._clock_ns = clock_ns
         self._writer = threading.RLock()
         self._listeners: list[Callable[[Sequence[Event]], None]] = []
         self._head_sha256 = GENESIS_SHA256
         self.ledger = Ledger()
         self._fold_log()
+        self._file = _File(engine)
 
     def listen(self, listener: Callable[[Sequence[Event]], None]) -> None:
         """Call with every batch of new events, after they are on the disk and in the ledger."""
@@ -46,19 +64,40 @@ class CaseRecord:
     def write(self) -> Iterator[UnitOfWork]:
         """One transaction. Within it the ledger does not change: decide, then append.
 
-        Functions given to `UnitOfWork.after_commit` run once the transaction is on the disk and the lock is released.
+        An event that does not fit what is known raises before anything is written: the log can always be read again.
+        Functions given to `UnitOfWork.after_commit` run once the transaction is on the disk, in the order of the log;
+        what they raise is reported as an error, for what was written stays written.
+
+        Raises
+        ------
+        RecordUnavailable
+            When the database cannot be written now: it is locked, full, read-only or damaged. Nothing was written.
         """
         with self._writer:
-            with self._engine.connect().execution_options(**{WRITES: True}) as connection, connection.begin():
+            with self._transaction(self._engine) as connection:
                 unit = UnitOfWork(connection, self.ledger.head_sequence, self._head_sha256, self._clock_ns())
                 yield unit
+                after = self.ledger.with_events(unit.events)
             self._head_sha256 = unit.head_sha256
-            for event in unit.events:
-                self.ledger.take(event)
+            self.ledger.become(after)
             for listener in self._listeners if unit.events else ():
-                listener(unit.events)
-        for effect in unit.afterwards:
-            effect()
+                _carried_out(partial(listener, unit.events))
+            for effect in unit.afterwards:
+                _carried_out(effect)
+
+    @contextmanager
+    def _transaction(self, engine: Engine, **options: int) -> Iterator[Connection]:
+        with (
+            _unavailable("written"),
+            engine.connect().execution_options(**{WRITES: True}, **options) as connection,
+            connection.begin(),
+        ):
+            yield connection
+
+    @contextmanager
+    def _reading(self) -> Iterator[Connection]:
+        with _unavailable("read"), self._engine.connect() as connection:
+            yield connection
 
     def append(self, *drafts: EventDraft) -> None:
         """Append events in a transaction of their own."""
@@ -71,12 +110,12 @@ class CaseRecord:
         query = select(EVENTS).where(EVENTS.c.sequence > sequence).order_by(EVENTS.c.sequence).limit(limit)
         if case_id is not None:
             query = query.where(EVENTS.c.case_id == case_id)
-        with self._engine.connect() as connection:
+        with self._reading() as connection:
             return [decoded(entry_of_row(row)) for row in connection.execute(query)]
 
     def document(self, sha256: str) -> bytes:
         """A document's content; raises `KeyError` when there is none of that hash."""
-        with self._engine.connect() as connection:
+        with self._reading() as connection:
             row = connection.execute(select(DOCUMENTS.c.content).where(DOCUMENTS.c.sha256 == sha256)).first()
         if row is None:
             raise KeyError(sha256)
@@ -84,17 +123,35 @@ class CaseRecord:
 
     def remembered(self, key: str) -> RememberedAnswer | None:
         """The answer that was given under an idempotency key, if any."""
-        with self._engine.connect() as connection:
+        with self._reading() as connection:
             row = connection.execute(select(ANSWERS).where(ANSWERS.c.idempotency_key == key)).mappings().first()
         if row is None:
             return None
         answer = Answer(row["status"], row["body_json"], json.loads(row["headers_json"]))
         return RememberedAnswer(row["request_sha256"], answer)
 
-    def is_readable(self) -> bool:
-        """Whether the database answers."""
-        with self._engine.connect() as connection:
-            return connection.execute(select(1)).scalar() == 1
+    def forget_old_answers(self) -> None:
+        """Delete what was answered under idempotency keys so long ago that nobody repeats it any more."""
+        with self._transaction(self._engine) as connection:
+            connection.execute(delete(ANSWERS).where(ANSWERS.c.answered_at_ns < self._clock_ns() - ANSWERS_LAST_NS))
+
+    def require_writable(self) -> None:
+        """Write a row of no meaning in place of the last one, and find the newest event where it was written.
+
+        Raises
+        ------
+        RecordUnavailable
+            When the database cannot be written now, or is not the one that was opened.
+        """
+        with self._transaction(self._fresh, **{BUSY_MS: _PROBE_BUSY_MS}) as connection:
+            connection.execute(delete(PROBE))
+            connection.execute(insert(PROBE).values(id=1, at_ns=self._clock_ns()))
+            newest = connection.execute(select(func.max(EVENTS.c.sequence))).scalar() or 0
+        if newest < self.ledger.head_sequence or not self._file.is_same():
+            raise RecordUnavailable(
+                f"the case record's newest event is {newest}, not {self.ledger.head_sequence}, or its file was "
+                "replaced; end the gateway, and restore the record from a backup"
+            )
 
     def close(self) -> None:
         """Close all connections, once the write under way is done."""
@@ -102,8 +159,56 @@ class CaseRecord:
             self._engine.dispose()
 
     def _fold_log(self) -> None:
-        with self._engine.connect() as connection:
-            for row in connection.execute(select(EVENTS).order_by(EVENTS.c.sequence)):
-                entry = entry_of_row(row)
-                self.ledger.take(decoded(entry))
-                self._head_sha256 = entry.sha256
+        """Read the whole log; raises `ConfigurationError` with one sentence when it is damaged."""
+        try:
+            with self._engine.connect() as connection:
+                for row in connection.execute(select(EVENTS).order_by(EVENTS.c.sequence)):
+                    entry = entry_of_row(row)
+                    self.ledger.take(decoded(entry))
+                    self._head_sha256 = entry.sha256
+        except (DBAPIError, DistalockError, ValueError, KeyError, TypeError) as error:
+            cause = error.orig if isinstance(error, DBAPIError) else described(error)
+            raise ConfigurationError(
+                f"the case record is damaged after event {self.ledger.head_sequence} ({cause}); "
+                "restore it from a backup, or set another state_dir"
+            ) from error
+
+
+@contextmanager
+def _unavailable(done: str) -> Iterator[None]:
+    """What the database cannot do now, in one sentence; a statement that is wrong is a fault of this program."""
+    try:
+        yield
+    except (IntegrityError, ProgrammingError):
+        raise
+    except (DBAPIError, PoolTimeout, sqlite3.Error) as error:
+        cause = error.orig if isinstance(error, DBAPIError) else error
+        raise RecordUnavailable(
+            f"the case record cannot be {done} now ({cause}); see to its disk, and who else holds it"
+        ) from error
+
+
+def _carried_out(effect: Callable[[], None]) -> None:
+    try:
+        effect()
+    except Exception as error:  # noqa: BLE001 - what was written stays written, and the other effects are due
+        report_error("what was to be done after an entry in the record", error)
+
+
+class _File:
+    """The database's file as it was when it was opened: one that is deleted or replaced takes no more entries."""
+
+    def __init__(self, engine: Engine) -> None:
+        file = engine.url.database if engine.url.get_backend_name() == "sqlite" else None
+        self._path = None if not file or file == ":memory:" else Path(file)
+        self._inode = self._found()
+
+    def is_same(self) -> bool:
+        """Whether it is still there; always true of a database that is no file."""
+        return self._found() == self._inode
+
+    def _found(self) -> int | None:
+        try:
+            return None if self._path is None else self._path.stat().st_ino
+        except OSError:
+            return -1

@@ -26,6 +26,9 @@ DOCUMENTS = Table(
     Column("content", LargeBinary, nullable=False),
 )
 
+# One row, written over and over to see that the database takes what is written.
+PROBE = Table("probe", METADATA, Column("id", Integer, primary_key=True), Column("at_ns", BigInteger, nullable=False))
+
 ANSWERS = Table(
     "answers",
     METADATA,

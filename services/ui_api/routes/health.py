@@ -1,13 +1,15 @@
 """`/healthz`, `/readyz` and `/metrics`, outside the prefix."""
 
+import asyncio
+
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
+from services.ui_api.handlers.readiness import PROBE_WITHIN_S, Check
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.metrics import Metrics
 from services.ui_api.routes.problems import problem, problem_response
 from services.ui_api.routes.views import View
-from services.ui_api.service import Gateway
 from shared.runtime.lifecycle import software_version
 
 router = APIRouter(tags=["health"])
@@ -21,11 +23,21 @@ class HealthView(View):
     version: str
 
 
+class CheckView(View):
+    """One part that a procedure needs: what was measured, and what to do when it is not as it should be."""
+
+    name: str
+    ok: bool
+    code: str
+    measured: str
+    remedy: str
+
+
 class ReadyView(View):
     """Everything that a procedure needs is there."""
 
     status: str
-    checks: dict[str, str]
+    checks: list[CheckView]
 
 
 @router.get("/healthz")
@@ -35,15 +47,21 @@ async def healthz() -> HealthView:
 
 
 @router.get("/readyz", response_model=ReadyView)
-def readyz(request: Request, gateway: TheGateway) -> Response:
-    """Whether bus, services and database are there; 503 with what is missing."""
-    checks = _checks(gateway)
-    failed = {name: state for name, state in checks.items() if state != _OK}
+async def readyz(request: Request, gateway: TheGateway) -> Response:
+    """Whether bus, services, robot, database and disk do what they are there for; 503 with what does not."""
+    probe = gateway.readiness.probe()
+    await asyncio.wait([asyncio.wrap_future(probe)], timeout=PROBE_WITHIN_S)
+    checks = [_view(check) for check in gateway.readiness.checks(probe)]
+    failed = [check for check in checks if not check.ok]
     if not failed:
         return Response(ReadyView(status=_OK, checks=checks).model_dump_json(), media_type="application/json")
-    detail = "; ".join(f"{name}: {state}" for name, state in failed.items())
+    detail = "; ".join(f"{check.name}: {check.measured}" for check in failed)
     document = problem(503, "not_ready", detail, request.url.path)
-    return problem_response(document.model_copy(update={"checks": checks}))
+    return problem_response(document.model_copy(update={"checks": [check.model_dump() for check in checks]}))
+
+
+def _view(check: Check) -> CheckView:
+    return CheckView(name=check.name, ok=check.ok, code=check.code, measured=check.measured, remedy=check.remedy)
 
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
@@ -52,18 +70,3 @@ def metrics(request: Request, gateway: TheGateway) -> Response:
     measured: Metrics = request.app.state.metrics
     measured.observe(gateway)
     return Response(generate_latest(measured.registry), media_type=CONTENT_TYPE_LATEST)
-
-
-def _checks(gateway: Gateway) -> dict[str, str]:
-    checks = {"bus": _OK if gateway.link_up() else "no router is connected"}
-    for service, alive in gateway.inbox.presence.alive.items():
-        checks[service] = _OK if alive else "the service is not on the bus"
-    checks["database"] = _database(gateway)
-    return checks
-
-
-def _database(gateway: Gateway) -> str:
-    try:
-        return _OK if gateway.record.is_readable() else "it answers, but not what it should"
-    except Exception as error:  # noqa: BLE001 - whatever a database driver raises is the finding
-        return f"{type(error).__name__}: {error}"

@@ -2,10 +2,12 @@
 
 The answer is stored in the same transaction as what was done, so that even after a kill a repeat finds both or neither.
 Refusals are remembered as well: a repeat that arrives late must not act because the state of things has changed in the
-meantime. Failures of the gateway or the bus (5xx) are not remembered, because nothing is recorded of them.
+meantime. Failures of the gateway or the bus (5xx) are not remembered, because nothing is recorded of them. What was
+answered is forgotten after a day.
 """
 
 import hashlib
+import itertools
 import json
 import threading
 from collections import Counter
@@ -25,6 +27,9 @@ from services.ui_api.routes.problems import PROBLEM_JSON, Problem, problem_of
 from shared.errors import DistalockError
 
 T = TypeVar("T")
+
+# Stored answers that are too old are looked for with the first of so many requests.
+_FORGET_EVERY = 100
 
 IdempotencyKey = Annotated[
     str, Header(alias="Idempotency-Key", min_length=1, max_length=255, description="New for every new action.")
@@ -63,6 +68,7 @@ class Idempotency:
 
     def __init__(self, record: CaseRecord) -> None:
         self._record = record
+        self._firsts = itertools.count()
         self._guard = threading.Lock()
         self._waiting: Counter[str] = Counter()
         self._locks: dict[str, threading.Lock] = {}
@@ -85,6 +91,8 @@ class Idempotency:
             return _response(self._first_time(request, ask, act))
 
     def _first_time(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Answer:
+        if next(self._firsts) % _FORGET_EVERY == 0:
+            self._record.forget_old_answers()
         try:
             asked = ask()
             with self._record.write() as unit:

@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
-from shared.errors import BusUnavailable, DistalockError, InputError, NoReply
+from shared.errors import BusUnavailable, DistalockError, InputError, NoReply, RecordUnavailable
 from shared.messages.base import MessageInvalid
 
 PROBLEM_JSON = "application/problem+json"
@@ -63,7 +63,7 @@ class Problem(BaseModel):
     code: str
     instance: str
     errors: list[Place] | None = None
-    checks: dict[str, str] | None = None
+    checks: list[dict[str, str | bool]] | None = None
 
 
 def problem(status: int, code: str, detail: str, instance: str, errors: Sequence[Place] = ()) -> Problem:
@@ -108,7 +108,7 @@ def _status_of(error: DistalockError) -> int:
             return 422
         case NoReply():
             return 504
-        case BusUnavailable():
+        case BusUnavailable() | RecordUnavailable():
             return 503
         case _:
             return 500

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +14,7 @@ from shared.bus.port import Answer, Query
 from shared.errors import ReasonCode
 from shared.messages.base import decode, encode
 from shared.messages.imaging import FrameHeader
+from shared.messages.presence import ServiceName
 from shared.messages.qa import QaRequest
 from shared.messages.registration import (
     LocalisationRecord,
@@ -30,9 +32,11 @@ from shared.messages.robot import (
     StopCommand,
     StopLatch,
 )
+from shared.runtime.presence import StatusReporter, beating
 from tests.unit.services.ui_api import samples
 
 PATIENCE_S = 60.0
+HEARTBEAT_HZ = 5.0
 
 
 class OnTheBus:
@@ -41,6 +45,17 @@ class OnTheBus:
     def __init__(self, router: MemoryRouter, keys: Keys) -> None:
         self.bus = router.open()
         self.keys = keys
+        self._presence = ExitStack()
+
+    def appear(self, service: ServiceName, boot_epoch: str = "boot-1") -> None:
+        """Be there as a service is: with token, heartbeats, and the report that it is ready."""
+        self._presence.enter_context(beating(self.bus, self.keys, service, boot_epoch, HEARTBEAT_HZ))
+        self.status = StatusReporter(self.bus.retained_publisher(self.keys.status(service)), service, boot_epoch, "1")
+        self.status.report("ready")
+
+    def fall_silent(self) -> None:
+        """Send no more heartbeats, and lose the token."""
+        self._presence.close()
 
     def __enter__(self) -> Self:
         return self
@@ -48,6 +63,7 @@ class OnTheBus:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._presence.close()
         self.bus.__exit__(kind, error, trace)
 
 
@@ -60,7 +76,7 @@ class FakeImaging(OnTheBus):
         self._headers: dict[str, FrameHeader] = {}
         self.bus.queryable(keys.any_frame_by_hash, self._frame)
         self.bus.queryable(keys.qa_request, self._quality)
-        self.bus.presence().declare_alive(keys.alive("imaging"))
+        self.appear("imaging")
 
     def send(self, name: str, case_id: str | None, revision: int = 1) -> FrameHeader:
         header = samples.frame_header(name, case_id, revision, len(self._headers))
@@ -95,7 +111,7 @@ class FakeRegistration(OnTheBus):
         self.asked = threading.Event()
         self.bus.queryable(keys.plan_request, self._plan)
         self.bus.queryable(keys.verification_request, self._verify)
-        self.bus.presence().declare_alive(keys.alive("registration"))
+        self.appear("registration")
 
     def publish(self, header: FrameHeader, *reasons: ReasonCode) -> LocalisationRecord:
         self.count += 1
@@ -147,7 +163,7 @@ class FakeRobot(OnTheBus):
         self.bus.queryable(keys.robot_command("stop"), self._stop)
         for verb in ("reference", "acknowledge_stop", "reset"):
             self.bus.queryable(keys.robot_command(verb), self._plain)
-        self.bus.presence().declare_alive(keys.alive("robot"))
+        self.appear("robot")
         self._states.put(encode(self.state))
 
     def say(self, state: MotionState, **changes: object) -> RobotState:

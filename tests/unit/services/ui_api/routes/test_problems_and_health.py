@@ -88,18 +88,6 @@ def test_healthz_tells_that_the_process_runs(quiet_room: Room) -> None:
     assert quiet_room.client.get("/healthz").json()["status"] == "ok"
 
 
-def test_readyz_tells_what_is_missing(room: Room) -> None:
-    ready = room.client.get("/readyz")
-    assert ready.status_code == 200, ready.text
-    assert set(ready.json()["checks"]) == {"bus", "imaging", "registration", "robot", "database"}
-    room.router.cut()
-    room.log.wait_for(lambda: not any(room.gateway.inbox.presence.alive.values()))
-    missing = room.client.get("/readyz")
-    assert (missing.status_code, missing.json()["code"]) == (503, "not_ready")
-    assert missing.json()["checks"]["bus"] == "no router is connected"
-    assert "robot: the service is not on the bus" in missing.json()["detail"]
-
-
 def test_metrics_count_requests_by_route(room: Room) -> None:
     room.get("/cases/none")
     text = room.client.get("/metrics").text
