@@ -1,6 +1,5 @@
 """Receive images from a C-arm: a DICOM Storage provider with verification (C-ECHO)."""
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -41,6 +40,7 @@ from services.imaging.devices.association_gate import REQUEST_WITHIN_S, GatedHan
 from services.imaging.devices.source import Refused, Take
 from shared.errors import ConfigurationError, ImageUnreadable
 from shared.runtime.logging import Log
+from shared.threads import supervised_thread
 
 _STORED = (
     XRayAngiographicImageStorage,
@@ -223,7 +223,7 @@ def dicom_receiver(endpoint: Endpoint, take: Take, log: Log) -> Iterator[int]:
     assert isinstance(server, GatedServer)
     server.on_no_request = doorkeeper.log_no_request
     doorkeeper.server = server
-    threading.Thread(target=server.serve_forever, args=(_POLL_S,), name="DICOM reception", daemon=True).start()
+    supervised_thread("DICOM reception", lambda: server.serve_forever(_POLL_S)).start()
     try:
         yield int(server.server_address[1])
     finally:
