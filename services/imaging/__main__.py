@@ -13,13 +13,16 @@ from services.imaging.devices.position_store import PositionStore
 from services.imaging.devices.received_image import Polarity
 from services.imaging.devices.source import ImageSource
 from services.imaging.devices.video_source import Region, VideoSettings, VideoSource
-from services.imaging.service import Defaults, ImagingService
+from services.imaging.service import Calibrator, Defaults, ImagingService
 from services.imaging.service.quality_handler import QualityHandler
 from services.imaging.settings import ImagingSettings
 from shared.bus.port import Bus
 from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime, service_main
 from shared.runtime.logging import Log
+
+# The gateway's last announcement arrives within milliseconds; without a gateway nobody has a case open.
+_CASE_WITHIN_S = 1.0
 
 
 @contextmanager
@@ -33,8 +36,10 @@ def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[N
     )
     memory = CArmMemory(PositionStore(settings.state_dir / "c-arm-positions"))
     quality = QualityHandler(store, settings.state_dir / "qa", lambda: datetime.now(UTC))
-    service = ImagingService(bus, runtime, store, memory, quality, defaults, settings.run_interval_s, Clock())
+    calibrator = Calibrator(bus, runtime, store, memory)
+    service = ImagingService(bus, runtime, store, calibrator, quality, defaults, settings.run_interval_s, Clock())
     with service.running(), ExitStack() as stack:
+        service.wait_for_case(_CASE_WITHIN_S)
         places = [stack.enter_context(s.receiving(service.take)) for s in sources(settings, runtime.log)]
         for place in places:
             runtime.log.info("receiving images", source=place)

@@ -37,6 +37,20 @@ class Keys:
         return self._key("imaging", "calibration")
 
     @property
+    def stored_images(self) -> str:
+        """Query with a `StoredImagesRequest`, answered by a `StoredImagesReply`."""
+        return self._key("imaging", "command", "stored_images")
+
+    def calibration_of(self, sequence: int) -> str:
+        """Query: the `CalibrationMessage` of an image, by its number in the image store."""
+        return self._key("imaging", "calibrations", str(sequence))
+
+    @property
+    def any_calibration_of(self) -> str:
+        """What imaging declares its calibration queryable on."""
+        return self._key("imaging", "calibrations", "*")
+
+    @property
     def qa_request(self) -> str:
         """Query with a `QaRequest`, answered by a `QaReply`."""
         return self._key("imaging", "command", "qa")
@@ -55,6 +69,11 @@ class Keys:
     def registration_epoch(self) -> str:
         """`RegistrationEpoch`: at every change and at a steady rate; its age counts, so none is kept."""
         return self._key("registration", "epoch")
+
+    @property
+    def localisation_request(self) -> str:
+        """Query with a `LocalisationRequest`, answered by a `LocalisationReply`."""
+        return self._key("registration", "command", "localise")
 
     @property
     def plan(self) -> str:

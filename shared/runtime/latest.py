@@ -19,12 +19,14 @@ class LatestSlot(Generic[T]):
         self._closed = False
         self.replaced = 0
 
-    def put(self, value: T) -> None:
-        """Leave a value, in place of one that was not taken; never waits."""
+    def put(self, value: T) -> T | None:
+        """Leave a value, in place of one that was not taken, which is returned; never waits."""
         with self._changed:
-            self.replaced += len(self._values)
+            before = self._values.popleft() if self._values else None
+            self.replaced += before is not None
             self._values.append(value)
             self._changed.notify()
+            return before
 
     def take(self, timeout_s: float | None = None) -> T | None:
         """Wait for a value and remove it; None after `timeout_s`, or at once when closed."""

@@ -1,4 +1,4 @@
-"""Images as files, addressed by the SHA-256 of their content, each with its header beside it.
+"""Images as files, addressed by the SHA-256 of their content, and an index of their numbers and headers.
 
 A file appears whole or not at all: it is written under another name, flushed to the disk, then renamed.
 """
@@ -8,6 +8,7 @@ import re
 import tempfile
 from pathlib import Path
 
+from services.imaging.devices.image_index import ImageIndex
 from shared.errors import ConfigurationError
 from shared.parts.files import sha256_of
 
@@ -31,6 +32,7 @@ class ImageStore:
             raise ConfigurationError(
                 f"folder {folder} for images cannot be made: {error.strerror or error}; set another state_dir"
             ) from None
+        self.index = ImageIndex(folder / "index.sqlite")
 
     def put(self, content: bytes) -> str:
         """Keep an image; returns its SHA-256. Keeping the same image again changes nothing.
@@ -46,24 +48,19 @@ class ImageStore:
             write_atomically(file, content)
         return sha256
 
-    def put_header(self, sha256: str, header: bytes) -> None:
-        """Keep what is known of an image, beside it; a newer header replaces it."""
-        write_atomically(self._header_path(sha256), header)
-
     def get(self, sha256: str) -> bytes | None:
         """An image's content, or None when it is not here."""
         return _content(self.path(sha256)) if _HASH.fullmatch(sha256) else None
 
     def get_header(self, sha256: str) -> bytes | None:
-        """An image's header, or None when it is not here."""
-        return _content(self._header_path(sha256)) if _HASH.fullmatch(sha256) else None
+        """An image's newest header, or None when it is not here; older versions kept it in a file beside the image."""
+        if not _HASH.fullmatch(sha256):
+            return None
+        return self.index.header(sha256) or _content(self.path(sha256).with_suffix(".json"))
 
     def path(self, sha256: str) -> Path:
         """Where an image is kept."""
         return self._folder / sha256[:2] / f"{sha256}.dcm"
-
-    def _header_path(self, sha256: str) -> Path:
-        return self._folder / sha256[:2] / f"{sha256}.json"
 
 
 def _content(file: Path) -> bytes | None:

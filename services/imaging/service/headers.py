@@ -18,6 +18,15 @@ class Defaults:
     polarity: Polarity = Polarity.AS_TAGGED
 
 
+@dataclass(frozen=True, slots=True)
+class ImageNumber:
+    """Names an image: the store that numbers it, its number there, and the run of imaging that received it."""
+
+    store_id: str
+    sequence: int
+    boot_epoch: str
+
+
 Moment = tuple[int, float]
 """Unix time in ns, for people, and monotonic time in s."""
 
@@ -28,10 +37,8 @@ class Arrival:
 
     Attributes
     ----------
-    sequence
-        Counts the images since the service started, from 1.
-    boot_epoch
-        Names this start of the service.
+    number
+        In the image store.
     received_at_ns
         Unix time, for people.
     received_at_s
@@ -40,20 +47,19 @@ class Arrival:
         Longest time between two images of a run when this one is part of a run, otherwise None.
     """
 
-    sequence: int
-    boot_epoch: str
+    number: ImageNumber
     received_at_ns: int
     received_at_s: float
     run_interval_s: float | None
 
     @staticmethod
-    def after(previous: "Arrival | None", boot_epoch: str, received: Moment, run_interval_s: float) -> "Arrival":
+    def after(previous: "Arrival | None", number: ImageNumber, received: Moment, run_interval_s: float) -> "Arrival":
         """The next arrival: part of a run when it follows the previous one within `run_interval_s`."""
         unix_ns, monotonic_s = received
         if previous is None:
-            return Arrival(1, boot_epoch, unix_ns, monotonic_s, None)
+            return Arrival(number, unix_ns, monotonic_s, None)
         in_run = monotonic_s - previous.received_at_s < run_interval_s
-        return Arrival(previous.sequence + 1, boot_epoch, unix_ns, monotonic_s, run_interval_s if in_run else None)
+        return Arrival(number, unix_ns, monotonic_s, run_interval_s if in_run else None)
 
 
 def frame_header(
@@ -75,8 +81,9 @@ def frame_header(
     return FrameHeader(
         sha256=sha256,
         sop_instance_uid=image.sop_instance_uid,
-        sequence=arrival.sequence,
-        boot_epoch=arrival.boot_epoch,
+        sequence=arrival.number.sequence,
+        store_id=arrival.number.store_id,
+        boot_epoch=arrival.number.boot_epoch,
         received_at_ns=arrival.received_at_ns,
         width_px=columns,
         height_px=rows,

@@ -1,50 +1,39 @@
 """Imaging: image in, frame and calibration out. No mathematics here."""
 
 import threading
-import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 
-from services.imaging.core.calibration import compile_core
-from services.imaging.core.nominal import NominalGeometry
-from services.imaging.core.ring_tracking import calibrate_next
-from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_file import read_image
+from services.imaging.devices.image_index import IndexedImage
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.received_image import ReceivedImage
-from services.imaging.devices.source import Refused
-from services.imaging.service.headers import Arrival, Defaults, angles_deg, frame_header, polarity_of
+from services.imaging.service.calibrator import Calibrator, OpenCase, Shot
+from services.imaging.service.headers import Arrival, Defaults, ImageNumber, Moment, frame_header, polarity_of
 from services.imaging.service.quality_handler import QualityHandler
-from services.imaging.service.wire import Outcome, calibration_message, wire_pixels
+from services.imaging.service.wire import wire_pixels
 from shared.bus.keys import Keys
 from shared.bus.port import Answer, Bus, Query, Sample
-from shared.errors import Accepted, BusError, ImageUnreadable, PartFileInvalid
-from shared.geometry.calibration import CArmCalibration
-from shared.geometry.parts import RingPart
+from shared.errors import BusError, ImageUnreadable, PartFileInvalid
 from shared.messages.base import MessageInvalid, decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import FrameHeader
 from shared.messages.qa import QaRequest
+from shared.messages.stored_images import (
+    Skip,
+    SkipCode,
+    Step,
+    StoredImage,
+    StoredImagesReply,
+    StoredImagesRequest,
+)
 from shared.parts.files import ring_from_json
 from shared.runtime.clock import Clock
-from shared.runtime.latest import BoundedQueue
 from shared.runtime.lifecycle import Runtime
-from shared.threads import supervised_thread
 
-_QUEUE = 64
 _AGES_KEPT = 1024
-_WAIT_S = 0.2
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Shot:
-    """One received image that waits for its calibration, with the ring of the case it joined."""
-
-    header: FrameHeader
-    image: ReceivedImage
-    ring: RingPart | None
+_NO_CASE = "no case with a ring was open when it was received"
 
 
 class ImagingService:
@@ -56,8 +45,8 @@ class ImagingService:
         Where to publish, and what the process gives every service.
     store
         Where images are kept.
-    memory
-        What is known of the C-arm from earlier images.
+    calibrator
+        Who calibrates them.
     quality
         Who makes quality reports.
     defaults
@@ -73,7 +62,7 @@ class ImagingService:
         bus: Bus,
         runtime: Runtime,
         store: ImageStore,
-        memory: CArmMemory,
+        calibrator: Calibrator,
         quality: QualityHandler,
         defaults: Defaults,
         run_interval_s: float,
@@ -87,46 +76,44 @@ class ImagingService:
         self._run_interval_s = run_interval_s
         self._bus = bus
         self._frames = bus.publisher(runtime.keys.frame)
-        self._calibrations = bus.retained_publisher(runtime.keys.calibration)
-        self._shots: BoundedQueue[_Shot] = BoundedQueue(_QUEUE)
-        self._ended = threading.Event()
         self._lock = threading.Lock()
-        self._case: CaseContext | None = None
-        self._ring: RingPart | None = None
+        self._case: OpenCase | None = None
+        self._case_known = threading.Event()
         self._newest: Arrival | None = None
-        self._memory = memory
+        self._calibrator = calibrator
         self._quality = quality
 
     @contextmanager
     def running(self) -> Iterator[None]:
         """Listen and work for as long as the context lasts."""
         keys: Keys = self._runtime.keys
-        case = self._bus.subscribe_retained(keys.case_context, self._on_case)
-        frames = self._bus.queryable(keys.any_frame_by_hash, self._on_frame_query)
-        reports = self._bus.queryable(keys.qa_request, self._on_qa_request)
-        worker = supervised_thread("calibrate", self._work)
-        worker.start()
-        try:
+        with ExitStack() as stack:
+            stack.enter_context(self._calibrator.running())
+            for declared in (
+                self._bus.subscribe_retained(keys.case_context, self._on_case),
+                self._bus.queryable(keys.any_frame_by_hash, self._on_frame_query),
+                self._bus.queryable(keys.any_calibration_of, self._on_calibration_query),
+                self._bus.queryable(keys.stored_images, self._on_stored_images),
+                self._bus.queryable(keys.qa_request, self._on_qa_request),
+            ):
+                stack.callback(declared.close)
             yield
-        finally:
-            case.close()
-            frames.close()
-            reports.close()
-            self._ended.set()
-            self._shots.close()
-            worker.join(5.0)
+
+    def wait_for_case(self, timeout_s: float) -> None:
+        """Wait until it is known which case is open, so that the first image after a restart joins it."""
+        self._case_known.wait(timeout_s)
 
     def take(self, content: bytes, sender: str) -> None:
-        """Keep one image, publish it at once and queue it for calibration; called from the receiver's threads.
+        """Keep one image under the next number and publish it; called from the receiver's threads.
 
-        Whoever wants to know where the robot stood when an image was made must hear of it before it is calibrated.
+        When it returns, the image may be acknowledged: file and number are on the disk, and whatever is killed now,
+        whoever missed the image will ask for it. It is published before it is calibrated: whoever wants to know where
+        the robot stood when it was made must hear of it at once.
 
         Raises
         ------
         ImageUnreadable
             When it is not an image.
-        Refused
-            When too many images wait already.
         OSError
             When the disk does not take it.
         """
@@ -134,33 +121,45 @@ class ImagingService:
         image = read_image(content, sender).normalised(self._defaults.polarity)
         sha256 = self._store.put(image.dicom)
         with self._lock:
-            arrival = Arrival.after(self._newest, self._runtime.boot_epoch, received, self._run_interval_s)
-            self._newest = arrival
-            header = frame_header(image, sha256, arrival, self._case, self._defaults)
-            self._store.put_header(sha256, encode(header))
-            self._note_receipt(sha256, arrival.received_at_s)
-            queued = self._shots.put(_Shot(header, image, self._ring))
-            if queued:
-                self._announce(header, image)
-        if not queued:
-            raise Refused(f"{_QUEUE} images wait to be calibrated (limit {_QUEUE}); send this one again in a minute")
-        self._runtime.log.info("image received", sender=sender, sha256=sha256, case=header.case_id)
+            header = self._numbered(image, sha256, received)
+            self._announce(header, image)
+            if header.case_id is not None:
+                self._calibrator.submit(Shot(header, image))
+        self._runtime.log.info(
+            "image received", sender=sender, sha256=sha256, sequence=header.sequence, case=header.case_id
+        )
+
+    def _numbered(self, image: ReceivedImage, sha256: str, received: Moment) -> FrameHeader:
+        """Give an image its number and its header, on the disk; the caller holds the lock."""
+        index, case = self._store.index, self._case
+        sequence = index.newest_sequence() + 1
+        number = ImageNumber(index.store_id, sequence, self._runtime.boot_epoch)
+        arrival = Arrival.after(self._newest, number, received, self._run_interval_s)
+        context = None if case is None else case.context
+        header = frame_header(image, sha256, arrival, context, self._defaults)
+        self._note_receipt(sha256, arrival.received_at_s)
+        index.add(sequence, sha256, encode(header), in_run=header.run_interval_s is not None)
+        if case is None or header.case_id is None or case.ring is None:
+            index.skip(sequence, SkipCode.NO_CASE, _NO_CASE)
+        self._newest = arrival
+        return header
 
     def _announce(self, header: FrameHeader, image: ReceivedImage) -> None:
         try:
             self._frames.put(wire_pixels(image), encode(self._with_age(header)))
-        except BusError as error:
+        except BusError:  # whoever misses it asks for it
             self._runtime.log.exception("image not published", sha256=header.sha256)
-            self._runtime.degraded(f"image {header.sha256[:12]} could not be published: {error}; take another image")
 
     def _note_receipt(self, sha256: str, received_at_s: float) -> None:
+        """The first receipt counts: an image that is sent again does not become younger."""
+        if sha256 in self._received_at_s or self._store.index.header(sha256) is not None:
+            return
         self._received_at_s[sha256] = received_at_s
-        self._received_at_s.move_to_end(sha256)
         while len(self._received_at_s) > _AGES_KEPT:
             self._received_at_s.popitem(last=False)
 
     def _with_age(self, header: FrameHeader) -> FrameHeader:
-        """The header as it is published now; of an image from before this run of imaging nobody knows the age."""
+        """The header as it is published now; nobody knows the age of an image from before this run of imaging."""
         received_at_s = self._received_at_s.get(header.sha256)
         age_s = None if received_at_s is None else max(self._clock.monotonic_s() - received_at_s, 0.0)
         return header.model_copy(update={"age_s": age_s})
@@ -174,7 +173,9 @@ class ImagingService:
             self._runtime.degraded(f"the open case cannot be used: {error}; correct the ring's file")
             return
         with self._lock:
-            self._case, self._ring = case, ring
+            self._case = OpenCase(case, ring)
+        self._calibrator.open_case(OpenCase(case, ring))
+        self._case_known.set()
         self._runtime.ready()
 
     def _on_frame_query(self, query: Query) -> Answer:
@@ -187,58 +188,32 @@ class ImagingService:
         image = read_image(content, sha256).normalised(polarity_of(header))
         return Answer(wire_pixels(image), encode(self._with_age(header)))
 
+    def _on_calibration_query(self, query: Query) -> Answer:
+        """A kept calibration, by its image's number."""
+        number = query.key.rsplit("/", 1)[-1]
+        content = self._store.index.calibration(int(number)) if number.isdecimal() else None
+        if content is None:
+            raise ImageUnreadable(f"image number {number} has no calibration here (0 found, 1 needed)")
+        return Answer(content)
+
+    def _on_stored_images(self, query: Query) -> Answer:
+        """Headers after a number, and what became of the images."""
+        request = decode(StoredImagesRequest, query.payload)
+        index = self._store.index
+        images = tuple(self._stored(one) for one in index.after(request.after, request.most))
+        return Answer(encode(StoredImagesReply(store_id=index.store_id, newest=index.newest_sequence(), images=images)))
+
+    def _stored(self, one: IndexedImage) -> StoredImage:
+        skip = Skip(step=Step.CALIBRATION, code=SkipCode(one.code), message=one.message) if one.code else None
+        header = self._with_age(decode(FrameHeader, one.header))
+        return StoredImage.model_validate({"header": header, "calibration": one.state, "skip": skip})
+
     def _on_qa_request(self, query: Query) -> Answer:
         """A quality report over kept images; the bus answers each key on a thread of its own."""
         request = decode(QaRequest, query.payload)
         with self._lock:
-            case, ring = self._case, self._ring
-        there = case is not None and case.case_id == request.case_id
-        reply = self._quality.reply(request, ring if there else None)
+            case = self._case
+        there = case is not None and case.context.case_id == request.case_id
+        reply = self._quality.reply(request, case.ring if case is not None and there else None)
         self._runtime.log.info("quality report", verdict=reply.report and reply.report.verdict, code=reply.code)
         return Answer(encode(reply))
-
-    def _work(self) -> None:
-        """Calibrate what is queued, in order of arrival; an image of a run is skipped when a newer one waits."""
-        compile_core()
-        while not self._ended.is_set():
-            shot = self._shots.take(_WAIT_S)
-            if shot is None or (shot.header.run_interval_s is not None and len(self._shots) > 0):
-                continue
-            try:
-                self._calibrate(shot)
-            except Exception as error:  # the border of a task: the next image must not suffer from this one
-                self._runtime.log.exception("fault", sha256=shot.header.sha256)
-                self._runtime.degraded(f"image {shot.header.sha256[:12]} brought a fault: {error}; take another image")
-
-    def _calibrate(self, shot: _Shot) -> None:
-        if shot.header.case_id is None or shot.ring is None:
-            self._runtime.log.info("image kept, not calibrated: no case with a ring is open", sha256=shot.header.sha256)
-            return
-        header, ring = shot.header, shot.ring
-        nominal = NominalGeometry(header.nominal_source_to_detector_mm, header.nominal_pixel_mm, header.focal_spot_mm)
-        before = self._memory.before(ring.sha256, angles_deg(header))
-        outcome, elapsed_ms = _timed(lambda: calibrate_next(shot.image.pixels, ring, nominal, before))
-        message = calibration_message(outcome, elapsed_ms, ring, header)
-        self._calibrations.put(encode(message))
-        if isinstance(outcome, Accepted):
-            self._remember(outcome.value, ring, header)
-        self._runtime.log.info(
-            "calibrated", sha256=header.sha256, verdict=message.verdict, reasons=[r.message for r in message.reasons]
-        )
-
-    def _remember(self, calibration: CArmCalibration, ring: RingPart, header: FrameHeader) -> None:
-        """Keep a calibration for the next image; say it when the ring is not where it was."""
-        try:
-            notice = self._memory.after(ring.sha256, angles_deg(header), calibration)
-        except OSError as error:
-            notice = f"the C-arm's position was not kept: {error.strerror or error}; free the disk"
-        if notice is not None:
-            self._runtime.log.warning("ring", sha256=header.sha256, detail=notice)
-            self._runtime.ready(notice)
-
-
-def _timed(calibrate: Callable[[], Outcome]) -> tuple[Outcome, float]:
-    """What came out, and how long it took in milliseconds."""
-    started = time.perf_counter()
-    outcome = calibrate()
-    return outcome, 1e3 * (time.perf_counter() - started)

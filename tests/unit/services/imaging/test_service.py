@@ -2,7 +2,7 @@
 
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -14,11 +14,12 @@ import pytest
 import structlog
 
 from services.imaging.devices.c_arm_memory import CArmMemory
+from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
 from services.imaging.devices.received_image import Polarity
-from services.imaging.service import Defaults, ImagingService
-from services.imaging.service.headers import Arrival
+from services.imaging.service import Calibrator, Defaults, ImagingService
+from services.imaging.service.headers import Arrival, ImageNumber, frame_header
 from services.imaging.service.quality_handler import QualityHandler
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
@@ -30,6 +31,7 @@ from shared.messages.cases import CaseContext
 from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.presence import ServiceStatus
 from shared.messages.qa import QaReply, QaRequest
+from shared.messages.stored_images import Skip, SkipCode, Step, StoredImage, StoredImagesReply, StoredImagesRequest
 from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime
 from shared.runtime.presence import StatusReporter
@@ -83,7 +85,7 @@ def room_of(
             bus,
             runtime,
             store,
-            memory or CArmMemory(PositionStore(positions)),
+            Calibrator(bus, runtime, store, memory or CArmMemory(PositionStore(positions))),
             quality,
             Defaults(1000.0, 0.235, polarity),
             run_interval_s,
@@ -99,10 +101,27 @@ def room_of(
             yield Room(listener, service, frames, calibrations, statuses)
 
 
+def stored(room: Room, after: int = 0) -> list[StoredImage]:
+    """What imaging answers to whoever asks for what was missed."""
+    request = encode(StoredImagesRequest(after=after))
+    reply = decode(StoredImagesReply, room.bus.query(KEYS.stored_images, request, PATIENCE_S).payload)
+    return list(reply.images)
+
+
 @pytest.fixture
 def room(tmp_path: Path) -> Iterator[Room]:
     with room_of(ImageStore(tmp_path), tmp_path / "positions") as built:
         yield built
+
+
+def eventually(condition: Callable[[], bool]) -> None:
+    """Ask again until it holds."""
+    pause = threading.Event()
+    for _ in range(1000):
+        if condition():
+            return
+        pause.wait(0.02)
+    raise AssertionError("never came true")
 
 
 def small_dicom() -> bytes:
@@ -188,6 +207,8 @@ def test_frames_of_a_run_are_published_at_once_and_those_overtaken_not_calibrate
         assert (sequences, room.calibrations.empty()) == ([1, 2, 3, 4, 5], True)
         memory.released.set()
         assert [room.calibration().image.sequence for _ in range(2)] == [1, 5]
+        eventually(lambda: [one.calibration for one in stored(room)] == ["done", *["skipped"] * 3, "done"])
+        assert {one.skip.code for one in stored(room) if one.skip} == {"superseded"}
 
 
 def marks_of_two_images(folder: Path, run_interval_s: float) -> list[float | None]:
@@ -216,10 +237,11 @@ def test_images_with_a_pause_between_them_are_single_shots(tmp_path: Path) -> No
 def test_the_monotonic_time_since_the_image_before_decides(
     since_s: float, run_interval_s: float | None, stepped_s: int
 ) -> None:
-    first = Arrival.after(None, "epoch-1", (10**13, 100.0), 0.5)
-    second = Arrival.after(first, "epoch-1", (10**13 + stepped_s * 10**9, 100.0 + since_s), 0.5)
-    assert (first.sequence, first.run_interval_s) == (1, None)
-    assert (second.sequence, second.run_interval_s) == (2, run_interval_s)
+    one, two = (ImageNumber("store-1", number, "epoch-1") for number in (1, 2))
+    first = Arrival.after(None, one, (10**13, 100.0), 0.5)
+    second = Arrival.after(first, two, (10**13 + stepped_s * 10**9, 100.0 + since_s), 0.5)
+    assert (first.number.sequence, first.run_interval_s) == (1, None)
+    assert (second.number.sequence, second.run_interval_s) == (2, run_interval_s)
 
 
 def test_a_refusal_is_published_with_its_reasons(room: Room) -> None:
@@ -241,6 +263,104 @@ def test_without_a_case_the_image_is_kept_but_not_calibrated(room: Room) -> None
     assert room.calibrations.empty()
 
 
+def test_images_are_numbered_without_a_gap_and_who_missed_them_may_ask(tmp_path: Path) -> None:
+    for _ in range(2):
+        with room_of(ImageStore(tmp_path), tmp_path / "positions", run_interval_s=0.0) as room:
+            room.service.take(small_dicom(), "CARM")
+            room.service.take(small_dicom(), "CARM")
+            images = stored(room)
+    assert [one.header.sequence for one in images] == [1, 2, 3, 4]
+    assert len({one.header.store_id for one in images}) == 1
+    assert [one.skip.code for one in images if one.skip] == ["no_case"] * 4
+    assert [one.header.age_s for one in images] == [None] * 4, "sent again, an image does not become younger"
+
+
+def test_who_asks_for_missed_images_gets_them_in_order_and_is_told_of_the_newest(room: Room) -> None:
+    for _ in range(5):
+        room.service.take(small_dicom(), "CARM")
+    request = encode(StoredImagesRequest(after=1, most=2))
+    reply = decode(StoredImagesReply, room.bus.query(KEYS.stored_images, request, PATIENCE_S).payload)
+    assert ([one.header.sequence for one in reply.images], reply.newest) == ([2, 3], 5)
+
+
+def test_a_missed_calibration_is_handed_out_by_number(room: Room) -> None:
+    room.open_case()
+    room.service.take(small_dicom(), "CARM")
+    message = room.calibration()
+    answer = room.bus.query(KEYS.calibration_of(message.image.sequence), b"", PATIENCE_S)
+    assert decode(CalibrationMessage, answer.payload) == message
+    with pytest.raises(NoReply, match="image number 2 has no calibration here"):
+        room.bus.query(KEYS.calibration_of(2), b"", PATIENCE_S)
+
+
+def left_behind(folder: Path, count: int) -> None:
+    """Images of case 1 that a killed imaging has acknowledged and not calibrated."""
+    store = ImageStore(folder)
+    for sequence in range(1, count + 1):
+        image = read_image(small_dicom(), "CARM")
+        number = ImageNumber(store.index.store_id, sequence, "epoch-0")
+        arrival = Arrival(number, 1, 1.0, None)
+        context = CaseContext(case_id="case-1", revision=3)
+        header = frame_header(image, store.put(image.dicom), arrival, context, Defaults(1000.0, 0.235))
+        store.index.add(sequence, header.sha256, encode(header), in_run=False)
+
+
+def test_images_that_a_killed_imaging_left_behind_are_calibrated_the_newest_first(tmp_path: Path) -> None:
+    left_behind(tmp_path, 3)
+    with room_of(ImageStore(tmp_path), tmp_path / "positions") as room:
+        assert [one.calibration for one in stored(room)] == ["pending"] * 3, "nobody knows yet which case is open"
+        room.open_case()
+        assert room.calibration().image.sequence == 3
+        eventually(lambda: [one.calibration for one in stored(room)] == ["done"] * 3)
+        assert room.calibrations.empty(), "the last value on the bus stays that of the newest image"
+        assert stored(room)[0].header.age_s is None
+
+
+@pytest.mark.parametrize("context", [{"revision": 4}, {"case_id": "case-2"}, {"case_id": None, "ring_json": ""}])
+def test_images_left_behind_of_another_set_up_are_skipped_and_said_why(
+    tmp_path: Path, context: dict[str, object]
+) -> None:
+    left_behind(tmp_path, 2)
+    with room_of(ImageStore(tmp_path), tmp_path / "positions") as room:
+        room.open_case(**context)
+        eventually(lambda: [one.skip and one.skip.code for one in stored(room)] == ["set_up_changed"] * 2)
+        assert room.calibrations.empty()
+
+
+def test_an_image_that_ends_imaging_again_and_again_is_left_alone(tmp_path: Path) -> None:
+    left_behind(tmp_path, 1)
+    store = ImageStore(tmp_path)
+    for _ in range(3):
+        store.index.note_attempt(1)
+    with room_of(store, tmp_path / "positions") as room:
+        room.open_case()
+        eventually(lambda: [one.skip and one.skip.code for one in stored(room)] == ["fault"])
+        message = "imaging ended 3 times while it calibrated it (limit 3); take another image"
+        assert stored(room)[0].skip == Skip(step=Step.CALIBRATION, code=SkipCode.FAULT, message=message)
+
+
+def test_an_image_whose_file_is_gone_is_said_so(tmp_path: Path) -> None:
+    left_behind(tmp_path, 1)
+    for file in tmp_path.rglob("*.dcm"):
+        file.unlink()
+    with room_of(ImageStore(tmp_path), tmp_path / "positions") as room:
+        room.open_case()
+        eventually(lambda: [one.skip and one.skip.code for one in stored(room)] == ["file_missing"])
+
+
+def test_a_single_shot_that_waited_is_calibrated_after_the_newest(tmp_path: Path) -> None:
+    memory = HeldMemory(tmp_path / "positions")
+    with room_of(ImageStore(tmp_path), tmp_path / "positions", memory, run_interval_s=0.0) as room:
+        room.open_case()
+        room.service.take(small_dicom(), "CARM")
+        assert memory.begun.wait(PATIENCE_S)
+        for _ in range(3):
+            room.service.take(small_dicom(), "CARM")
+        memory.released.set()
+        assert [room.calibration().image.sequence for _ in range(2)] == [1, 4]
+        eventually(lambda: [one.calibration for one in stored(room)] == ["done"] * 4)
+
+
 def test_nominal_values_of_the_case_go_before_those_of_the_image(room: Room) -> None:
     room.open_case(nominal_pixel_mm=0.2, nominal_source_to_detector_mm=None)
     room.service.take(small_dicom(), "CARM")
@@ -251,7 +371,8 @@ def test_nominal_values_of_the_case_go_before_those_of_the_image(room: Room) -> 
 def test_what_is_not_an_image_is_refused_and_nothing_is_kept(room: Room, tmp_path: Path) -> None:
     with pytest.raises(ImageUnreadable, match="5 bytes that are not an image"):
         room.service.take(b"hello", "CARM")
-    assert list(tmp_path.rglob("*.*")) == []
+    assert list(tmp_path.rglob("*.dcm")) == []
+    assert stored(room) == []
     assert room.frames.empty()
 
 

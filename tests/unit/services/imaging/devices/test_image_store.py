@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from services.imaging.devices.image_store import ImageStore
+from services.imaging.devices.image_store import ImageStore, write_atomically
 from shared.errors import ConfigurationError
 
 
@@ -14,9 +14,11 @@ def test_an_image_is_found_again_by_its_hash(tmp_path: Path) -> None:
     assert store.get(sha256) == b"content"
     assert ImageStore(tmp_path / "images").get(sha256) == b"content"
     assert store.get_header(sha256) is None
-    store.put_header(sha256, b"first")
-    store.put_header(sha256, b"second")
-    assert store.get_header(sha256) == b"second"
+    store.path(sha256).with_suffix(".json").write_bytes(b"of an older version")
+    assert store.get_header(sha256) == b"of an older version"
+    store.index.add(1, sha256, b"first", in_run=False)
+    store.index.add(2, sha256, b"second", in_run=False)
+    assert ImageStore(tmp_path / "images").get_header(sha256) == b"second"
 
 
 def test_keeping_the_same_image_twice_changes_nothing(tmp_path: Path) -> None:
@@ -30,7 +32,7 @@ def test_keeping_the_same_image_twice_changes_nothing(tmp_path: Path) -> None:
 def test_nothing_half_written_is_left(tmp_path: Path) -> None:
     store = ImageStore(tmp_path)
     store.put(b"content")
-    files = [p for p in tmp_path.rglob("*") if p.is_file()]
+    files = [p for p in tmp_path.rglob("*") if p.is_file() and not p.name.startswith("index.sqlite")]
     assert [p.suffix for p in files] == [".dcm"]
 
 
@@ -45,18 +47,20 @@ def test_a_write_that_fails_leaves_no_file(tmp_path: Path) -> None:
     store = ImageStore(tmp_path)
     sha256 = hashlib.sha256(b"content").hexdigest()
     (tmp_path / sha256[:2]).write_bytes(b"a file where the folder must be")
+    before = sorted(tmp_path.iterdir())
     with pytest.raises(OSError, match=r"exists|directory"):
         store.put(b"content")
-    assert len(list(tmp_path.iterdir())) == 1
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_a_write_that_fails_at_the_last_step_takes_its_temporary_file_away(tmp_path: Path) -> None:
     store = ImageStore(tmp_path)
-    sha256 = store.put(b"content")
-    store.path(sha256).with_suffix(".json").mkdir()
+    file = tmp_path / "folder" / "file"
+    file.mkdir(parents=True)
     with pytest.raises(OSError, match="directory"):
-        store.put_header(sha256, b"header")
-    assert sorted(p.suffix for p in store.path(sha256).parent.iterdir()) == [".dcm", ".json"]
+        write_atomically(file, b"content")
+    assert sorted(file.parent.iterdir()) == [file]
+    assert store.get(hashlib.sha256(b"content").hexdigest()) is None
 
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
