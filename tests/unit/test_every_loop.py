@@ -240,7 +240,7 @@ def break_calibrate(rig: Rig) -> str:
     room = rig.stack.enter_context(
         room_of(ImageStore(rig.tmp_path), rig.tmp_path, CArmMemory(PositionStore(rig.tmp_path)))
     )
-    room.service._shots = Broken()  # type: ignore[assignment]
+    room.service._calibrator._newest = Broken()  # type: ignore[assignment]
     return "calibrate"
 
 
@@ -317,7 +317,7 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("services/imaging/devices/dicom_receiver.py", "DICOM reception"): break_dicom,
     ("services/imaging/devices/folder_source.py", "watch folder"): break_folder,
     ("services/imaging/devices/video_source.py", "video"): break_video,
-    ("services/imaging/service/imaging_service.py", "calibrate"): break_calibrate,
+    ("services/imaging/service/calibrator.py", "calibrate"): break_calibrate,
     ("services/registration/live.py", "guidance"): break_guidance,
     ("services/registration/service.py", "epoch"): break_epoch,
     ("services/registration/service.py", "localise"): break_localise,
