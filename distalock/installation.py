@@ -77,10 +77,7 @@ class Installation:
 
     def require_free_ports(self) -> None:
         """Refuse ports in use before anything starts; raises `ConfigurationError`."""
-        wanted = [("router", "the router"), ("rest", "the REST gateway"), ("dicom", "DICOM reception")]
-        if self.simulated:
-            wanted += [("gcs", "the virtual hexapod controller"), ("control", "the virtual operating room's control")]
-        for name, used_for in wanted:
+        for name, used_for in self._listening():
             require_free_port(getattr(self.ports, name), used_for, f"--{name}-port")
 
     def specs(self) -> list[ProcessSpec]:
@@ -124,7 +121,24 @@ class Installation:
 
     def fleet(self, stop: threading.Event) -> Fleet:
         """The processes, not yet started; setting `stop` ends their starting and their being watched."""
-        return Fleet(self.specs(), self.state_dir / "logs", stop=stop)
+        return Fleet(self.specs(), self.state_dir / "logs", stop=stop, reservations=self._reservations())
+
+    def _reservations(self) -> dict[str, str]:
+        """What no other installation may use, with the remedy."""
+        end_it = "end it, or choose another"
+        wanted = {f"port {getattr(self.ports, name)}": f"{end_it} with --{name}-port" for name, _ in self._listening()}
+        if self.controller_url is not None:
+            wanted[f"the hexapod controller at {self.controller_url}"] = f"{end_it} with --controller"
+        return wanted
+
+    def _listening(self) -> list[tuple[str, str]]:
+        listening = [("router", "the router"), ("rest", "the REST gateway"), ("dicom", "DICOM reception")]
+        if self.simulated:
+            listening += [
+                ("gcs", "the virtual hexapod controller"),
+                ("control", "the virtual operating room's control"),
+            ]
+        return listening
 
     def write_directory(self, pids: Mapping[str, int]) -> Path:
         """Write who runs where to `installation.json` in the state folder, for tools and tests."""

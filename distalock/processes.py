@@ -12,17 +12,22 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import IO, Self
 
+from distalock.reservations import reserved
 from shared.errors import ConfigurationError
+from shared.signals import PARENT_PIPE
 
 _STOP_PATIENCE_S = 8.0
 _POLL_S = 0.05
 _LEAST_FREE_BYTES = 64 * 2**20
+MOST_OUTPUT_BYTES = 2**20
+LOG_FILE = "DISTALOCK_LOG_FILE"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +62,23 @@ class Fleet:
         log_dir: Path,
         start_patience_s: float = 60.0,
         stop: threading.Event | None = None,
+        reservations: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._specs = tuple(specs)
         self._log_dir = log_dir
         self._start_patience_s = start_patience_s
         self._stop = stop or threading.Event()
         self._running: list[tuple[ProcessSpec, subprocess.Popen[bytes]]] = []
-        self._folder_lock: IO[bytes] | None = None
+        self._reservations = reservations
+        self._held = ExitStack()
+        self._lifeline = -1
 
     def __enter__(self) -> Self:
-        self._folder_lock = taken_folder(self._log_dir)
+        with ExitStack() as held:
+            held.enter_context(reserved(self._reservations))
+            held.enter_context(taken_folder(self._log_dir))
+            self._lifeline = held.enter_context(_pipe_that_ends_with_us())
+            self._held = held.pop_all()
         try:
             for spec in self._specs:
                 self._start(spec)
@@ -88,15 +100,21 @@ class Fleet:
     def wait_until_one_ends(self) -> str | None:
         """Block until the stop event is set (then None) or a process ends by itself (then its name)."""
         while not self._stop.wait(_POLL_S):
-            for spec, process in self._running:
-                if process.poll() is not None:
-                    return spec.name
+            if (ended := self._first_ended()) is not None:
+                return ended.name
+            self._cut_output()
         return None
 
     def last_words(self, name: str) -> str:
-        """Last line that a process wrote, for error messages."""
-        lines = self._log_file(name).read_text(errors="replace").strip().splitlines()
-        return lines[-1] if lines else "it wrote nothing"
+        """Last line that a process wrote, for error messages: of what it printed, else of its log."""
+        for file in (self._output_file(name), self._log_file(name)):
+            try:
+                lines = file.read_text(errors="replace").strip().splitlines()
+            except OSError:
+                continue
+            if lines:
+                return lines[-1]
+        return "it wrote nothing"
 
     def restart(self, name: str) -> None:
         """Start a process again, after ending it if it still runs.
@@ -120,18 +138,35 @@ class Fleet:
                 process.send_signal(signal.SIGTERM)
                 _wait_or_kill(process)
         self._running.clear()
-        if self._folder_lock is not None:
-            self._folder_lock.close()
+        self._held.close()
 
-    def _log_file(self, name: str) -> Path:
+    def _output_file(self, name: str) -> Path:
+        """What a process printed: why it did not start, or how it broke down."""
         return self._log_dir / f"{name}.log"
 
+    def _log_file(self, name: str) -> Path:
+        """What a service logs, by itself, in files that rotate."""
+        return self._log_dir / f"{name}.jsonl"
+
+    def _first_ended(self) -> ProcessSpec | None:
+        return next((spec for spec, process in self._running if process.poll() is not None), None)
+
+    def _cut_output(self) -> None:
+        """Empty what grew too long; the processes append, and go on at the new end."""
+        for spec, _ in self._running:
+            file = self._output_file(spec.name)
+            with suppress(OSError):
+                if file.stat().st_size > MOST_OUTPUT_BYTES:
+                    os.truncate(file, 0)
+
     def _start(self, spec: ProcessSpec) -> None:
-        with self._log_file(spec.name).open("ab") as log:
+        environment = {LOG_FILE: str(self._log_file(spec.name)), PARENT_PIPE: str(self._lifeline)}
+        with self._output_file(spec.name).open("ab") as log:
             # A session of its own: Ctrl-C reaches only us, and we stop the others in order.
             process = subprocess.Popen(
                 [sys.executable, "-m", spec.module, *spec.arguments],
-                env={**os.environ, **spec.environment},
+                env={**os.environ, **environment, **spec.environment},
+                pass_fds=(self._lifeline,),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -142,13 +177,23 @@ class Fleet:
         while not spec.is_ready():
             if self._stop.is_set():
                 raise ConfigurationError(f"interrupted while {spec.name} was starting; everything was stopped again")
-            if process.poll() is not None:
-                raise ConfigurationError(f"{spec.name} did not start: {self.last_words(spec.name)}")
+            if (ended := self._first_ended()) is not None:
+                raise ConfigurationError(f"{ended.name} did not start: {self.last_words(ended.name)}")
             if time.monotonic() > deadline:
-                raise ConfigurationError(
-                    f"{spec.name} was not ready after {self._start_patience_s:.0f} s; see {self._log_file(spec.name)}"
-                )
+                waited = f"{spec.name} was not ready after {self._start_patience_s:.0f} s"
+                raise ConfigurationError(f"{waited}; see {self._output_file(spec.name)}")
             time.sleep(_POLL_S)
+
+
+@contextmanager
+def _pipe_that_ends_with_us() -> Iterator[int]:
+    """The end of a pipe that says that this process has ended, however it ended: nobody else holds the other end."""
+    reads, writes = os.pipe()
+    try:
+        yield reads
+    finally:
+        os.close(reads)
+        os.close(writes)
 
 
 def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:

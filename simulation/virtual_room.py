@@ -33,6 +33,8 @@ _DEFAULT_SEED = 0
 _WARM_UP_PX = 64
 _START_WITHIN_S = 30.0
 _END_WITHIN_S = 10.0
+# The robot service ends first, and locks the hexapod.
+_LINGER_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,11 @@ def run_virtual_or(settings: VirtualRoomSettings) -> int:
     ending = _Ending()
     try:
         scenario = chosen_scenario(settings)
-        with faults_go_to(ending), set_by_signals(ending.asked), virtual_room(settings, scenario) as addresses:
+        with (
+            faults_go_to(ending),
+            set_by_signals(ending.asked, _LINGER_S),
+            virtual_room(settings, scenario) as addresses,
+        ):
             _announce(scenario, settings, addresses)
             ending.asked.wait()
     except (ConfigurationError, InputError) as error:

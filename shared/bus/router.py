@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 import zenoh
 
@@ -17,6 +18,8 @@ from shared.arguments import OneLineParser
 from shared.errors import ConfigurationError
 from shared.signals import set_by_signals
 
+# The services end first; the robot's locks the hexapod and says so.
+LINGER_S: Final = 5.0
 DEFAULT_CONFIG = Path(__file__).with_name("router.json5")
 
 
@@ -75,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     stop = threading.Event()
     try:
-        with set_by_signals(stop), running_router(given.config, given.listen):
+        with set_by_signals(stop, LINGER_S), running_router(given.config, given.listen):
             stop.wait()
     except ConfigurationError as error:
         print(f"router: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal

@@ -75,11 +75,20 @@ class RotatingFile:
         if self._descriptor is None:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o640)
-        size = os.fstat(self._descriptor).st_size
-        if size and size + more_bytes > self._most_bytes:
+        status = os.fstat(self._descriptor)
+        if not self._is_at_path(status.st_ino):
+            self.close()  # another process of the service has rotated it, or somebody has deleted it
+            return self._opened(more_bytes)
+        if status.st_size and status.st_size + more_bytes > self._most_bytes:
             self._rotate()
             return self._opened(more_bytes)
         return self._descriptor
+
+    def _is_at_path(self, inode: int) -> bool:
+        try:
+            return self._path.stat().st_ino == inode
+        except FileNotFoundError:
+            return False
 
     def _rotate(self) -> None:
         self.close()

@@ -38,7 +38,7 @@ from shared.runtime.lifecycle import Runtime, open_service
 from shared.runtime.log_lines import LineWriter
 from shared.runtime.presence import beating
 from shared.runtime.settings import ServiceSettings
-from shared.signals import set_by_signals
+from shared.signals import PARENT_PIPE, set_by_signals
 from shared.threads import faults_go_to
 from tests.unit.services.imaging.devices.test_video_source import film
 from tests.unit.services.imaging.test_service import room_of
@@ -174,6 +174,17 @@ def break_signals(rig: Rig) -> str:
     rig.stack.enter_context(set_by_signals(stop))
     os.kill(os.getpid(), signal.SIGTERM)
     return "signals"
+
+
+def break_parent_watch(rig: Rig) -> str:
+    reads, writes = os.pipe()
+    rig.stack.callback(os.close, reads)
+    os.environ[PARENT_PIPE] = str(reads)
+    stop = threading.Event()
+    stop.set = inject  # type: ignore[method-assign]
+    rig.stack.enter_context(set_by_signals(stop))
+    os.close(writes)
+    return "parent"
 
 
 def break_log(_: Rig) -> str:
@@ -313,6 +324,7 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("shared/runtime/impairments.py", "impairments"): break_impairments,
     ("shared/runtime/log_lines.py", "log"): break_log,
     ("shared/runtime/presence.py", "heartbeat {service}"): break_heartbeat,
+    ("shared/signals.py", "parent"): break_parent_watch,
     ("shared/signals.py", "signals"): break_signals,
     ("services/imaging/devices/dicom_receiver.py", "DICOM reception"): break_dicom,
     ("services/imaging/devices/folder_source.py", "watch folder"): break_folder,

@@ -1,13 +1,17 @@
 """A fleet of processes: order, readiness, last words, ports."""
 
+import os
+import signal
 import socket
+import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
-from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
+from distalock.processes import MOST_OUTPUT_BYTES, Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
 from shared.errors import ConfigurationError
 
 
@@ -114,3 +118,67 @@ def test_a_folder_in_use_is_refused_and_free_again_afterwards(tmp_path: Path) ->
         Fleet([], tmp_path / "logs").__enter__()
     with Fleet([], tmp_path / "logs"):
         pass
+
+
+NOTICES = """\
+import os, pathlib, sys, threading
+from shared.signals import set_by_signals
+stop = threading.Event()
+with set_by_signals(stop):
+    pathlib.Path(sys.argv[0]).with_suffix(".pid").write_text(str(os.getpid()))
+    stop.wait()
+pathlib.Path(sys.argv[0]).with_suffix(".left").write_text("cleanly")
+"""
+KILLED = """\
+import os, pathlib, signal, sys, time
+from distalock.processes import MOST_OUTPUT_BYTES, Fleet, ProcessSpec
+folder = pathlib.Path(sys.argv[1])
+spec = ProcessSpec("notices", "notices", (folder / "notices.pid").exists, environment={"PYTHONPATH": sys.argv[2]})
+with Fleet([spec], folder / "logs"):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_processes_end_when_what_started_them_is_killed(tmp_path: Path) -> None:
+    write_module(tmp_path, "notices", NOTICES)
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path), path], env={**os.environ, "PYTHONPATH": path}, check=False
+    )
+    assert killed.returncode == -signal.SIGKILL
+    deadline_s = time.monotonic() + 60.0
+    while not (tmp_path / "notices.left").exists():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+
+
+def test_what_a_process_prints_has_a_bounded_size(tmp_path: Path) -> None:
+    write_module(tmp_path, "one", WAITS)
+    with Fleet([spec(tmp_path, "one")], tmp_path / "logs") as fleet:
+        file = tmp_path / "logs" / "one.log"
+        with file.open("ab") as output:
+            output.write(b"x" * (MOST_OUTPUT_BYTES + 1))
+        fleet._cut_output()
+        assert file.stat().st_size == 0
+
+
+def test_a_reserved_port_is_refused_before_anything_is_started(tmp_path: Path) -> None:
+    write_module(tmp_path, "one", WAITS)
+    number = f"port {free_ports(1)[0]}"
+    with (
+        Fleet([], tmp_path / "first", reservations={number: ""}),
+        pytest.raises(ConfigurationError, match="is used by another installation that runs now; choose another"),
+        Fleet([spec(tmp_path, "one")], tmp_path / "second", reservations={number: "choose another"}),
+    ):
+        pytest.fail("entered a fleet whose port is another's")
+    assert not (tmp_path / "second" / "one.log").exists()
+
+
+def test_a_process_that_ends_while_another_starts_is_named(tmp_path: Path) -> None:
+    write_module(tmp_path, "dies", "import sys\nsys.exit('the tube is cold')\n")
+    write_module(tmp_path, "slow", WAITS)
+    with (
+        pytest.raises(ConfigurationError, match="dies did not start: the tube is cold"),
+        Fleet([spec(tmp_path, "dies"), never_ready(tmp_path, "slow")], tmp_path / "logs"),
+    ):
+        pytest.fail("entered a fleet that did not start")

@@ -126,3 +126,13 @@ def test_standard_error_that_is_closed_is_an_error_of_the_sink(monkeypatch: pyte
     monkeypatch.setattr("sys.stderr", None)
     with pytest.raises(OSError, match="standard error is closed"):
         StandardError().write("one")
+
+
+def test_a_log_file_that_another_process_rotated_is_opened_again(tmp_path: Path) -> None:
+    path = tmp_path / "ui_api.jsonl"
+    first, second = RotatingFile(path, most_bytes=20), RotatingFile(path, most_bytes=20)
+    for number in range(4):
+        first.write(f"first {number:03d}")
+        second.write(f"second {number:03d}")
+    assert path.stat().st_size <= 20
+    assert path.read_text().splitlines()[-1] == "second 003"
