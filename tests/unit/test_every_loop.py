@@ -290,6 +290,12 @@ def break_inbox(rig: Rig) -> str:
     return "inbox"
 
 
+def break_catch_up(rig: Rig) -> str:
+    room = rig.stack.enter_context(open_room(rig.tmp_path))
+    room.gateway.inbox._catch_up._ask_for_images = inject  # type: ignore[method-assign]
+    return "catch up"
+
+
 def break_http(rig: Rig) -> str:
     listening = listening_socket("127.0.0.1", 0)
     listening.close()
@@ -337,6 +343,7 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("services/robot/drive/drive.py", "drive"): break_drive,
     ("services/robot/gateway_monitor.py", "gateway-watch"): break_gateway_watch,
     ("services/robot/service.py", "robot-state"): break_robot_state,
+    ("services/ui_api/handlers/catch_up.py", "catch up"): break_catch_up,
     ("services/ui_api/handlers/commands.py", "commands"): break_commands,
     ("services/ui_api/handlers/inbox.py", "inbox"): break_inbox,
     ("services/ui_api/handlers/leases.py", "lapse"): break_lapse,

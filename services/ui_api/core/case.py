@@ -8,6 +8,7 @@ from services.ui_api.core.event_data import (
     CaseSetup,
     ImageCalibrated,
     ImageReceived,
+    ImageSkipped,
     LocalisationReceived,
     PlanApproved,
     PlanMade,
@@ -37,7 +38,11 @@ class PlanEntry:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Everything the log says about a case. Lists are in the order of the log; numbers count from 1."""
+    """Everything the log says about a case. Lists are in the order of the log; numbers count from 1.
+
+    Images are in the order in which they were received, the newest last: one that the gateway missed, and records
+    later, takes its place among the others.
+    """
 
     case_id: str
     opened_at_ns: int
@@ -48,6 +53,7 @@ class Case:
     stage_before_motion: Stage = Stage.POSITIONING
     images: tuple[ImageReceived, ...] = ()
     calibrations: tuple[ImageCalibrated, ...] = ()
+    skipped: tuple[ImageSkipped, ...] = ()
     localisations: tuple[LocalisationReceived, ...] = ()
     plans: tuple[PlanEntry, ...] = ()
     motions: tuple[str, ...] = ()
@@ -72,6 +78,10 @@ class Case:
     def localisation_of(self, image_sha256: str) -> LocalisationReceived | None:
         """The newest localisation made from an image."""
         return next((x for x in reversed(self.localisations) if x.image_sha256 == image_sha256), None)
+
+    def skip_of(self, image_sha256: str) -> ImageSkipped | None:
+        """Why an image was not calibrated or localised; None when it was, or nobody has said so."""
+        return next((s for s in reversed(self.skipped) if s.image_sha256 == image_sha256), None)
 
     def plan(self, number: int) -> PlanEntry | None:
         """A plan, by its number."""
@@ -120,7 +130,16 @@ def _(data: SetupChanged, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 @_after.register
 def _(data: ImageReceived, case: Case, event: Event) -> Case:  # noqa: ARG001
-    return _moved(replace(case, images=(*case.images, data)), Trigger.IMAGE_RECEIVED)
+    place = len(case.images)
+    while place > 0 and data.precedes(case.images[place - 1]):
+        place -= 1
+    known = replace(case, images=(*case.images[:place], data, *case.images[place:]))
+    return _moved(known, Trigger.IMAGE_RECEIVED) if place == len(case.images) else known
+
+
+@_after.register
+def _(data: ImageSkipped, case: Case, event: Event) -> Case:  # noqa: ARG001
+    return replace(case, skipped=(*case.skipped, data))
 
 
 @_after.register

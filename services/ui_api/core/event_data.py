@@ -76,13 +76,36 @@ class SetupChanged:
 
 @dataclass(frozen=True, slots=True)
 class ImageReceived:
-    """The C-arm delivered an image. `header_sha256` names its header's document (None: only its name is known)."""
+    """The C-arm delivered an image. `header_sha256` names its header's document (None: only its name is known).
+
+    `sequence` is its number in the image store `store_id`; records of older versions have neither. `in_run`: it is a
+    frame of running fluoroscopy, of which not every one is calibrated and localised.
+    """
 
     image_sha256: str
     sop_instance_uid: str
     received_at_ns: int
     case_revision: int
     header_sha256: str | None
+    store_id: str | None = None
+    sequence: int | None = None
+    in_run: bool = False
+
+    def precedes(self, other: "ImageReceived") -> bool:
+        """Whether it was received before another one, by their numbers; False where nobody can know."""
+        if self.store_id is None or self.store_id != other.store_id:
+            return False
+        return (self.sequence or 0) < (other.sequence or 0)
+
+
+@dataclass(frozen=True, slots=True)
+class ImageSkipped:
+    """A step was left out for an image, `calibration` or `localisation`, and why."""
+
+    image_sha256: str
+    step: str
+    code: str
+    message: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from services.ui_api.core.event_data import (
     GatewayStarted,
     ImageCalibrated,
     ImageReceived,
+    ImageSkipped,
     LocalisationReceived,
     PlanApproved,
     PlanMade,
@@ -39,6 +40,7 @@ class EventKind(StrEnum):
     SETUP_CHANGED = "setup_changed"
     IMAGE_RECEIVED = "image_received"
     IMAGE_CALIBRATED = "image_calibrated"
+    IMAGE_SKIPPED = "image_skipped"
     LOCALISATION_RECEIVED = "localisation_received"
     PLAN_MADE = "plan_made"
     PLAN_REFUSED = "plan_refused"
@@ -61,6 +63,7 @@ EventData = (
     | SetupChanged
     | ImageReceived
     | ImageCalibrated
+    | ImageSkipped
     | LocalisationReceived
     | PlanMade
     | PlanRefused
@@ -83,6 +86,7 @@ DATA_OF_KIND: dict[EventKind, type[EventData]] = {
     EventKind.SETUP_CHANGED: SetupChanged,
     EventKind.IMAGE_RECEIVED: ImageReceived,
     EventKind.IMAGE_CALIBRATED: ImageCalibrated,
+    EventKind.IMAGE_SKIPPED: ImageSkipped,
     EventKind.LOCALISATION_RECEIVED: LocalisationReceived,
     EventKind.PLAN_MADE: PlanMade,
     EventKind.PLAN_REFUSED: PlanRefused,

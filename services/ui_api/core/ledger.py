@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from services.ui_api.core.case import Case, applied, opened_case
-from services.ui_api.core.event_data import CaseOpened
+from services.ui_api.core.event_data import CaseOpened, ImageReceived
 from services.ui_api.core.events import Event
+from services.ui_api.core.image_numbers import NumbersOnRecord
 from services.ui_api.core.operations import Operation, ended, progressed
 from services.ui_api.core.robot_event_data import OperationEnded, OperationProgressed, OperationRequested
 
@@ -21,6 +22,7 @@ class Ledger:
     cases: dict[str, Case] = field(default_factory=dict)
     operations: dict[str, Operation] = field(default_factory=dict)
     head_sequence: int = 0
+    images: dict[str, NumbersOnRecord] = field(default_factory=dict)  # by image store, of all cases and none
 
     def take(self, event: Event) -> None:
         """Fold in one more event, which must be the next of the log."""
@@ -28,11 +30,12 @@ class Ledger:
             raise ValueError(f"expected event {self.head_sequence + 1}, got event {event.sequence}")
         self._take_case(event)
         self._take_operation(event)
+        self._take_image(event)
         self.head_sequence = event.sequence
 
     def with_events(self, events: Sequence[Event]) -> "Ledger":
         """The ledger after more events; this one stays as it is. Raises what an event brings that does not fit."""
-        after = Ledger(self.cases, self.operations, self.head_sequence)
+        after = Ledger(self.cases, self.operations, self.head_sequence, self.images)
         for event in events:
             after.take(event)
         return after
@@ -40,6 +43,7 @@ class Ledger:
     def become(self, after: "Ledger") -> None:
         """Take over another ledger's contents."""
         self.cases, self.operations, self.head_sequence = after.cases, after.operations, after.head_sequence
+        self.images = after.images
 
     def open_case(self) -> Case | None:
         """The case that is open in this room, if any."""
@@ -65,6 +69,12 @@ class Ledger:
         case = _case_with(self.cases.get(event.case_id), event)
         if case is not None:
             self.cases = {**self.cases, event.case_id: case}
+
+    def _take_image(self, event: Event) -> None:
+        data = event.data
+        if isinstance(data, ImageReceived) and data.store_id is not None and data.sequence is not None:
+            numbers = self.images.get(data.store_id, NumbersOnRecord()).with_number(data.sequence)
+            self.images = {**self.images, data.store_id: numbers}
 
     def _take_operation(self, event: Event) -> None:
         data = event.data

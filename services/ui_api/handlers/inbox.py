@@ -10,9 +10,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from services.ui_api.core.case import Case
-from services.ui_api.core.event_data import ImageCalibrated, ImageReceived, LocalisationReceived, PresenceChanged
+from services.ui_api.core.event_data import (
+    ImageCalibrated,
+    ImageReceived,
+    ImageSkipped,
+    LocalisationReceived,
+    PresenceChanged,
+)
 from services.ui_api.core.events import EventData, EventDraft
 from services.ui_api.core.fluoroscopy import FluoroscopyRun
+from services.ui_api.core.image_numbers import NumbersOnRecord
+from services.ui_api.handlers.catch_up import CatchUp, Recorder
 from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.images import FRAME_TIMEOUT_S
 from services.ui_api.handlers.robot_view import RobotView, change_of
@@ -26,6 +34,7 @@ from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageRefere
 from shared.messages.presence import ServiceName
 from shared.messages.registration import LocalisationRecord
 from shared.messages.robot import RobotState
+from shared.messages.stored_images import Skip, Step, StoredImage
 from shared.runtime.latest import BoundedQueue
 from shared.runtime.logging import Log
 from shared.threads import report_error, supervised_thread
@@ -35,6 +44,7 @@ _QUEUE_SIZE = 4096
 # How long the thread waits for work before any run of images: nothing depends on it.
 _IDLE_S = 0.5
 _AGAIN_AFTER_S = 0.25
+_WHO_SKIPS = {Step.CALIBRATION: "imaging", Step.LOCALISATION: "registration"}
 
 
 @dataclass(slots=True)
@@ -74,6 +84,10 @@ class Inbox:
         self.blocked: str | None = None
         self._thread = supervised_thread("inbox", self._work)
         self.presence = ServicePresence(dict.fromkeys(WATCHED_SERVICES, False))
+        recorder = Recorder(
+            self._images, self._record_whole, self._record_localisation, self._skip, self._put_if_possible
+        )
+        self._catch_up = CatchUp(bus, keys, record, recorder, log)
 
     def start(self) -> None:
         """Begin to listen and to record."""
@@ -84,17 +98,24 @@ class Inbox:
         self._bus.subscribe_retained(self._keys.robot_state, self._robot_state)
         for service in WATCHED_SERVICES:
             self._bus.presence().watch_alive(self._keys.alive(service), self._presence_of(service))
+        self._catch_up.start()
 
     def close(self) -> None:
         """Record what is still waiting, then end."""
+        self._catch_up.close()
         self._closing.set()
         self._put(self._end)
         if self._thread.is_alive():
             self._thread.join(5.0)
 
     def _put(self, work: Callable[[], None]) -> None:
-        if not self._queue.put(work):
+        self._put_if_possible(work)
+
+    def _put_if_possible(self, work: Callable[[], None]) -> bool:
+        taken = self._queue.put(work)
+        if not taken:
             self._log.error("inbox_full", refused=self._queue.refused, size=_QUEUE_SIZE)
+        return taken
 
     def _work(self) -> None:
         while not self._ended:
@@ -149,6 +170,8 @@ class Inbox:
             if self.presence.alive[service] is not alive:
                 self.presence.alive[service] = alive
                 self._put(lambda: self._append_to_open_case(PresenceChanged(service, alive), service))
+                if alive:
+                    self._catch_up.wake()
 
         return changed
 
@@ -162,6 +185,24 @@ class Inbox:
         self.presence.image_source = f"{header.manufacturer} {header.model_name}".strip()
         with self._record.write() as unit:
             self._keep_image(unit, header.case_id, header.case_revision, header.reference(), header)
+        if header.sequence > self._numbers(header.store_id).through:
+            self._catch_up.wake()
+
+    def _images(self, images: tuple[StoredImage, ...]) -> None:
+        """Images that were missed, in the order of their numbers."""
+        with self._record.write() as unit:
+            for header in (one.header for one in images):
+                if header.sequence not in self._numbers(header.store_id):
+                    self._keep_image(unit, header.case_id, header.case_revision, header.reference(), header)
+
+    def _skip(self, case: Case, image: ImageReceived, skip: Skip) -> None:
+        with self._record.write() as unit:
+            if self._record.ledger.cases[case.case_id].skip_of(image.image_sha256) is None:
+                data = ImageSkipped(image.image_sha256, skip.step.value, skip.code.value, skip.message)
+                unit.append(EventDraft(data, case.case_id, _WHO_SKIPS[skip.step]))
+
+    def _numbers(self, store_id: str | None) -> NumbersOnRecord:
+        return self._record.ledger.images.get(store_id or "", NumbersOnRecord())
 
     def _calibration(self, payload: bytes) -> None:
         message = decode(CalibrationMessage, payload)
@@ -174,6 +215,9 @@ class Inbox:
         else:
             self._run_interval_s = run_interval_s
             self._run.hold(message.image.sha256, payload)
+
+    def _record_whole(self, payload: bytes) -> None:
+        self._record_calibration(decode(CalibrationMessage, payload), payload)
 
     def _record_calibration(self, message: CalibrationMessage, payload: bytes) -> None:
         codes = tuple(reason.code.value for reason in message.reasons)
@@ -188,7 +232,9 @@ class Inbox:
             unit.append(EventDraft(data, case.case_id, "imaging"))
 
     def _localisation(self, payload: bytes) -> None:
-        message = decode(LocalisationRecord, payload)
+        self._record_localisation(decode(LocalisationRecord, payload))
+
+    def _record_localisation(self, message: LocalisationRecord) -> None:
         held = self._run.claim(message.image.sha256)
         if held is not None:
             self._record_calibration(decode(CalibrationMessage, held), held)
@@ -233,18 +279,30 @@ class Inbox:
     ) -> None:
         """Record an image once."""
         case = self._record.ledger.cases.get(case_id or "")
+        if reference.store_id is not None and reference.sequence in self._numbers(reference.store_id):
+            return
         if case is not None and _has_image(case, reference):
             return
         header_sha256 = None if header is None else unit.put_document(encode(header))
         data = ImageReceived(
-            reference.sha256, reference.sop_instance_uid, reference.received_at_ns, revision, header_sha256
+            reference.sha256,
+            reference.sop_instance_uid,
+            reference.received_at_ns,
+            revision,
+            header_sha256,
+            reference.store_id,
+            None if reference.store_id is None else reference.sequence,
+            reference.run_interval_s is not None,
         )
         unit.append(EventDraft(data, case.case_id if case else None, "imaging"))
 
 
 def _has_image(case: Case, reference: ImageReference) -> bool:
-    wanted = (reference.sha256, reference.received_at_ns)
-    return any((i.image_sha256, i.received_at_ns) == wanted for i in case.images)
+    """By its number; in messages and records of older versions by hash and time."""
+    if reference.store_id is not None:
+        wanted = (reference.store_id, reference.sequence)
+        return any((i.store_id, i.sequence) == wanted for i in reversed(case.images))
+    return any((i.image_sha256, i.received_at_ns) == (reference.sha256, reference.received_at_ns) for i in case.images)
 
 
 def _keep_overlay(unit: UnitOfWork, message: LocalisationRecord) -> str | None:

@@ -106,6 +106,14 @@ class CaseView(View):
         )
 
 
+class SkipView(View):
+    """Why an image was not calibrated or not localised."""
+
+    step: str
+    code: str
+    message: str
+
+
 class ImageView(View):
     """An image of a case. `header` is null when the image itself was dropped on the bus but a result of it came."""
 
@@ -117,12 +125,14 @@ class ImageView(View):
     header: FrameHeader | None
     localisation: int | None = Field(description="Number of the newest localisation made from it.")
     calibrated: bool | None = Field(description="Null until imaging has reported.")
+    skipped: SkipView | None = Field(description="Why there is no calibration or no localisation and will be none.")
 
     @staticmethod
     def of(case: Case, image: ImageReceived, header: FrameHeader | None) -> "ImageView":
         """From the ledger's value."""
         measured = case.localisation_of(image.image_sha256)
         calibration = case.calibration_of(image.image_sha256)
+        skip = case.skip_of(image.image_sha256)
         return ImageView(
             id=image.image_sha256,
             case_id=case.case_id,
@@ -132,6 +142,7 @@ class ImageView(View):
             header=header,
             localisation=None if measured is None else measured.number,
             calibrated=None if calibration is None else calibration.verdict == "accepted",
+            skipped=None if skip is None else SkipView(step=skip.step, code=skip.code, message=skip.message),
         )
 
 

@@ -1,5 +1,6 @@
 """The other services as the gateway meets them on the bus, written by hand and under the test's control."""
 
+import itertools
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -32,10 +33,19 @@ from shared.messages.robot import (
     StopCommand,
     StopLatch,
 )
+from shared.messages.stored_images import (
+    LocalisationReply,
+    LocalisationRequest,
+    Skip,
+    StoredImage,
+    StoredImagesReply,
+    StoredImagesRequest,
+)
 from shared.runtime.presence import StatusReporter, beating
 from tests.unit.services.ui_api import samples
 
 PATIENCE_S = 60.0
+_stores = itertools.count(1)
 HEARTBEAT_HZ = 5.0
 
 
@@ -74,19 +84,40 @@ class FakeImaging(OnTheBus):
         super().__init__(router, keys)
         self._frames = self.bus.publisher(keys.frame)
         self._headers: dict[str, FrameHeader] = {}
+        self.store_id = f"store-{next(_stores)}"
+        self.stored: list[StoredImage] = []
         self.bus.queryable(keys.any_frame_by_hash, self._frame)
+        self.bus.queryable(keys.stored_images, self._stored_images)
+        self.bus.queryable(keys.any_calibration_of, self._calibration)
         self.bus.queryable(keys.qa_request, self._quality)
         self.appear("imaging")
 
     def send(self, name: str, case_id: str | None, revision: int = 1) -> FrameHeader:
-        header = samples.frame_header(name, case_id, revision, len(self._headers))
-        self.keep(header)
+        header = self.store(name, case_id, revision)
         self._frames.put(samples.pixels(), encode(header))
         return header
 
-    def keep(self, header: FrameHeader) -> None:
-        """Have an image without publishing it, as if the bus had dropped the frame."""
+    def store(self, name: str, case_id: str | None, revision: int = 1, calibration: str = "pending") -> FrameHeader:
+        """Have an image without publishing it, as if the bus had dropped the frame, or nobody had listened."""
+        header = samples.frame_header(name, case_id, revision, len(self.stored) + 1)
+        header = header.model_copy(update={"store_id": self.store_id})
+        self.keep(header, calibration)
+        return header
+
+    def keep(self, header: FrameHeader, calibration: str = "pending", skip: Skip | None = None) -> None:
+        """Have this very image, the next by its number, or say something else of its calibration."""
         self._headers[header.sha256] = header
+        one = StoredImage.model_validate({"header": header, "calibration": calibration, "skip": skip})
+        self.stored[header.sequence - 1 : header.sequence] = [one]
+
+    def _stored_images(self, query: Query) -> Answer:
+        request = decode(StoredImagesRequest, query.payload)
+        images = tuple(self.stored[request.after : request.after + request.most])
+        return Answer(encode(StoredImagesReply(store_id=self.store_id, newest=len(self.stored), images=images)))
+
+    def _calibration(self, query: Query) -> Answer:
+        header = self.stored[int(query.key.rsplit("/", 1)[-1]) - 1].header
+        return Answer(encode(samples.calibration(header)))
 
     def _quality(self, query: Query) -> Answer:
         return Answer(encode(samples.qa_reply(decode(QaRequest, query.payload))))
@@ -111,6 +142,9 @@ class FakeRegistration(OnTheBus):
         self.asked = threading.Event()
         self.bus.queryable(keys.plan_request, self._plan)
         self.bus.queryable(keys.verification_request, self._verify)
+        self.replies: dict[str, LocalisationReply] = {}
+        self.localisation_requests: list[LocalisationRequest] = []
+        self.bus.queryable(keys.localisation_request, self._localise)
         self.appear("registration")
 
     def publish(self, header: FrameHeader, *reasons: ReasonCode) -> LocalisationRecord:
@@ -136,6 +170,11 @@ class FakeRegistration(OnTheBus):
             code, message = self.refusal
             return Answer(encode(PlanReply(verdict="rejected", code=code, message=message)))
         return Answer(encode(PlanReply(verdict="accepted", plan=samples.plan(request, f"registration-1.{self.count}"))))
+
+    def _localise(self, query: Query) -> Answer:
+        request = decode(LocalisationRequest, query.payload)
+        self.localisation_requests.append(request)
+        return Answer(encode(self.replies.get(request.image.sha256, LocalisationReply())))
 
     def _verify(self, query: Query) -> Answer:
         request = decode(VerificationRequest, query.payload)

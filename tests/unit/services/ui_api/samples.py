@@ -9,7 +9,7 @@ from services.ui_api.core.event_data import CaseSetup, PartUse
 from shared.errors import ReasonCode
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import Guidance, GuidanceUncertainty, GuidedHole, MirrorCheck
-from shared.messages.imaging import FrameHeader
+from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.qa import QaImage, QaReply, QaReport, QaRequest
 from shared.messages.registration import (
     CArmCorrection,
@@ -103,7 +103,7 @@ def case_setup() -> CaseSetup:
     )
 
 
-def frame_header(name: str, case_id: str | None, revision: int = 1, sequence: int = 0) -> FrameHeader:
+def frame_header(name: str, case_id: str | None, revision: int = 1, sequence: int = 1) -> FrameHeader:
     return FrameHeader(
         sha256=sha(name),
         sop_instance_uid=f"1.2.{sequence}",
@@ -156,6 +156,21 @@ def localisation(image_sha256: str, *reasons: ReasonCode) -> Localisation:
         holes=(hole, hole.model_copy(update={"id": "proximal"})),
         c_arm_correction_deg=CArmCorrection(about_image_x=-1.2, about_image_y=0.4),
         timing_ms=Timing(total=640.0),
+    )
+
+
+def calibration(header: FrameHeader) -> CalibrationMessage:
+    """Rejected, which is as much a calibration."""
+    return CalibrationMessage(
+        image=header.reference(),
+        case_id=header.case_id,
+        case_revision=header.case_revision,
+        ring_sha256=sha("ring"),
+        software_version="0.1.0",
+        verdict="rejected",
+        reasons=(),
+        values=None,
+        elapsed_ms=1.0,
     )
 
 

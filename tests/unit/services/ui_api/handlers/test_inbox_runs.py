@@ -23,8 +23,8 @@ def frame(room: Room, case_id: str, number: int, run_interval_s: float | None) -
 
 def arriving(room: Room, case_id: str, number: int, run_interval_s: float | None) -> FrameHeader:
     """A frame arrives; it is not calibrated yet."""
-    header = samples.frame_header(f"frame {number}", case_id, 1, number)
-    header = header.model_copy(update={"run_interval_s": run_interval_s})
+    header = samples.frame_header(f"frame {number}", case_id, 1, number + 1)
+    header = header.model_copy(update={"run_interval_s": run_interval_s, "store_id": room.imaging.store_id})
     room.imaging.keep(header)
     room.imaging.bus.publisher(room.imaging.keys.frame).put(samples.pixels(), encode(header))
     return header

@@ -81,8 +81,7 @@ def test_images_join_the_case_by_themselves(room: Room) -> None:
 
 def test_an_image_dropped_on_the_bus_is_learnt_of_from_its_localisation(room: Room) -> None:
     case_id = room.open_case()
-    header = samples.frame_header("dropped", case_id)
-    room.imaging.keep(header)
+    header = room.imaging.store("dropped", case_id)
     record = room.registration.publish(header)
     ledger = room.gateway.record.ledger
     epoch = record.registration_epoch
