@@ -77,6 +77,8 @@ class Bus(Protocol):
         ------
         NoReply
             No reply within the time, or an error reply (its text is in the message). Neither means "not carried out".
+        BusUnavailable
+            The session takes no question: it was closed.
         """
 
     def presence(self) -> "Presence":

@@ -166,15 +166,18 @@ class ZenohBus:
         return self._serve(channel, lambda query: _answer(handler, query), key)
 
     def query(self, key: str, payload: bytes, timeout_s: float) -> Answer:
-        """See `Bus`; raises `NoReply`."""
-        replies = self._session.get(
-            key,
-            payload=payload,
-            timeout=timeout_s,
-            target=zenoh.QueryTarget.BEST_MATCHING,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            express=True,
-        )
+        """See `Bus`; raises `NoReply`, or `BusUnavailable` when the session takes no question."""
+        try:
+            replies = self._session.get(
+                key,
+                payload=payload,
+                timeout=timeout_s,
+                target=zenoh.QueryTarget.BEST_MATCHING,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                express=True,
+            )
+        except zenoh.ZError as error:
+            raise BusUnavailable(f"'{key}' cannot be asked: {error}; see to the router and the network") from error
         for reply in replies:
             if reply.ok is not None:
                 return Answer(reply.ok.payload.to_bytes(), _bytes(reply.ok.attachment))

@@ -1,6 +1,6 @@
 """What impairs any service, whatever it does: a disk that is nearly full, log lines that cannot be written."""
 
-import shutil
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -57,9 +57,18 @@ def nearly_full(folder: Path, least_free_mib: float) -> str | None:
     """A sentence when the folder's disk has less space than that or cannot be asked, else None."""
     try:
         existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-        free_mib = shutil.disk_usage(existing).free / _MIB
+        disk = os.statvfs(existing)
     except OSError as error:
         return f"the disk of {folder} cannot be asked for its free space ({error.strerror or error}); see to the disk"
+    return _lack_of(disk, folder, least_free_mib)
+
+
+def _lack_of(disk: os.statvfs_result, folder: Path, least_free_mib: float) -> str | None:
+    if disk.f_flag & os.ST_RDONLY:
+        return f"the disk of {folder} is mounted read-only; see to the disk, then mount it anew"
+    if disk.f_files > 0 and disk.f_favail == 0:
+        return f"the disk of {folder} has room for no more files; delete some, or move the state folder"
+    free_mib = disk.f_bavail * disk.f_frsize / _MIB
     if free_mib >= least_free_mib:
         return None
     return (

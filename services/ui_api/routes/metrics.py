@@ -6,6 +6,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from services.ui_api.service import Gateway
+from shared.runtime.logging import dropped_lines
 
 
 class Metrics:
@@ -26,6 +27,9 @@ class Metrics:
             registry=self.registry,
         )
         self._pending = Gauge("distalock_operations_pending", "Operations not ended.", registry=self.registry)
+        self._dropped_lines = Gauge(
+            "distalock_log_lines_dropped", "Log lines that could not be written.", registry=self.registry
+        )
         self._alive = Gauge(
             "distalock_service_alive", "Whether a service is on the bus.", ("service",), registry=self.registry
         )
@@ -36,6 +40,7 @@ class Metrics:
         self._events.set(gateway.record.ledger.head_sequence)
         self._robot_age.set(float("nan") if age_s is None else age_s)
         self._pending.set(len(gateway.record.ledger.pending_operations()))
+        self._dropped_lines.set(dropped_lines()[0])
         for service, alive in gateway.inbox.presence.alive.items():
             self._alive.labels(service).set(float(alive))
 

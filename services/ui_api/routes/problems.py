@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
-from shared.errors import BusUnavailable, DistalockError, InputError, NoReply, RecordUnavailable
+from shared.errors import BusError, DistalockError, InputError, NoReply, RecordUnavailable
 from shared.messages.base import MessageInvalid
 
 PROBLEM_JSON = "application/problem+json"
@@ -108,7 +108,7 @@ def _status_of(error: DistalockError) -> int:
             return 422
         case NoReply():
             return 504
-        case BusUnavailable() | RecordUnavailable():
+        case BusError() | RecordUnavailable():
             return 503
         case _:
             return 500

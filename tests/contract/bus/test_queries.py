@@ -6,7 +6,7 @@ import time
 import pytest
 
 from shared.bus.port import Answer, Query
-from shared.errors import InputError, NoReply
+from shared.errors import BusError, InputError, NoReply
 from tests.contract.bus.rooms import PATIENCE_S, Collector, Room, until_known
 
 
@@ -119,3 +119,10 @@ def test_queries_work_again_after_the_link_was_lost(own_room: Room) -> None:
         own_room.restore()
         alive.wait_for_last(("q-alive/server", True))
         assert asker.query("q/again", b"", PATIENCE_S).payload == b"here"
+
+
+def test_a_session_that_was_closed_says_so(room: Room) -> None:
+    with room.open() as asker:
+        pass
+    with pytest.raises(BusError):
+        asker.query("q/echo", b"abc", 1.0)

@@ -1,6 +1,7 @@
 """A gateway with its fakes around it on an in-memory bus, and a client that speaks HTTP to it."""
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import count
@@ -23,6 +24,14 @@ from tests.unit.services.ui_api.fakes import PATIENCE_S, FakeImaging, FakeRegist
 
 ROOM = "test"
 _keys = count()
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Wait for what no event announces."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline_s, "it did not come about"
+        time.sleep(0.02)
 
 
 def new_key() -> str:

@@ -1,9 +1,13 @@
 """What impairs any service: a disk that is nearly full, log lines that cannot be written, handlers that fail."""
 
+import os
+import re
 import shutil
 from pathlib import Path
 
-from shared.runtime.impairments import nearly_full
+import pytest
+
+from shared.runtime.impairments import _lack_of, nearly_full
 
 
 def test_enough_space_impairs_nothing(tmp_path: Path) -> None:
@@ -22,3 +26,24 @@ def test_a_folder_that_cannot_be_asked_impairs(tmp_path: Path) -> None:
     sentence = nearly_full(tmp_path / ("x" * 300), 1.0)
     assert sentence is not None
     assert "cannot be asked for its free space (File name too long); see to the disk" in sentence
+
+
+def _disk(**changes: int) -> os.statvfs_result:
+    known = {"f_frsize": 4096, "f_bavail": 2**20, "f_files": 100, "f_favail": 10, "f_flag": 0}
+    names = ("f_bsize", "f_frsize", "f_blocks", "f_bfree", "f_bavail", "f_files", "f_ffree", "f_favail", "f_flag")
+    return os.statvfs_result([(known | changes).get(name, 0) for name in (*names, "f_namemax")])
+
+
+@pytest.mark.parametrize(
+    ("changes", "lack"),
+    [
+        ({}, None),
+        ({"f_files": 0, "f_favail": 0}, None),
+        ({"f_flag": os.ST_RDONLY}, "is mounted read-only"),
+        ({"f_favail": 0}, "has room for no more files"),
+        ({"f_bavail": 256 * 63}, r"has 63 MiB free \(limit 64 MiB\)"),
+    ],
+)
+def test_a_disk_that_takes_nothing_impairs(changes: dict[str, int], lack: str | None) -> None:
+    sentence = _lack_of(_disk(**changes), Path("/state"), 64.0)
+    assert (sentence is None) if lack is None else re.search(lack, str(sentence))

@@ -2,6 +2,9 @@
 
 import itertools
 import re
+import sqlite3
+import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,13 +17,15 @@ from sqlalchemy.exc import IntegrityError
 from services.ui_api.core.chain import ChainBroken, ChainIntact
 from services.ui_api.core.event_data import CaseOpened, PartUse, Step, StepRecorded
 from services.ui_api.core.events import Event, EventDraft, EventKind
+from services.ui_api.core.robot_event_data import OperationEnded, OperationStatus
 from services.ui_api.record.database import existing_database, open_database, sqlite_url
-from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.record import ANSWERS_LAST_NS, CaseRecord
 from services.ui_api.record.tables import METADATA
 from services.ui_api.record.unit_of_work import Answer
 from services.ui_api.record.verify import verify_record
-from shared.errors import ConfigurationError
+from shared.errors import ConfigurationError, RecordUnavailable
 from tests.unit.services.ui_api import samples
+from tests.unit.services.ui_api.fakes import PATIENCE_S
 
 _OPENED = EventDraft(CaseOpened(samples.case_setup()), "case-1", "Dr A")
 _STEP = EventDraft(StepRecorded(Step.DRILLED, ("distal",), True, "it was done"), "case-1", "Dr A", "it was done")
@@ -188,3 +193,79 @@ def test_there_is_nothing_to_read_where_no_record_is(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="there is no case record at"):
         existing_database(sqlite_url(tmp_path))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_event_that_does_not_fit_is_refused_before_it_is_written(engine: Engine) -> None:
+    record = _record(engine)
+    record.append(_OPENED)
+    ended = OperationEnded("never begun", OperationStatus.SUCCEEDED, began=True, code="", message="")
+    with pytest.raises(KeyError):
+        record.append(_STEP, EventDraft(ended, None, "robot"))
+    assert (len(record.events_after(0)), record.ledger.head_sequence) == (1, 1)
+    assert _record(engine).ledger.cases == record.ledger.cases
+    record.append(_STEP)
+    assert record.ledger.head_sequence == 2
+
+
+def test_what_follows_an_entry_is_done_in_the_order_of_the_log(engine: Engine) -> None:
+    record = _record(engine)
+    done: list[str] = []
+    second = threading.Thread(target=lambda: _write_with_effect(record, lambda: done.append("second")))
+
+    def first() -> None:
+        second.start()  # has to wait: the order of the log is the order of what follows
+        second.join(0.1)
+        done.append("first")
+
+    _write_with_effect(record, first)
+    second.join(PATIENCE_S)
+    assert done == ["first", "second"]
+
+
+def test_what_fails_after_an_entry_neither_undoes_it_nor_hinders_the_rest(engine: Engine) -> None:
+    record = _record(engine)
+    done: list[str] = []
+    record.listen(lambda _: 1 / 0)  # type: ignore[arg-type]
+    with record.write() as unit:
+        unit.append(_OPENED)
+        unit.after_commit(lambda: 1 / 0)  # type: ignore[arg-type]
+        unit.after_commit(lambda: done.append("done"))
+    assert done == ["done"]
+    assert record.ledger.head_sequence == 1
+
+
+def test_answers_are_forgotten_after_a_day(engine: Engine) -> None:
+    now_ns = 10**18
+    record = CaseRecord(engine, lambda: now_ns)
+    with record.write() as unit:
+        unit.remember("key", "a" * 64, Answer(201, "{}", {}))
+    now_ns += ANSWERS_LAST_NS
+    record.forget_old_answers()
+    assert record.remembered("key") is not None
+    now_ns += 1
+    record.forget_old_answers()
+    assert record.remembered("key") is None
+
+
+def test_a_locked_record_is_unavailable(tmp_path: Path) -> None:
+    record = _record(open_database(sqlite_url(tmp_path)))
+    holder = sqlite3.connect(tmp_path / "case-record.sqlite", isolation_level=None)
+    holder.execute("BEGIN IMMEDIATE")
+    with pytest.raises(RecordUnavailable, match=r"cannot be written now \(database is locked\); see to its disk"):
+        record.require_writable()
+    holder.close()
+    record.require_writable()
+
+
+def test_a_damaged_log_is_one_sentence(engine: Engine) -> None:
+    _record(engine).append(_OPENED, _STEP)
+    with engine.begin() as connection:
+        connection.execute(text("DROP TRIGGER events_refuse_update"))
+        connection.execute(text("UPDATE events SET data_json = '{' WHERE sequence = 2"))
+    with pytest.raises(ConfigurationError, match=r"the case record is damaged after event 1 \(.*\); restore it"):
+        _record(engine)
+
+
+def _write_with_effect(record: CaseRecord, effect: Callable[[], None]) -> None:
+    with record.write() as unit:
+        unit.after_commit(effect)

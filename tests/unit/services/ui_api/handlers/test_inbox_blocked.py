@@ -1,0 +1,21 @@
+"""While the record takes nothing, what comes in waits."""
+
+import sqlite3
+from pathlib import Path
+
+from tests.unit.services.ui_api.room import open_room, wait_until
+
+
+def test_an_image_that_arrives_while_the_record_is_locked_is_recorded_afterwards(tmp_path: Path) -> None:
+    with open_room(tmp_path) as room:
+        case_id = room.open_case()
+        holder = sqlite3.connect(tmp_path / "case-record.sqlite", isolation_level=None)
+        holder.execute("BEGIN IMMEDIATE")
+        header = room.imaging.send("image", case_id)
+        wait_until(lambda: room.gateway.inbox.blocked is not None)
+        assert "database is locked" in str(room.gateway.inbox.blocked)
+        assert room.client.get("/readyz").status_code == 503
+        holder.close()
+        ledger = room.gateway.record.ledger
+        room.log.wait_for(lambda: ledger.cases[case_id].image(header.sha256) is not None)
+        wait_until(lambda: room.gateway.inbox.blocked is None)
