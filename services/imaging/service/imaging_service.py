@@ -119,15 +119,27 @@ class ImagingService:
         """
         received = self._clock.unix_ns(), self._clock.monotonic_s()
         image = read_image(content, sender).normalised(self._defaults.polarity)
-        sha256 = self._store.put(image.dicom)
-        with self._lock:
-            header = self._numbered(image, sha256, received)
-            self._announce(header, image)
-            if header.case_id is not None:
-                self._calibrator.submit(Shot(header, image))
+        with self._store_watched():
+            sha256 = self._store.put(image.dicom)
+            with self._lock:
+                header = self._numbered(image, sha256, received)
+                self._announce(header, image)
+                if header.case_id is not None:
+                    self._calibrator.submit(Shot(header, image))
         self._runtime.log.info(
             "image received", sender=sender, sha256=sha256, sequence=header.sequence, case=header.case_id
         )
+
+    @contextmanager
+    def _store_watched(self) -> Iterator[None]:
+        """A disk that takes no image impairs the service until it takes one."""
+        try:
+            yield
+        except OSError as error:
+            why = f"the last image could not be stored ({error.strerror or error}); see to the disk and send it again"
+            self._runtime.status.impair("store", why)
+            raise
+        self._runtime.status.impair("store", None)
 
     def _numbered(self, image: ReceivedImage, sha256: str, received: Moment) -> FrameHeader:
         """Give an image its number and its header, on the disk; the caller holds the lock."""

@@ -460,3 +460,26 @@ def test_no_quality_report_without_case_or_image(room: Room) -> None:
     reply = asked_for_quality(room, "0" * 64)
     assert (reply.code, reply.report) == ("unknown_image", None)
     assert "1 of the 1 images are not kept here (limit 0)" in reply.message
+
+
+class FullStore(ImageStore):
+    """Takes no image while it is full."""
+
+    full = True
+
+    def put(self, content: bytes) -> str:
+        if self.full:
+            raise OSError(28, "No space left on device")
+        return super().put(content)
+
+
+def test_a_store_that_takes_nothing_degrades_imaging_until_it_takes_an_image(tmp_path: Path) -> None:
+    store = FullStore(tmp_path)
+    with room_of(store, tmp_path / "positions") as room:
+        room.service._runtime.ready()
+        with pytest.raises(OSError, match="No space left"):
+            room.service.take(small_dicom(), "CARM")
+        assert "could not be stored (No space left on device); see to the disk" in room.wait_for("degraded").detail
+        store.full = False
+        room.service.take(small_dicom(), "CARM")
+        room.wait_for("ready")
