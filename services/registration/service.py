@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 from services.registration.core.wires.verify import verify_images
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, calibration_of, pose_at_rest
+from services.registration.jobs import LocalisationJobs
 from services.registration.live import LiveGuidance
 from services.registration.overlay import overlay_png
 from services.registration.planning import another_set_up, answer_plan_request
@@ -17,7 +18,7 @@ from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import Accepted, BusError, InputError
 from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
-from shared.messages.imaging import CalibrationMessage, FrameHeader
+from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageReference
 from shared.messages.registration import (
     Localisation,
     LocalisationRecord,
@@ -27,7 +28,7 @@ from shared.messages.registration import (
     VerificationRequest,
 )
 from shared.messages.robot import RobotState
-from shared.runtime.latest import BoundedQueue
+from shared.messages.stored_images import LocalisationRequest
 from shared.runtime.lifecycle import Runtime, software_version
 from shared.threads import supervised_thread
 
@@ -35,17 +36,18 @@ _WAIT_S = 0.2
 _EPOCH_EVERY_S = 0.2
 _CASE_TIMEOUT_S = 2.0
 _OVERTAKEN_S = 0.5
+_CALIBRATION_TIMEOUT_S = 0.5
 
 
 class RegistrationService:
-    """Localises in every image of an open case, in order of arrival, and plans from the newest."""
+    """Localises in the newest image of an open case, and plans from it."""
 
     def __init__(self, bus: Bus, runtime: Runtime, settings: RegistrationSettings, state: RegistrationState) -> None:
         self._bus = bus
         self._runtime = runtime
         self._settings = settings
         self._state = state
-        self._jobs: BoundedQueue[CalibrationMessage] = BoundedQueue(settings.queue_length)
+        self._jobs = LocalisationJobs(state)
         self._localisations = bus.retained_publisher(runtime.keys.localisation)
         self._plans = bus.retained_publisher(runtime.keys.plan)
         # Not retained: a value that is delivered later would look as if it were confirmed now.
@@ -73,6 +75,7 @@ class RegistrationService:
                 bus.subscribe(keys.frame, self._on_frame),
                 bus.subscribe_retained(keys.calibration, self._on_calibration),
                 bus.queryable(keys.plan_request, self._on_plan_request),
+                bus.queryable(keys.localisation_request, self._on_localisation_request),
                 bus.queryable(keys.verification_request, self._on_verification_request),
             ):
                 stack.callback(declared.close)
@@ -83,6 +86,7 @@ class RegistrationService:
 
     def _on_case(self, sample: Sample) -> None:
         context = decode(CaseContext, sample.payload)
+        self._jobs.unusable_case = ""
         if context.case_id is None:
             self._state.open_case(None)
             self._runtime.ready()
@@ -90,6 +94,7 @@ class RegistrationService:
         try:
             self._state.open_case(OpenCase.of(context))
         except InputError as error:
+            self._jobs.unusable_case = str(error)
             self._state.open_case(None)
             self._runtime.degraded(f"case '{context.case_id}' cannot be used: {error}; correct the file in the case")
             return
@@ -101,16 +106,24 @@ class RegistrationService:
 
     def _on_calibration(self, sample: Sample) -> None:
         message = decode(CalibrationMessage, sample.payload)
-        self._state.note_announced(message.image.sha256)
+        self._state.note_announced(message.image)
         if message.case_id is None or self._guidance.takes(message):
             return
-        if not self._jobs.put(message):
-            sha256 = message.image.sha256
-            self._runtime.log.error("image refused", sha256=sha256, waiting=self._settings.queue_length)
-            self._runtime.degraded(
-                f"{self._settings.queue_length} images wait for their localisation; image {sha256[:12]} was refused: "
-                "take it again"
-            )
+        superseded = self._jobs.put(message)
+        if superseded is not None:
+            self._runtime.log.warning("image superseded by a newer one", sha256=superseded)
+
+    def _on_localisation_request(self, query: Query) -> Answer:
+        """Whoever has an image on record without a localisation asks for it."""
+        request = decode(LocalisationRequest, query.payload)
+        reply = self._jobs.reply(request, self._fetched_calibration)
+        if reply.skip is not None:
+            self._runtime.log.warning("image not localised", sha256=request.image.sha256, detail=reply.skip.message)
+        return Answer(encode(reply))
+
+    def _fetched_calibration(self, image: ImageReference) -> CalibrationMessage:
+        key = self._runtime.keys.calibration_of(image.sequence)
+        return decode(CalibrationMessage, self._bus.query(key, b"", _CALIBRATION_TIMEOUT_S).payload)
 
     def _on_plan_request(self, query: Query) -> Answer:
         request = decode(PlanRequest, query.payload)
@@ -153,16 +166,22 @@ class RegistrationService:
             sequence += 1
 
     def _work(self) -> None:
-        """Localise in what is queued, in order of arrival."""
+        """Localise in the newest image that waits."""
         while not self._runtime.stop.is_set():
             job = self._jobs.take(_WAIT_S) or self._guidance.job()
             if job is None:
                 continue
+            fault = None
             try:
                 self._localise(job)
+            except BusError as error:  # imaging is gone, or its link: whoever has the image on record asks again
+                self._runtime.log.error("image not localised", sha256=job.image.sha256, detail=str(error))  # noqa: TRY400
+                self._runtime.degraded(f"image {job.image.sha256[:12]} was not localised: {error}; check imaging")
             except Exception as error:
                 self._runtime.log.exception("fault", sha256=job.image.sha256)
                 self._runtime.degraded(f"image {job.image.sha256[:12]} brought a fault: {error}; take another image")
+                fault = str(error)
+            self._jobs.done(fault)
 
     def _localise(self, job: CalibrationMessage) -> None:
         assert job.case_id is not None  # `_on_calibration` queues no others

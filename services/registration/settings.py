@@ -14,9 +14,6 @@ class RegistrationSettings(ServiceSettings):
 
     section: ClassVar[str] = "registration"
 
-    queue_length: Annotated[int, Field(ge=1, le=256)] = Field(
-        16, description="Calibrated images that may wait for their localisation; more are refused and logged."
-    )
     kept_images: Annotated[int, Field(ge=2, le=64)] = Field(
         8, description="Newest localised images that are kept for plans and verifications."
     )

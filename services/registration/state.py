@@ -16,7 +16,7 @@ from services.registration.frames import (
     same_place,
     set_up_of,
 )
-from shared.messages.imaging import FrameHeader
+from shared.messages.imaging import FrameHeader, ImageReference
 from shared.messages.robot import RobotState
 
 _MOST_ANNOUNCED = 256
@@ -44,7 +44,7 @@ class RegistrationState:
         self._case: OpenCase | None = None
         self._robot: RobotState | None = None
         self._counter = 0
-        self._newest_sha256: str | None = None
+        self._newest: ImageReference | None = None
         self._frames: OrderedDict[str, ReceivedFrame] = OrderedDict()
         # images whose pixels have not come yet, with the epochs that began with them
         self._announced: OrderedDict[str, str] = OrderedDict()
@@ -69,13 +69,19 @@ class RegistrationState:
                 self._resting_since_s = self._clock_s()
             self._robot = state
 
-    def note_announced(self, sha256: str) -> None:
+    def note_announced(self, image: ImageReference) -> None:
         """Note that imaging has an image. If its pixels have not come, it begins a new epoch all the same."""
         with self._changed:
-            if sha256 not in self._frames and sha256 not in self._announced:
-                self._announced[sha256] = self._begin_epoch(sha256)
+            if image.sha256 not in self._frames and image.sha256 not in self._announced:
+                self._announced[image.sha256] = self._begin_epoch(image)
                 while len(self._announced) > _MOST_ANNOUNCED:
                     self._announced.popitem(last=False)
+
+    def note_newest(self, image: ImageReference) -> None:
+        """Note an image that somebody else knows: when it is newer than all that are known here, an epoch begins."""
+        with self._changed:
+            if self._newest is None or self._newest.precedes(image):
+                self._begin_epoch(image)
 
     def note_frame(self, header: FrameHeader, pixels: NDArray[np.float32]) -> ReceivedFrame:
         """Note an image that arrives now: a new epoch begins. The robot stood where it stands, if for long enough."""
@@ -90,7 +96,7 @@ class RegistrationState:
 
     def _keep(self, header: FrameHeader, pixels: NDArray[np.float32], robot: RobotState | None) -> ReceivedFrame:
         """Pixels that come after their announcement belong to the epoch that began with it: others may be newer."""
-        epoch = self._announced.pop(header.sha256, None) or self._begin_epoch(header.sha256)
+        epoch = self._announced.pop(header.sha256, None) or self._begin_epoch(header.reference())
         received_at_s = None if header.age_s is None else self._clock_s() - header.age_s
         frame = ReceivedFrame(header, pixels, epoch, robot, received_at_s)
         self._frames[header.sha256] = frame
@@ -142,10 +148,16 @@ class RegistrationState:
             return self._robot
 
     @property
-    def newest_sha256(self) -> str | None:
-        """Hash of the newest image, localised or not."""
+    def newest(self) -> ImageReference | None:
+        """The newest image, localised or not."""
         with self._changed:
-            return self._newest_sha256
+            return self._newest
+
+    @property
+    def newest_sha256(self) -> str | None:
+        """Its hash."""
+        newest = self.newest
+        return None if newest is None else newest.sha256
 
     @property
     def epoch(self) -> str:
@@ -159,9 +171,12 @@ class RegistrationState:
             self._changed.wait_for(lambda: self.epoch != seen, timeout_s)
             return self.epoch
 
-    def _begin_epoch(self, newest_sha256: str) -> str:
+    def _begin_epoch(self, image: ImageReference) -> str:
+        """A new epoch; the present one for an image that is older than the newest: it makes nothing stale."""
+        if self._newest is not None and image.precedes(self._newest):
+            return self.epoch
         self._counter += 1
-        self._newest_sha256 = newest_sha256
+        self._newest = image
         self._changed.notify_all()
         return self.epoch
 

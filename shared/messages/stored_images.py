@@ -74,6 +74,8 @@ class LocalisationRequest(Message):
     ----------
     newest
         The newest image of the case that is on record: registration may have started since.
+    open_case_id, open_case_revision
+        What the gateway has announced as open; None when nothing is.
     """
 
     schema_name: Literal["distalock/localisation-request/1"] = Field("distalock/localisation-request/1", alias="schema")
@@ -81,6 +83,8 @@ class LocalisationRequest(Message):
     case_revision: int = Field(ge=0)
     image: ImageReference
     newest: ImageReference
+    open_case_id: Identifier | None = None
+    open_case_revision: int = Field(0, ge=0)
 
 
 class LocalisationReply(Message):

@@ -8,6 +8,7 @@ when a service is back, when a gap shows, and every two seconds. What it gets is
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from services.ui_api.core.case import Case
@@ -81,12 +82,16 @@ class CatchUp:
     def _work(self) -> None:
         while not self._ended.is_set():
             self._wake.clear()
-            for ask in (self._ask_for_images, self._ask_for_results):
-                try:
-                    ask()
-                except (BusError, MessageInvalid) as error:  # a service is gone, busy or of another version
-                    self._log.debug("catch_up", detail=str(error))
+            self._try(self._ask_for_images)
+            self._ask_for_results()
             self._wake.wait(EVERY_S)
+
+    def _try(self, ask: Callable[[], None]) -> None:
+        """Ask; a service that is gone, busy or of another version is asked again in two seconds."""
+        try:
+            ask()
+        except (BusError, MessageInvalid) as error:
+            self._log.debug("catch_up", detail=str(error))
 
     def _ask_for_images(self) -> None:
         """Have every image recorded that imaging has stored."""
@@ -99,7 +104,7 @@ class CatchUp:
             missed = tuple(one for one in reply.images if one.header.sequence not in before)
             if missed:
                 self._log.info("images_missed", count=len(missed), first=missed[0].header.sequence)
-                self._recorded(lambda images=missed: self._recorder.images(images))  # type: ignore[misc]
+                self._recorded(partial(self._recorder.images, missed))
             if not missed or self._on_record(reply.store_id) == before or before.through >= reply.newest:
                 return
 
@@ -114,10 +119,10 @@ class CatchUp:
         cases = list(self._record.ledger.cases.values())
         for case in reversed(cases[-self._cases :] if self._cases else cases):
             for image in unfinished(case).to_calibrate[:_MOST_AT_ONCE]:
-                self._ask_for_calibration(case, image)
+                self._try(partial(self._ask_for_calibration, case, image))
         for case in reversed(cases[-self._cases :] if self._cases else cases):
-            for image in unfinished(case).to_localise[:_MOST_AT_ONCE]:
-                self._ask_for_localisation(case, image)
+            for image in unfinished(self._record.ledger.cases[case.case_id]).to_localise[:_MOST_AT_ONCE]:
+                self._try(partial(self._ask_for_localisation, case, image))
         self._cases = _CASES_WATCHED
 
     def _ask_for_calibration(self, case: Case, image: ImageReceived) -> None:
@@ -134,11 +139,14 @@ class CatchUp:
             self._skip(case, image, stored.skip)
 
     def _ask_for_localisation(self, case: Case, image: ImageReceived) -> None:
+        opened = self._record.ledger.open_case()
         request = LocalisationRequest(
             case_id=case.case_id,
             case_revision=image.case_revision,
             image=_reference(image),
             newest=_reference(case.images[-1]),
+            open_case_id=None if opened is None else opened.case_id,
+            open_case_revision=0 if opened is None else opened.revision,
         )
         answer = self._bus.query(self._keys.localisation_request, encode(request), _TIMEOUT_S)
         reply = decode(LocalisationReply, answer.payload)

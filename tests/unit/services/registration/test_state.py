@@ -51,9 +51,9 @@ def test_the_last_accepted_image_of_each_place_outlives_a_run() -> None:
 def test_pixels_that_come_late_are_not_the_newest() -> None:
     state = knowing()
     late, newer = header("late"), header("newer")
-    state.note_announced(late.sha256)
+    state.note_announced(late.reference())
     announced = state.epoch
-    state.note_announced(newer.sha256)
+    state.note_announced(newer.reference())
     state.note_frame(newer, BLANK)
     now = state.epoch
     fetched = state.note_fetched_frame(late, BLANK)
@@ -64,10 +64,10 @@ def test_pixels_that_come_late_are_not_the_newest() -> None:
 
 def test_pixels_of_the_newest_image_belong_to_the_epoch_that_its_announcement_began() -> None:
     state = knowing()
-    state.note_announced(header("one").sha256)
+    state.note_announced(header("one").reference())
     epoch = state.epoch
     assert state.note_frame(header("one"), BLANK).epoch == epoch == state.epoch
-    state.note_announced(header("one").sha256)
+    state.note_announced(header("one").reference())
     assert state.epoch == epoch
     assert state.note_frame(header("two"), BLANK).epoch == state.epoch != epoch
 
