@@ -1,4 +1,4 @@
-"""Images that were acknowledged to the C-arm are on record, and localised or said why not, whatever is killed or hangs."""
+"""Images that were acknowledged are on record, and localised or said why not, whatever process is killed or hangs."""
 
 import os
 import signal
