@@ -11,7 +11,16 @@ _RAISED = (
     r'\n        \d+,\n        "(\w+)",\n        "the header',
 )
 # From the shared tree of errors, and from the table of plain HTTP statuses.
-_ELSEWHERE = {"not_found", "method_not_allowed", "body_too_large", "part_file_invalid", "message_invalid", "no_reply"}
+_ELSEWHERE = {
+    "not_found",
+    "method_not_allowed",
+    "body_too_large",
+    "part_file_invalid",
+    "message_invalid",
+    "no_reply",
+    "bus_unavailable",
+    "record_unavailable",
+}
 
 
 def _known_codes() -> set[str]:
