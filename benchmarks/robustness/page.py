@@ -28,9 +28,10 @@ own true axis. The columns:
 - *normalised*: error over its predicted rms, as rms over all holes of accepted scenes (entry, axis).
 - *> 4*: accepted scenes with an error beyond four times its predicted rms.
 
-The localisation always gets the nominal part files. The guide's frame is that of its file, also where its balls were
-displaced. A bent nail keeps the place and the tangent of its file halfway between its holes; each hole's true axis is
-square to the centreline at its own place, as the file has it there.
+The localisation always gets the nominal part files, with other holes only where a kind says what the file says. The
+guide's frame is that of its file, also where its balls were displaced. A bent nail keeps the place and the tangent of
+its file halfway between its holes; each hole's true axis is square to the centreline at its own place, as the file has
+it there.
 
 `--images FOLDER` keeps rendered images with their truth (`<kind>/<seed>.png` and `.json`), so that the next run need
 not render; delete the folder of a kind whose code changed. `benchmarks.robustness.all_kinds.make_scene(kind, seed)`

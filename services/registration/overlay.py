@@ -108,7 +108,8 @@ def _draw_nail(
     angle = np.linspace(0.0, 2.0 * np.pi, OVERLAY.rim_points)
     for hole in nail.all_holes:
         for rim in rims_of(nail, hole, angle):
-            _line(canvas, calibration.image_from_camera(camera_from_nail.points(rim)), NAIL)
+            around = np.vstack([rim, rim[:1]])  # a slot's last straight piece
+            _line(canvas, calibration.image_from_camera(camera_from_nail.points(around)), NAIL)
     for hole in nail.holes:
         ends = hole_surface_points(nail, hole)
         axis = np.stack([ends[0] - OVERLAY.axis_mm * hole_axis(nail, hole).direction, ends[1]])

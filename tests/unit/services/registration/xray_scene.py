@@ -182,7 +182,7 @@ def _in_metal(points_mm: NDArray[np.float64], nail: NailPart) -> NDArray[np.bool
     beyond = np.maximum(x - (nail.tip_x_mm - nail.radius_mm), 0.0)
     metal = across2 + beyond * beyond <= nail.radius_mm**2
     metal &= across2 >= (0.5 * nail.cannulation_diameter_mm) ** 2
-    for hole in nail.holes:
+    for hole in nail.all_holes:
         for shift_mm in np.linspace(-hole.half_slot_mm, hole.half_slot_mm, 9 if hole.half_slot_mm > 0.0 else 1):
             axis = Line(hole.axis.point_mm + shift_mm * hole.along_nail(), hole.axis.direction)
             metal &= _away2_mm2(points_mm, axis) > (0.5 * hole.diameter_mm) ** 2

@@ -12,6 +12,7 @@ from services.registration.core.acceptance.criteria import (
     BAND_WIDTH,
     DIRECTION_CONTRADICTION,
     DIRECTION_MARGIN,
+    FAR_END,
     NAIL_BAND,
     SEARCHED_OPENNESS,
     SEARCHED_OUTLINE,
@@ -79,7 +80,21 @@ def find_nail(
             )
         )
     pattern = _directed(forwards, backwards, distal_hint_camera)
-    return pattern if isinstance(pattern, Rejected) else _measured(pixels, image, calibration, nail, pattern)
+    if isinstance(pattern, Rejected):
+        return pattern
+    if (nail.other_holes or len(nail.holes) == 1) and not FAR_END.is_met(pattern.end_evidence):
+        return _rejected(_another_hole(nail, pattern))
+    return _measured(pixels, image, calibration, nail, pattern)
+
+
+def _another_hole(nail: NailPart, pattern: HolePattern) -> Reason:
+    """A hole looks like another, beside it or in another direction: where the nail ends tells them apart."""
+    sought = " and ".join(f"'{hole.id}'" for hole in nail.holes)
+    others = ", ".join(f"'{hole.id}'" for hole in nail.other_holes) or "that the nail's file does not have"
+    return FAR_END.reason(
+        f"openings were found that could be hole {sought}, but the evidence that the nail ends where it must then end "
+        f"is {FAR_END.quoted(pattern.end_evidence)}: they may be other holes ({others})"
+    )
 
 
 def dark_bands(image: SearchImage, calibration: CArmCalibration, nail: NailPart) -> list[StraightenedBand]:

@@ -57,6 +57,8 @@ class HolePattern:
     openness: NDArray[np.float64]
     # From 0 (the band runs on where this direction has the nail's tip) to 1 (it ends there); 0.5 when out of view
     tip_evidence: float
+    # The same, against the band's darkness in the clear: also where the nail's origin is not on the nail; 0 out of view
+    end_evidence: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,8 +123,18 @@ def _best_pattern(strip: StraightenedBand, nail: NailPart, levels: list[Openness
     nearest = np.arange(len(columns)), np.rint(columns).astype(np.int64)
     places = zip(columns, level.row_from_middle[nearest], strict=True)
     centres = np.array([strip.search_px(float(c), float(r)) for c, r in places])
-    evidence = _tip_evidence(strip, nail, column, sign * level.px_per_mm)
-    return HolePattern(strip, centres, level.px_per_mm, sign, level.openness[nearest], evidence)
+    px_per_mm = sign * level.px_per_mm
+    tip = _tip_evidence(strip, nail, column, px_per_mm, _darkness_about(strip, column))
+    end = _tip_evidence(strip, nail, column, px_per_mm, strip.clear_darkness)
+    return HolePattern(
+        strip,
+        centres,
+        level.px_per_mm,
+        sign,
+        level.openness[nearest],
+        tip_evidence=0.5 if tip is None else tip,
+        end_evidence=end or 0.0,
+    )
 
 
 def _openness_profile(strip: StraightenedBand, nail: NailPart, px_per_mm: float) -> OpennessProfile:
@@ -176,30 +188,38 @@ def _best_column(openness: NDArray[np.float64], offsets_px: NDArray[np.float64])
     return float(total[best]), float(best)
 
 
-def _tip_evidence(strip: StraightenedBand, nail: NailPart, origin_column: float, px_per_mm: float) -> float:
-    """Compare the band's darkness just before and just after the place where the tip should be."""
+def _tip_evidence(
+    strip: StraightenedBand, nail: NailPart, origin_column: float, px_per_mm: float, reference: float
+) -> float | None:
+    """Compare the band's darkness just before and just after where the tip should be; None when that is out of view."""
     tip_mm, settings = nail.tip_x_mm, NAIL_HOLE_SEARCH
     first, last = tip_mm - settings.tip_before_from_mm, tip_mm - settings.tip_before_to_mm
     before = _darkness_between(strip, origin_column, px_per_mm, first, last)
     first, last = tip_mm + settings.tip_after_from_mm, tip_mm + settings.tip_after_to_mm
     after = _darkness_between(strip, origin_column, px_per_mm, first, last)
     if before is None or after is None:
-        return 0.5
+        return None
+    least = max(reference, NAIL_HOLE_SEARCH.least_darkness)
+    before, after = before / least, after / least
     return float(np.clip(before, 0.0, 1.0) * (1.0 - np.clip(after, 0.0, 1.0)))
 
 
 def _darkness_between(
     strip: StraightenedBand, origin_column: float, px_per_mm: float, from_mm: float, to_mm: float
 ) -> float | None:
-    """Darkness relative to the band's where the holes are; None when that stretch is out of view."""
+    """Median darkness of a stretch; None when it is out of view."""
     ends = sorted(origin_column + px_per_mm * x for x in (from_mm, to_mm))
     columns = np.arange(round(ends[0]), round(ends[1]) + 1)
     if columns.size == 0 or columns[0] < 0 or columns[-1] >= strip.valid.size or not strip.valid[columns].all():
         return None
-    reach, origin = NAIL_HOLE_SEARCH.reference_reach_px, round(origin_column)
-    near = np.clip(np.arange(origin - reach, origin + reach + 1), 0, strip.valid.size - 1)
-    reference = max(float(np.median(strip.darkness[near])), NAIL_HOLE_SEARCH.least_darkness)
-    return float(np.median(strip.darkness[columns])) / reference
+    return float(np.median(strip.darkness[columns]))
+
+
+def _darkness_about(strip: StraightenedBand, column: float) -> float:
+    """Median darkness about a column."""
+    reach, middle = NAIL_HOLE_SEARCH.reference_reach_px, round(column)
+    near = np.clip(np.arange(middle - reach, middle + reach + 1), 0, strip.valid.size - 1)
+    return float(np.median(strip.darkness[near]))
 
 
 def hole_midpoints_mm(nail: NailPart) -> NDArray[np.float64]:

@@ -12,8 +12,8 @@ from services.registration.core.nail.search.holes import StraightenedBand, find_
 from shared.errors import Accepted, ReasonCode, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.lines import angle_between_rad, unit
-from shared.geometry.parts import NailPart, hole_surface_points
+from shared.geometry.lines import Line, angle_between_rad, unit
+from shared.geometry.parts import Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.xray_scene import (
     Rod,
@@ -132,6 +132,20 @@ def test_a_slot_beside_a_bore_is_found_in_its_middle() -> None:
     px_per_mm = view.camera.focal_length_px / 730.0
     assert slot.reach_px == pytest.approx(5.25 * px_per_mm, rel=0.06)
     assert slot.semi_axes_px[0] == pytest.approx(3.0 * px_per_mm, rel=0.06)
+
+
+def test_another_hole_is_not_taken_for_one_that_runs_across() -> None:
+    parallel, view, true = nail_part((15.0,)), calibration(SIZE_PX), posed_nail(25.0, (3.0, 1.0), (4.0, -3.0, 730.0))
+    shown = parallel.holes[0]
+    across = Hole("across", Line(np.zeros(3), np.array([0.0, 1.0, 0.0])), shown.diameter_mm)
+    nail = replace(parallel, other_holes=(across,))
+    pixels = render(Scene(SIZE_PX, nail, true), view, seed=5)
+    assert_found(nail, found(find_nail(pixels, view, nail)), true, tilt_deg=3.5, depth_mm=40.0)
+    turned = replace(parallel, holes=(across,), other_holes=(shown,))
+    code, message = refused(find_nail(pixels, view, turned))
+    assert code is ReasonCode.NAIL_NOT_FOUND
+    assert "could be hole 'across'" in message
+    assert "other holes ('distal')" in message
 
 
 def test_balls_on_the_holes_rims_are_left_out() -> None:
