@@ -187,8 +187,7 @@ class CaseClient:
 
     def newest_image_id(self) -> str:
         """Hash of the newest image of the case."""
-        newest = max(_items(self._rest.get(f"{self._path}/images")), key=lambda i: int(str(i["received_at_ns"])))
-        return str(newest["id"])
+        return str(_items(self._rest.get(f"{self._path}/images?limit=200"))[-1]["id"])
 
     def overlay_png(self, image_id: str) -> bytes:
         """What was found, drawn on the image."""

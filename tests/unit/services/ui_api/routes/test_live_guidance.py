@@ -5,6 +5,7 @@ import json
 import threading
 from collections.abc import Callable
 
+import pytest
 from starlette.types import Message
 
 from services.ui_api.app import make_app
@@ -42,9 +43,14 @@ def test_a_word_about_an_old_frame_is_stale_as_soon_as_there_is_a_newer_image(ro
     assert "newer images have come" in guidance["stale_because"]
 
 
-def test_an_older_frame_that_took_longer_does_not_replace_a_newer_one(room: Room) -> None:
+@pytest.mark.parametrize("stepped_s", [0, 3, -3, 3600, -3600])
+def test_an_older_frame_that_took_longer_does_not_replace_a_newer_one_whatever_the_clock_says(
+    room: Room, stepped_s: int
+) -> None:
     case_id = room.open_case()
     first, second = room.image("one", case_id), room.image("two", case_id)
+    first = first.model_copy(update={"received_at_ns": 10**15})
+    second = second.model_copy(update={"received_at_ns": 10**15 + stepped_s * 10**9})
     live, told, last = room.gateway.live, list[float](), threading.Event()
 
     def note() -> None:
