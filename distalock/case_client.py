@@ -182,8 +182,8 @@ class CaseClient:
 
     def newest_localisation(self) -> Localisation:
         """What the newest image said."""
-        numbers = [int(str(item["number"])) for item in _items(self._rest.get(f"{self._path}/localisations"))]
-        return Localisation.model_validate(self._rest.get(f"{self._path}/localisations/{max(numbers)}"))
+        number = self._rest.get(f"{self._path}/alignment")["localisation"]
+        return Localisation.model_validate(self._rest.get(f"{self._path}/localisations/{number}"))
 
     def newest_image_id(self) -> str:
         """Hash of the newest image of the case."""

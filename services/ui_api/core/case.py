@@ -79,6 +79,11 @@ class Case:
         """The newest localisation made from an image."""
         return next((x for x in reversed(self.localisations) if x.image_sha256 == image_sha256), None)
 
+    def newest_localisation(self) -> LocalisationReceived | None:
+        """The newest one made from the newest image that has one; one that was missed may be recorded after it."""
+        places = {image.image_sha256: place for place, image in enumerate(self.images)}
+        return max(self.localisations, key=lambda x: (places.get(x.image_sha256, -1), x.number), default=None)
+
     def skip_of(self, image_sha256: str) -> ImageSkipped | None:
         """Why an image was not calibrated or localised; None when it was, or nobody has said so."""
         return next((s for s in reversed(self.skipped) if s.image_sha256 == image_sha256), None)

@@ -182,8 +182,9 @@ def localisation_of(case: Case, number: int) -> LocalisationReceived:
 
 def localisation_staleness(case: Case, measured: LocalisationReceived) -> str | None:
     """Why a localisation no longer holds, as a clause; None when it does hold."""
-    if measured.number != len(case.localisations):
-        return f"localisation {len(case.localisations)} is newer"
+    newest = case.newest_localisation()
+    if newest is not None and newest.number != measured.number:
+        return f"localisation {newest.number} is newer"
     return case.staleness_of_image(measured.image_sha256, measured.case_revision)
 
 

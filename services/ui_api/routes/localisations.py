@@ -36,9 +36,9 @@ def read_localisation(case_id: str, number: int, gateway: TheGateway) -> Localis
 def read_alignment(case_id: str, gateway: TheGateway) -> AlignmentView:
     """How far and which way to turn the C-arm, from the newest localisation."""
     case = gateway.cases.case(case_id)
-    if not case.localisations:
+    measured = case.newest_localisation()
+    if measured is None:
         raise unknown("localisation", "newest", f"case {case_id} has none yet; take an image")
-    measured = case.localisations[-1]
     found = _document(gateway, measured)
     clause = localisation_staleness(case, measured)
     return AlignmentView(

@@ -113,6 +113,23 @@ def test_a_late_older_image_makes_nothing_stale(room: Room) -> None:
     assert answer.status_code == 201, answer.text
 
 
+def test_a_localisation_that_comes_late_is_not_the_newest(room: Room) -> None:
+    case_id = room.open_case()
+    old = room.imaging.store("old", case_id, calibration="done")
+    new = room.image("new", case_id)
+    record = samples.localisation_record(old, "registration-1.0")
+    room.registration.replies[old.sha256] = LocalisationReply(record=record)
+    wait_for(room, lambda: case_of(room, case_id).localisation_of(old.sha256) is not None)
+    views = room.get(f"/cases/{case_id}/localisations").json()["items"]
+    assert [(one["image"]["sha256"], one["validity"]) for one in views] == [
+        (new.sha256, "current"),
+        (old.sha256, "stale"),
+    ]
+    assert room.get(f"/cases/{case_id}/alignment").json()["localisation"] == 1
+    body = {"localisation": 1, "hole_ids": ["proximal", "distal"]}
+    assert room.post(f"/cases/{case_id}/plans", body).status_code == 201
+
+
 @pytest.mark.parametrize(
     ("given", "through", "beyond"),
     [([1, 2, 3], 3, []), ([1, 3, 4], 1, [3, 4]), ([3, 1, 2], 3, []), ([2, 2], 0, [2]), ([5, 4, 2, 1], 2, [4, 5])],
