@@ -3,6 +3,8 @@
 import threading
 from collections.abc import Callable
 
+from shared.threads import report_error
+
 
 class AliveView:
     """Merges what is known of tokens with the state of the link, and tells of changes only.
@@ -42,4 +44,7 @@ class AliveView:
         gone, new = self._told - alive, alive - self._told
         self._told = set(alive)
         for key in sorted(gone | new):
-            self._handler(key, key in new)
+            try:
+                self._handler(key, key in new)
+            except Exception as error:  # noqa: BLE001 - the other tokens' news must arrive all the same
+                report_error(f"bus handler of '{key}'", error)

@@ -4,6 +4,8 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from shared.threads import report_error
+
 
 class Feed:
     """Wakers may be called from any thread and must not block."""
@@ -28,7 +30,10 @@ class Feed:
         """The log has grown."""
         with self._lock:
             for waker in self._wakers:
-                waker()
+                try:
+                    waker()
+                except Exception as error:  # noqa: BLE001 - one stream that has gone must not keep the others asleep
+                    report_error("an event stream", error)
 
     def close(self) -> None:
         """End all streams."""

@@ -23,3 +23,18 @@ def test_only_changes_are_told() -> None:
     view.on_link(up=False)
     view.on_token("a", alive=True)
     assert told == [("a", True), ("a", False)]
+
+
+def test_a_handler_that_fails_for_one_token_is_told_of_the_others() -> None:
+    told: list[str] = []
+
+    def handle(key: str, alive: bool) -> None:  # noqa: FBT001 - the signature is the bus's
+        told.append(key)
+        if alive is False and key == "a":
+            raise ZeroDivisionError
+
+    view = AliveView(handle)
+    view.on_token("a", alive=True)
+    view.on_token("b", alive=True)
+    view.on_link(up=False)
+    assert told == ["a", "b", "a", "b"]

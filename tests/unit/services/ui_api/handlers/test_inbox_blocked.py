@@ -3,6 +3,8 @@
 import sqlite3
 from pathlib import Path
 
+from shared.messages.robot import CommandReply, MoveCommand
+from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import open_room, wait_until
 
 
@@ -19,3 +21,24 @@ def test_an_image_that_arrives_while_the_record_is_locked_is_recorded_afterwards
         ledger = room.gateway.record.ledger
         room.log.wait_for(lambda: ledger.cases[case_id].image(header.sha256) is not None)
         wait_until(lambda: room.gateway.inbox.blocked is None)
+
+
+def test_a_command_whose_outcome_cannot_be_recorded_is_settled_by_the_robots_state(tmp_path: Path) -> None:
+    with open_room(tmp_path) as room:
+        case_id = room.open_case()
+        plan = room.approved_plan(case_id)
+        file = tmp_path / "case-record.sqlite"
+        holder = sqlite3.connect(file, isolation_level=None, check_same_thread=False)
+
+        def hold_the_record(command: MoveCommand) -> CommandReply:
+            holder.execute("BEGIN IMMEDIATE")
+            return room.robot.hang(command)
+
+        room.robot.answers_moves = hold_the_record
+        room.robot.release.set()
+        begun = room.post(f"/cases/{case_id}/motions", {"plan": plan}).json()
+        assert room.robot.moved.wait(PATIENCE_S)
+        wait_until(lambda: room.gateway.inbox.blocked is not None)
+        room.robot.arrive()
+        holder.close()
+        room.wait_for_status(str(begun["id"]), "succeeded")

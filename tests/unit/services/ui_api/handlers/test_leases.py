@@ -96,3 +96,13 @@ def test_a_lease_lapses_by_the_real_clock(lapses: Lapses) -> None:
     assert lapses.one.wait(PATIENCE_S)
     watched.close()
     assert lapses.ids == ["op"]
+
+
+def test_only_the_newest_that_lapsed_are_remembered(leases: Leases, clock: HandClock, lapses: Lapses) -> None:
+    numbers = range(1500)
+    for number in numbers:
+        leases.grant(f"op {number}")
+    clock.now_s += 0.6
+    leases.grant("last")  # wakes the watching thread
+    assert lapses.one.wait(PATIENCE_S)
+    assert [leases.has_lapsed(f"op {number}") for number in (0, 475, 476, 1499)] == [False, False, True, True]
