@@ -58,16 +58,22 @@ def entry_sha256(entry: ChainEntry) -> str:
     return hashlib.sha256(json.dumps(content, ensure_ascii=True, separators=(",", ":")).encode()).hexdigest()
 
 
+def why_broken(entry: ChainEntry, number: int, previous_sha256: str) -> str | None:
+    """Why an entry does not hold as the one of this number, after the one of that hash; None when it does."""
+    if entry.sequence != number:
+        return f"event {number} is missing: the log goes on with event {entry.sequence}"
+    if entry.previous_sha256 != previous_sha256:
+        return f"event {number} does not follow the event before it: its previous hash differs"
+    if entry_sha256(entry) != entry.sha256:
+        return f"event {number} ({entry.kind}) was changed: its content does not give its hash"
+    return None
+
+
 def check_chain(entries: Iterable[ChainEntry]) -> ChainIntact | ChainBroken:
     """Check a whole log, in the order of its sequence numbers, which count from 1 without gaps."""
     previous, count = GENESIS_SHA256, 0
-    for entry in entries:
-        count += 1
-        if entry.sequence != count:
-            return ChainBroken(count, f"event {count} is missing: the log goes on with event {entry.sequence}")
-        if entry.previous_sha256 != previous:
-            return ChainBroken(count, f"event {count} does not follow the event before it: its previous hash differs")
-        if entry_sha256(entry) != entry.sha256:
-            return ChainBroken(count, f"event {count} ({entry.kind}) was changed: its content does not give its hash")
+    for count, entry in enumerate(entries, 1):
+        if (message := why_broken(entry, count, previous)) is not None:
+            return ChainBroken(count, message)
         previous = entry.sha256
     return ChainIntact(count, previous)

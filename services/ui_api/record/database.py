@@ -47,7 +47,7 @@ def open_database(url: str) -> Engine:
         raise ConfigurationError(
             f"case record {url}: its folder cannot be made: {error.strerror or error}; set another state_dir"
         ) from None
-    except (DBAPIError, sqlite3.Error) as error:
+    except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:  # a damaged schema need not be text
         cause = error.orig if isinstance(error, DBAPIError) else error
         raise ConfigurationError(f"case record {url}: cannot be opened: {cause}") from None
     return engine

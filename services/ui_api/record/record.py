@@ -13,14 +13,14 @@ from sqlalchemy import Connection, Engine, delete, func, insert, select
 from sqlalchemy.exc import DBAPIError, IntegrityError, ProgrammingError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
-from services.ui_api.core.chain import GENESIS_SHA256
+from services.ui_api.core.chain import GENESIS_SHA256, why_broken
 from services.ui_api.core.events import Event, EventDraft
 from services.ui_api.core.ledger import Ledger
 from services.ui_api.record.codec import decoded, entry_of_row
 from services.ui_api.record.database import BUSY_MS, WRITES, unpooled
 from services.ui_api.record.tables import ANSWERS, DOCUMENTS, EVENTS, PROBE
 from services.ui_api.record.unit_of_work import Answer, RememberedAnswer, UnitOfWork
-from shared.errors import ConfigurationError, DistalockError, RecordUnavailable
+from shared.errors import ConfigurationError, DistalockError, InputError, RecordUnavailable
 from shared.threads import described, report_error
 
 PAGE = 500
@@ -159,15 +159,17 @@ class CaseRecord:
             self._engine.dispose()
 
     def _fold_log(self) -> None:
-        """Read the whole log; raises `ConfigurationError` with one sentence when it is damaged."""
+        """Read and check the whole log; raises `ConfigurationError` with one sentence when it is damaged."""
         try:
             with self._engine.connect() as connection:
                 for row in connection.execute(select(EVENTS).order_by(EVENTS.c.sequence)):
                     entry = entry_of_row(row)
+                    if (why := why_broken(entry, self.ledger.head_sequence + 1, self._head_sha256)) is not None:
+                        raise InputError(why)
                     self.ledger.take(decoded(entry))
                     self._head_sha256 = entry.sha256
         except (DBAPIError, DistalockError, ValueError, KeyError, TypeError) as error:
-            cause = error.orig if isinstance(error, DBAPIError) else described(error)
+            cause = error.orig if isinstance(error, DBAPIError) else _in_one_line(error)
             raise ConfigurationError(
                 f"the case record is damaged after event {self.ledger.head_sequence} ({cause}); "
                 "restore it from a backup, or set another state_dir"
@@ -181,11 +183,15 @@ def _unavailable(done: str) -> Iterator[None]:
         yield
     except (IntegrityError, ProgrammingError):
         raise
-    except (DBAPIError, PoolTimeout, sqlite3.Error) as error:
+    except (DBAPIError, PoolTimeout, sqlite3.Error, UnicodeDecodeError) as error:
         cause = error.orig if isinstance(error, DBAPIError) else error
         raise RecordUnavailable(
             f"the case record cannot be {done} now ({cause}); see to its disk, and who else holds it"
         ) from error
+
+
+def _in_one_line(error: Exception) -> str:
+    return str(error) if isinstance(error, DistalockError) else described(error)
 
 
 def _carried_out(effect: Callable[[], None]) -> None:

@@ -1,6 +1,7 @@
 """The case record on SQLite."""
 
 import itertools
+import random
 import re
 import sqlite3
 import threading
@@ -257,13 +258,45 @@ def test_a_locked_record_is_unavailable(tmp_path: Path) -> None:
     record.require_writable()
 
 
-def test_a_damaged_log_is_one_sentence(engine: Engine) -> None:
+def test_a_changed_log_is_one_sentence(engine: Engine) -> None:
     _record(engine).append(_OPENED, _STEP)
-    with engine.begin() as connection:
-        connection.execute(text("DROP TRIGGER events_refuse_update"))
-        connection.execute(text("UPDATE events SET data_json = '{' WHERE sequence = 2"))
-    with pytest.raises(ConfigurationError, match=r"the case record is damaged after event 1 \(.*\); restore it"):
+    _tamper(engine, "UPDATE events SET who = 'nobody' WHERE sequence = 2")
+    expected = r"the case record is damaged after event 1 \(event 2 \(step_recorded\) was changed: .*\); restore it"
+    with pytest.raises(ConfigurationError, match=expected):
         _record(engine)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_a_damaged_file_is_refused_or_reported_in_one_sentence(tmp_path: Path, seed: int) -> None:
+    record = _record(open_database(sqlite_url(tmp_path)))
+    _fill(record)
+    record.append(*[_STEP] * 20)
+    record.close()
+    _damage(tmp_path / "case-record.sqlite", random.Random(seed))
+    said = ""
+    try:
+        damaged = _record(open_database(sqlite_url(tmp_path)))
+        damaged.require_writable()
+        damaged.events_after(0)
+    except (ConfigurationError, RecordUnavailable) as error:
+        said = str(error)
+    assert "\n" not in said
+
+
+def _damage(file: Path, rng: random.Random) -> None:
+    content = bytearray(file.read_bytes())
+    page = 4096 * rng.randrange(len(content) // 4096)
+    match rng.randrange(4):
+        case 0:
+            for _ in range(rng.randint(1, 200)):
+                content[rng.randrange(len(content))] = rng.randrange(256)
+        case 1:
+            content[page : page + 4096] = rng.randbytes(4096)
+        case 2:
+            content[page : page + 4096] = bytes(4096)
+        case _:
+            del content[rng.randrange(len(content)) :]
+    file.write_bytes(content)
 
 
 def _write_with_effect(record: CaseRecord, effect: Callable[[], None]) -> None:
