@@ -348,6 +348,46 @@ def test_an_image_whose_file_is_gone_is_said_so(tmp_path: Path) -> None:
         eventually(lambda: [one.skip and one.skip.code for one in stored(room)] == ["file_missing"])
 
 
+class FailingMemory(CArmMemory):
+    """Brings a fault with the first image."""
+
+    def __init__(self, positions: Path) -> None:
+        super().__init__(PositionStore(positions))
+        self.asked = 0
+
+    def before(self, ring_sha256: str, angles_deg: tuple[float, float] | None) -> CArmCalibration | None:
+        self.asked += 1
+        if self.asked == 1:
+            raise ZeroDivisionError("injected")
+        return super().before(ring_sha256, angles_deg)
+
+
+def test_an_image_that_brings_a_fault_is_skipped_and_the_next_one_calibrated(tmp_path: Path) -> None:
+    memory = FailingMemory(tmp_path / "positions")
+    with room_of(ImageStore(tmp_path), tmp_path / "positions", memory, run_interval_s=0.0) as room:
+        room.open_case()
+        room.service.take(small_dicom(), "CARM")
+        assert "brought a fault: injected; take another image" in room.wait_for("degraded").detail
+        eventually(lambda: [one.skip and one.skip.code for one in stored(room)] == ["fault"])
+        room.service.take(small_dicom(), "CARM")
+        assert room.calibration().image.sequence == 2
+
+
+def test_images_from_several_senders_at_once_are_numbered_without_a_gap(room: Room) -> None:
+    def send() -> None:
+        for _ in range(5):
+            room.service.take(small_dicom(), "CARM")
+
+    senders = [threading.Thread(target=send) for _ in range(4)]
+    for one in senders:
+        one.start()
+    for one in senders:
+        one.join()
+    published = [decode(FrameHeader, room.frames.get(timeout=PATIENCE_S).attachment).sequence for _ in range(20)]
+    assert published == list(range(1, 21))
+    assert [one.header.sequence for one in stored(room)] == published
+
+
 def test_a_single_shot_that_waited_is_calibrated_after_the_newest(tmp_path: Path) -> None:
     memory = HeldMemory(tmp_path / "positions")
     with room_of(ImageStore(tmp_path), tmp_path / "positions", memory, run_interval_s=0.0) as room:
