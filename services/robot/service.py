@@ -1,6 +1,7 @@
 """The robot on the bus: messages in, drive and guard, messages out."""
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
@@ -61,7 +62,8 @@ class RobotService:
         self._lock = threading.Lock()
         self._ledger = CommandLedger(parts.boot_epoch)
         self._registration = RegistrationView()
-        self._executed: frozenset[str] = frozenset()
+        # Far more than fit into the lifetime of a plan.
+        self._executed: deque[str] = deque(maxlen=1024)
         self._sequence = 0
         self._publisher = bus.retained_publisher(keys.robot_state)
         self._ended = threading.Event()
@@ -189,7 +191,7 @@ class RobotService:
             permitted = check_move(plan, approved_sha256, self._guard_context(status))
             if isinstance(permitted, PermittedMove):
                 # On record before anything moves.
-                self._executed |= {plan.sha256}
+                self._executed.append(plan.sha256)
             return permitted
 
         return self._drive.begin_move(command_id, guard)
@@ -210,7 +212,7 @@ class RobotService:
             connected_s=status.connected_s,
             heartbeat_s=self.watch.heartbeat_s(),
             link_up=self.watch.link_up(),
-            executed=self._executed,
+            executed=frozenset(self._executed),
             stop_button=status.stop_button,
         )
 

@@ -56,8 +56,9 @@ def _verify(settings: UiApiSettings) -> int:
     url = settings.record_url()
     try:
         verdict = verify_record(existing_database(url))
-    except DBAPIError as error:
-        raise ConfigurationError(f"case record {url}: cannot be read: {error.orig}") from None
+    except (DBAPIError, UnicodeDecodeError) as error:  # a damaged schema need not be text
+        cause = error.orig if isinstance(error, DBAPIError) else error
+        raise ConfigurationError(f"case record {url}: cannot be read: {cause}") from None
     if isinstance(verdict, ChainBroken):
         print(f"broken: {verdict.message}")
         return 1

@@ -1,6 +1,8 @@
 """The gateway's command: what cannot start says so in one sentence, with exit code 2."""
 
+import contextlib
 import json
+import sqlite3
 from pathlib import Path
 
 import pytest
@@ -63,6 +65,18 @@ def test_verify_says_when_there_is_nothing_to_verify(tmp_path: Path, capsys: pyt
     (tmp_path / "case-record.sqlite").write_bytes(b"no database at all" * 100)
     assert main(["verify", "--state-dir", str(tmp_path)]) == 2
     assert "cannot be read: file is not a database" in capsys.readouterr().err
+
+
+def test_verify_says_when_a_record_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _record_with_events(tmp_path)
+    file = tmp_path / "case-record.sqlite"
+    with contextlib.closing(sqlite3.connect(file)) as connection:
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    file.write_bytes(file.read_bytes().replace(b"CREATE TABLE documents", b"CREATE \xff\xfe\xfdLE documents"))
+    assert main(["verify", "--state-dir", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "cannot be read" in said
+    assert len(said.splitlines()) == 1
 
 
 def test_openapi_prints_the_document(capsys: pytest.CaptureFixture[str]) -> None:
