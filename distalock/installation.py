@@ -4,7 +4,7 @@ import json
 import os
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
@@ -158,8 +158,9 @@ class _Ready:
     A controller that is switched off keeps an installation from being ready, but not from being started.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._url = url
+        self._clock_s = clock_s
         self._usable_since_s: float | None = None
 
     def __call__(self) -> bool:
@@ -170,8 +171,9 @@ class _Ready:
         if codes & _STILL_STARTING:
             self._usable_since_s = None
             return False
-        now_s = time.monotonic()
-        self._usable_since_s = self._usable_since_s or now_s
+        now_s = self._clock_s()
+        if self._usable_since_s is None:
+            self._usable_since_s = now_s
         return now_s - self._usable_since_s > _USABLE_FOR_S
 
 
