@@ -6,14 +6,12 @@ Whoever has an image on record without a localisation asks for it, and gets it, 
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
 
 from services.registration.state import RegistrationState
-from shared.messages.imaging import CalibrationMessage, ImageReference
+from shared.messages.imaging import CalibrationMessage
 from shared.messages.stored_images import LocalisationReply, LocalisationRequest, Skip, SkipCode, Step
 
 _FAULTS_KEPT = 256
-_Fetch = Callable[[ImageReference], CalibrationMessage]
 
 
 class LocalisationJobs:
@@ -63,23 +61,18 @@ class LocalisationJobs:
             self._closed, self._waiting = True, None
             self._changed.notify_all()
 
-    def reply(self, request: LocalisationRequest, fetch: _Fetch) -> LocalisationReply:
-        """The localisation that is asked for, or why there is none; neither when it is being made from now on.
-
-        Parameters
-        ----------
-        fetch
-            Asks imaging for the calibration of an image; raises `BusError`.
-        """
+    def reply(self, request: LocalisationRequest) -> LocalisationReply:
+        """The localisation that is asked for, or why there is none; neither when it is being made from now on."""
         self._state.note_newest(request.newest)
-        localised = self._state.images.get(request.image.sha256)
+        sha256 = request.calibration.image.sha256
+        localised = self._state.images.get(sha256)
         if localised is not None:
             return LocalisationReply(record=localised.record)
         skip = self._why_not(request)
         if skip is not None:
             return LocalisationReply(skip=skip)
-        if not self._is_in_hand(request.image.sha256) and self._knows_open_case(request):
-            self.put(fetch(request.image))
+        if not self._is_in_hand(sha256) and self._knows_open_case(request):
+            self.put(request.calibration)
         return LocalisationReply()
 
     def _is_in_hand(self, sha256: str) -> bool:
@@ -93,12 +86,13 @@ class LocalisationJobs:
         return known == (request.open_case_id, request.open_case_revision if request.open_case_id else 0)
 
     def _why_not(self, request: LocalisationRequest) -> Skip | None:
-        image, newest = request.image, self._state.newest
+        calibration, newest = request.calibration, self._state.newest
+        image = calibration.image
         with self._changed:
             fault, unusable = self._faults.get(image.sha256), self.unusable_case
         if fault is not None:
             return _skip(SkipCode.FAULT, f"it brought a fault ({fault}); take another image")
-        asked = (request.case_id, request.case_revision)
+        asked = (calibration.case_id, calibration.case_revision)
         if asked != (request.open_case_id, request.open_case_revision):
             message = f"it was taken in case '{asked[0]}' revision {asked[1]}, which is not the present set-up any more"
             return _skip(SkipCode.SET_UP_CHANGED, message)

@@ -18,7 +18,7 @@ from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import Accepted, BusError, InputError
 from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
-from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageReference
+from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.registration import (
     Localisation,
     LocalisationRecord,
@@ -36,7 +36,6 @@ _WAIT_S = 0.2
 _EPOCH_EVERY_S = 0.2
 _CASE_TIMEOUT_S = 2.0
 _OVERTAKEN_S = 0.5
-_CALIBRATION_TIMEOUT_S = 0.5
 
 
 class RegistrationService:
@@ -116,14 +115,11 @@ class RegistrationService:
     def _on_localisation_request(self, query: Query) -> Answer:
         """Whoever has an image on record without a localisation asks for it."""
         request = decode(LocalisationRequest, query.payload)
-        reply = self._jobs.reply(request, self._fetched_calibration)
+        reply = self._jobs.reply(request)
         if reply.skip is not None:
-            self._runtime.log.warning("image not localised", sha256=request.image.sha256, detail=reply.skip.message)
+            sha256 = request.calibration.image.sha256
+            self._runtime.log.warning("image not localised", sha256=sha256, detail=reply.skip.message)
         return Answer(encode(reply))
-
-    def _fetched_calibration(self, image: ImageReference) -> CalibrationMessage:
-        key = self._runtime.keys.calibration_of(image.sequence)
-        return decode(CalibrationMessage, self._bus.query(key, b"", _CALIBRATION_TIMEOUT_S).payload)
 
     def _on_plan_request(self, query: Query) -> Answer:
         request = decode(PlanRequest, query.payload)

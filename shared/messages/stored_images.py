@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from shared.messages.base import Identifier, Message, WireModel
-from shared.messages.imaging import FrameHeader, ImageReference
+from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageReference
 from shared.messages.registration import LocalisationRecord
 
 Sequence = Annotated[int, Field(ge=0)]
@@ -72,6 +72,8 @@ class LocalisationRequest(Message):
 
     Attributes
     ----------
+    calibration
+        Of the image, as imaging published it: it names image and set-up.
     newest
         The newest image of the case that is on record: registration may have started since.
     open_case_id, open_case_revision
@@ -79,9 +81,7 @@ class LocalisationRequest(Message):
     """
 
     schema_name: Literal["distalock/localisation-request/1"] = Field("distalock/localisation-request/1", alias="schema")
-    case_id: Identifier
-    case_revision: int = Field(ge=0)
-    image: ImageReference
+    calibration: CalibrationMessage
     newest: ImageReference
     open_case_id: Identifier | None = None
     open_case_revision: int = Field(0, ge=0)

@@ -17,9 +17,9 @@ from services.ui_api.core.image_numbers import NumbersOnRecord, unfinished
 from services.ui_api.record.record import CaseRecord
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
-from shared.errors import BusError
-from shared.messages.base import MessageInvalid, decode, encode
-from shared.messages.imaging import ImageReference
+from shared.errors import DistalockError
+from shared.messages.base import decode, encode
+from shared.messages.imaging import CalibrationMessage, ImageReference
 from shared.messages.registration import LocalisationRecord
 from shared.messages.stored_images import (
     LocalisationReply,
@@ -90,7 +90,7 @@ class CatchUp:
         """Ask; a service that is gone, busy or of another version is asked again in two seconds."""
         try:
             ask()
-        except (BusError, MessageInvalid) as error:
+        except DistalockError as error:
             self._log.debug("catch_up", detail=str(error))
 
     def _ask_for_images(self) -> None:
@@ -116,34 +116,39 @@ class CatchUp:
         return decode(StoredImagesReply, self._bus.query(self._keys.stored_images, request, _TIMEOUT_S).payload)
 
     def _ask_for_results(self) -> None:
-        cases = list(self._record.ledger.cases.values())
-        for case in reversed(cases[-self._cases :] if self._cases else cases):
+        for case in self._watched_cases():
             for image in unfinished(case).to_calibrate[:_MOST_AT_ONCE]:
                 self._try(partial(self._ask_for_calibration, case, image))
-        for case in reversed(cases[-self._cases :] if self._cases else cases):
-            for image in unfinished(self._record.ledger.cases[case.case_id]).to_localise[:_MOST_AT_ONCE]:
+        for case in self._watched_cases():
+            for image in unfinished(case).to_localise[:_MOST_AT_ONCE]:
                 self._try(partial(self._ask_for_localisation, case, image))
         self._cases = _CASES_WATCHED
 
+    def _watched_cases(self) -> list[Case]:
+        """The newest first; all of them for the first time."""
+        cases = list(self._record.ledger.cases.values())
+        return cases[::-1][: self._cases or None]
+
     def _ask_for_calibration(self, case: Case, image: ImageReceived) -> None:
         assert image.sequence is not None
-        if image.store_id != self._store_id:
+        if self._store_id is None:
+            return  # imaging has not answered since the gateway started
+        reply = self._stored_after(image.sequence - 1, most=1)
+        stored = next((one for one in reply.images if one.header.sha256 == image.image_sha256), None)
+        if reply.store_id != image.store_id or stored is None:
             message = "imaging stores images elsewhere than when it received it; take another image"
             self._skip(case, image, Skip(step=Step.CALIBRATION, code=SkipCode.ANOTHER_STORE, message=message))
-            return
-        (stored,) = self._stored_after(image.sequence - 1, most=1).images
-        if stored.calibration == "done":
+        elif stored.calibration == "done":
             content = self._bus.query(self._keys.calibration_of(image.sequence), b"", _TIMEOUT_S).payload
             self._recorded(lambda: self._recorder.calibration(content))
         elif stored.skip is not None:
             self._skip(case, image, stored.skip)
 
     def _ask_for_localisation(self, case: Case, image: ImageReceived) -> None:
-        opened = self._record.ledger.open_case()
+        opened, calibrated = self._record.ledger.open_case(), case.calibration_of(image.image_sha256)
+        assert calibrated is not None
         request = LocalisationRequest(
-            case_id=case.case_id,
-            case_revision=image.case_revision,
-            image=_reference(image),
+            calibration=decode(CalibrationMessage, self._record.document(calibrated.document_sha256)),
             newest=_reference(case.images[-1]),
             open_case_id=None if opened is None else opened.case_id,
             open_case_revision=0 if opened is None else opened.revision,

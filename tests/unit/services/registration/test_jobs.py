@@ -40,26 +40,19 @@ class Rig:
     """Registration's jobs, and who asks."""
 
     state: RegistrationState = field(default_factory=lambda: RegistrationState("registration-1", 4, 0.5, lambda: 100.0))
-    fetched: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.jobs = LocalisationJobs(self.state)
         self.state.open_case(OpenCase.of(context()))
 
-    def fetch(self, wanted: ImageReference) -> CalibrationMessage:
-        self.fetched.append(wanted.sequence)
-        return calibration(wanted.sequence)
-
     def ask(self, number: int, newest: int, revision: int = 1, open_revision: int = 1) -> LocalisationReply:
         request = LocalisationRequest(
-            case_id="case-1",
-            case_revision=revision,
-            image=image(number),
+            calibration=calibration(number).model_copy(update={"case_revision": revision}),
             newest=image(newest),
             open_case_id="case-1",
             open_case_revision=open_revision,
         )
-        return self.jobs.reply(request, self.fetch)
+        return self.jobs.reply(request)
 
     def why(self, reply: LocalisationReply) -> SkipCode | None:
         return None if reply.skip is None else reply.skip.code
@@ -76,32 +69,30 @@ def test_the_newest_of_those_that_wait_is_localised_and_the_others_are_named() -
     assert rig.jobs.take(0.0) is None
 
 
-def test_an_image_that_was_missed_is_fetched_once_and_localised() -> None:
+def test_an_image_that_was_missed_is_localised_once() -> None:
     rig = Rig()
     assert rig.ask(1, newest=1) == LocalisationReply()
     assert rig.ask(1, newest=1) == LocalisationReply(), "it waits"
     taken = rig.jobs.take(0.0)
     assert taken is not None
     assert rig.ask(1, newest=1) == LocalisationReply(), "it is in work"
-    assert rig.fetched == [1]
-    rig.jobs.done()
+    assert rig.jobs.take(0.0) is None, "once"
 
 
 def test_an_image_that_was_localised_is_handed_out() -> None:
     rig = Rig()
     known = frame(localised("a"))
     rig.state.images.note(known)
-    request = LocalisationRequest(
-        case_id="case-1", case_revision=1, image=known.record.image, newest=known.record.image
-    )
-    assert rig.jobs.reply(request, rig.fetch).record == known.record
+    asked = calibration(1).model_copy(update={"image": known.record.image})
+    request = LocalisationRequest(calibration=asked, newest=known.record.image)
+    assert rig.jobs.reply(request).record == known.record
 
 
 def test_an_image_that_a_newer_one_has_overtaken_is_superseded_also_after_a_restart() -> None:
     rig = Rig()
     assert rig.why(rig.ask(1, newest=2)) is SkipCode.SUPERSEDED
     assert rig.state.newest == image(2), "nothing is planned from an older one"
-    assert rig.fetched == []
+    assert rig.jobs.take(0.0) is None
 
 
 def test_an_image_that_is_in_work_is_not_superseded() -> None:
@@ -115,7 +106,7 @@ def test_an_image_of_another_set_up_is_not_localised_once_registration_knows_the
     rig = Rig()
     assert rig.why(rig.ask(1, newest=1, revision=1, open_revision=2)) is SkipCode.SET_UP_CHANGED
     assert rig.ask(1, newest=1, revision=2, open_revision=2) == LocalisationReply()
-    assert rig.fetched == [], "the announcement of revision 2 is on its way"
+    assert rig.jobs.take(0.0) is None, "the announcement of revision 2 is on its way"
 
 
 def test_an_image_that_brought_a_fault_is_not_tried_for_ever() -> None:

@@ -13,7 +13,7 @@ from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Answer, Query
 from shared.errors import ReasonCode
-from shared.messages.base import decode, encode
+from shared.messages.base import MessageInvalid, decode, encode
 from shared.messages.imaging import FrameHeader
 from shared.messages.presence import ServiceName
 from shared.messages.qa import QaRequest
@@ -84,6 +84,7 @@ class FakeImaging(OnTheBus):
         super().__init__(router, keys)
         self._frames = self.bus.publisher(keys.frame)
         self._headers: dict[str, FrameHeader] = {}
+        self.silent, self.asked_in_vain = False, threading.Event()
         self.store_id = f"store-{next(_stores)}"
         self.stored: list[StoredImage] = []
         self.bus.queryable(keys.any_frame_by_hash, self._frame)
@@ -111,6 +112,9 @@ class FakeImaging(OnTheBus):
         self.stored[header.sequence - 1 : header.sequence] = [one]
 
     def _stored_images(self, query: Query) -> Answer:
+        if self.silent:
+            self.asked_in_vain.set()
+            raise MessageInvalid("imaging is of another version")
         request = decode(StoredImagesRequest, query.payload)
         images = tuple(self.stored[request.after : request.after + request.most])
         return Answer(encode(StoredImagesReply(store_id=self.store_id, newest=len(self.stored), images=images)))
@@ -174,7 +178,7 @@ class FakeRegistration(OnTheBus):
     def _localise(self, query: Query) -> Answer:
         request = decode(LocalisationRequest, query.payload)
         self.localisation_requests.append(request)
-        return Answer(encode(self.replies.get(request.image.sha256, LocalisationReply())))
+        return Answer(encode(self.replies.get(request.calibration.image.sha256, LocalisationReply())))
 
     def _verify(self, query: Query) -> Answer:
         request = decode(VerificationRequest, query.payload)

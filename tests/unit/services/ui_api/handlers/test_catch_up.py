@@ -10,6 +10,7 @@ from services.ui_api.core.event_data import ImageReceived
 from services.ui_api.core.image_numbers import NumbersOnRecord, unfinished
 from shared.messages.stored_images import LocalisationReply, Skip, SkipCode, Step
 from tests.unit.services.ui_api import samples
+from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import Room, open_room
 
 SUPERSEDED = Skip(step=Step.LOCALISATION, code=SkipCode.SUPERSEDED, message="a newer image has come")
@@ -81,7 +82,7 @@ def test_why_an_image_is_not_localised_is_on_record_and_asked_once(room: Room) -
     view = room.get(f"/images/{old.sha256}").json()
     assert view["skipped"] == {"step": "localisation", "code": "superseded", "message": "a newer image has come"}
     asked = room.registration.localisation_requests
-    assert {one.newest.sha256 for one in asked if one.image.sha256 == new.sha256} == {new.sha256}
+    assert {one.newest.sha256 for one in asked if one.calibration.image.sha256 == new.sha256} == {new.sha256}
     assert len(case_of(room, case_id).skipped) == 1
 
 
@@ -101,6 +102,20 @@ def test_an_image_store_that_was_replaced_is_said_so(room: Room) -> None:
     room.imaging.store_id, room.imaging.stored = "another-store", []
     wait_for(room, lambda: case_of(room, case_id).skip_of(header.sha256) is not None)
     assert case_of(room, case_id).skipped[0].code == "another_store"
+
+
+def test_while_imaging_does_not_answer_nothing_is_said_of_its_store(room: Room) -> None:
+    room.imaging.silent = True
+    case_id = room.open_case()
+    header = room.imaging.send("one", case_id)
+    wait_for(room, lambda: numbers(room, case_id) == [1])
+    for _ in range(2):  # a whole round lies between two questions for images
+        room.imaging.asked_in_vain.clear()
+        assert room.imaging.asked_in_vain.wait(PATIENCE_S)
+    assert case_of(room, case_id).skipped == ()
+    room.imaging.silent = False
+    room.imaging.keep(header, "done")
+    wait_for(room, lambda: case_of(room, case_id).calibration_of(header.sha256) is not None)
 
 
 def test_a_late_older_image_makes_nothing_stale(room: Room) -> None:
