@@ -304,7 +304,7 @@ def _add_sample(ray: Ray, tube: Tube, nail: NailShape, context: RayContext, slop
     """
     touched = -1
     if tube[1] > tube[0]:
-        for h in range(nail.bores.shape[0]):
+        for h in range(nail.bores.shape[-2]):
             if meets(ray, tube, bore_at(nail.bores, h), nail.radius_mm, context.step_mm):
                 touched = h
     if touched >= 0:

@@ -177,16 +177,22 @@ def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailSha
         translation_mm=np.ascontiguousarray(translation_mm),
         radius_mm=radius_mm,
         cannulation_radius_mm=0.5 * nail.cannulation_diameter_mm,
-        bores=np.array([_bore(hole, excess, radius_mm, chamfer_mm) for hole in nail.all_holes]),
+        bores=_bores(nail, excess, radius_mm, chamfer_mm),
         material=(per_mm, float(parameters[Parameter.HARDENING]), BEAM.hardest_share),
         steel_in_nail_material=BEAM.steel_attenuation_per_mm / usual_per_mm,
     )
 
 
-def _bore(hole: Hole, excess_mm: float, nail_radius_mm: float, chamfer_mm: float) -> tuple[float, ...]:
-    """A row of `NailShape.bores`; a leaning hole's chamfer begins below where its axis leaves the nail."""
-    widening_mm = nail_radius_mm / hole.cosine_across_nail - chamfer_mm
-    return *hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm, hole.half_slot_mm
+def _bores(nail: NailPart, excess_mm: float, radius_mm: float, chamfer_mm: float) -> NDArray[np.float64]:
+    """`NailShape.bores`; a leaning hole's chamfer begins below where its axis leaves the nail."""
+
+    def row(hole: Hole) -> tuple[float, ...]:
+        widening_mm = radius_mm / hole.cosine_across_nail - chamfer_mm
+        return *hole.axis.point_mm, *hole.axis.direction, 0.5 * hole.diameter_mm + excess_mm, widening_mm
+
+    rows = np.array([row(hole) for hole in nail.all_holes])
+    half_slots_mm = np.array([[hole.half_slot_mm] for hole in nail.all_holes])
+    return np.hstack([rows, half_slots_mm])[None] if half_slots_mm.any() else rows
 
 
 def visible_fraction(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float64]:

@@ -45,7 +45,10 @@ _LEAST_RATE = 0.2
 
 Ray = tuple[float, float, float, float, float, float]
 Tube = tuple[float, float, float, float]
-Bore = tuple[float, float, float, float, float, float, float, float, float]
+# Of a nail with slots a ninth number: half the distance of a slot's two axes. The compiler knows how many there are:
+# code for nails without slots has no branch for them, which would cost a fifth of the time of all rays.
+Bore = tuple[float, ...]
+_SLOT, _DIMENSIONS_WITH_SLOTS = 9, 3
 NO_TUBE = (1.0, 0.0, 1.0, 0.0)
 # Mean attenuation per mm, its relative variance (hardening), and the least attenuation over the mean.
 Material = tuple[float, float, float]
@@ -121,17 +124,19 @@ def cylinder_interval(
 @compiled
 def bore_at(bores: NDArray[np.float64], h: int) -> Bore:
     """One of the bores (see `NailShape`) as plain numbers: references to a view of it would be counted at every use."""
-    return (
-        bores[h, 0],
-        bores[h, 1],
-        bores[h, 2],
-        bores[h, 3],
-        bores[h, 4],
-        bores[h, 5],
-        bores[h, 6],
-        bores[h, 7],
-        bores[h, 8],
-    )
+    if bores.ndim == _DIMENSIONS_WITH_SLOTS:
+        return (
+            bores[0, h, 0],
+            bores[0, h, 1],
+            bores[0, h, 2],
+            bores[0, h, 3],
+            bores[0, h, 4],
+            bores[0, h, 5],
+            bores[0, h, 6],
+            bores[0, h, 7],
+            bores[0, h, 8],
+        )
+    return (bores[h, 0], bores[h, 1], bores[h, 2], bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6], bores[h, 7])
 
 
 @compiled
@@ -182,7 +187,9 @@ def may_touch(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, reach_mm: floa
     middle, half = 0.5 * (tube[0] + tube[1]), 0.5 * (tube[1] - tube[0])
     wide_mm = bore[6] + reach_mm
     leaning = abs(bore[3]) / max(np.sqrt(max(1.0 - bore[3] * bore[3], 0.0)), _LEAST_ACROSS)
-    along_mm = leaning * (radius_mm + wide_mm + abs(bore[1]) + abs(bore[2])) + bore[8]
+    along_mm = leaning * (radius_mm + wide_mm + abs(bore[1]) + abs(bore[2]))
+    if len(bore) == _SLOT:
+        along_mm += bore[8]
     return bool(abs(ray[0] + middle * ray[3] - bore[0]) < wide_mm + along_mm + half * abs(ray[3]))
 
 
@@ -208,7 +215,7 @@ def in_bore(ray: Ray, bore: Bore, excess_mm: float) -> tuple[float, float]:
     ox, oy, oz, dx, dy, dz = ray
     qx, qy, qz = ox - bore[0], oy - bore[1], oz - bore[2]
     radius = max(bore[6] + excess_mm, 0.0)
-    if bore[8] > 0.0:
+    if len(bore) == _SLOT:
         return _slot_interval(qx, qy, qz, dx, dy, dz, bore, radius)
     return cylinder_interval(qx, qy, qz, dx, dy, dz, bore[3], bore[4], bore[5], radius)
 
@@ -255,7 +262,7 @@ def beside_bore(px: float, py: float, pz: float, bore: Bore) -> tuple[float, flo
     """A place from a bore's point: how far along the axis, and the vector across it from the nearest axis of a slot."""
     along = px * bore[3] + py * bore[4] + pz * bore[5]
     gx, gy, gz = px - along * bore[3], py - along * bore[4], pz - along * bore[5]
-    if bore[8] > 0.0:
+    if len(bore) == _SLOT:
         ex, ey, ez = _slot_direction(bore)
         end = min(max(gx * ex + gy * ey + gz * ez, -bore[8]), bore[8])
         gx, gy, gz = gx - end * ex, gy - end * ey, gz - end * ez
@@ -299,7 +306,7 @@ def bore_and_rim_near(
     tube = tube_of(ray, radius_mm + reach_mm, inner_mm)
     near, rim_near = False, False
     if tube[1] > tube[0]:
-        for h in range(bores.shape[0]):
+        for h in range(bores.shape[-2]):
             bore = bore_at(bores, h)
             if meets(ray, tube, bore, radius_mm, reach_mm):
                 near = True
@@ -317,9 +324,9 @@ class NailShape(NamedTuple):
     # Of the nail and of the canal along it (0: solid)
     radius_mm: float
     cannulation_radius_mm: float
-    # Per hole: point, unit direction, radius, distance from the point beyond which the bore widens by as much as it
-    # goes on (its chamfer), and half the distance of a slot's two axes, in the nail's frame, shape (H, 9). Bores must
-    # not cross one another.
+    # Per hole: point, unit direction, radius, and distance from the point beyond which the bore widens by as much as it
+    # goes on (its chamfer), in the nail's frame, shape (H, 8). Of a nail with slots also half the distance of a slot's
+    # two axes, 0 of a bore, shape (1, H, 9). Bores must not cross one another.
     bores: NDArray[np.float64]
     material: Material  # of the nail
     steel_in_nail_material: float  # how many mm of the nail's material attenuate as 1 mm of steel does
@@ -356,7 +363,7 @@ def sections_of(along_mm: NDArray[np.float64], part: slice) -> Iterator[slice]:
 def section_shape(shape: NailShape, nail_from_section: Transform[Nail, Nail], x_mm: float) -> NailShape:
     """The straight nail that continues a cross-section, in the frame of that."""
     bores = shape.bores.copy()
-    bores[:, 0] -= x_mm
+    bores[..., 0] -= x_mm
     return shape._replace(
         rotation=np.ascontiguousarray(shape.rotation @ nail_from_section.rotation),
         translation_mm=shape.rotation @ nail_from_section.translation_mm + shape.translation_mm,
