@@ -114,7 +114,12 @@ def _up_arguments(parser: argparse.ArgumentParser) -> None:
         "--controller", type=controller_url, metavar="URL", help="device or pyserial URL of the real hexapod controller"
     )
     parser.add_argument(
-        "--state", type=named_path, default=Path("state"), help="folder for images, case record and logs"
+        "--state", type=named_path, default=Path("state"), help="folder for images, case record, keys and logs"
+    )
+    parser.add_argument(
+        "--plain-bus",
+        action="store_true",
+        help="no certificates: whoever reaches the router's port may speak as any service and move the robot",
     )
     add_scenario_arguments(parser)
     for name, default, used_for in _PORTS:
@@ -137,7 +142,9 @@ def _up(given: argparse.Namespace) -> int:
             f"ports {', '.join(map(str, numbers))} are not {len(numbers)} different ones; give each its own"
         )
     ports = Ports(given.router_port, given.rest_port, given.dicom_port, given.gcs_port, given.control_port)
-    installation = Installation(ports, given.state.resolve(), given.controller, scenario_arguments(given))
+    installation = Installation(
+        ports, given.state.resolve(), given.controller, scenario_arguments(given), given.plain_bus
+    )
     return run_installation(installation, Console(soft_wrap=True))
 
 

@@ -6,12 +6,16 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 import httpx
 
 from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
+from shared.bus.tls import PKI_FOLDER, TlsFiles
+from shared.pki.keystore import ROUTER, Keystore
+from shared.runtime.settings import ServiceSettings, load_settings
 
 _LOOPBACK = "127.0.0.1"
 _DICOM_HOST = "DISTALOCK_IMAGING_DICOM_HOST"
@@ -58,12 +62,20 @@ class Installation:
         pyserial URL of the real hexapod controller; None to run the virtual operating room instead.
     scenario_arguments
         How to choose the virtual room's scenario: ``("--seed", "3")`` or ``("--scenario", FILE)``.
+    plain_bus
+        Whether the bus does without TLS and access control: whoever reaches its port may then say anything.
     """
 
     ports: Ports
     state_dir: Path
     controller_url: str | None = None
     scenario_arguments: tuple[str, ...] = ()
+    plain_bus: bool = False
+
+    @property
+    def router_endpoint(self) -> str:
+        """Where the router listens, and with which protocol."""
+        return f"{'tcp' if self.plain_bus else 'tls'}/127.0.0.1:{self.ports.router}"
 
     @property
     def dicom_address(self) -> str:
@@ -87,7 +99,7 @@ class Installation:
             "router",
             "shared.bus.router",
             lambda: tcp_port_answers(ports.router),
-            ("--listen", f"tcp/127.0.0.1:{ports.router}"),
+            ("--listen", self.router_endpoint, *self._router_arguments()),
         )
         services = [
             ProcessSpec("imaging", "services.imaging", _at_once, environment=environment),
@@ -111,7 +123,7 @@ class Installation:
 
     def _environment(self) -> dict[str, str]:
         return {
-            "DISTALOCK_ROUTER_ENDPOINT": f"tcp/127.0.0.1:{self.ports.router}",
+            "DISTALOCK_ROUTER_ENDPOINT": self.router_endpoint,
             "DISTALOCK_STATE_DIR": str(self.state_dir),
             _DICOM_HOST: self.dicom_address.rpartition(":")[0],
             "DISTALOCK_IMAGING_DICOM_PORT": str(self.ports.dicom),
@@ -119,9 +131,27 @@ class Installation:
             "DISTALOCK_UI_API_PORT": str(self.ports.rest),
         }
 
-    def fleet(self, stop: threading.Event) -> Fleet:
+    def _router_arguments(self) -> tuple[str, ...]:
+        if self.plain_bus:
+            return ("--plain-bus",)
+        files = TlsFiles.in_state(self.state_dir, ROUTER)
+        named = (("--authority", files.authority), ("--certificate", files.certificate), ("--key", files.key))
+        return (
+            "--room",
+            load_settings(ServiceSettings).room,
+            *(word for option, file in named for word in (option, str(file))),
+        )
+
+    def fleet(self, stop: threading.Event, start_patience_s: float = 60.0) -> Fleet:
         """The processes, not yet started; setting `stop` ends their starting and their being watched."""
-        return Fleet(self.specs(), self.state_dir / "logs", stop=stop, reservations=self._reservations())
+        return Fleet(
+            self.specs(),
+            self.state_dir / "logs",
+            start_patience_s,
+            stop,
+            reservations=self._reservations(),
+            prepare=self.make_keys,
+        )
 
     def _reservations(self) -> dict[str, str]:
         """What no other installation may use, with the remedy."""
@@ -139,6 +169,11 @@ class Installation:
                 ("control", "the virtual operating room's control"),
             ]
         return listening
+
+    def make_keys(self) -> None:
+        """Make the authority at the first start, and what is missing or ends soon at every other."""
+        if not self.plain_bus:
+            Keystore(self.state_dir / PKI_FOLDER).ensure(datetime.now(UTC))
 
     def write_directory(self, pids: Mapping[str, int]) -> Path:
         """Write who runs where to `installation.json` in the state folder, for tools and tests."""

@@ -9,8 +9,9 @@ from typing import Final
 
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.processes import taken_folder
+from shared.bus.tls import PKI_FOLDER
 from shared.errors import ConfigurationError
-from shared.pki.keystore import FOLDER, Entry, Keystore, Standing
+from shared.pki.keystore import Entry, Keystore, Standing
 
 EXIT_GOOD, EXIT_ATTENTION = 0, 3
 RESTART: Final = "Start the installation again: a running service keeps the certificate that it started with."
@@ -35,7 +36,7 @@ def run(given: argparse.Namespace) -> int:
 
 def _changed(given: argparse.Namespace, change: Callable[[Keystore, datetime], Sequence[str]]) -> int:
     """Change the folder of an installation that does not run: half of one could not speak with the other half."""
-    keystore, now = Keystore(given.state / FOLDER), datetime.now(UTC)
+    keystore, now = Keystore(given.state / PKI_FOLDER), datetime.now(UTC)
     with closing(taken_folder(given.state / "logs")):
         new = change(keystore, now)
     for line in report(keystore, now, new):
@@ -46,7 +47,7 @@ def _changed(given: argparse.Namespace, change: Callable[[Keystore, datetime], S
 
 
 def _show(given: argparse.Namespace) -> int:
-    keystore, now = Keystore(given.state / FOLDER), datetime.now(UTC)
+    keystore, now = Keystore(given.state / PKI_FOLDER), datetime.now(UTC)
     for line in report(keystore, now):
         print(line)
     good = all(entry.standing is Standing.VALID for entry in keystore.entries(now))

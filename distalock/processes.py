@@ -54,7 +54,10 @@ class ProcessSpec:
 
 
 class Fleet:
-    """The running processes. Started in the order given, stopped in the reverse order."""
+    """The running processes. Started in the order given, stopped in the reverse order.
+
+    `prepare` is called before the first of them, when the folder belongs to this fleet alone.
+    """
 
     def __init__(
         self,
@@ -63,11 +66,13 @@ class Fleet:
         start_patience_s: float = 60.0,
         stop: threading.Event | None = None,
         reservations: Mapping[str, str] = MappingProxyType({}),
+        prepare: Callable[[], object] = lambda: None,
     ) -> None:
         self._specs = tuple(specs)
         self._log_dir = log_dir
         self._start_patience_s = start_patience_s
         self._stop = stop or threading.Event()
+        self._prepare = prepare
         self._running: list[tuple[ProcessSpec, subprocess.Popen[bytes]]] = []
         self._reservations = reservations
         self._held = ExitStack()
@@ -80,6 +85,7 @@ class Fleet:
             self._lifeline = held.enter_context(_pipe_that_ends_with_us())
             self._held = held.pop_all()
         try:
+            self._prepare()
             for spec in self._specs:
                 self._start(spec)
         except BaseException:

@@ -9,6 +9,7 @@ from rich.console import Console
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.installation import Installation, why_not_ready
 from distalock.processes import Fleet
+from shared.bus.tls import PLAIN_BUS_WARNING
 from shared.errors import ConfigurationError
 from shared.signals import set_by_signals
 
@@ -62,6 +63,8 @@ def _announce(installation: Installation, console: Console) -> None:
     console.print(f"DICOM C-STORE     {installation.dicom_address}", highlight=False)
     if installation.simulated:
         console.print(f"SIMULATION        virtual operating room, control at {ports.control_url}", highlight=False)
+    if installation.plain_bus:
+        console.print(f"[bold]WARNING[/bold]           {PLAIN_BUS_WARNING}", highlight=False)
     console.print(f"state and logs    {installation.state_dir}", highlight=False)
     if lacking := why_not_ready(ports.rest_url):
         console.print(f"not ready yet     {lacking}", highlight=False)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from services.ui_api.app import openapi_document, routed_app
 from shared.messages.schema_files import SCHEMAS, schema_texts
+from tools.keys_page import keys_page
 from tools.part_schemas import part_schema_texts
 from tools.refusals_page import refusals_page
 from tools.tuning_page import tuning_page
@@ -19,6 +20,7 @@ _DOCS = Path(__file__).parents[1] / "docs"
 _PART_SCHEMAS = _DOCS / "schemas"
 _PAGES: dict[str, Callable[[], str]] = {
     "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
+    "keys.md": keys_page,
     "refusals.md": refusals_page,
     "tuning.md": tuning_page,
 }

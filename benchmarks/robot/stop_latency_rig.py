@@ -7,21 +7,25 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import httpx
 
 from benchmarks.robot.plans import HEXAPOD, plan_between, random_target
 from benchmarks.robot.rig import PlainVerb
-from distalock.processes import Fleet, ProcessSpec, free_ports, tcp_port_answers
+from distalock.installation import Installation, Ports
+from distalock.processes import Fleet
 from distalock.rest_client import RestClient
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Sample
-from shared.bus.zenoh_bus import BusSettings, open_bus
+from shared.bus.settings import BusSettings
+from shared.bus.tls import TlsFiles
+from shared.bus.zenoh_bus import ZenohBus, open_bus
 from shared.errors import NoReply
 from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
+from shared.messages.presence import ServiceName
 from shared.messages.registration import RegistrationEpoch
 from shared.messages.robot import (
     Approval,
@@ -72,10 +76,17 @@ class ListeningController(VirtualController):
 
 @dataclass(slots=True)
 class StopRig:
-    """Everybody around the robot service."""
+    """Everybody around the robot service.
+
+    Attributes
+    ----------
+    registration, gateway
+        Sessions with the certificates of these services.
+    """
 
     controller: ListeningController
-    bus: Bus
+    registration: Bus
+    gateway: Bus
     rest: RestClient
     state: RobotState | None = None
     case: tuple[str, int] = ("", -1)
@@ -85,8 +96,8 @@ class StopRig:
 
     def listen(self) -> None:
         """Follow the robot and the case."""
-        self.bus.subscribe_retained(KEYS.robot_state, self._on_state)
-        self.bus.subscribe_retained(KEYS.case_context, self._on_case)
+        self.registration.subscribe_retained(KEYS.robot_state, self._on_state)
+        self.registration.subscribe_retained(KEYS.case_context, self._on_case)
 
     def _on_state(self, sample: Sample) -> None:
         with self.changed:
@@ -128,7 +139,7 @@ class StopRig:
         state = self.wait(lambda _: True)
         command = encode(PlainCommand(verb=verb, envelope=self.envelope(state)))
         try:
-            return decode(CommandReply, self.bus.query(KEYS.robot_command(verb), command, 1.0).payload)
+            return decode(CommandReply, self.gateway.query(KEYS.robot_command(verb), command, 1.0).payload)
         except NoReply:
             return None
 
@@ -153,7 +164,7 @@ class StopRig:
 
     def begin_motion(self, source: random.Random) -> None:
         """Plan somewhere else, as registration, and command it, until the robot moves."""
-        plans = self.bus.retained_publisher(KEYS.plan)
+        plans = self.registration.retained_publisher(KEYS.plan)
         deadline_s = time.monotonic() + PATIENCE_S
         while not self.controller.snapshot().moving:
             state = self.make_ready()
@@ -170,7 +181,7 @@ class StopRig:
         approval = Approval(plan_sha256=hashlib.sha256(plan).hexdigest(), approved_by="nobody", approved_at_ns=0)
         command = MoveCommand(envelope=self.envelope(state), plan_json=plan.decode(), approval=approval)
         try:
-            self.bus.query(KEYS.robot_command("move"), encode(command), 1.0)
+            self.gateway.query(KEYS.robot_command("move"), encode(command), 1.0)
         except NoReply:
             return
         asked_s = time.monotonic()
@@ -198,41 +209,43 @@ class StopRig:
 @contextmanager
 def stop_rig() -> Iterator[StopRig]:
     """An installation of its own, for as long as the context lasts."""
-    router_port, rest_port = free_ports(2)
+    ports = Ports.any_free()
     controller = ListeningController(HEXAPOD, time.monotonic)
     ended = threading.Event()
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        tcp_server(controller) as gcs_port,
-        Fleet(_processes(router_port, rest_port, gcs_port, Path(folder)), Path(folder) / "logs"),
-        open_bus(BusSettings(f"tcp/127.0.0.1:{router_port}")) as bus,
-        RestClient(f"http://127.0.0.1:{rest_port}") as rest,
-    ):
-        rig = StopRig(controller, bus, rest)
-        rig.listen()
-        rest.post("/api/v1/cases", SET_UP)
-        confirming = threading.Thread(target=_confirm_epoch, args=(bus, rig.epoch, ended), daemon=True)
-        confirming.start()
-        try:
-            yield rig
-        finally:
-            ended.set()
-            confirming.join()
+    with tempfile.TemporaryDirectory() as folder, tcp_server(controller) as gcs_port:
+        installation = Installation(ports, Path(folder), f"socket://127.0.0.1:{gcs_port}")
+        with (
+            _robot_and_gateway(installation),
+            _session(installation, "registration") as registration,
+            _session(installation, "ui_api") as gateway,
+            RestClient(ports.rest_url) as rest,
+        ):
+            rig = StopRig(controller, registration, gateway, rest)
+            rig.listen()
+            rest.post("/api/v1/cases", SET_UP)
+            confirming = threading.Thread(target=_confirm_epoch, args=(registration, rig.epoch, ended), daemon=True)
+            confirming.start()
+            try:
+                yield rig
+            finally:
+                ended.set()
+                confirming.join()
 
 
-def _processes(router_port: int, rest_port: int, gcs_port: int, folder: Path) -> list[ProcessSpec]:
-    environment = {
-        "DISTALOCK_ROUTER_ENDPOINT": f"tcp/127.0.0.1:{router_port}",
-        "DISTALOCK_STATE_DIR": str(folder),
-        "DISTALOCK_ROBOT_CONTROLLER_URL": f"socket://127.0.0.1:{gcs_port}",
-        "DISTALOCK_UI_API_PORT": str(rest_port),
-    }
-    listen = ("--listen", f"tcp/127.0.0.1:{router_port}")
-    return [
-        ProcessSpec("router", "shared.bus.router", lambda: tcp_port_answers(router_port), listen),
-        ProcessSpec("robot", "services.robot", lambda: True, environment=environment),
-        ProcessSpec("ui_api", "services.ui_api", lambda: _is_well(rest_port), environment=environment),
+def _robot_and_gateway(installation: Installation) -> Fleet:
+    """The installation without the services that the rig stands for."""
+    wanted = [spec for spec in installation.specs() if spec.name in ("router", "robot")]
+    wanted += [
+        replace(spec, is_ready=lambda: _is_well(installation.ports.rest))
+        for spec in installation.specs()
+        if spec.name == "ui_api"
     ]
+    return Fleet(wanted, installation.state_dir / "logs", prepare=installation.make_keys)
+
+
+def _session(installation: Installation, service: ServiceName) -> ZenohBus:
+    files = TlsFiles.in_state(installation.state_dir, service)
+    return open_bus(BusSettings(installation.router_endpoint, tls=files))
 
 
 def _is_well(rest_port: int) -> bool:

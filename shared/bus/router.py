@@ -1,20 +1,28 @@
-"""The router as a Python process: `python -m shared.bus.router [--config FILE] [--listen tcp/127.0.0.1:7447]`.
+"""The router as a Python process: `python -m shared.bus.router [--room or1] [--listen tls/127.0.0.1:7447]`.
 
-A session opened with ``mode: router`` is a full Zenoh router, with no Python in the data path. The same JSON5 file
-serves an official `zenohd`.
+A session opened with ``mode: router`` is a full Zenoh router, with no Python in the data path. It takes links under
+mutual TLS alone, and lets through what the access table allows. `--plain-bus` is the one way around, with a warning:
+anybody who reaches the port may then say anything.
 """
 
+import argparse
 import json
+import os
 import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import zenoh
 
 from shared.arguments import OneLineParser
+from shared.bus.access import access_table
+from shared.bus.access_rules import access_control
+from shared.bus.keys import Keys
+from shared.bus.tls import PLAIN_BUS_WARNING, SCHEME, TlsFiles
 from shared.errors import ConfigurationError
 from shared.signals import set_by_signals
 
@@ -23,9 +31,41 @@ LINGER_S: Final = 5.0
 DEFAULT_CONFIG = Path(__file__).with_name("router.json5")
 
 
+@dataclass(frozen=True, slots=True)
+class Protection:
+    """What the router lets in.
+
+    Attributes
+    ----------
+    tls
+        The router's own certificate, and the authority whose services it takes links from.
+    room
+        Operating room: the only one whose keys there are.
+    """
+
+    tls: TlsFiles
+    room: str
+
+
 @contextmanager
-def running_router(config_file: Path = DEFAULT_CONFIG, listen: Sequence[str] = ()) -> Iterator[None]:
+def running_router(config: zenoh.Config) -> Iterator[None]:
     """A router for as long as the context lasts.
+
+    Raises
+    ------
+    ConfigurationError
+        When an endpoint is in use, or the configuration cannot be used.
+    """
+    try:
+        session = zenoh.open(config)
+    except zenoh.ZError as error:
+        raise ConfigurationError(_why_not_open(_endpoints(config), error)) from error
+    with session:
+        yield
+
+
+def router_config(config_file: Path, listen: Sequence[str], protection: Protection | None) -> zenoh.Config:
+    """Configuration of a router.
 
     Parameters
     ----------
@@ -33,36 +73,57 @@ def running_router(config_file: Path = DEFAULT_CONFIG, listen: Sequence[str] = (
         Zenoh configuration in JSON5.
     listen
         Endpoints that replace those of the file, when given.
+    protection
+        None for a router that takes anybody.
 
     Raises
     ------
     ConfigurationError
-        When the file cannot be read or used, or when an endpoint is in use.
+        When the file or a certificate cannot be used, or an endpoint is without TLS although there is protection.
     """
-    config = router_config(config_file, listen)
-    try:
-        session = zenoh.open(config)
-    except zenoh.ZError as error:
-        raise ConfigurationError(_why_not_open(json.loads(config.get_json("listen/endpoints")), error)) from error
-    with session:
-        yield
-
-
-def router_config(config_file: Path, listen: Sequence[str]) -> zenoh.Config:
-    """Read a router's configuration; raises `ConfigurationError`."""
     try:
         config = zenoh.Config.from_file(config_file)
         if listen:
             config.insert_json5("listen/endpoints", json.dumps(list(listen)))
+        for key, value in (_protected(protection) if protection is not None else {}).items():
+            config.insert_json5(key, json.dumps(value))
     except zenoh.ZError as error:
         raise ConfigurationError(f"router configuration {config_file} cannot be used: {_first_line(error)}") from error
+    if protection is not None:
+        _require_tls(_endpoints(config))
     return config
+
+
+def _protected(protection: Protection) -> dict[str, object]:
+    protection.tls.require()
+    return {
+        "transport/link/tls/root_ca_certificate": str(protection.tls.authority),
+        "transport/link/tls/listen_certificate": str(protection.tls.certificate),
+        "transport/link/tls/listen_private_key": str(protection.tls.key),
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/close_link_on_expiration": True,
+        "access_control": access_control(access_table(Keys(protection.room))),
+    }
+
+
+def _require_tls(endpoints: Sequence[str]) -> None:
+    for endpoint in endpoints:
+        if not endpoint.startswith(SCHEME):
+            raise ConfigurationError(
+                f"{endpoint} is without TLS: anybody could speak as any service; listen at {SCHEME}... "
+                "or say so (--plain-bus)"
+            )
+
+
+def _endpoints(config: zenoh.Config) -> list[str]:
+    found: list[str] = json.loads(config.get_json("listen/endpoints"))
+    return found
 
 
 def _why_not_open(endpoints: Sequence[str], error: zenoh.ZError) -> str:
     where = ", ".join(endpoints)
     if "Address already in use" in str(error):
-        return f"{where} is in use by another program; stop it or listen elsewhere (--listen tcp/127.0.0.1:PORT)"
+        return f"{where} is in use by another program; stop it or listen elsewhere (--listen tls/127.0.0.1:PORT)"
     return f"the router cannot listen at {where}: {_first_line(error)}"
 
 
@@ -72,18 +133,48 @@ def _first_line(error: zenoh.ZError) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGTERM or SIGINT; 0 after a clean end, 2 when the router cannot start."""
-    parser = OneLineParser(prog="python -m shared.bus.router", description="The message router.")
-    parser.add_argument("--config", type=Path, default=DEFAULT_CONFIG, help="Zenoh configuration, JSON5")
-    parser.add_argument("--listen", action="append", default=[], help="endpoint, e.g. tcp/127.0.0.1:7447; repeatable")
-    given = parser.parse_args(arguments)
+    given = _parser().parse_args(arguments)
     stop = threading.Event()
     try:
-        with set_by_signals(stop, LINGER_S), running_router(given.config, given.listen):
+        config = router_config(given.config, given.listen, None if given.plain_bus else _protection(given))
+        if given.print_config:
+            print(config)  # noqa: T201 - this is what was asked for
+            return 0
+        if given.plain_bus:
+            print(f"router: warning: {PLAIN_BUS_WARNING}", file=sys.stderr)  # noqa: T201 - for the terminal
+        with set_by_signals(stop, LINGER_S), running_router(config):
             stop.wait()
     except ConfigurationError as error:
         print(f"router: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2
     return 0
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(prog="python -m shared.bus.router", description="The message router of one operating room.")
+    parser.add_argument("--config", type=Path, default=DEFAULT_CONFIG, help="Zenoh configuration, JSON5")
+    parser.add_argument("--listen", action="append", default=[], help="endpoint, e.g. tls/127.0.0.1:7447; repeatable")
+    room = os.environ.get("DISTALOCK_ROOM", "or1")
+    parser.add_argument("--room", default=room, help="operating room: part of every key (DISTALOCK_ROOM, or1)")
+    for name in ("authority", "certificate", "key"):
+        variable = f"DISTALOCK_TLS_{name.upper()}"
+        file = os.environ.get(variable)
+        parser.add_argument(f"--{name}", type=Path, default=file, help=f"file in PEM ({variable})")
+    parser.add_argument("--plain-bus", action="store_true", help="no TLS and no access control; prints a warning")
+    parser.add_argument(
+        "--print-config", action="store_true", help="print the whole configuration, for zenohd, and end"
+    )
+    return parser
+
+
+def _protection(given: argparse.Namespace) -> Protection:
+    for name in ("authority", "certificate", "key"):
+        if getattr(given, name) is None:
+            raise ConfigurationError(
+                f"no --{name} is given: name the router's files, which `distalock pki init` makes, or say that you "
+                "want none (--plain-bus)"
+            )
+    return Protection(TlsFiles(given.authority, given.certificate, given.key), given.room)
 
 
 if __name__ == "__main__":

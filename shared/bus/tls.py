@@ -11,6 +11,10 @@ AUTHORITY_FILE: Final = "authority.pem"
 CERTIFICATE_FILE: Final = "certificate.pem"
 KEY_FILE: Final = "key.pem"
 SCHEME: Final = "tls/"
+PKI_FOLDER: Final = "pki"
+PLAIN_BUS_WARNING: Final = (
+    "the bus runs without TLS and access control: whoever reaches its port may speak as any service and move the robot"
+)
 _READABLE_BY_OTHERS: Final = stat.S_IRWXG | stat.S_IRWXO
 
 
@@ -34,6 +38,11 @@ class TlsFiles:
     def in_folder(cls, folder: Path) -> Self:
         """The three files of one folder, as `distalock pki` writes them."""
         return cls(folder / AUTHORITY_FILE, folder / CERTIFICATE_FILE, folder / KEY_FILE)
+
+    @classmethod
+    def in_state(cls, state_dir: Path, name: str) -> Self:
+        """The files of one service (or of the router) in the state folder of an installation."""
+        return cls.in_folder(state_dir / PKI_FOLDER / name)
 
     def require(self) -> None:
         """Refuse files that are missing, or a key that others can read; raises `ConfigurationError`."""

@@ -10,7 +10,6 @@ import json
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self, TypeVar
 from weakref import WeakSet
@@ -21,13 +20,14 @@ from shared.bus.declarations import Channel, Declared, pump
 from shared.bus.liveliness import AliveView
 from shared.bus.port import Answer, Query, Sample
 from shared.bus.replies import error_text, no_answer, no_reply_in_time, replied_with_error
+from shared.bus.settings import BusSettings as BusSettings
+from shared.bus.shared_memory import POOL_BYTES
+from shared.bus.tls import TlsFiles
 from shared.errors import BusUnavailable
 
 _LEASE_MS = 1000
 _RECONNECT_FIRST_MS = 100
 _RECONNECT_MOST_MS = 1000
-# Mapping the pool delays the first frame: 55 ms with 32 MiB, 200-340 ms with 64 MiB (and then some are lost).
-_SHARED_MEMORY_POOL_BYTES = 32 * 1024 * 1024
 _SHARED_MEMORY_FROM_BYTES = 64 * 1024
 # With Zenoh's own 1 ms and 50 ms, one in twelve first frames of 4 MB was lost, and on a busy machine one in four with
 # 200 ms. The wait must stay well below the lease: meanwhile the router does not read from the publisher.
@@ -46,41 +46,39 @@ _TIMEOUT_TEXT = "Timeout"
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class BusSettings:
-    """Where the router is, and how long to wait for it."""
-
-    endpoint: str = "tcp/127.0.0.1:7447"
-    open_timeout_s: float = 10.0
-
-
 def open_bus(settings: BusSettings) -> "ZenohBus":
     """Connect to the router. Use the result as a context manager.
 
     Raises
     ------
     BusUnavailable
-        When no router answers within `open_timeout_s`.
+        When no router answers within `open_timeout_s`, or none that the authority has signed, or it takes no link from
+        this program.
+    ConfigurationError
+        When a file of `tls` is missing, or others can read the key.
     """
+    if settings.tls is not None:
+        settings.tls.require()
     deadline = time.monotonic() + settings.open_timeout_s
     while True:
         try:
-            return ZenohBus(zenoh.open(client_config(settings.endpoint)))
+            return ZenohBus(zenoh.open(client_config(settings)))
         except zenoh.ZError as error:
             if time.monotonic() + _OPEN_AGAIN_AFTER_S > deadline:
                 raise BusUnavailable(
                     f"no router answered at {settings.endpoint} within {settings.open_timeout_s:g} s; "
-                    "start the router (python -m shared.bus.router) or correct the endpoint"
+                    "start the router (python -m shared.bus.router), or correct the endpoint or the certificates "
+                    "(distalock pki show)"
                 ) from error
         time.sleep(_OPEN_AGAIN_AFTER_S)
 
 
-def client_config(endpoint: str) -> zenoh.Config:
+def client_config(settings: BusSettings) -> zenoh.Config:
     """Configuration of a service's session: client, one endpoint, no scouting, no listeners, short lease."""
     config = zenoh.Config()
     values: dict[str, object] = {
         "mode": "client",
-        "connect/endpoints": [endpoint],
+        "connect/endpoints": [settings.endpoint],
         "connect/timeout_ms": 0,
         "connect/retry": {
             "period_init_ms": _RECONNECT_FIRST_MS,
@@ -94,13 +92,25 @@ def client_config(endpoint: str) -> zenoh.Config:
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _WAIT_BEFORE_DROP_US,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": _FRAGMENTS_WAIT_US,
         "transport/shared_memory/mode": "init",
-        "transport/shared_memory/transport_optimization/pool_size": _SHARED_MEMORY_POOL_BYTES,
+        "transport/shared_memory/transport_optimization/pool_size": POOL_BYTES,
         "transport/shared_memory/transport_optimization/message_size_threshold": _SHARED_MEMORY_FROM_BYTES,
         "transport/shared_memory/transport_optimization/messages": ["put"],
+        **(_tls_values(settings.tls) if settings.tls is not None else {}),
     }
     for key, value in values.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _tls_values(files: TlsFiles) -> dict[str, object]:
+    return {
+        "transport/link/tls/root_ca_certificate": str(files.authority),
+        "transport/link/tls/connect_certificate": str(files.certificate),
+        "transport/link/tls/connect_private_key": str(files.key),
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/verify_name_on_connect": True,
+        "transport/link/tls/close_link_on_expiration": True,
+    }
 
 
 class _Publisher(Declared):

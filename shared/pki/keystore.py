@@ -32,7 +32,6 @@ from shared.pki.authority import (
     new_authority,
 )
 
-FOLDER: Final = "pki"
 ROUTER: Final = "router"
 NAMES: Final[tuple[str, ...]] = (ROUTER, *get_args(ServiceName))
 # Half of their validity: whoever starts an installation once in half a year never sees one expire.

@@ -20,14 +20,17 @@ import structlog
 
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
-from shared.bus.zenoh_bus import BusSettings, open_bus
+from shared.bus.settings import BusSettings
+from shared.bus.shared_memory import MemoryLimits
+from shared.bus.zenoh_bus import open_bus
 from shared.errors import BusUnavailable, ConfigurationError, DistalockError
 from shared.messages.presence import ServiceName
+from shared.runtime.bus_check import check_bus
 from shared.runtime.help import service_parser
 from shared.runtime.impairments import watched
 from shared.runtime.logging import Log, configure_logging, flush_logs
 from shared.runtime.presence import StatusReporter, beating
-from shared.runtime.settings import ServiceSettings, load_settings
+from shared.runtime.settings import ServiceSettings, bus_settings, load_settings
 from shared.runtime.sole_service import sole_service
 from shared.signals import set_by_signals
 from shared.threads import described, faults_go_to, supervised
@@ -142,11 +145,12 @@ def open_service(
     boot_epoch = secrets.token_hex(8)
     log = configure_logging(name, settings.room, boot_epoch, settings.log_level, settings.log_file)
     keys = Keys(settings.room)
-    with opener(BusSettings(settings.router_endpoint, settings.router_timeout_s)) as bus:
+    with opener(bus_settings(name, settings)) as bus:
         status = StatusReporter(bus.retained_publisher(keys.status(name)), name, boot_epoch, software_version())
         runtime = Runtime(name, boot_epoch, keys, log, status)
         with faults_go_to(runtime), _place_in_room(bus, runtime):
             status.report("starting")
+            check_bus(settings.router_endpoint, keys, MemoryLimits.of_this_process(), log, status)
             with beating(bus, keys, name, boot_epoch, HEARTBEAT_HZ[name]), watched(runtime, settings):
                 log.info("started", version=software_version(), router=settings.router_endpoint)
                 try:

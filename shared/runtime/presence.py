@@ -24,7 +24,7 @@ class StatusReporter:
 
     def __init__(self, publisher: Publisher, service: ServiceName, boot_epoch: str, version: str) -> None:
         self._publisher = publisher
-        self._service: ServiceName = service
+        self.service: ServiceName = service
         self._boot_epoch = boot_epoch
         self._version = version
         self._lock = threading.Lock()
@@ -58,7 +58,7 @@ class StatusReporter:
     def _publish(self, own: Condition) -> None:
         details = [self._detail, *self._impaired.values()]
         status = ServiceStatus(
-            service=self._service,
+            service=self.service,
             boot_epoch=self._boot_epoch,
             version=self._version,
             condition="degraded" if self._impaired and own == "ready" else own,

@@ -18,6 +18,8 @@ from pydantic_settings import (
     SettingsConfigDict,
 )
 
+from shared.bus.settings import BusSettings
+from shared.bus.tls import SCHEME, TlsFiles
 from shared.errors import ConfigurationError
 from shared.messages.base import Identifier
 from shared.messages.presence import ServiceName
@@ -41,11 +43,19 @@ class ServiceSettings(BaseSettings):
     section: ClassVar[str] = ""
 
     room: Identifier = Field("or1", description="Operating room: part of every key on the bus.")
-    router_endpoint: str = Field("tcp/127.0.0.1:7447", description="Where the router listens.")
+    router_endpoint: str = Field(
+        "tls/127.0.0.1:7447", description="Where the router listens; tcp/... is without TLS and access control."
+    )
     router_timeout_s: Annotated[float, Field(gt=0.0, le=300.0)] = Field(10.0, description="How long to wait for it.")
     state_dir: Path = Field(
         Path.home() / ".local" / "state" / "distalock", description="Folder for all that outlives a process."
     )
+    tls_authority: Path | None = Field(
+        None,
+        description="Certificate of the authority; default: in the folder pki of the state folder, as those below.",
+    )
+    tls_certificate: Path | None = Field(None, description="Certificate of this service.")
+    tls_key: Path | None = Field(None, description="Private key of this service.")
     log_level: LogLevel = "info"
     log_file: Path | None = Field(None, description="File for the log, which rotates; default: standard error.")
     least_free_mib: Annotated[float, Field(ge=0.0)] = Field(
@@ -65,6 +75,19 @@ class ServiceSettings(BaseSettings):
         own = EnvSettingsSource(settings_cls, env_prefix=f"{_PREFIX}{cls.section.upper()}_")
         own_first = (init_settings, own) if cls.section else (init_settings,)
         return (*own_first, env_settings, InitSettingsSource(settings_cls, file_values(cls.section)))
+
+
+def bus_settings(name: ServiceName, settings: ServiceSettings) -> BusSettings:
+    """How a service reaches the bus, and with which files it proves who it is."""
+    if not settings.router_endpoint.startswith(SCHEME):
+        return BusSettings(settings.router_endpoint, settings.router_timeout_s)
+    made = TlsFiles.in_state(settings.state_dir, name)
+    files = TlsFiles(
+        settings.tls_authority or made.authority,
+        settings.tls_certificate or made.certificate,
+        settings.tls_key or made.key,
+    )
+    return BusSettings(settings.router_endpoint, settings.router_timeout_s, files)
 
 
 S = TypeVar("S", bound=ServiceSettings)

@@ -1,5 +1,6 @@
 """A whole installation of real processes with the virtual operating room, for tests that speak REST only."""
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -35,7 +36,7 @@ class OperatingRoom:
 
 def patient_fleet(installation: Installation) -> Fleet:
     """The installation's processes, with time to start on a machine that is busy otherwise."""
-    return Fleet(installation.specs(), installation.state_dir / "logs", start_patience_s=300.0)
+    return installation.fleet(threading.Event(), start_patience_s=300.0)
 
 
 @contextmanager

@@ -66,7 +66,7 @@ class RouterProcess:
         self.kill()
 
     def start(self) -> None:
-        command = [sys.executable, "-m", "shared.bus.router", "--listen", self.endpoint]
+        command = [sys.executable, "-m", "shared.bus.router", "--plain-bus", "--listen", self.endpoint]
         self._process = subprocess.Popen(command)
         with open_bus(BusSettings(self.endpoint, PATIENCE_S)):
             pass

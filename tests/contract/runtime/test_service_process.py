@@ -1,5 +1,6 @@
 """Services and router as real processes: how they come, go, die and hang."""
 
+import json
 import os
 import queue
 import signal
@@ -90,9 +91,10 @@ def test_service_without_router_is_one_line_and_2() -> None:
     with start(endpoint, 0.3) as service:
         _, said = service.communicate(timeout=PATIENCE_S)
     assert service.returncode == 2
-    assert said == (
+    assert said.endswith(
         f"robot: no router answered at {endpoint} within 0.3 s; "
-        "start the router (python -m shared.bus.router) or correct the endpoint\n"
+        "start the router (python -m shared.bus.router), or correct the endpoint or the certificates "
+        "(distalock pki show)\n"
     )
 
 
@@ -110,16 +112,16 @@ def run_router(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_second_router_on_a_port_is_one_line_and_2(router: RouterProcess) -> None:
-    ran = run_router("--listen", router.endpoint)
+    ran = run_router("--plain-bus", "--listen", router.endpoint)
     assert ran.returncode == 2
-    assert ran.stderr == (
+    assert ran.stderr.splitlines()[-1] == (
         f"router: {router.endpoint} is in use by another program; "
-        "stop it or listen elsewhere (--listen tcp/127.0.0.1:PORT)\n"
+        "stop it or listen elsewhere (--listen tls/127.0.0.1:PORT)"
     )
 
 
 def test_unusable_router_configuration_is_one_line_and_2() -> None:
-    ran = run_router("--config", "/nonexistent.json5")
+    ran = run_router("--plain-bus", "--config", "/nonexistent.json5")
     assert ran.returncode == 2
     assert ran.stderr.startswith("router: router configuration /nonexistent.json5 cannot be used: No such file")
     assert len(ran.stderr.splitlines()) == 1
@@ -129,3 +131,16 @@ def test_router_ends_cleanly_on_sigterm() -> None:
     with RouterProcess() as router:
         router.send_signal(signal.SIGTERM)
         assert router.wait() == 0
+
+
+def test_a_router_that_takes_anybody_must_be_asked_for_and_warns() -> None:
+    listen = ("--listen", f"tcp/127.0.0.1:{free_port()}")
+    refused = run_router(*listen)
+    assert refused.returncode == 2
+    assert refused.stderr == (
+        "router: no --authority is given: name the router's files, which `distalock pki init` makes, or say that you "
+        "want none (--plain-bus)\n"
+    )
+    printed = run_router("--plain-bus", *listen, "--print-config")
+    assert (printed.returncode, printed.stderr) == (0, "")
+    assert json.loads(printed.stdout)["mode"] == "router"

@@ -57,7 +57,7 @@ def test_defaults_need_nothing() -> None:
     (loaded,) = load(({}, None))
     assert isinstance(loaded, dict)
     assert loaded["room"] == "or1"
-    assert loaded["router_endpoint"] == "tcp/127.0.0.1:7447"
+    assert loaded["router_endpoint"] == "tls/127.0.0.1:7447"
     assert loaded["port"] == 104
 
 
