@@ -16,7 +16,7 @@ def check_bus(endpoint: str, keys: Keys, limits: MemoryLimits, log: Log, status:
     shortage = shared_memory_shortage(limits)
     if shortage is not None and _handles_frames(status.service, keys):
         log.warning("no shared memory", detail=shortage)
-        status.impair("shared memory", shortage)
+        status.note(shortage)
 
 
 def _handles_frames(service: ServiceName, keys: Keys) -> bool:

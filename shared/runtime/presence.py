@@ -30,6 +30,7 @@ class StatusReporter:
         self._lock = threading.Lock()
         self._detail = ""
         self._impaired: dict[str, str] = {}
+        self._notes: list[str] = []
         self.condition: Condition | None = None
 
     def report(self, condition: Condition, detail: str = "") -> None:
@@ -49,6 +50,12 @@ class StatusReporter:
                 self._impaired[cause] = detail
             self._publish(self.condition or "starting")
 
+    def note(self, detail: str) -> None:
+        """Say for good what people should know although the service does all its work."""
+        with self._lock:
+            self._notes.append(detail)
+            self._publish(self.condition or "starting")
+
     @property
     def impaired(self) -> tuple[str, ...]:
         """What impairs the service beside its own condition."""
@@ -56,7 +63,7 @@ class StatusReporter:
             return tuple(self._impaired.values())
 
     def _publish(self, own: Condition) -> None:
-        details = [self._detail, *self._impaired.values()]
+        details = [self._detail, *self._impaired.values(), *self._notes]
         status = ServiceStatus(
             service=self.service,
             boot_epoch=self._boot_epoch,

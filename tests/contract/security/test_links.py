@@ -14,6 +14,7 @@ from shared.bus.access import SERVICES, access_table
 from shared.bus.keys import Keys
 from shared.bus.port import Sample
 from shared.bus.router import Protection, router_config, running_router
+from shared.bus.shared_memory import MemoryLimits, shared_memory_shortage
 from shared.bus.tls import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, TlsFiles
 from shared.bus.zenoh_bus import BusSettings, client_config, open_bus
 from shared.errors import BusUnavailable
@@ -180,3 +181,22 @@ def test_the_router_of_another_room_carries_nothing(room: SecureRoom) -> None:
             robot._session.put(key.replace("*", "some"), b"from another room")
         threading.Event().wait(SILENCE_S)
         assert heard.items == []
+
+
+def test_frames_go_by_shared_memory_under_tls_too(room: SecureRoom) -> None:
+    """The first may find the pool not yet mapped."""
+    if (shortage := shared_memory_shortage(MemoryLimits.of_this_process())) is not None:
+        pytest.skip(shortage)
+    shared: Collector[bool] = Collector()
+    with room.open_as("imaging") as imaging, room.open_as("ui_api") as gateway:
+        frames = imaging.publisher(KEYS.frame)
+
+        def note(sample: zenoh.Sample) -> None:
+            shared.add(sample.payload.as_shm() is not None)
+
+        with gateway._session.declare_subscriber(KEYS.frame, note):
+            for _ in range(40):  # streams may drop
+                frames.put(bytes(2_000_000))
+                threading.Event().wait(0.03)
+            shared.wait_until(20)
+    assert shared.items.count(True) >= 0.8 * len(shared.items), shared.items

@@ -9,6 +9,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from shared.bus.tls import TlsFiles
+from shared.runtime.settings import ServiceSettings, bus_settings
+
 PROGRAM = """
 import json, os, sys
 from typing import ClassVar
@@ -83,3 +86,16 @@ def test_wrong_settings_are_one_sentence(tmp_path: Path) -> None:
         "setting 'room': String should match pattern '^[A-Za-z0-9][A-Za-z0-9._-]*$', got 'a/b'",
     ]
     assert rooms(*files, missing, ({"DISTALOCK_ROOM": "a/b"}, None)) == sentences
+
+
+def test_certificates_lie_in_the_state_folder_unless_they_are_named(tmp_path: Path) -> None:
+    settings = ServiceSettings(state_dir=tmp_path, router_endpoint="tls/router:7447", tls_key=tmp_path / "secret")
+    found = bus_settings("robot", settings)
+    folder = tmp_path / "pki" / "robot"
+    assert found.tls == TlsFiles(folder / "authority.pem", folder / "certificate.pem", tmp_path / "secret")
+    assert found.endpoint == "tls/router:7447"
+
+
+def test_an_endpoint_without_tls_needs_no_certificates(tmp_path: Path) -> None:
+    settings = ServiceSettings(state_dir=tmp_path, router_endpoint="tcp/router:7447")
+    assert bus_settings("robot", settings).tls is None
