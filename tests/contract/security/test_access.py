@@ -7,7 +7,7 @@ import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -275,13 +275,12 @@ def until_declared(sessions: Sessions) -> None:
     """Return when the router knows what sessions have declared: a session's messages reach it in their order."""
     for service, bus in sessions.items():
         known = threading.Event()
-        with watching(sessions["ui_api"], KEYS.alive(service), known):
-            bus.declare_alive(KEYS.alive(service)).close()
-            assert known.wait(PATIENCE_S), f"the token of {service} did not arrive"
+        watch = sessions["ui_api"].watch_alive(KEYS.alive(service), announcing(known))
+        token = bus.declare_alive(KEYS.alive(service))
+        assert known.wait(PATIENCE_S), f"the token of {service} did not arrive"
+        token.close()
+        watch.close()
 
 
-@contextmanager
-def watching(bus: ZenohBus, key: str, known: threading.Event) -> Iterator[None]:
-    watch = bus.watch_alive(key, lambda _key, _alive: known.set())
-    yield
-    watch.close()
+def announcing(known: threading.Event) -> Callable[[str, bool], None]:
+    return lambda _key, _alive: known.set()
