@@ -166,6 +166,9 @@ BENCHMARKS: Final = {
     "robot_noise": Benchmark(
         "robot.noise", "robot-noise", "one byte in a hundred wrong on the hexapod controller's line"
     ),
+    "bus": Benchmark(
+        "bus.bus", "bus", "frames of 2 MB and commands under mutual TLS and access control, beside bare Zenoh"
+    ),
     "verification": Benchmark(
         "accuracy.verification",
         "verification",

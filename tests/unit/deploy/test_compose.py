@@ -1,0 +1,52 @@
+"""Who sees which key in containers: each service its own, and the authority's nobody but who issues."""
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from shared.bus.shared_memory import LOCKED_BYTES
+from shared.messages.presence import ServiceName
+from shared.pki.keystore import NAMES
+
+ROOT = Path(__file__).resolve().parents[3]
+TEXT = (ROOT / "docker-compose.yml").read_text()
+
+
+def block_of(service: str) -> str:
+    """Lines of one service."""
+    services = TEXT.split("\nservices:\n")[1].split("\nvolumes:\n")[0]
+    (block,) = re.findall(rf"(?ms)^  {service}:\n(.*?)(?=^  \S|\Z)", services)
+    return str(block)
+
+
+def volume_of(name: str) -> str:
+    return f"keys-{name.replace('_', '-')}"
+
+
+@pytest.mark.parametrize("service", NAMES)
+def test_a_container_sees_its_own_keys_and_no_other(service: str) -> None:
+    mounted = re.findall(r"- (keys-[a-z-]+):(\S+)", block_of(service))
+    assert mounted == [(volume_of(service), "/run/distalock/tls:ro")]
+
+
+def test_only_who_issues_sees_all_of_them_and_it_has_no_network() -> None:
+    mounted = dict(re.findall(r"- (keys-[a-z-]+):(\S+)", block_of("pki")))
+    assert mounted == {volume_of(name): f"/keys/pki/{name}" for name in ("authority", *NAMES)}
+    assert "network_mode: none" in block_of("pki")
+
+
+def test_the_bus_is_under_tls() -> None:
+    assert "DISTALOCK_ROUTER_ENDPOINT: tls/router:7447" in TEXT
+    assert "tls/0.0.0.0:7447" in block_of("router")
+    assert "plain-bus" not in TEXT
+    assert "tcp/" not in TEXT
+
+
+def test_containers_may_lock_the_pool_of_frames() -> None:
+    (limit,) = re.findall(r"memlock: (\d+)", TEXT)
+    assert int(limit) >= LOCKED_BYTES
+    for service in get_args(ServiceName):
+        assert "<<: *service" in block_of(service)
+        assert "/dev/shm:/dev/shm" in block_of(service)
