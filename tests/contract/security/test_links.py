@@ -20,7 +20,7 @@ from shared.bus.zenoh_bus import BusSettings, client_config, open_bus
 from shared.errors import BusUnavailable
 from shared.pki.authority import CERTIFICATE_VALID, Identity, Use, issue, new_authority
 from shared.pki.keystore import Keystore
-from tests.contract.bus.rooms import Collector, free_port
+from tests.contract.bus.rooms import Collector, eventually, free_port
 from tests.contract.security.rooms import ROOM, SecureRoom
 
 KEYS = Keys(ROOM)
@@ -74,6 +74,17 @@ def test_a_certificate_with_another_key_gets_no_link(room: SecureRoom, tmp_path:
     mixed = Identity(room.files_of("imaging").key.read_bytes(), robot.certificate.read_bytes())
     with pytest.raises(BusUnavailable):
         open_bus(BusSettings(room.endpoint, REFUSED_WITHIN_S, written(tmp_path, mixed, authority)))
+
+
+def test_a_link_ends_with_its_certificate(room: SecureRoom, tmp_path: Path) -> None:
+    authority = authority_of(room.keystore)
+    ends_soon = issue(
+        authority, "imaging", Use.CLIENT, (), datetime.now(UTC) - CERTIFICATE_VALID + timedelta(seconds=4)
+    )
+    files = written(tmp_path, ends_soon, authority)
+    with open_bus(BusSettings(room.endpoint, REFUSED_WITHIN_S, files)) as imaging:
+        assert imaging.link_up()
+        eventually(lambda: not imaging.link_up())
 
 
 def test_without_a_certificate_there_is_no_link(room: SecureRoom) -> None:
