@@ -41,9 +41,9 @@ _CONSUMER: Final[dict[Exchange, tuple[_Grant, ...]]] = {
         _Grant("ingress", ("declare_subscriber",)),
         _Grant("ingress", ("query", "declare_subscriber", "declare_liveliness_subscriber"), _ANY_PUBLISHER),
         _Grant("egress", ("put", "reply")),
-        _Grant("egress", ("put", "declare_queryable", "liveliness_token"), _PUBLISHERS),
+        _Grant("egress", ("put", "liveliness_token"), _PUBLISHERS),
     ),
-    Exchange.QUERY: (_Grant("ingress", ("query",)), _Grant("egress", ("reply", "declare_queryable"))),
+    Exchange.QUERY: (_Grant("ingress", ("query",)), _Grant("egress", ("reply",))),
     Exchange.TOKEN: (
         _Grant("ingress", ("declare_liveliness_subscriber",)),
         _Grant("egress", ("liveliness_token",)),

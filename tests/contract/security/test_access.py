@@ -124,6 +124,28 @@ def test_samples_arrive_from_their_provider_at_their_consumers_and_nowhere_else(
     assert record.settle(allowed(table)) == allowed(table)
 
 
+def test_a_publisher_that_is_there_for_long_reaches_who_subscribes_later(
+    providers: Sessions, consumers: Sessions
+) -> None:
+    """A publisher that knows no subscriber sends nothing: it must hear of those that come."""
+    table, record = rows(Exchange.STREAM, Exchange.RETAINED), Record()
+    publishers = {
+        row.key: providers[row.provider].retained_publisher(row.key)
+        if row.exchange is Exchange.RETAINED
+        else providers[row.provider].publisher(row.key)
+        for row in table
+    }
+    silence()
+    for service, bus in consumers.items():
+        for row in table:
+            bus.subscribe(row.key, record.at(service))
+    until_declared(consumers)
+    silence()
+    for row in table:
+        publishers[row.key].put(row.provider.encode())
+    assert record.settle(allowed(table)) == allowed(table)
+
+
 def test_late_joiners_get_the_last_value_of_the_provider_and_no_other(providers: Sessions, consumers: Sessions) -> None:
     table, record = rows(Exchange.RETAINED), Record()
     publish_as_everybody(providers, table)
@@ -147,6 +169,17 @@ def test_a_value_that_was_put_without_a_link_arrives_after_it(tmp_path: Path) ->
         publisher.put(b"meanwhile")
         with running_router_of(room):
             arrived.wait_for_last(b"meanwhile")
+
+
+def test_the_newest_number_of_a_retained_key_reaches_its_consumers(providers: Sessions, consumers: Sessions) -> None:
+    """By it a consumer learns that it missed the last value, and asks for it."""
+    told: Collector[str] = Collector()
+    keys = f"{KEYS.robot_state}/@adv/**"
+    with consumers["ui_api"]._session.declare_subscriber(keys, lambda sample: told.add(str(sample.key_expr))):
+        until_declared(consumers)
+        publisher = providers["robot"].retained_publisher(KEYS.robot_state)
+        publisher.put(b"1")
+        told.wait_until(1)
 
 
 def test_answers_come_from_the_provider_to_who_may_ask(providers: Sessions, consumers: Sessions) -> None:
