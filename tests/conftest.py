@@ -1,6 +1,8 @@
 """Settings that hold for every test."""
 
+import logging
 import os
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
@@ -20,3 +22,13 @@ settings.load_profile("distalock")
 def pytest_configure(config: pytest.Config) -> None:
     """Keep slow results for all workers of the session."""
     kept.begin(config)
+
+
+@pytest.fixture(autouse=True)
+def same_logging_afterwards() -> Iterator[None]:
+    """Take back what a test has done to the process's logging: its lines would appear in what later tests print."""
+    root = logging.getLogger()
+    before, level = root.handlers, root.level
+    yield
+    root.handlers = before
+    root.setLevel(level)

@@ -2,21 +2,11 @@
 
 import json
 import logging
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from shared.runtime.logging import Log, configure_logging, dropped_lines, flush_logs
-
-
-@pytest.fixture(autouse=True)
-def same_logging_afterwards() -> Iterator[None]:
-    root = logging.getLogger()
-    before, level = root.handlers, root.level
-    yield
-    root.handlers = before
-    root.setLevel(level)
 
 
 def lines(path: Path) -> list[dict[str, object]]:
