@@ -5,53 +5,9 @@
 """
 
 from dataclasses import dataclass
-from enum import StrEnum
 
-from services.robot.core.tuning import PLAN_TOLERANCES, SUPERVISION
-
-
-class RefusalCode(StrEnum):
-    """Stable names of refusals: consoles, records and tests rely on them."""
-
-    # The command itself (at most once, never late)
-    MESSAGE_INVALID = "message_invalid"
-    WRONG_BOOT_EPOCH = "wrong_boot_epoch"
-    COMMAND_EXPIRED = "command_expired"
-    STATE_NOT_PUBLISHED = "state_not_published"
-    COMMAND_OUT_OF_ORDER = "command_out_of_order"
-    COMMAND_ID_REUSED = "command_id_reused"
-    OUTCOME_UNKNOWN = "outcome_unknown"
-
-    # The motion table
-    NOT_CONNECTED = "not_connected"
-    STOP_IN_FORCE = "stop_in_force"
-    STOP_BUTTON_PRESSED = "stop_button_pressed"
-    NOT_REFERENCED = "not_referenced"
-    BUSY = "busy"
-    IN_FAULT = "in_fault"
-    NOTHING_TO_DO = "nothing_to_do"
-
-    # The guard
-    LINK_LOST = "link_lost"
-    HEARTBEAT_MISSING = "heartbeat_missing"
-    POSE_UNKNOWN = "pose_unknown"
-    NOT_LOCKED = "not_locked"
-    APPROVAL_MISMATCH = "approval_mismatch"
-    PLAN_UNKNOWN = "plan_unknown"
-    REGISTRATION_SILENT = "registration_silent"
-    PLAN_STALE = "plan_stale"
-    PLAN_EXPIRED = "plan_expired"
-    PLAN_BEFORE_RECONNECTION = "plan_before_reconnection"
-    PLAN_ALREADY_EXECUTED = "plan_already_executed"
-    PLAN_OF_ANOTHER_CASE = "plan_of_another_case"
-    PLAN_FOR_ANOTHER_ROBOT = "plan_for_another_robot"
-    PIVOT_MISMATCH = "pivot_mismatch"
-    START_POSE_DIFFERS = "start_pose_differs"
-    TARGET_INCONSISTENT = "target_inconsistent"
-    LEG_LENGTHS_INCONSISTENT = "leg_lengths_inconsistent"
-    HEAD_EXTENSION = "head_extension"
-    STEP_TOO_LARGE = "step_too_large"
-    OUT_OF_REACH = "out_of_reach"
+from services.robot.core.refusal_codes import RefusalCode as RefusalCode
+from services.robot.core.tuning import PERMITS, PLAN_TOLERANCES, SUPERVISION
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +47,15 @@ class RefusalCriterion:
 _ASK_AGAIN = "read the robot's present state and ask again"
 _PLAN_AGAIN = "take an image and plan again"
 _COMPARE = "compare the hexapod files and versions of the services"
+_COMPARE_KEYS = "see who else sends commands; compare the keys (distalock pki show) and start the installation again"
+_PERMIT_AGAIN = "ask the gateway again: it makes a permit for each command"
 
 
 def _criteria() -> tuple[RefusalCriterion, ...]:
+    return (*_criteria_of_commands(), *_criteria_of_permits(), *_criteria_of_the_guard())
+
+
+def _criteria_of_commands() -> tuple[RefusalCriterion, ...]:
     code, row = RefusalCode, RefusalCriterion
     return (
         # The command itself
@@ -132,6 +94,49 @@ def _criteria() -> tuple[RefusalCriterion, ...]:
         row(code.BUSY, "motion under way", "none", "wait until it ends or stop it"),
         row(code.IN_FAULT, "fault", "none", "see to the cause it states, then reset"),
         row(code.NOTHING_TO_DO, "what the command would change", "something", ""),
+    )
+
+
+def _criteria_of_permits() -> tuple[RefusalCriterion, ...]:
+    code, row = RefusalCode, RefusalCriterion
+    return (
+        row(code.PERMIT_MISSING, "permit of a move or a reference", "present", "ask through the gateway (REST)"),
+        row(code.PERMIT_ALTERED, "hash of the permit's text", "the one that came with it", _COMPARE_KEYS),
+        row(code.PERMIT_OF_ANOTHER_KEY, "key that the permit names", "the gateway's permit key", _COMPARE_KEYS),
+        row(code.PERMIT_FORGED, "signature of the permit", "the gateway's, over this very text", _COMPARE_KEYS),
+        row(code.PERMIT_UNREADABLE, "signed permit", "format version 1", "run gateway and robot in the same version"),
+        row(code.PERMIT_FOR_ANOTHER_MOTION, "motion that the permit allows", "what is asked for", _PERMIT_AGAIN),
+        row(code.PERMIT_OF_ANOTHER_BOOT, "run of the robot service in the permit", "this run", _PERMIT_AGAIN),
+        row(code.PERMIT_OF_ANOTHER_CASE, "case of the permit", "the open case", _PERMIT_AGAIN),
+        row(code.PERMIT_OF_ANOTHER_REVISION, "revision of the case in the permit", "the newest", _PLAN_AGAIN),
+        row(code.PERMIT_FOR_ANOTHER_PLAN, "plan that the permit allows", "the plan that is asked for", _PERMIT_AGAIN),
+        row(code.PERMIT_FOR_OTHER_HOLES, "holes of the permit", "those of the plan", "plan and approve again"),
+        row(code.PERMIT_STATE_UNKNOWN, "robot state that the permit quotes", "published", _PERMIT_AGAIN),
+        row(
+            code.PERMIT_EXPIRED,
+            "age of the robot state that the permit quotes",
+            f"{PERMITS.lifetime_s:g} s on the robot's clock",
+            _PERMIT_AGAIN,
+        ),
+        row(code.PERMIT_USED, "permit", "not used before", _PERMIT_AGAIN),
+        row(
+            code.PERMIT_WITHOUT_CLEARANCE,
+            "what the permit says of guide and bone",
+            "nothing is inside",
+            "take out what is inside and record it",
+        ),
+        row(
+            code.SOMETHING_INSIDE,
+            "wires, drills and screws in guide and bone, as the case says",
+            "none",
+            "take them out and record it",
+        ),
+    )
+
+
+def _criteria_of_the_guard() -> tuple[RefusalCriterion, ...]:
+    code, row = RefusalCode, RefusalCriterion
+    return (
         # The guard: supervision
         row(code.LINK_LOST, "link to the router", "present", "wait until the network is back: nothing moves before"),
         row(
@@ -146,7 +151,7 @@ def _criteria() -> tuple[RefusalCriterion, ...]:
             "1 s (`registration_deadline_s`)",
             "see that it runs and ask again",
         ),
-        # The guard: approval and age of the plan
+        # The guard: age of the plan
         row(
             code.APPROVAL_MISMATCH,
             "plan that was approved",

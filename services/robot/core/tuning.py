@@ -145,9 +145,22 @@ class ControllerLine:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Permits:
+    """How long a permit to move can be used."""
+
+    lifetime_s: float = tuned(
+        2.0,
+        "s",
+        "longest time from the robot state that a permit quotes to its use, on the robot's clock",
+        derived("the longest time to live of a command: no command outlives its permit by being asked for again"),
+    )
+
+
 SUPERVISION = Supervision()
 RATES = Rates()
 PLAN_TOLERANCES = PlanTolerances()
 CONTROLLER_LINE = ControllerLine()
+PERMITS = Permits()
 
-SETTINGS = (SUPERVISION, RATES, PLAN_TOLERANCES, CONTROLLER_LINE)
+SETTINGS = (SUPERVISION, RATES, PLAN_TOLERANCES, CONTROLLER_LINE, PERMITS)
