@@ -187,7 +187,7 @@ class Rig:
 
     def stop(self) -> None:
         """Ask for a stop; raises `NoReply` while the link is down."""
-        self.ask(SentCommand("stop", encode(StopCommand(client="gateway"))))
+        self.bus.query(KEYS.robot_command("stop"), encode(StopCommand(client="gateway")), QUERY_TIMEOUT_S)
 
     def make_ready(self) -> None:
         """Acknowledge and reference until the robot is locked, as a person would from a console."""

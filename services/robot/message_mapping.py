@@ -10,6 +10,7 @@ from services.robot.core.motion import stop_is_latched
 from services.robot.core.plans import EpochReport, PlannedMove
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
+from services.robot.core.stop_result import StopResult
 from shared.errors import InputError
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import HexapodPart, PlatformPose, leg_lengths_mm
@@ -106,6 +107,17 @@ def robot_state(
 def accepted(command_id: str | None, state: MotionState) -> wire.CommandReply:
     """The answer to a command that has begun."""
     return wire.CommandReply(command_id=command_id, verdict="accepted", state=state)
+
+
+def stopped(result: StopResult, state: MotionState) -> wire.CommandReply:
+    """The answer to a stop, with what is known of it."""
+    return wire.CommandReply(
+        command_id=None,
+        verdict="accepted",
+        message=result.message,
+        state=state,
+        stop=wire.StopReport(written=result.written, standstill=result.standstill, locked=result.locked),
+    )
 
 
 def refused(command_id: str | None, refusal: Refusal, state: MotionState) -> wire.CommandReply:

@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Self
 
@@ -130,7 +131,7 @@ class RobotService:
         with self._lock:
             self._registration = self._registration.with_case(context.case_id, context.revision)
 
-    def _on_stop(self, query: Query) -> Answer:
+    def _on_stop(self, query: Query) -> Future[Answer]:
         # Stopped before it is understood: a stop that cannot be read is a stop all the same.
         self._drive.halt()
         try:
@@ -138,8 +139,12 @@ class RobotService:
         except InputError:
             stop = StopCommand(client="unknown")
         reason = f": {stop.reason}" if stop.reason else ""
-        self._drive.stop(f"'{stop.client}' asked for a stop{reason}")
-        return Answer(encode(message_mapping.accepted(None, self._drive.status.state)))
+        sent = self._drive.stop(f"'{stop.client}' asked for a stop{reason}")
+        answer: Future[Answer] = Future()
+        self._drive.when_confirmed(
+            sent, lambda result, state: answer.set_result(Answer(encode(message_mapping.stopped(result, state))))
+        )
+        return answer
 
     def _on_move(self, query: Query) -> Answer:
         try:

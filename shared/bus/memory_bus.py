@@ -20,7 +20,7 @@ from shared.bus.memory_declarations import (
     Token,
     Watcher,
 )
-from shared.bus.port import Answer, Query, Sample
+from shared.bus.port import Answer, Query, QueryHandler, Sample
 from shared.bus.replies import no_answer, no_reply_in_time, replied_with_error
 
 D = TypeVar("D", bound=Declared)
@@ -144,7 +144,7 @@ class MemoryBus:
         self._router.add_subscriber_with_history(subscriber)
         return subscriber
 
-    def queryable(self, key: str, handler: Callable[[Query], Answer]) -> Queryable:
+    def queryable(self, key: str, handler: QueryHandler) -> Queryable:
         """See `Bus`."""
         return self._router.add(self._keep(Queryable(key, self._router.remove, handler)))
 

@@ -4,8 +4,8 @@ import threading
 from collections.abc import Callable
 
 from shared.bus.key_expressions import includes
-from shared.bus.port import Answer, Query, Sample
-from shared.bus.replies import error_text
+from shared.bus.port import Answer, Query, QueryHandler, Sample
+from shared.bus.replies import error_text, outcome_of
 from shared.bus.workers import Worker
 
 
@@ -91,7 +91,7 @@ class Pending:
 class Queryable(_Working):
     """Lets a handler answer queries."""
 
-    def __init__(self, key: str, take_back: Callable[[Declared], None], handler: Callable[[Query], Answer]) -> None:
+    def __init__(self, key: str, take_back: Callable[[Declared], None], handler: QueryHandler) -> None:
         super().__init__(key, take_back)
         self._handler = handler
 
@@ -101,10 +101,14 @@ class Queryable(_Working):
 
     def _answer(self, query: Query, pending: Pending) -> None:
         try:
-            pending.settle(self._handler(query))
+            answer = self._handler(query)
         except Exception as error:
             pending.settle(error_text(error))
             raise
+        if isinstance(answer, Answer):
+            pending.settle(answer)
+        else:
+            answer.add_done_callback(lambda done: pending.settle(outcome_of(done)))
 
 
 class Publisher(Declared):

@@ -5,9 +5,10 @@ that raises is logged and reported to the asker as an error; it never takes the 
 """
 
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, Self, TypeAlias
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,10 @@ class Answer:
 
     payload: bytes
     attachment: bytes = b""
+
+
+# Whoever has to wait for its answer returns a future, and is handed the next question meanwhile.
+QueryHandler: TypeAlias = Callable[[Query], Answer | Future[Answer]]
 
 
 class Subscription(Protocol):
@@ -67,8 +72,8 @@ class Bus(Protocol):
     def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> Subscription:
         """The last retained value, if any, then every sample."""
 
-    def queryable(self, key: str, handler: Callable[[Query], Answer]) -> Subscription:
-        """Answer queries on a key expression. An exception in the handler becomes an error reply."""
+    def queryable(self, key: str, handler: QueryHandler) -> Subscription:
+        """Answer queries on a key expression, one after another. An exception becomes an error reply."""
 
     def query(self, key: str, payload: bytes, timeout_s: float) -> Answer:
         """Ask and wait for the first reply.

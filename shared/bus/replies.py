@@ -1,11 +1,22 @@
 """The text of a failed query, the same on every bus."""
 
+from concurrent.futures import Future
+
+from shared.bus.port import Answer
 from shared.errors import DistalockError, NoReply
 
 
-def error_text(error: Exception) -> str:
+def error_text(error: BaseException) -> str:
     """Error reply when a queryable's handler raises: our own sentence, or the foreign error with its kind."""
     return str(error) if isinstance(error, DistalockError) else f"{type(error).__name__}: {error}"
+
+
+def outcome_of(done: Future[Answer]) -> Answer | str:
+    """The answer that a handler gave later, or the text of the error that it came to."""
+    if done.cancelled():
+        return "the answer was given up"
+    error = done.exception()
+    return done.result() if error is None else error_text(error)
 
 
 def no_answer(key: str) -> NoReply:

@@ -18,8 +18,8 @@ import zenoh
 
 from shared.bus.declarations import Channel, Declared, pump
 from shared.bus.liveliness import AliveView
-from shared.bus.port import Answer, Query, Sample
-from shared.bus.replies import error_text, no_answer, no_reply_in_time, replied_with_error
+from shared.bus.port import Answer, Query, QueryHandler, Sample
+from shared.bus.replies import error_text, no_answer, no_reply_in_time, outcome_of, replied_with_error
 from shared.bus.settings import BusSettings as BusSettings
 from shared.bus.shared_memory import POOL_BYTES
 from shared.bus.tls import TlsFiles
@@ -170,7 +170,7 @@ class ZenohBus:
         )
         return self._serve(channel, lambda sample: handler(_sample(sample)), key)
 
-    def queryable(self, key: str, handler: Callable[[Query], Answer]) -> Declared:
+    def queryable(self, key: str, handler: QueryHandler) -> Declared:
         """See `Bus`."""
         channel = self._session.declare_queryable(key, zenoh.handlers.RingChannel(_QUERY_DEPTH))
         return self._serve(channel, lambda query: _answer(handler, query), key)
@@ -256,11 +256,22 @@ def _sample(sample: zenoh.Sample) -> Sample:
     return Sample(str(sample.key_expr), sample.payload.to_bytes(), _bytes(sample.attachment))
 
 
-def _answer(handler: Callable[[Query], Answer], query: zenoh.Query) -> None:
+def _answer(handler: QueryHandler, query: zenoh.Query) -> None:
+    try:
+        answer = handler(Query(str(query.key_expr), _bytes(query.payload)))
+    except Exception as error:
+        _reply(query, error_text(error))
+        raise
+    if isinstance(answer, Answer):
+        _reply(query, answer)
+    else:
+        answer.add_done_callback(lambda done: _reply(query, outcome_of(done)))
+
+
+def _reply(query: zenoh.Query, outcome: Answer | str) -> None:
+    """Give the answer, or the text of an error."""
     with query:
-        try:
-            answer = handler(Query(str(query.key_expr), _bytes(query.payload)))
-        except Exception as error:
-            query.reply_err(error_text(error))
-            raise
-        query.reply(query.key_expr, answer.payload, attachment=answer.attachment)
+        if isinstance(outcome, Answer):
+            query.reply(query.key_expr, outcome.payload, attachment=outcome.attachment)
+        else:
+            query.reply_err(outcome)

@@ -118,8 +118,24 @@ class StopCommand(Message):
     reason: str = ""
 
 
+class StopReport(WireModel):
+    """What is known of a stop. The controller's answers count only when they were asked for after it was written."""
+
+    written: bool = Field(description="Every byte of it was handed to the controller's line.")
+    standstill: bool | None = Field(None, description="Nothing moves; null when the controller has not answered since.")
+    locked: bool | None = Field(None, description="Brakes on and servos off, as read back; null like `standstill`.")
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether all of it is known."""
+        return self.written and self.standstill is True and self.locked is True
+
+
 class CommandReply(Message):
-    """The robot's answer. `accepted` means begun, not ended: the outcome appears in `RobotState`."""
+    """The robot's answer. `accepted` means begun, not ended: the outcome appears in `RobotState`.
+
+    A stop is always accepted, and answered as soon as `stop` is confirmed, or after half a second.
+    """
 
     schema_name: Literal["distalock/robot-reply/1"] = Field("distalock/robot-reply/1", alias="schema")
     command_id: Identifier | None
@@ -127,3 +143,4 @@ class CommandReply(Message):
     code: str = ""
     message: str = ""
     state: MotionState
+    stop: StopReport | None = Field(None, description="In the answer to a stop alone.")

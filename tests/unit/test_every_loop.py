@@ -24,6 +24,7 @@ from services.imaging.devices.video_source import VideoSettings, VideoSource
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
+from services.robot.core.stop_result import SentStop
 from services.robot.devices.gcs.controller import GcsController
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.leases import Leases
@@ -54,6 +55,8 @@ LOG: structlog.stdlib.BoundLogger = structlog.stdlib.get_logger("test")
 # Everything else that begins work beside the caller's, and who sees what it raises.
 SEEN_OTHERWISE = {
     ("shared/threads.py", "Thread"): "the supervisor itself",
+    ("shared/bus/memory_declarations.py", "add_done_callback"): "hands an answer over and does nothing else",
+    ("shared/bus/zenoh_bus.py", "add_done_callback"): "sends an answer; who asked hears nothing when that fails",
     ("shared/two_cores.py", "ThreadPoolExecutor"): "the caller waits for the result and gets the exception",
     ("shared/runtime/lifecycle.py", "Timer"): "its work is supervised; it ends the process in any case",
     ("services/ui_api/app.py", "ThreadPoolExecutor"): "the request that waits for the stop gets the exception",
@@ -201,6 +204,11 @@ def break_drive(rig: Rig) -> str:
     return "drive"
 
 
+def break_stop_confirmation(rig: Rig) -> str:
+    rig.robot().service._drive.when_confirmed(SentStop(0, "the line is cut"), inject)
+    return "stop-confirmation"
+
+
 def break_robot_state(rig: Rig) -> str:
     room = rig.robot()
     room.service._publisher = type("Publisher", (), {"put": inject})()
@@ -341,6 +349,7 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("services/registration/service.py", "localise"): break_localise,
     ("services/robot/devices/serial_line.py", "controller-reader"): break_reader,
     ("services/robot/drive/drive.py", "drive"): break_drive,
+    ("services/robot/drive/stop_confirmation.py", "stop-confirmation"): break_stop_confirmation,
     ("services/robot/gateway_monitor.py", "gateway-watch"): break_gateway_watch,
     ("services/robot/service.py", "robot-state"): break_robot_state,
     ("services/ui_api/handlers/catch_up.py", "catch up"): break_catch_up,
@@ -352,7 +361,7 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
 }
 # It ends the process with code 1 whatever happens in it: see `lifecycle`.
 ENDS_ANYWAY = {("shared/runtime/lifecycle.py", "leaving")}
-MOVES = ("drive", "robot-state", "gateway-watch")
+MOVES = ("drive", "stop-confirmation", "robot-state", "gateway-watch")
 
 
 def calls(*folders: str) -> Iterator[tuple[str, ast.Call]]:

@@ -8,6 +8,7 @@ from services.robot.core.deviation import Deviation, deviation
 from services.robot.core.motion import Event, next_motion
 from services.robot.core.refusals import Refusal, RefusalCode, refusal
 from services.robot.core.stop_button import after_acknowledgement, after_feedback
+from services.robot.core.stop_result import Readback
 from services.robot.core.supervision import (
     ExplainedEvent,
     MoveUnderWay,
@@ -57,6 +58,8 @@ class DriveStatus:
         Where the robot was when it was first seen locked in the present state; None in states that need not hold it.
     stop_button
         The button on the controller itself.
+    readback
+        The newest complete round of the controller's answers, of whatever generation; None before the first.
     """
 
     state: MotionState = MotionState.DISCONNECTED
@@ -73,6 +76,7 @@ class DriveStatus:
     deviation: Deviation | None = None
     held: PlatformPose | None = None
     stop_button: StopButton = StopButton.RELEASED
+    readback: Readback | None = None
 
     def fresh_feedback(self, now_s: float) -> ControllerFeedback | None:
         """The feedback, unless it is older than half a second or than the present state."""

@@ -52,6 +52,12 @@ class Supervision:
         "longest time at rest before the controller reports its target reached",
         derived("fifty rounds of feedback, of which one is enough where nothing holds the robot"),
     )
+    stop_confirmed_within_s: float = tuned(
+        0.5,
+        "s",
+        "how long the answer to a stop waits for the controller to show standstill and brakes",
+        derived("two reply time-outs of 0.25 s; half of the 1 s for which the gateway waits"),
+    )
     oldest_feedback_s: float = tuned(
         0.5, "s", "age from which feedback no longer describes the robot", derived("five rounds of feedback at rest")
     )

@@ -80,8 +80,11 @@ class HexapodController(Protocol):
     def lock(self) -> None:
         """Brake on, read back, then servo off, read back; raises `DeviceError` when they are not."""
 
-    def stop_now(self) -> None:
-        """Stop abruptly and lock, without waiting for anything: from any thread, at any time. Never raises."""
+    def stop_now(self) -> DeviceError | None:
+        """Stop abruptly and lock, without waiting for anything: from any thread, at any time. Never raises.
+
+        Returns why the line did not take every byte, None when it did: which proves nothing of the controller.
+        """
 
     def release_stop(self) -> None:
         """Let motion commands through again."""

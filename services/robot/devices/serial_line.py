@@ -172,13 +172,19 @@ class SerialLine:
             self.stop_now()
             raise StopInForce("a stop came while the motion command was being sent: it was stopped")
 
-    def stop_now(self) -> None:
-        """Send the stop message at once, from any thread. Never raises and never waits for an answer."""
+    def stop_now(self) -> DeviceError | None:
+        """Send the stop message at once, from any thread. Never raises and never waits for an answer.
+
+        Returns why the line did not take it, None when it did.
+        """
         self._stop.set()
         got_lock = self._write_lock.acquire(timeout=CONTROLLER_LINE.stop_waits_for_writer_s)
         try:
-            with contextlib.suppress(DeviceError):
-                self._hand_over(self._protocol.stop_message)
+            self._hand_over(self._protocol.stop_message)
+        except DeviceError as error:
+            return error
+        else:
+            return None
         finally:
             if got_lock:
                 self._write_lock.release()

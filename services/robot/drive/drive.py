@@ -13,9 +13,11 @@ from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event, next_motion
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus, ReferenceUnderWay, locked_feedback
+from services.robot.core.stop_result import SentStop
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.devices.controller import HexapodController
 from services.robot.drive.motion_controller import MotionController
+from services.robot.drive.stop_confirmation import StopAnswer, StopConfirmation
 from services.robot.drive.worker import Worker
 from shared.robot_states import StopButton
 from shared.threads import supervised_thread
@@ -56,15 +58,18 @@ class Drive:
         self._motion = MotionController(stop_button)
         self._worker = Worker(self._motion, connect, clock_s, retry_s, on_crash)
         self._thread = supervised_thread("drive", self.work)
+        self._confirmation = StopConfirmation(self._motion, clock_s)
 
     def start(self) -> None:
         """Begin to connect."""
         self._thread.start()
+        self._confirmation.start()
 
     def close(self) -> None:
         """Stop, lock, leave the controller, and wait until that is done."""
         self.leave()
         self._thread.join()
+        self._confirmation.close()
 
     def leave(self) -> None:
         """Stop; the worker then locks, leaves the controller and ends."""
@@ -80,10 +85,15 @@ class Drive:
         """Wait until the status is another than `seen`, at most `timeout_s`."""
         return self._motion.wait_for_change(seen, timeout_s)
 
-    def stop(self, why: str) -> None:
+    def stop(self, why: str) -> SentStop:
         """Stop and lock. Waits for nothing; possible in every state."""
-        self.halt()
+        sent = self.halt()
         self._motion.apply(Event.STOP, why)
+        return sent
+
+    def when_confirmed(self, sent: SentStop, answer: StopAnswer) -> None:
+        """Call with what became of a stop, from another thread, within half a second."""
+        self._confirmation.ask(sent, answer)
 
     def supervision_lost(self, why: str) -> None:
         """Stop and lock if anything is under way."""
@@ -132,9 +142,9 @@ class Drive:
             self._motion.apply(Event.RESET, "connecting anew after a fault")
         return None
 
-    def halt(self) -> None:
+    def halt(self) -> SentStop:
         """Send the stop to the controller and nothing else: for who has yet to find out why."""
-        self._motion.halt()
+        return self._motion.halt()
 
     def fail(self, why: str) -> None:
         """Stop and lock because the service itself has failed: the stop goes out before anything else."""

@@ -13,6 +13,7 @@ from services.robot.core.motion import Effect, Event, Transition, next_motion
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
 from services.robot.core.stop_button import after_connection
+from services.robot.core.stop_result import SentStop
 from services.robot.devices.controller import HexapodController
 from shared.robot_states import StopButton
 
@@ -45,6 +46,8 @@ class MotionController:
         self._status = DriveStatus(stop_button=stop_button)
         self._pending: tuple[Effect, ...] = ()
         self._controller: HexapodController | None = None
+        self._counting = threading.Lock()
+        self._stops = 0
 
     @property
     def status(self) -> DriveStatus:
@@ -68,11 +71,23 @@ class MotionController:
             self._changed.wait_for(lambda: self._status is not seen, timeout_s)
             return self._status
 
-    def halt(self) -> None:
-        """Send the stop to the controller and nothing else; waits for no lock."""
+    @property
+    def stops(self) -> int:
+        """How many stops have been sent."""
+        return self._stops
+
+    def halt(self) -> SentStop:
+        """Send the stop to the controller and nothing else; waits for no lock but the counter's."""
         controller = self._controller
-        if controller is not None:
-            controller.stop_now()
+        if controller is None:
+            not_written = "the controller is not connected"
+        else:
+            error = controller.stop_now()
+            not_written = "" if error is None else str(error)
+        # Counted after it was written: whoever reads the number before a question asks after the stop.
+        with self._counting:
+            self._stops += 1
+            return SentStop(self._stops, not_written)
 
     def apply(self, event: Event, detail: str) -> None:
         """Let an event happen: the state changes at once, a stop goes out at once, the worker does the rest."""

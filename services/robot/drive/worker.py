@@ -6,6 +6,7 @@ from typing import assert_never
 
 from services.robot.core.motion import Effect, Event
 from services.robot.core.status import UNDER_WAY, with_feedback
+from services.robot.core.stop_result import Readback
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.core.tuning import RATES
 from services.robot.devices.controller import ControllerSilent, HexapodController, StopInForce
@@ -114,7 +115,7 @@ class Worker:
                 assert_never(effect)
 
     def _observe(self, controller: HexapodController) -> None:
-        generation, began_s = self._motion.status.generation, self._clock_s()
+        stops, generation, began_s = self._motion.stops, self._motion.status.generation, self._clock_s()
         try:
             feedback = controller.read()
         except DeviceError as error:
@@ -122,7 +123,9 @@ class Worker:
                 self._device_failed(error, generation)
             return
         self._answered_s = began_s
-        with self._motion.deciding() as known:
+        with self._motion.deciding() as before:
+            known = replace(before, readback=Readback(stops, not feedback.moving, feedback.locked))
+            self._motion.note(known)
             if generation != known.generation:
                 return
             status, finding = with_feedback(known, feedback, began_s, self._clock_s())

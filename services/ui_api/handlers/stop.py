@@ -17,7 +17,10 @@ STOP_TIMEOUT_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class StopOutcome:
-    """What came of a stop. `state` is the robot's own word, None when it gave none."""
+    """What came of a stop: confirmed when it was written and the controller showed standstill and brakes after it.
+
+    `state` is the one that the robot service reported, None when it did not answer.
+    """
 
     confirmed: bool
     state: MotionState | None
@@ -35,7 +38,7 @@ class StopHandler:
         self.count = 0
 
     def stop(self, reason: str) -> StopOutcome:
-        """Send a stop and wait for the robot's word; nothing is written or locked before it is sent."""
+        """Send a stop and wait for the robot's answer; nothing is written or locked before it is sent."""
         self.count = next(self._counter)
         command = encode(StopCommand(client=self._client, reason=reason))
         try:
@@ -47,7 +50,7 @@ class StopHandler:
                 message=f"the stop was sent, but the robot did not confirm it: {error}; press the stop button on the "
                 "controller",
             )
-        return StopOutcome(reply.verdict == "accepted", reply.state, reply.message)
+        return StopOutcome(reply.stop is not None and reply.stop.confirmed, reply.state, reply.message)
 
 
 def record_stop(record: CaseRecord, outcome: StopOutcome, reason: str, who: str) -> None:

@@ -129,7 +129,7 @@ class RobotView(View):
 
 
 class StopView(View):
-    """What came of a stop. `confirmed` is the robot's own word."""
+    """A confirmed stop: written, and the controller shows standstill with brakes on. Anything else is a 504."""
 
     confirmed: bool
     state: str | None

@@ -40,7 +40,7 @@ def read_robot(gateway: TheGateway) -> RobotView:
 
 @router.post("/stop", response_model=StopView)
 async def stop(request: Request, gateway: TheGateway) -> Response:
-    """Stop the robot now. Needs no key and no body, and waits for nothing but the robot's word."""
+    """Stop the robot now. Needs no key and no body, and waits for nothing but the robot's confirmation."""
     loop = asyncio.get_running_loop()
     stop_threads: Executor = request.app.state.stop_threads
     outcome = await loop.run_in_executor(stop_threads, gateway.stops.stop, _BY_REST)

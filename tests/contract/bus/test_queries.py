@@ -2,6 +2,7 @@
 
 import threading
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
 
@@ -92,6 +93,29 @@ def test_hung_queryable_does_not_hold_up_another(room: Room) -> None:
         assert hung.is_set()
         assert asker.query("q/stop", b"", PATIENCE_S).payload == b"stopped"
         release.set()
+
+
+def test_an_answer_may_come_later_and_the_next_question_does_not_wait_for_it(room: Room) -> None:
+    later: dict[bytes, Future[Answer]] = {b"first": Future(), b"second": Future(), b"failed": Future()}
+    asked: Collector[bytes] = Collector()
+
+    def answer_later(query: Query) -> Future[Answer]:
+        asked.add(query.payload)
+        return later[query.payload]
+
+    with room.open() as asker, room.open() as server, ThreadPoolExecutor(3) as waiting:
+        server.queryable("q/later", answer_later)
+        until_known(server, asker)
+        answers = {name: waiting.submit(asker.query, "q/later", name, PATIENCE_S) for name in later}
+        for name in later:
+            asked.wait_for(name)
+        later[b"second"].set_result(Answer(b"2"))
+        assert answers[b"second"].result(PATIENCE_S).payload == b"2"
+        later[b"first"].set_result(Answer(b"1", b"attached"))
+        assert answers[b"first"].result(PATIENCE_S) == Answer(b"1", b"attached")
+        later[b"failed"].set_exception(InputError("pose is out of reach"))
+        with pytest.raises(NoReply, match=r"answered with an error: pose is out of reach$"):
+            answers[b"failed"].result(PATIENCE_S)
 
 
 def test_closed_queryable_answers_no_more(room: Room) -> None:

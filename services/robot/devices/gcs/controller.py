@@ -118,9 +118,9 @@ class GcsController:
         if error is not None and not error.is_stop:
             raise DeviceError(f"locking the robot failed: {error.message}")
 
-    def stop_now(self) -> None:
+    def stop_now(self) -> DeviceError | None:
         """Stop and lock at once; see `HexapodController`."""
-        self._line.stop_now()
+        return self._line.stop_now()
 
     def release_stop(self) -> None:
         """Let motion commands through again."""

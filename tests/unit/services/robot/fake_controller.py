@@ -1,5 +1,6 @@
 """A controller without a line: does what it is told at once, or fails when told to."""
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -31,8 +32,10 @@ class FakeController:
         self.silent = False
         self.button_error: ControllerError | None = None
         self.brakes_hold = True
-        self.before_move: Callable[[], None] = lambda: None
-        self.after_read: Callable[[], None] = lambda: None
+        self.line_broken = ""
+        self.stops_taken: list[float] = []
+        self.before_move: Callable[[], object] = lambda: None
+        self.after_read: Callable[[], object] = lambda: None
 
     @property
     def identity(self) -> str:
@@ -75,11 +78,15 @@ class FakeController:
             raise DeviceError("the robot does not lock")
         self.feedback = replace(self.feedback, locked=True, unlocked=False, moving=False)
 
-    def stop_now(self) -> None:
+    def stop_now(self) -> DeviceError | None:
         """Stop and lock, as the driver's blind message does."""
         self.stopped = True
+        self.stops_taken.append(time.monotonic())
+        if self.line_broken:
+            return ControllerSilent(self.line_broken)
         locked = self.brakes_hold or self.feedback.locked
         self.feedback = replace(self.feedback, moving=False, locked=locked, unlocked=not locked, error=STOPPED)
+        return None
 
     def release_stop(self) -> None:
         """Let motions through."""

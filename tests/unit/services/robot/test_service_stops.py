@@ -1,6 +1,7 @@
 """The robot service on an in-memory bus: stops, silence of others, and faults."""
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
@@ -13,9 +14,12 @@ from shared.messages.robot import (
     StopButton,
     StopCommand,
     StopLatch,
+    StopReport,
 )
 from tests.unit.services.robot.fake_controller import BUTTON_PRESSED
 from tests.unit.services.robot.room import KEYS, Room, wait_for
+
+STOP = encode(StopCommand(client="console"))
 
 
 def test_a_stop_during_a_move_locks_within_a_fifth_of_a_second(room: Room) -> None:
@@ -35,6 +39,62 @@ def test_a_stop_that_cannot_be_read_stops_all_the_same(room: Room) -> None:
     room.begin_move()
     assert room.ask("stop", b"\xff\x00").verdict == "accepted"
     assert room.controller.feedback.locked
+
+
+def test_a_stop_is_confirmed_by_what_the_controller_shows_after_it(room: Room) -> None:
+    room.begin_move()
+    reply = room.ask("stop", STOP)
+    assert reply.stop == StopReport(written=True, standstill=True, locked=True)
+    assert reply.stop.confirmed
+    assert reply.message == ""
+
+
+def test_a_stop_of_a_controller_that_is_silent_is_not_confirmed(room: Room) -> None:
+    room.begin_move()
+    room.controller.silent = True
+    reply = room.ask("stop", STOP)
+    assert reply.stop == StopReport(written=True, standstill=None, locked=None)
+    assert "has not shown since that the robot is at rest and locked; press the stop button" in reply.message
+
+
+def test_a_stop_that_the_line_did_not_take_is_answered_at_once(room: Room) -> None:
+    room.begin_move()
+    room.controller.line_broken = "the line is cut"
+    reply = room.ask("stop", STOP)
+    assert reply.stop is not None
+    assert not reply.stop.written
+    assert reply.message.startswith("the stop was not written (the line is cut); ")
+    assert "press the stop button on the controller" in reply.message
+
+
+def test_a_stop_without_a_controller_says_so(room: Room) -> None:
+    room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
+    room.service._drive._motion.disconnected()
+    reply = room.ask("stop", STOP)
+    assert reply.stop == StopReport(written=False, standstill=None, locked=None)
+    assert "the stop was not written (the controller is not connected)" in reply.message
+
+
+def test_a_brake_that_does_not_hold_is_said_in_the_answer_to_a_stop(room: Room) -> None:
+    room.begin_move()
+    room.controller.brakes_hold = False
+    reply = room.ask("stop", STOP)
+    assert reply.stop == StopReport(written=True, standstill=True, locked=False)
+    assert "at rest and is not locked" in reply.message
+    assert "the robot does not lock" in reply.message
+
+
+def test_stops_that_wait_for_their_confirmation_keep_no_other_stop_waiting(room: Room) -> None:
+    room.begin_move()
+    room.controller.silent = True
+    room.controller.stops_taken.clear()
+    with ThreadPoolExecutor(8) as askers:
+        answers = [askers.submit(room.ask, "stop", STOP) for _ in range(8)]
+        wait_for(lambda: len(room.controller.stops_taken) >= 8)
+        assert not any(answer.done() for answer in answers), "all eight are out before the first is answered"
+        room.controller.silent = False
+        reports = [answer.result().stop for answer in answers]
+    assert all(report is not None and report.confirmed for report in reports)
 
 
 def test_a_stop_waits_for_no_other_command(room: Room) -> None:

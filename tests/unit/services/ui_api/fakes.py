@@ -32,6 +32,7 @@ from shared.messages.robot import (
     RobotState,
     StopCommand,
     StopLatch,
+    StopReport,
 )
 from shared.messages.stored_images import (
     LocalisationReply,
@@ -201,6 +202,12 @@ class FakeRobot(OnTheBus):
         self.moved = threading.Event()
         self.stopped = threading.Event()
         self.answers_moves: Callable[[MoveCommand], CommandReply] = self._accept_move
+        self.answers_stops = CommandReply(
+            command_id=None,
+            verdict="accepted",
+            state=MotionState.STOPPED,
+            stop=StopReport(written=True, standstill=True, locked=True),
+        )
         self.release = threading.Event()
         self.bus.queryable(keys.robot_command("move"), self._move)
         self.bus.queryable(keys.robot_command("stop"), self._stop)
@@ -248,7 +255,7 @@ class FakeRobot(OnTheBus):
         self.stopped.set()
         if self.state.state is MotionState.MOVING:
             self.say(MotionState.STOPPED, stop=StopLatch.LATCHED, outcome="stopped")
-        return Answer(encode(CommandReply(command_id=None, verdict="accepted", state=MotionState.STOPPED)))
+        return Answer(encode(self.answers_stops))
 
 
 class LogWatch:

@@ -7,6 +7,7 @@ from services.robot.devices.controller import Encoders, HexapodController, StopI
 from services.robot.devices.dialects import DRIVERS, Dialect, Driver
 from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
 from services.robot.drive.drive import Drive
+from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, HexapodPart, PlatformPose
 from shared.parts.hexapod_file import default_hexapod
 from shared.robot_states import MotionState, StopButton
@@ -45,8 +46,8 @@ class ToyController:
     def lock(self) -> None:
         self._line.write(b"lock\n")
 
-    def stop_now(self) -> None:
-        self._line.stop_now()
+    def stop_now(self) -> DeviceError | None:
+        return self._line.stop_now()
 
     def release_stop(self) -> None:
         self._line.release_stop()

@@ -65,11 +65,12 @@ def test_a_garbled_error_code_is_never_asked_for_again(gcs: FakeGcs, controller:
         controller.read()
 
 
-def test_a_broken_line_is_reported_and_a_stop_on_it_does_not_raise(gcs: FakeGcs, controller: GcsController) -> None:
+def test_a_broken_line_is_reported_and_a_stop_on_it_says_so(gcs: FakeGcs, controller: GcsController) -> None:
+    assert controller.stop_now() is None
     gcs.broken = OSError("cable pulled")
     with pytest.raises(ControllerSilent, match="the line"):
         controller.read()
-    controller.stop_now()
+    assert "the line to the hexapod controller is broken: cable pulled" in str(controller.stop_now())
 
 
 @pytest.mark.parametrize(

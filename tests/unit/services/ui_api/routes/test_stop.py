@@ -6,8 +6,9 @@ import httpx
 import pytest
 
 from services.ui_api.core.events import EventKind
+from services.ui_api.core.robot_event_data import StopRequested
 from services.ui_api.handlers.planning import MotionRequest
-from shared.messages.robot import MotionState, StopLatch
+from shared.messages.robot import CommandReply, MotionState, StopLatch, StopReport
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import Room
 
@@ -93,6 +94,28 @@ def test_a_stop_that_is_not_confirmed_says_what_to_do(room: Room) -> None:
     answer = room.client.post("/api/v1/robot/stop")
     assert (answer.status_code, answer.json()["code"]) == (504, "stop_not_confirmed")
     assert "press the stop button on the controller" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        None,
+        StopReport(written=False),
+        StopReport(written=True),
+        StopReport(written=True, standstill=False, locked=True),
+        StopReport(written=True, standstill=True, locked=False),
+    ],
+)
+def test_a_stop_is_confirmed_only_by_standstill_and_brakes(room: Room, report: StopReport | None) -> None:
+    room.robot.answers_stops = CommandReply(
+        command_id=None, verdict="accepted", message="what is known", state=MotionState.STOPPED, stop=report
+    )
+    answer = room.client.post("/api/v1/robot/stop")
+    assert (answer.status_code, answer.json()["code"]) == (504, "stop_not_confirmed")
+    assert answer.json()["detail"] == "what is known"
+    recorded = room.gateway.record.events_after(0)[-1].data
+    assert isinstance(recorded, StopRequested)
+    assert (recorded.confirmed, recorded.message) == (False, "what is known")
 
 
 def test_a_stop_between_the_recording_of_a_motion_and_its_sending_wins(room: Room) -> None:
