@@ -1,5 +1,6 @@
 """Measured values in sentences that name a limit."""
 
+# Chosen: who needs more to tell a value from its limit has a value that equals it.
 _MOST_MORE_DECIMALS = 4
 
 

@@ -11,6 +11,7 @@ from services.registration.state import RegistrationState
 from shared.messages.imaging import CalibrationMessage
 from shared.messages.stored_images import LocalisationReply, LocalisationRequest, Skip, SkipCode, Step
 
+# Chosen: a bound on memory, above the images of the longest procedure.
 _FAULTS_KEPT = 256
 
 

@@ -45,9 +45,12 @@ from shared.runtime.latest import LatestSlot
 from shared.runtime.lifecycle import Runtime
 from shared.threads import supervised_thread
 
+# How long leaving may wait for this loop.
 _WAIT_S = 0.2
+# Chosen: a frame whose pixels or case come later is stale for guidance, which wants ten a second.
 _PIXELS_S = 0.5
 _CASE_S = 0.5
+# Chosen: a bound on memory, two minutes at 30 frames/s.
 _NUMBERED = 4096
 
 

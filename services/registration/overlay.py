@@ -19,6 +19,7 @@ from shared.geometry.transform import Transform
 Canvas = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
+# Colours of the drawing, blue-green-red as OpenCV wants them.
 RING: Colour = (200, 160, 60)
 GUIDE: Colour = (80, 200, 80)
 LOST: Colour = (60, 60, 220)

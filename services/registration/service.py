@@ -32,9 +32,12 @@ from shared.messages.stored_images import LocalisationRequest
 from shared.runtime.lifecycle import Runtime, software_version
 from shared.threads import supervised_thread
 
+# How long leaving may wait for this loop.
 _WAIT_S = 0.2
+# Five times within the second after which the robot refuses (`registration_silent`).
 _EPOCH_EVERY_S = 0.2
 _CASE_TIMEOUT_S = 2.0
+# Chosen: pixels travel on another key than their calibration, and come a little later at most.
 _OVERTAKEN_S = 0.5
 
 

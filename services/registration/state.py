@@ -19,6 +19,7 @@ from services.registration.frames import (
 from shared.messages.imaging import FrameHeader, ImageReference
 from shared.messages.robot import RobotState
 
+# Chosen: a bound on memory, above the images of the longest procedure.
 _MOST_ANNOUNCED = 256
 
 

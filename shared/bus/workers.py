@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from shared.threads import report_error, supervised_thread
 
+# Chosen: a bound on memory; who is this far behind has long been noticed.
 _BOUND = 1024
 
 

@@ -25,9 +25,12 @@ from shared.bus.shared_memory import POOL_BYTES
 from shared.bus.tls import TlsFiles
 from shared.errors import BusUnavailable
 
+# Chosen: a process that hangs is noticed within it; a keep-alive is sent several times in it.
 _LEASE_MS = 1000
+# Chosen: a router that restarts is found within a second.
 _RECONNECT_FIRST_MS = 100
 _RECONNECT_MOST_MS = 1000
+# Frames go by shared memory; below it, copying costs less than a segment.
 _SHARED_MEMORY_FROM_BYTES = 64 * 1024
 # With Zenoh's own 1 ms and 50 ms, one in twelve first frames of 4 MB was lost, and on a busy machine one in four with
 # 200 ms. The wait must stay well below the lease: meanwhile the router does not read from the publisher.

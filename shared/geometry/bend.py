@@ -12,7 +12,7 @@ from shared.geometry.frames import Nail
 from shared.geometry.lines import cross_matrix
 from shared.geometry.transform import Transform
 
-MM_PER_M = 1e3
+MM_PER_M = 1e3  # of the units
 # Terms of a series in the angle between origin and cross-section: the next is below 1e-8 at 0.1 rad.
 _TERMS = 6
 

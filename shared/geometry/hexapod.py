@@ -22,6 +22,7 @@ from shared.geometry.hexapod_mount import MountPlace, usual_place
 from shared.geometry.lines import read_only
 from shared.geometry.transform import Transform
 
+# What the word says.
 LEGS = 6
 AXES = ("X", "Y", "Z", "U", "V", "W")
 

@@ -7,6 +7,7 @@ the bound in mm is of three axes together.
 from math import sqrt
 from typing import Final
 
+# Required of the hexapod (part files, maker's data): the largest deviation of a pose.
 LARGEST_ERROR_MM: Final = 0.05
 LARGEST_ERROR_DEG: Final = 0.02
 # Standard deviations per axis: of one pose, and of a move from one pose to another, which errs at both ends.

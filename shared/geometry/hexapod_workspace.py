@@ -10,6 +10,7 @@ from shared.geometry.hexapod import HexapodPart, PlatformPose
 from shared.geometry.hexapod_limits import within_limits
 
 UNREACHABLE = -1.0
+# The golden angle spreads directions evenly over the sphere; blocks bound the memory.
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _POSES_AT_ONCE = 65536
 

@@ -21,6 +21,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from shared.errors import ConfigurationError
 
 AUTHORITY_NAME: Final = "distalock authority"
+# Chosen: longer than an installation's life; certificates are renewed before their year ends.
 AUTHORITY_VALID: Final = timedelta(days=3650)
 CERTIFICATE_VALID: Final = timedelta(days=365)
 # Clocks of hosts in one room may differ; a certificate made now is valid for those that are behind, too.

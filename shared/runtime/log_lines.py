@@ -14,6 +14,7 @@ from typing import Final, Protocol
 
 from shared.threads import supervised_thread
 
+# Chosen: bounds on the memory and on the disk that a service which is not well can fill.
 MOST_WAITING: Final = 4096
 LOG_FILE_BYTES: Final = 8 * 2**20
 LOG_FILES_KEPT: Final = 3

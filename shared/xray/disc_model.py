@@ -16,6 +16,7 @@ from shared.compiled import compiled_fast
 
 Array = NDArray[np.float64]
 
+# Coefficients of a quadratic in two variables.
 BACKGROUND_TERMS = 6
 _ROOT_2 = math.sqrt(2.0)
 _ROOT_2PI = math.sqrt(2.0 * math.pi)

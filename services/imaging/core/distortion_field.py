@@ -19,6 +19,7 @@ from services.imaging.core.tuning import DISTORTION_MODEL
 
 Array = NDArray[np.float64]
 
+# A source that is displaced has three coordinates.
 SOURCE_TERMS = 3
 
 

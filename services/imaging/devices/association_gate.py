@@ -18,12 +18,15 @@ from pynetdicom.transport import RequestHandler, ThreadedAssociationServer
 
 REQUEST_WITHIN_S: Final = 2.0
 """For the whole association request; a C-arm sends it within milliseconds of connecting."""
+# Chosen: bounds on memory and sockets, far above what the C-arms of one room need and far below a process's handles.
 _WAITING_PER_ADDRESS: Final = 8
 _WAITING: Final = 64
 _ADDRESSES_COUNTED: Final = 256
 _BACKLOG: Final = 128
+# Chosen: below 10 ms, which nobody notices; above what costs a core anything.
 _POLL_S: Final = 0.005
 _REQUEST_PDU: Final = 0x01
+# DICOM PS3.8, section 9.3.1: type, reserved byte and length of a PDU.
 _HEADER_BYTES: Final = 6
 _LEAST_BYTES: Final = 74  # the request's fixed part, without which there are no titles
 _MOST_BYTES: Final = 64 * 1024  # 128 presentation contexts with ten transfer syntaxes each take half of it

@@ -30,6 +30,7 @@ from services.imaging.devices.received_image import (
 )
 from shared.errors import ImageUnreadable
 
+# Chosen: four images of the longest side that is accepted; a file that claims more is an attack or damaged.
 _MOST_VALUES = 256 * 2**20
 # What pydicom and its decoders raise on damaged files; the list is what fuzzing found.
 _REPORTED = (

@@ -16,6 +16,7 @@ from shared.errors import ImageUnreadable
 
 _GREY = ("MONOCHROME1", "MONOCHROME2")
 _COLOUR = ("RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
+# ITU-R BT.601, which DICOM's YBR colour spaces use.
 _LUMINANCE = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 
 

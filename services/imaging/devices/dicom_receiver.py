@@ -68,12 +68,17 @@ _COMPRESSED = (
 )
 _VERIFICATION = UID("1.2.840.10008.1.1")
 _SUCCESS = 0x0000
+# DICOM PS3.4, table B.2-1: states of C-STORE; PS3.5: a comment (LO) has 64 characters.
 _OUT_OF_RESOURCES = 0xA700
 _CANNOT_UNDERSTAND = 0xC000
 _COMMENT_LENGTH = 64
+# Chosen: what a sender's network may take to answer, and short enough to free a place.
 _ACSE_TIMEOUT_S = 5.0
+# DICOM PS3.8, table 9-21: rejected for now, by the presentation service, local limit exceeded.
 _TRANSIENT, _PRESENTATION, _LIMIT_EXCEEDED = 0x02, 0x03, 0x02
+# Chosen: a receiver that is asked to leave does so within this time.
 _POLL_S = 0.1
+# Chosen: a bound on memory, far above the C-arms of a hospital.
 _MOST_KNOWN = 256
 
 

@@ -12,7 +12,9 @@ from shared.runtime.logging import Log
 from shared.threads import supervised_thread
 
 TAKEN, REFUSED = "taken", "refused"
+# Chosen: short beside the seconds that an image takes to be written and localised.
 _POLL_S = 0.25
+# Chosen: twice the largest image that is accepted, 8192 x 8192 of 16 bits.
 _LARGEST_BYTES = 256 * 2**20
 _UNFINISHED = (".part", ".tmp", ".partial", ".crdownload")
 

@@ -10,6 +10,7 @@ from services.imaging.devices.received_image import LONGEST_SIDE, Acquisition, G
 from shared.errors import ImageUnreadable
 
 _PNG = b"\x89PNG\r\n\x1a\n"
+# Of the standards: a PNG chunk's length, name and checksum; DICOM's preamble before its mark (PS3.10).
 _PNG_OVERHEAD = 12
 _TIFF = (b"II*\x00", b"MM\x00*")
 _DICOM_AT, _DICOM = 128, b"DICM"

@@ -6,6 +6,7 @@ from services.imaging.core.nominal import NominalGeometry
 from services.imaging.devices.received_image import Acquisition, HeaderValue
 from shared.errors import ImageUnreadable
 
+# Chosen: headers round, so values that agree within 1 % are taken as one.
 _SAME = 0.01
 
 

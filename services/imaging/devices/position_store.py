@@ -8,6 +8,7 @@ from services.imaging.devices.image_store import write_atomically
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.imaging import CalibrationValues
 
+# Chosen: positions of the C-arm that are nearer together than this share one remembered calibration.
 _STEP_DEG = 5.0
 
 

@@ -21,8 +21,10 @@ from shared.runtime.logging import Log
 from shared.threads import supervised_thread
 
 _STABLE_IDS = Path("/dev/v4l/by-id")
+# Chosen: a source that gives nothing for this long is given up and opened anew.
 _OPEN_MS, _READ_MS = 5000, 5000
 _RETRY_S = 1.0
+# Chosen: long enough for a frame rate within 1 %, short enough to see a source that slows down.
 _RATE_EVERY_S = 10.0
 _PNG_FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 

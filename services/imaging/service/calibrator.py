@@ -33,7 +33,9 @@ from shared.runtime.latest import LatestSlot
 from shared.runtime.lifecycle import Runtime
 from shared.threads import supervised_thread
 
+# How long leaving may wait for this loop.
 _WAIT_S: Final = 0.2
+# Chosen: one crash may be chance; three of the same image are not.
 _MOST_ATTEMPTS: Final = 3
 
 

@@ -32,6 +32,7 @@ from shared.parts.files import ring_from_json
 from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime
 
+# Chosen: a bound on memory, above the images of the longest procedure.
 _AGES_KEPT = 1024
 _NO_CASE = "no case with a ring was open when it was received"
 

@@ -17,6 +17,7 @@ from shared.messages.base import decode, encode
 from shared.messages.imaging import FrameHeader
 from shared.messages.qa import QaReply, QaReport, QaRequest
 
+# Enough hexadecimal digits of a hash to tell images apart by eye.
 _SHOWN_DIGITS = 12
 
 

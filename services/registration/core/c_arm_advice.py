@@ -23,6 +23,7 @@ from shared.geometry.lines import angle_between_rad, read_only, rotations_betwee
 from shared.geometry.parts import NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
+# Numerical guards of a fixed-point iteration: it ends far below what anybody sets on a C-arm.
 _ITERATIONS = 20
 _CONVERGED_RAD = 1e-12
 

@@ -38,6 +38,7 @@ from shared.geometry.hexapod_accuracy import MOVE_SD_DEG, MOVE_SD_MM
 from shared.geometry.hexapod_mount import MountPlace
 from shared.geometry.transform import Transform
 
+# The ways to mount a guide wrongly: half turns about each axis, and quarter turns about the drilling axis.
 _TURNS_DEG = ((180, 0, 0), (0, 180, 0), (0, 0, 180), (0, 0, 90), (0, 0, -90))
 
 

@@ -19,7 +19,9 @@ from shared.geometry.transform import Transform
 
 Body = TypeVar("Body", bound=Frame)
 
+# Numerical guards of Levenberg-Marquardt, which ends when a step lowers the cost by less than a billionth.
 _ITERATIONS = 30
+# Below it the series' next term is under the rounding error.
 _SMALL_ANGLE_RAD = 1e-8
 _CONVERGED = 1e-9
 _LEAST_DAMPING, _FIRST_DAMPING, _DAMPING_FACTOR = 1e-12, 1e-3, 10.0

@@ -36,6 +36,7 @@ from services.registration.core.tuning import SHARED_ERRORS
 from shared.geometry.lines import angle_between_rad, read_only
 from shared.geometry.transform import Transform
 
+# Numerical guards: the last step is far below any standard deviation.
 _ITERATIONS = 10
 _CONVERGED = 1e-10
 # Numerical guards. Of a deviation, in its standard deviations: one that an image does not determine has no noise.

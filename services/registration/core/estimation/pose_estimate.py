@@ -21,6 +21,7 @@ To = TypeVar("To", bound=Frame)
 From = TypeVar("From", bound=Frame)
 Other = TypeVar("Other", bound=Frame)
 
+# A rigid motion's degrees of freedom.
 POSE_SIZE = 6
 
 

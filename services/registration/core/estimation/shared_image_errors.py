@@ -23,6 +23,7 @@ from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera
 from shared.geometry.transform import Transform
 
+# Numerical guards: the last step is a hundredth of what the centre of a ball is known to.
 _ROUNDS = 20
 _CONVERGED_PX = 1e-4
 # Variance of the estimate over that of least squares when errors are normal and as large as stated.

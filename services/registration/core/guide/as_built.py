@@ -22,7 +22,9 @@ from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera
 from shared.geometry.transform import Transform
 
+# A rigid motion's degrees of freedom.
 _POSE_SIZE = 6
+# End of the search for a root: far more than any ball is out of its place.
 _LARGEST_MM = 10.0
 _LEAST_INFORMATION = 1e-12  # of balls in one plane across the beam, which have no perspective
 

@@ -16,6 +16,7 @@ from scipy.linalg.lapack import dtbtrs
 from shared.compiled import compiled_inline as compiled
 from shared.two_cores import on_both_halves
 
+# A bicubic cell has four by four coefficients.
 _IN_CELL = 16
 # Guard: keeps the matrix positive definite where no pixel determines a coefficient.
 _LEAST_RIDGE = 1e-9

@@ -31,6 +31,7 @@ from shared.geometry.lines import Line, read_only
 from shared.geometry.parts import GuidePart, Hole, NailPart
 from shared.geometry.transform import Transform
 
+# A rigid motion's degrees of freedom.
 NAIL_UNKNOWNS = 6
 _NAIL = np.arange(-NAIL_UNKNOWNS, 0)
 # What a fit reports: the wire's four offsets, and the nail.

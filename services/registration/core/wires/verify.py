@@ -28,6 +28,7 @@ from shared.geometry.frames import Guide, Nail
 from shared.geometry.lines import Line, unit
 from shared.geometry.transform import Transform
 
+# Step of a one-sided difference: well above rounding, and small beside the distances over which offsets bend.
 _DERIVATIVE_STEP_MM = 1e-4
 
 
