@@ -1,9 +1,5 @@
 """The FastAPI application: all routes over one gateway."""
 
-from collections.abc import AsyncIterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
-
 from fastapi import APIRouter, FastAPI
 from fastapi.openapi.utils import get_openapi
 
@@ -30,7 +26,6 @@ from shared.runtime.lifecycle import software_version
 
 PREFIX = "/api/v1"
 TITLE = "distalock gateway"
-_STOP_THREADS = 8
 _SUMMARY = (
     "Aims a drill guide at the distal holes of an intramedullary nail from one X-ray image. "
     "Research software, not a medical device."
@@ -52,7 +47,6 @@ def routed_app() -> FastAPI:
         version=software_version(),
         docs_url=None,  # its page would load scripts from a CDN
         redoc_url=None,
-        lifespan=_lifespan,
         responses={"default": {"description": "A problem.", "content": {PROBLEM_JSON: {"schema": _PROBLEM_REF}}}},
     )
     app.state.metrics = Metrics()
@@ -92,11 +86,3 @@ def openapi_document(app: FastAPI) -> dict[str, object]:
         document["components"]["schemas"] |= {**definitions, "Problem": schema}
         app.openapi_schema = document
     return app.openapi_schema
-
-
-@asynccontextmanager
-async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    """Threads that nothing but stop may use."""
-    with ThreadPoolExecutor(max_workers=_STOP_THREADS, thread_name_prefix="stop") as stop_threads:
-        app.state.stop_threads = stop_threads
-        yield

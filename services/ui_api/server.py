@@ -45,7 +45,13 @@ def serving(app: FastAPI, listening: socket.socket, on_early_end: Callable[[], N
     on_early_end
         Called, on the server's thread, when the server ends by itself.
     """
-    config = uvicorn.Config(app, log_config=None, access_log=False, timeout_graceful_shutdown=_LEAVE_WITHIN_S)
+    config = uvicorn.Config(
+        app,
+        log_config=None,
+        access_log=False,
+        timeout_graceful_shutdown=_LEAVE_WITHIN_S,
+        ws_per_message_deflate=False,  # the pictures are compressed, and each viewer would have them compressed again
+    )
     server = uvicorn.Server(config)
 
     def serve() -> None:

@@ -15,12 +15,15 @@ from services.ui_api.handlers.images import ImageHandler
 from services.ui_api.handlers.inbox import WATCHED_SERVICES, Inbox
 from services.ui_api.handlers.leases import Leases
 from services.ui_api.handlers.live import LiveHandler
+from services.ui_api.handlers.picture_encoder import PictureEncoder
 from services.ui_api.handlers.planning import PlanningHandler
 from services.ui_api.handlers.quality import QualityHandler
 from services.ui_api.handlers.readiness import Readiness, ReadinessParts
 from services.ui_api.handlers.robot_view import RobotView
 from services.ui_api.handlers.service_health import ServiceHealth
-from services.ui_api.handlers.stop import StopHandler, record_stop
+from services.ui_api.handlers.stop import StopHandler
+from services.ui_api.handlers.stop_recorder import StopRecorder
+from services.ui_api.handlers.stop_sender import StopSender
 from services.ui_api.handlers.verification import VerificationHandler
 from services.ui_api.record.database import open_database, sole_gateway
 from services.ui_api.record.record import CaseRecord
@@ -38,6 +41,8 @@ class Gateway:
     record: CaseRecord
     view: RobotView
     stops: StopHandler
+    stop_sender: StopSender
+    stop_recorder: StopRecorder
     leases: Leases
     commands: CommandHandler
     cases: CaseHandler
@@ -69,6 +74,7 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
         record.append(EventDraft(GatewayStarted(runtime.boot_epoch, software_version()), None, "gateway"))
         gateway.commands.adopt_orphans()
         context.announce()
+        gateway.stop_recorder.start()
         gateway.leases.start()
         gateway.inbox.start()
         gateway.live.start()
@@ -82,6 +88,7 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
             gateway.leases.close()
             gateway.commands.close()
             gateway.inbox.close()
+            gateway.stop_recorder.close()
             record.close()
 
 
@@ -91,7 +98,8 @@ def _assemble(
     keys = runtime.keys
     view = RobotView(clock, settings.robot_state_stale_after_s)
     stops = StopHandler(bus, keys, f"gateway-{runtime.boot_epoch[:12]}")
-    leases = Leases(clock, settings.lease_s, lambda _: _stop_for_lapse(record, stops))
+    recorder = StopRecorder(record)
+    leases = Leases(clock, settings.lease_s, lambda _: _stop_for_lapse(stops, recorder))
     commands = CommandHandler(bus, keys, record, view, stops, leases, clock)
     context = ContextHandler(bus, keys, record)
     feed = Feed()
@@ -114,6 +122,8 @@ def _assemble(
         record=record,
         view=view,
         stops=stops,
+        stop_sender=StopSender(stops.stop),
+        stop_recorder=recorder,
         leases=leases,
         commands=commands,
         cases=CaseHandler(record, context.announce),
@@ -123,7 +133,7 @@ def _assemble(
         images=ImageHandler(bus, keys, record, settings.images()),
         inbox=inbox,
         feed=feed,
-        live=LiveHandler(bus, keys, clock),
+        live=LiveHandler(bus, keys, clock, PictureEncoder()),
         clock=clock,
         link_up=link_up,
         services=services,
@@ -132,5 +142,5 @@ def _assemble(
     return gateway, context
 
 
-def _stop_for_lapse(record: CaseRecord, stops: StopHandler) -> None:
-    record_stop(record, stops.stop(LEASE_LAPSED), LEASE_LAPSED, "gateway")
+def _stop_for_lapse(stops: StopHandler, recorder: StopRecorder) -> None:
+    recorder.put(stops.stop(LEASE_LAPSED), LEASE_LAPSED, "gateway")

@@ -40,7 +40,7 @@ _LAST_VALUE_CHECK_S = 0.5
 _OPEN_AGAIN_AFTER_S = 0.1
 _STREAM_DEPTH = 8
 _RETAINED_DEPTH = 256
-_QUERY_DEPTH = 64
+_QUERY_DEPTH = 256
 _TOKEN_DEPTH = 1024
 # They end at once when nothing hangs in a handler; a service that leaves is ended by force after 10 s.
 _PUMP_ENDS_WITHIN_S = 1.0

@@ -28,6 +28,8 @@ from services.robot.core.stop_result import SentStop
 from services.robot.devices.gcs.controller import GcsController
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.leases import Leases
+from services.ui_api.handlers.stop import StopOutcome
+from services.ui_api.handlers.stop_sender import StopSender
 from services.ui_api.server import listening_socket, serving
 from shared.bus.declarations import pump
 from shared.bus.keys import Keys
@@ -59,10 +61,8 @@ SEEN_OTHERWISE = {
     ("shared/bus/zenoh_bus.py", "add_done_callback"): "sends an answer; who asked hears nothing when that fails",
     ("shared/two_cores.py", "ThreadPoolExecutor"): "the caller waits for the result and gets the exception",
     ("shared/runtime/lifecycle.py", "Timer"): "its work is supervised; it ends the process in any case",
-    ("services/ui_api/app.py", "ThreadPoolExecutor"): "the request that waits for the stop gets the exception",
     ("services/ui_api/handlers/commands.py", "ThreadPoolExecutor"): "its work is supervised",
     ("services/ui_api/handlers/readiness.py", "ThreadPoolExecutor"): "readyz looks at every result",
-    ("services/ui_api/routes/robot.py", "run_in_executor"): "the request waits for it, or looks at its exception",
     ("services/ui_api/routes/live.py", "create_task"): "the viewer's own task; it ends with the viewer",
     ("services/ui_api/routes/live.py", "add_done_callback"): "sets an event and nothing else",
     ("simulation/render/image.py", "ThreadPoolExecutor"): "the caller waits for the result and gets the exception",
@@ -292,6 +292,26 @@ def break_lapse(rig: Rig) -> str:
     return "lapse"
 
 
+def break_live_pictures(rig: Rig) -> str:
+    room = rig.stack.enter_context(open_room(rig.tmp_path))
+    room.gateway.live._encoder.picture = inject  # type: ignore[method-assign]
+    rig.stack.enter_context(room.gateway.live.watching(lambda: None))
+    room.imaging.send("one", None)
+    return "live pictures"
+
+
+def break_stop_record(rig: Rig) -> str:
+    room = rig.stack.enter_context(open_room(rig.tmp_path))
+    room.gateway.stop_recorder._append = inject  # type: ignore[method-assign]
+    room.gateway.stop_recorder.put(StopOutcome(confirmed=True, state=MotionState.STOPPED, message=""), "test", "test")
+    return "stop record"
+
+
+def break_stop(_: Rig) -> str:
+    StopSender(inject).begin("test")
+    return "stop"
+
+
 def break_inbox(rig: Rig) -> str:
     room = rig.stack.enter_context(open_room(rig.tmp_path))
     room.gateway.inbox._queue.take = inject  # type: ignore[method-assign]
@@ -357,6 +377,9 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("services/ui_api/handlers/inbox.py", "inbox"): break_inbox,
     ("services/ui_api/handlers/leases.py", "lapse"): break_lapse,
     ("services/ui_api/handlers/leases.py", "leases"): break_leases,
+    ("services/ui_api/handlers/live.py", "live pictures"): break_live_pictures,
+    ("services/ui_api/handlers/stop_recorder.py", "stop record"): break_stop_record,
+    ("services/ui_api/handlers/stop_sender.py", "stop"): break_stop,
     ("services/ui_api/server.py", "http"): break_http,
 }
 # It ends the process with code 1 whatever happens in it: see `lifecycle`.

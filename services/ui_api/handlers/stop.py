@@ -3,9 +3,6 @@
 import itertools
 from dataclasses import dataclass
 
-from services.ui_api.core.events import EventDraft
-from services.ui_api.core.robot_event_data import StopRequested
-from services.ui_api.record.record import CaseRecord
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.errors import BusError
@@ -51,10 +48,3 @@ class StopHandler:
                 "controller",
             )
         return StopOutcome(reply.stop is not None and reply.stop.confirmed, reply.state, reply.message)
-
-
-def record_stop(record: CaseRecord, outcome: StopOutcome, reason: str, who: str) -> None:
-    """Write a stop into the log, after it was sent."""
-    case = record.ledger.open_case()
-    data = StopRequested(reason, outcome.confirmed, outcome.message)
-    record.append(EventDraft(data, case.case_id if case else None, who, reason))

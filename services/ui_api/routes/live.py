@@ -46,7 +46,7 @@ async def watch(socket: WebSocket) -> None:
     def wake() -> None:
         loop.call_soon_threadsafe(news.set)
 
-    with gateway.live.feed.listening(wake):
+    with gateway.live.watching(wake):
         try:
             await _send_on(socket, gateway.live, news, leaving)
         except WebSocketDisconnect:
@@ -71,7 +71,7 @@ async def _send_on(socket: WebSocket, live: LiveHandler, news: asyncio.Event, le
             fresh = frame is not shown[0]
             await socket.send_text(_view(live, frame, heard, "image/jpeg" if fresh else None))
             if fresh:
-                await socket.send_bytes(await asyncio.to_thread(frame.jpeg))
+                await socket.send_bytes(frame.jpeg)
             shown = (frame, heard)
         else:
             await news.wait()

@@ -1,12 +1,10 @@
 """`/robot`: its state, and the commands that need no plan. Stop has a path of its own."""
 
 import asyncio
-from concurrent.futures import Executor
 
 from fastapi import APIRouter, Request, Response
 
 from services.ui_api.handlers.commands import PlainVerb
-from services.ui_api.handlers.stop import record_stop
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import CommandBody
@@ -41,12 +39,9 @@ def read_robot(gateway: TheGateway) -> RobotView:
 @router.post("/stop", response_model=StopView)
 async def stop(request: Request, gateway: TheGateway) -> Response:
     """Stop the robot now. Needs no key and no body, and waits for nothing but the robot's confirmation."""
-    loop = asyncio.get_running_loop()
-    stop_threads: Executor = request.app.state.stop_threads
-    outcome = await loop.run_in_executor(stop_threads, gateway.stops.stop, _BY_REST)
-    writing = loop.run_in_executor(stop_threads, record_stop, gateway.record, outcome, _BY_REST, "rest")
-    done, _ = await asyncio.wait([writing], timeout=RECORD_WITHIN_S)
-    recorded = bool(done) and writing.exception() is None
+    outcome = await asyncio.wrap_future(gateway.stop_sender.begin(_BY_REST))
+    recording = gateway.stop_recorder.put(outcome, _BY_REST, "rest")
+    recorded = bool((await asyncio.wait([asyncio.wrap_future(recording)], timeout=RECORD_WITHIN_S))[0])
     if not outcome.confirmed:
         return problem_response(problem(504, "stop_not_confirmed", outcome.message, request.url.path))
     view = StopView(confirmed=True, state=outcome.state, detail=outcome.message, recorded=recorded)
