@@ -17,14 +17,15 @@ T ?= tests/unit
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
 
-.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit mutation bench lock generated \
-	wheel-check clean
+.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit attacks mutation bench lock \
+	generated wheel-check clean
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
 	@echo "make test    everything CI runs"
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
+	@echo "make attacks  tries to get past the controls of a running system, and rewrites docs/attacks.md"
 	@echo "make mutation  which changes of the safety modules the unit tests notice; one module with M=guard"
 	@echo "make bench   the full statistics; results go to docs/"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
@@ -77,6 +78,9 @@ quick-tests: $(COMPILED)
 
 unit: $(COMPILED)
 	$(PYTEST) $(T)
+
+attacks: $(COMPILED)
+	$(BIN)/python -m tests.attacks $(ATTACK)
 
 # mutmut is installed for this purpose only.
 mutation: $(COMPILED)

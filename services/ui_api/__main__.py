@@ -74,7 +74,10 @@ def _serve(settings: UiApiSettings) -> int:
         def early_end() -> None:
             runtime.fail("the HTTP server ended by itself")
 
-        with open_gateway(bus, runtime, settings, Clock()) as gateway, serving(make_app(gateway), listening, early_end):
+        with (
+            open_gateway(bus, runtime, settings, Clock()) as gateway,
+            serving(make_app(gateway, settings.allowed_hosts), listening, early_end),
+        ):
             runtime.log.info("listening", address=listening.getsockname())
             yield
             gateway.feed.close()  # event streams end now, or the server would wait for them

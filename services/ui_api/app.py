@@ -1,5 +1,12 @@
 """The FastAPI application: all routes over one gateway."""
 
+<<<<<<< HEAD
+=======
+from collections.abc import AsyncIterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+
+>>>>>>> add2187 (make attacks: what an attacker tries on a running system, as a table; foreign names and pages, slow heads and bodies are refused; the router records refused links)
 from fastapi import APIRouter, FastAPI
 from fastapi.openapi.utils import get_openapi
 
@@ -21,6 +28,7 @@ from services.ui_api.routes.body_limit import BodyLimitMiddleware
 from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
+from services.ui_api.routes.request_gate import RequestGate
 from services.ui_api.service import Gateway
 from shared.runtime.lifecycle import software_version
 
@@ -32,9 +40,16 @@ _SUMMARY = (
 )
 
 
-def make_app(gateway: Gateway) -> FastAPI:
-    """The application on an open gateway; the caller closes the gateway after the server has ended."""
+def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = ()) -> FastAPI:
+    """The application on an open gateway; the caller closes the gateway after the server has ended.
+
+    Parameters
+    ----------
+    allowed_hosts
+        Names under which this machine may be called, besides addresses and `localhost`.
+    """
     app = routed_app()
+    app.add_middleware(RequestGate, allowed_hosts=allowed_hosts)
     app.state.gateway = gateway
     app.state.idempotency = Idempotency(gateway.record)
     return app

@@ -8,6 +8,8 @@ from pydantic import Field
 from services.ui_api.record.database import sqlite_url
 from shared.runtime.settings import ServiceSettings
 
+HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$")]
+
 
 class UiApiSettings(ServiceSettings):
     """What the gateway needs to know beyond what every service does."""
@@ -16,6 +18,9 @@ class UiApiSettings(ServiceSettings):
 
     host: str = Field("127.0.0.1", description="Address on which the REST interface listens.")
     port: Annotated[int, Field(ge=0, le=65535)] = Field(8000, description="Port of the REST interface; 0: any free.")
+    allowed_hosts: tuple[HostName, ...] = Field(
+        (), description="Names under which browsers may call this machine, besides its addresses and localhost."
+    )
     database_url: str | None = Field(None, description="Case record; default: a SQLite file in the state folder.")
     image_dir: Path | None = Field(None, description="Where imaging stores its files; default: images in state_dir.")
     robot_state_stale_after_s: Annotated[float, Field(gt=0.0, le=10.0)] = Field(

@@ -29,6 +29,8 @@ from shared.signals import set_by_signals
 # The services end first; the robot's locks the hexapod and says so.
 LINGER_S: Final = 5.0
 DEFAULT_CONFIG = Path(__file__).with_name("router.json5")
+# Links that were refused go on record, each with what was wrong with its certificate.
+_LOGGED: Final = "zenoh_link_tls=warn,error"
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +137,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGTERM or SIGINT; 0 after a clean end, 2 when the router cannot start."""
     given = _parser().parse_args(arguments)
     stop = threading.Event()
+    os.environ.setdefault("NO_COLOR", "1")
+    zenoh.init_log_from_env_or(_LOGGED)
     try:
         config = router_config(given.config, given.listen, None if given.plain_bus else _protection(given))
         if given.print_config:

@@ -13,7 +13,6 @@ from services.ui_api.routes.views import ImageView
 router = APIRouter(tags=["images"])
 ImageId = Annotated[str, Path(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the stored file.")]
 PngView = Literal["raw", "corrected", "overlay"]
-_FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
 
 
 @router.get("/cases/{case_id}/images")
@@ -30,7 +29,7 @@ def list_images(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit:
 @router.get("/images/{image_id}.dcm", response_class=Response, responses={200: {"content": {"application/dicom": {}}}})
 def read_dicom(image_id: ImageId, gateway: TheGateway) -> Response:
     """The file exactly as imaging stored it: its SHA-256 is the image's id."""
-    return Response(gateway.images.dicom(image_id), media_type="application/dicom", headers=_FOR_EVER)
+    return Response(gateway.images.dicom(image_id), media_type="application/dicom")
 
 
 @router.get("/images/{image_id}.png", response_class=Response, responses={200: {"content": {"image/png": {}}}})

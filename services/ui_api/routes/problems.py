@@ -26,7 +26,12 @@ _STATUS_OF_KIND: Mapping[RefusalKind, int] = {
     RefusalKind.UNAVAILABLE: 503,
     RefusalKind.NO_REPLY: 504,
 }
-_CODE_OF_STATUS: Mapping[int, str] = {404: "not_found", 405: "method_not_allowed", 413: "body_too_large"}
+_CODE_OF_STATUS: Mapping[int, str] = {
+    404: "not_found",
+    405: "method_not_allowed",
+    408: "body_too_slow",
+    413: "body_too_large",
+}
 # A missing header has another code than a wrong body, because the remedy is another one.
 _MISSING_HEADERS: Mapping[str, tuple[int, str, str]] = {
     "idempotency-key": (

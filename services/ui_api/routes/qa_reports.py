@@ -13,7 +13,10 @@ from shared.messages.qa import QaReply, QaReport
 
 router = APIRouter(prefix="/cases/{case_id}/qa-reports", tags=["quality control"])
 # The page brings its style and pictures along and needs no script: nothing else may run or load.
-_SAFE = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:"}
+_SAFE = {
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
+    "base-uri 'none'; form-action 'none'"
+}
 
 
 class QaReportView(QaReport):

@@ -80,7 +80,10 @@ def test_a_viewer_gets_the_newest_image_with_guidance_and_may_leave(room: Room) 
     assert picture["bytes"].startswith(b"\xff\xd8")
 
 
-async def _watched(room: Room, count: int = 3, headers: tuple[tuple[bytes, bytes], ...] = ()) -> list[Message]:
+HERE = (b"host", b"localhost:8000")
+
+
+async def _watched(room: Room, count: int = 3, headers: tuple[tuple[bytes, bytes], ...] = (HERE,)) -> list[Message]:
     """Connect, take some messages, leave; the application must end by itself then."""
     sent: asyncio.Queue[Message] = asyncio.Queue()
     enough = asyncio.Event()
@@ -109,9 +112,9 @@ async def _watched(room: Room, count: int = 3, headers: tuple[tuple[bytes, bytes
 
 
 def test_another_page_may_not_watch(room: Room) -> None:
-    from_elsewhere = ((b"host", b"console:8000"), (b"origin", b"https://elsewhere.example"))
+    from_elsewhere = (HERE, (b"origin", b"https://elsewhere.example"))
     (answer,) = asyncio.run(_watched(room, 1, from_elsewhere))
     assert (answer["type"], answer["code"]) == ("websocket.close", 1008)
-    own = ((b"host", b"console:8000"), (b"origin", b"http://console:8000"))
+    own = (HERE, (b"origin", b"http://localhost:8000"))
     (answer,) = asyncio.run(_watched(room, 1, own))
     assert answer["type"] == "websocket.accept"

@@ -1,0 +1,107 @@
+"""The first to see a request: refuses what a foreign page sent, and puts security headers on every answer."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from services.ui_api.core.request_policy import RefusedRequest, RequestFacts, RequestRefusal, refused_request
+from services.ui_api.routes.problems import problem, problem_response
+
+_log = logging.getLogger("distalock.ui_api")
+_STATUS: Final = {
+    RequestRefusal.HOST_NOT_ALLOWED: 421,
+    RequestRefusal.CROSS_SITE_REQUEST: 403,
+    RequestRefusal.AMBIGUOUS_LENGTH: 400,
+}
+# Whoever asks for a stop gets it: a stop that a foreign page sends disturbs, one that is refused hurts.
+_NEVER_REFUSED: Final = "/api/v1/robot/stop"
+_POLICY_VIOLATION: Final = 1008
+_SAFE: Final = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "content-security-policy": "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    # Answers are of patients, or soon out of date.
+    "cache-control": "no-store",
+}
+_HSTS: Final = "max-age=31536000"
+
+
+class RequestGate:
+    """Middleware around the whole application.
+
+    Parameters
+    ----------
+    allowed_hosts
+        Names under which this machine may be called, besides addresses and `localhost`.
+    """
+
+    def __init__(self, app: ASGIApp, allowed_hosts: Sequence[str]) -> None:
+        self._app, self._allowed_hosts = app, tuple(allowed_hosts)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse, or pass on with headers on the answer."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        refused = refused_request(_facts(scope), self._allowed_hosts)
+        if refused is None:
+            await self._app(scope, receive, _with_headers(send, _safe(scope)))
+            return
+        safely = _with_headers(send, _safe(scope) | {"connection": "close"})
+        if scope["path"] == _NEVER_REFUSED:
+            await self._app(scope, receive, safely)
+            return
+        _log.warning("request refused: %s: %s (from %s)", refused.code, refused.message, _sender(scope))
+        if scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": str(refused.code)})
+            return
+        await _refusal(refused, scope)(scope, receive, safely)
+
+
+def _facts(scope: Scope) -> RequestFacts:
+    headers = Headers(scope=scope)
+    websocket = scope["type"] == "websocket"
+    return RequestFacts(
+        method="WEBSOCKET" if websocket else scope["method"],
+        scheme="https" if _is_encrypted(scope) else "http",
+        host=headers.get("host", ""),
+        origin=headers.get("origin"),
+        fetch_site=headers.get("sec-fetch-site"),
+        framings=len(headers.getlist("content-length")) + len(headers.getlist("transfer-encoding")),
+    )
+
+
+def _refusal(refused: RefusedRequest, scope: Scope) -> Response:
+    return problem_response(problem(_STATUS[refused.code], refused.code, refused.message, scope["path"]))
+
+
+def _safe(scope: Scope) -> dict[str, str]:
+    return _SAFE | ({"strict-transport-security": _HSTS} if _is_encrypted(scope) else {})
+
+
+def _is_encrypted(scope: Scope) -> bool:
+    return scope["scheme"] in ("https", "wss")
+
+
+def _with_headers(send: Send, added: Mapping[str, str]) -> Send:
+    """Add headers to the answer; what a route has set itself stays."""
+
+    async def adding(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            for name, value in added.items():
+                headers.setdefault(name, value)
+        await send(message)
+
+    return adding
+
+
+def _sender(scope: Scope) -> str:
+    client = scope.get("client")
+    return client[0] if client else "unknown"
