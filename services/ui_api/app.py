@@ -1,12 +1,7 @@
 """The FastAPI application: all routes over one gateway."""
 
-<<<<<<< HEAD
-=======
-from collections.abc import AsyncIterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
+from collections.abc import Sequence
 
->>>>>>> add2187 (make attacks: what an attacker tries on a running system, as a table; foreign names and pages, slow heads and bodies are refused; the router records refused links)
 from fastapi import APIRouter, FastAPI
 from fastapi.openapi.utils import get_openapi
 

@@ -51,14 +51,11 @@ def serving(app: FastAPI, listening: socket.socket, on_early_end: Callable[[], N
         log_config=None,
         access_log=False,
         timeout_graceful_shutdown=_LEAVE_WITHIN_S,
-<<<<<<< HEAD
         ws_per_message_deflate=False,  # the pictures are compressed, and each viewer would have them compressed again
-=======
         http=HeadDeadlineProtocol,
         # Nobody is in front of this server whose word about the client's address or scheme would count.
         proxy_headers=False,
         server_header=False,
->>>>>>> add2187 (make attacks: what an attacker tries on a running system, as a table; foreign names and pages, slow heads and bodies are refused; the router records refused links)
     )
     server = uvicorn.Server(config)
 
