@@ -17,7 +17,7 @@ T ?= tests/unit
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
 
-.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit attacks mutation bench lock \
+.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit attacks mutation faults bench lock \
 	generated wheel-check clean
 
 help:
@@ -27,6 +27,7 @@ help:
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
 	@echo "make attacks  tries to get past the controls of a running system, and rewrites docs/attacks.md"
 	@echo "make mutation  which changes of the safety modules the unit tests notice; one module with M=guard"
+	@echo "make faults  every fault at every step of the procedure; a tenth of them with ARGS=\"--tenth --seed 1\""
 	@echo "make bench   the full statistics; results go to docs/"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
 	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
@@ -86,6 +87,9 @@ attacks: $(COMPILED)
 mutation: $(COMPILED)
 	$(BIN)/python -m pip install --quiet "mutmut>=3.8,<4"
 	nice -n 10 $(BIN)/python -m tools.mutation $(M)
+
+faults: $(COMPILED)
+	$(BIN)/distalock bench faults $(ARGS)
 
 bench: setup
 	$(BIN)/distalock bench all

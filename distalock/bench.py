@@ -166,6 +166,12 @@ BENCHMARKS: Final = {
     "robot_noise": Benchmark(
         "robot.noise", "robot-noise", "one byte in a hundred wrong on the hexapod controller's line"
     ),
+    "faults": Benchmark(
+        "faults.command",
+        "",
+        "every fault of processes, record, disks, clock, line and network at every step of the procedure "
+        "(docs/faults.md)",
+    ),
     "bus": Benchmark(
         "bus.bus", "bus", "frames of 2 MB and commands under mutual TLS and access control, beside bare Zenoh"
     ),

@@ -157,12 +157,16 @@ V = TypeVar("V", bound=View)
 
 
 class CaseClient:
-    """The open case."""
+    """A case."""
 
-    def __init__(self, rest: RestClient, set_up: JsonObject) -> None:
-        """Open a case with this set-up (the body of ``POST /cases``)."""
+    def __init__(self, rest: RestClient, case_id: str) -> None:
         self._rest = rest
-        self.id = str(rest.post("/api/v1/cases", set_up)["id"])
+        self.id = case_id
+
+    @staticmethod
+    def opened(rest: RestClient, set_up: JsonObject) -> "CaseClient":
+        """Open a case with this set-up (the body of ``POST /cases``); raises `RequestRefused`."""
+        return CaseClient(rest, str(rest.post("/api/v1/cases", set_up)["id"]))
 
     @property
     def _path(self) -> str:
@@ -172,13 +176,24 @@ class CaseClient:
         """Wait for what an image said; raises `TimeoutError`."""
         deadline = time.monotonic() + _PATIENCE_S
         while time.monotonic() < deadline:
-            for image in _items(self._rest.get(f"{self._path}/images")):
+            for image in self.images():
                 if image["sop_instance_uid"] == sop_instance_uid and image["localisation"] is not None:
                     return Localisation.model_validate(
                         self._rest.get(f"{self._path}/localisations/{image['localisation']}")
                     )
             time.sleep(_POLL_S)
         raise TimeoutError(f"no localisation of image {sop_instance_uid} after {_PATIENCE_S:.0f} s")
+
+    def images(self) -> list[JsonObject]:
+        """The images of the case, in the order in which imaging numbered them."""
+        items: list[JsonObject] = []
+        cursor = ""
+        while True:
+            page = self._rest.get(f"{self._path}/images?limit=200{cursor}")
+            items += _items(page)
+            if page["next_cursor"] is None:
+                return items
+            cursor = f"&cursor={page['next_cursor']}"
 
     def newest_localisation(self) -> Localisation:
         """What the newest image said."""
@@ -187,7 +202,7 @@ class CaseClient:
 
     def newest_image_id(self) -> str:
         """Hash of the newest image of the case."""
-        return str(_items(self._rest.get(f"{self._path}/images?limit=200"))[-1]["id"])
+        return str(self.images()[-1]["id"])
 
     def overlay_png(self, image_id: str) -> bytes:
         """What was found, drawn on the image."""

@@ -79,7 +79,7 @@ def _procedure_in(installation: Installation, request: DemoRequest, tell: Tell) 
     with RestClient(installation.ports.rest_url) as rest, RestClient(installation.ports.control_url) as control:
         room = RoomClient(control)
         scenario = room.scenario()
-        case = CaseClient(rest, scenario.set_up)
+        case = CaseClient.opened(rest, scenario.set_up)
         tell(f"case opened: {scenario.description}")
         outcome = Procedure(case, room, scenario.hole_ids, tell).run()
         if request.overlay is not None and outcome.shots:

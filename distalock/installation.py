@@ -142,10 +142,18 @@ class Installation:
             *(word for option, file in named for word in (option, str(file))),
         )
 
-    def fleet(self, stop: threading.Event, start_patience_s: float = 60.0) -> Fleet:
-        """The processes, not yet started; setting `stop` ends their starting and their being watched."""
+    def fleet(
+        self,
+        stop: threading.Event,
+        start_patience_s: float = 60.0,
+        change: Callable[[ProcessSpec], ProcessSpec] = lambda spec: spec,
+    ) -> Fleet:
+        """The processes, not yet started; setting `stop` ends their starting and their being watched.
+
+        `change` may replace what is run: for test rigs.
+        """
         return Fleet(
-            self.specs(),
+            [change(spec) for spec in self.specs()],
             self.state_dir / "logs",
             start_patience_s,
             stop,

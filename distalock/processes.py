@@ -111,6 +111,11 @@ class Fleet:
             self._cut_output()
         return None
 
+    @property
+    def ended(self) -> tuple[str, ...]:
+        """Names of the processes that have ended."""
+        return tuple(spec.name for spec, process in self._running if process.poll() is not None)
+
     def last_words(self, name: str) -> str:
         """Last line that a process wrote, for error messages: of what it printed, else of its log."""
         for file in (self._output_file(name), self._log_file(name)):
@@ -130,12 +135,17 @@ class Fleet:
         ConfigurationError
             When it does not start.
         """
+        spec, process = self.end(name)
+        self._running.remove((spec, process))
+        self._start(spec)
+
+    def end(self, name: str) -> tuple[ProcessSpec, subprocess.Popen[bytes]]:
+        """End a process that still runs, and wait for that."""
         spec, process = next(entry for entry in self._running if entry[0].name == name)
         if process.poll() is None:
             process.send_signal(signal.SIGTERM)
             _wait_or_kill(process)
-        self._running.remove((spec, process))
-        self._start(spec)
+        return spec, process
 
     def stop(self) -> None:
         """End every process, the last started first; those that do not leave in time are killed."""

@@ -38,8 +38,8 @@ _ANSWER_S, _CONNECT_S = 300.0, 30.0
 class RestClient:
     """Requests to one server, as a console would make them."""
 
-    def __init__(self, base_url: str) -> None:
-        self._http = httpx.Client(base_url=base_url, timeout=httpx.Timeout(_ANSWER_S, connect=_CONNECT_S))
+    def __init__(self, base_url: str, answer_s: float = _ANSWER_S) -> None:
+        self._http = httpx.Client(base_url=base_url, timeout=httpx.Timeout(answer_s, connect=_CONNECT_S))
 
     def __enter__(self) -> Self:
         return self

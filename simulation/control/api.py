@@ -1,5 +1,7 @@
 """The virtual operating room's own control API: what people's hands do, and the truth. Not part of the product."""
 
+import time
+
 from fastapi import FastAPI, Response
 
 from simulation.control.fault_models import ControllerFault, FaultBody, FaultsBody, faults_body, with_fault
@@ -20,7 +22,7 @@ from simulation.control.models import (
     scenario_body,
 )
 from simulation.control.problems import Problem, add_problem_handlers
-from simulation.control.truth_models import TruthBody, truth_body
+from simulation.control.truth_models import ControllerBody, TruthBody, controller_body, truth_body
 from simulation.controller.faults import Fault
 from simulation.controller.virtual_controller import VirtualController
 from simulation.room.faults import NO_ROOM_FAULTS
@@ -46,6 +48,7 @@ def control_app(room: OperatingRoom, pedal: FootPedal, controller: VirtualContro
     app = FastAPI(title="distalock virtual operating room", version="1", docs_url="/docs", redoc_url=None)
     add_problem_handlers(app)
     _add_looking(app, room, pedal)
+    _add_controller(app, controller)
     _add_imaging(app, room, pedal)
     _add_tools(app, room)
     _add_faults(app, room, controller)
@@ -64,6 +67,12 @@ def _add_looking(app: FastAPI, room: OperatingRoom, pedal: FootPedal) -> None:
     @app.get("/truth")
     def truth() -> TruthBody:
         return truth_body(room, None if pedal.last is None else pedal.last.truth)
+
+
+def _add_controller(app: FastAPI, controller: VirtualController) -> None:
+    @app.get("/controller")
+    def hexapod() -> ControllerBody:
+        return controller_body(controller.snapshot(), time.monotonic())
 
 
 def _add_imaging(app: FastAPI, room: OperatingRoom, pedal: FootPedal) -> None:

@@ -3,6 +3,7 @@
 from typing import Literal
 
 from simulation.control.models import Body, CArmBody, Vector, c_arm_body, vector
+from simulation.controller.virtual_controller import Snapshot
 from simulation.render.truth import (
     AxisError,
     BallTruth,
@@ -15,6 +16,38 @@ from simulation.render.truth import (
 from simulation.room.operating_room import OperatingRoom
 
 Matrix = list[list[float]]
+
+
+class ControllerBody(Body):
+    """The hexapod as it is. Times are those of `clock_s`: the monotonic clock of this host.
+
+    `pose` is X Y Z in mm, U V W in degrees. `at_rest_since_s` is null while the platform moves, `locked_since_s` while
+    the brake is off or the servo on. `was_unheld`: it was held by neither at some time.
+    """
+
+    clock_s: float
+    pose: tuple[float, float, float, float, float, float]
+    moving: bool
+    servo_on: bool
+    brake_on: bool
+    was_unheld: bool
+    at_rest_since_s: float | None
+    locked_since_s: float | None
+
+
+def controller_body(snapshot: Snapshot, clock_s: float) -> ControllerBody:
+    """Describe the hexapod."""
+    x, y, z, u, v, w = (float(value) for value in snapshot.pose.as_array())
+    return ControllerBody(
+        clock_s=clock_s,
+        pose=(x, y, z, u, v, w),
+        moving=snapshot.moving,
+        servo_on=snapshot.servo_on,
+        brake_on=snapshot.brake_on,
+        was_unheld=snapshot.was_unheld,
+        at_rest_since_s=snapshot.at_rest_since_s,
+        locked_since_s=snapshot.locked_since_s,
+    )
 
 
 class AxisErrorBody(Body):

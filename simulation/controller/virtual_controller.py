@@ -33,6 +33,9 @@ class Snapshot:
         By servo or brake; `was_unheld` says whether it ever was by neither.
     error
         The controller's pending error code.
+    at_rest_since_s, locked_since_s
+        When the last motion ended, and since when the brake holds and the servo is off, on the controller's clock; None
+        while it moves, and while it is not locked.
     """
 
     pose: PlatformPose
@@ -46,6 +49,8 @@ class Snapshot:
     was_unheld: bool
     error: int
     faults: frozenset[Fault]
+    at_rest_since_s: float | None
+    locked_since_s: float | None
 
 
 class VirtualController:
@@ -80,6 +85,8 @@ class VirtualController:
         self._lock = threading.Lock()
         self._state = initial_state(hexapod)
         self._seen_s = clock_s()
+        self._at_rest_since_s: float | None = self._seen_s
+        self._locked_since_s: float | None = self._seen_s
         self._faults: frozenset[Fault] = frozenset()
         self._noise = noise or random.Random(0)
 
@@ -88,7 +95,8 @@ class VirtualController:
         with self._lock:
             if self._faults & {Fault.SILENCE, Fault.POWER_CYCLE}:
                 return b""
-            self._state, reply = self._obey(self._now(), command)
+            state, reply = self._obey(self._now(), command)
+            self._take(state, self._seen_s)
             return answered(command, reply, self._faults)
 
     def carried(self, content: bytes) -> bytes:
@@ -103,13 +111,13 @@ class VirtualController:
     def inject(self, fault: Fault) -> None:
         """Let something go wrong until it is cleared."""
         with self._lock:
-            self._state = with_fault(self._now(), fault)
+            self._take(with_fault(self._now(), fault), self._seen_s)
             self._faults |= {fault}
 
     def clear(self, fault: Fault) -> None:
         """Mend it; nothing is switched on by that."""
         with self._lock:
-            self._state = without_fault(self._now(), fault)
+            self._take(without_fault(self._now(), fault), self._seen_s)
             self._faults -= {fault}
 
     def pose(self) -> PlatformPose:
@@ -119,8 +127,8 @@ class VirtualController:
     def snapshot(self) -> Snapshot:
         """Everything that is true now."""
         with self._lock:
-            state = self._state = self._now()
-            faults = self._faults
+            state = self._now()
+            faults, at_rest_since_s, locked_since_s = self._faults, self._at_rest_since_s, self._locked_since_s
         measured = PlatformPose.from_array(state.measured)
         pose = self._error.true_pose(PlatformPose.from_array(state.pose))
         return Snapshot(
@@ -135,12 +143,30 @@ class VirtualController:
             was_unheld=state.was_unheld,
             error=int(state.error),
             faults=faults,
+            at_rest_since_s=at_rest_since_s,
+            locked_since_s=locked_since_s,
         )
 
     def _now(self) -> HexapodState:
+        """The state now, and from now on."""
         now_s = self._clock_s()
         elapsed_s, self._seen_s = now_s - self._seen_s, now_s
-        return advance(self.hexapod, self._state, elapsed_s)
+        move = self._state.move
+        left_s = elapsed_s if move is None else min(move.left_s, elapsed_s)
+        return self._take(advance(self.hexapod, self._state, elapsed_s), now_s - elapsed_s + left_s)
+
+    def _take(self, state: HexapodState, changed_s: float) -> HexapodState:
+        """Keep a state, and since when it is at rest and locked."""
+        self._state = state
+        if state.move is not None:
+            self._at_rest_since_s = None
+        elif self._at_rest_since_s is None:
+            self._at_rest_since_s = changed_s
+        if state.servo_on or not state.brake_on:
+            self._locked_since_s = None
+        elif self._locked_since_s is None:
+            self._locked_since_s = changed_s
+        return state
 
     def _obey(self, state: HexapodState, command: str | SingleByte) -> tuple[HexapodState, bytes]:
         if isinstance(command, SingleByte):

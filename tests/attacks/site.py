@@ -130,7 +130,7 @@ def running_site(folder: Path) -> Iterator[Site]:
         RestClient(installation.ports.control_url) as control,
     ):
         room = RoomClient(control)
-        case = CaseClient(rest, room.scenario().set_up)
+        case = CaseClient.opened(rest, room.scenario().set_up)
         for operation in case.make_robot_ready():
             assert operation.status == "succeeded", operation.detail
         yield Site(fleet, installation, rest, control, case, approved_plan(case, room), scratch)

@@ -16,9 +16,9 @@ from pydicom import dcmread, dcmwrite
 from pydicom.uid import generate_uid
 from pynetdicom import AE
 
+from benchmarks.common.operating_room import OperatingRoom
 from distalock.case_client import CaseClient
 from distalock.rest_client import JsonObject, RequestRefused
-from tests.e2e.conftest import OperatingRoom
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 

@@ -8,13 +8,14 @@ from pathlib import Path
 import httpx
 import pytest
 
+from benchmarks.common.operating_room import patient_fleet
 from distalock.case_client import CaseClient
 from distalock.installation import Installation, Ports
 from distalock.rest_client import JsonObject, RequestRefused, RestClient
 from distalock.room_client import RoomClient
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
 from simulation.scenario.sampling import scenario_of_seed
-from tests.e2e.conftest import SEED, patient_fleet
+from tests.e2e.conftest import SEED
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -29,7 +30,7 @@ class MountedRoom:
 
     def open_case(self, **changes: object) -> CaseClient:
         set_up: JsonObject = {**self.room.scenario().set_up, **changes}
-        return CaseClient(self.rest, set_up)
+        return CaseClient.opened(self.rest, set_up)
 
 
 def hexapod_with_mount() -> JsonObject:

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from benchmarks.common.operating_room import OperatingRoom
 from distalock.rest_client import JsonObject
-from tests.e2e.conftest import SEED, OperatingRoom, operating_room
+from tests.e2e.conftest import SEED, operating_room
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 import httpx
 import pytest
 
+from benchmarks.common.operating_room import OperatingRoom
 from distalock.case_client import CaseClient, Operation, Plan
 from distalock.rest_client import JsonObject
-from tests.e2e.conftest import SEED, OperatingRoom, operating_room
+from tests.e2e.conftest import SEED, operating_room
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
 

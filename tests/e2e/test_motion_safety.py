@@ -11,9 +11,10 @@ from pathlib import Path
 import httpx
 import pytest
 
+from benchmarks.common.operating_room import OperatingRoom
 from distalock.case_client import CaseClient, Operation, Plan
 from distalock.rest_client import JsonObject, RequestRefused
-from tests.e2e.conftest import SEED, OperatingRoom, operating_room
+from tests.e2e.conftest import SEED, operating_room
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
 

@@ -1,0 +1,52 @@
+"""A whole installation of real processes with the virtual operating room, for whoever speaks REST only."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from distalock.case_client import CaseClient
+from distalock.installation import Installation
+from distalock.processes import Fleet, ProcessSpec
+from distalock.rest_client import RestClient
+from distalock.room_client import RoomClient
+
+# A machine that is busy otherwise starts processes slowly.
+_START_PATIENCE_S = 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class OperatingRoom:
+    """A running installation, as a console and a person in the room see it."""
+
+    fleet: Fleet
+    installation: Installation
+    rest: RestClient
+    control: RestClient
+
+    @property
+    def room(self) -> RoomClient:
+        """What hands do in the room."""
+        return RoomClient(self.control)
+
+    def open_case(self) -> CaseClient:
+        """Open a case as the scenario sets it up."""
+        return CaseClient.opened(self.rest, self.room.scenario().set_up)
+
+
+def patient_fleet(installation: Installation, change: Callable[[ProcessSpec], ProcessSpec] = lambda s: s) -> Fleet:
+    """The installation's processes, with time to start; `change` may replace what is run."""
+    return installation.fleet(threading.Event(), _START_PATIENCE_S, change)
+
+
+@contextmanager
+def running(
+    installation: Installation, change: Callable[[ProcessSpec], ProcessSpec] = lambda s: s
+) -> Iterator[OperatingRoom]:
+    """Start everything, and leave nothing behind."""
+    with (
+        patient_fleet(installation, change) as fleet,
+        RestClient(installation.ports.rest_url) as rest,
+        RestClient(installation.ports.control_url) as control,
+    ):
+        yield OperatingRoom(fleet, installation, rest, control)

@@ -1,0 +1,137 @@
+"""The actions of one case, each asked for by the client that it is given."""
+
+import time
+from dataclasses import dataclass, field
+from typing import Final
+
+from benchmarks.faults.acknowledged import AcknowledgingClient
+from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
+from benchmarks.faults.site import FaultSite
+from distalock.case_client import CaseClient, Localisation, Operation, Plan
+from distalock.rest_client import JsonObject, RestClient
+
+_SURGEON: Final = "benchmark surgeon"
+_POLL_S: Final = 0.05
+# So long that a busy machine is not taken for a lost procedure.
+_PATIENCE_S: Final = 240.0
+
+
+@dataclass(slots=True)
+class CaseActions:
+    """What is done in the open case, and what came of it. Actions raise `RequestRefused`, `NotDone`, `httpx.HTTPError`.
+
+    Attributes
+    ----------
+    image_uid
+        SOP instance UID of the newest image.
+    """
+
+    site: FaultSite
+    hole_ids: tuple[str, ...] = field(init=False)
+    case_id: str = ""
+    image_uid: str = ""
+    seen: Localisation | None = None
+    plan: Plan | None = None
+    motion: JsonObject | None = None
+
+    def __post_init__(self) -> None:
+        self.hole_ids = self.site.room.room.scenario().hole_ids
+
+    def open(self, rest: AcknowledgingClient) -> None:
+        """Open a case, or take the one that is open."""
+        set_up = self.site.room.room.scenario().set_up
+        self.case_id = (open_case_of(rest) or CaseClient.opened(rest, set_up)).id
+
+    def open_and_prepare(self, rest: AcknowledgingClient) -> None:
+        """The same, and the robot made ready."""
+        self.open(rest)
+        make_robot_ready(rest)
+
+    def shoot(self, _: AcknowledgingClient) -> None:
+        """Take an image that imaging acknowledges."""
+        self.image_uid = self.site.room.room.take_shot()
+        self.site.acknowledged.images.append(self.image_uid)
+
+    def localise(self, rest: AcknowledgingClient) -> None:
+        """Wait for what the newest image says."""
+        self._finished_image(rest)
+        self.seen = CaseClient(rest, self.case_id).newest_localisation()
+        if not self.seen.accepted:
+            raise NotDone(self.seen.summary)
+
+    def make_plan(self, rest: AcknowledgingClient) -> None:
+        """Plan from the newest localisation."""
+        assert self.seen is not None
+        self.plan = CaseClient(rest, self.case_id).plan(self.seen.number, self.hole_ids)
+
+    def approve(self, rest: AcknowledgingClient) -> None:
+        """Consent to the plan."""
+        assert self.plan is not None
+        CaseClient(rest, self.case_id).approve(self.plan, _SURGEON)
+
+    def ask_to_move(self, rest: AcknowledgingClient) -> None:
+        """Ask for the approved motion."""
+        assert self.plan is not None
+        self.motion = rest.post(f"/api/v1/cases/{self.case_id}/motions", {"plan": self.plan.number})
+
+    def begin_to_move(self, rest: AcknowledgingClient) -> None:
+        """The same, and wait until the hexapod moves, or has been at the target already."""
+        self.ask_to_move(rest)
+        assert self.motion is not None
+        deadline_s = time.monotonic() + _PATIENCE_S
+        while not self.site.hexapod().moving:
+            operation = Operation.model_validate(rest.get(f"/api/v1/operations/{self.motion['id']}"))
+            if operation.status == "succeeded":
+                return
+            if operation.ended or time.monotonic() > deadline_s:
+                raise NotDone(f"motion {operation.status}: {operation.detail}")
+
+    def finish_to_move(self, rest: AcknowledgingClient) -> None:
+        """Follow the motion to its end."""
+        assert self.motion is not None
+        operation = CaseClient(rest, self.case_id).follow(self.motion)
+        if operation.status != "succeeded":
+            raise NotDone(f"motion {operation.status}: {operation.detail}")
+
+    def insert_wires(self, rest: AcknowledgingClient) -> None:
+        """Wires through the locked guide, and an image of them."""
+        self.site.room.room.insert_wires()
+        CaseClient(rest, self.case_id).record_step("wires_inserted", self.hole_ids, why="through the locked guide")
+        self.shoot(rest)
+
+    def verify(self, rest: AcknowledgingClient) -> None:
+        """Wires against axes, in the newest image; in another one when that was skipped."""
+        try:
+            image = self._finished_image(rest)
+        except NotDone:
+            self.shoot(rest)
+            raise
+        CaseClient(rest, self.case_id).verify([str(image["id"])])
+
+    def close(self, rest: AcknowledgingClient) -> None:
+        """Pull the wires and close the case, if it is open still."""
+        if (case := open_case_of(rest)) is not None:
+            self.site.room.room.remove_wires()
+            case.record_step("wires_removed", self.hole_ids, why="verified")
+            case.record_step("abandoned", why="the benchmark ends here")
+        self.case_id = ""
+
+    def _finished_image(self, rest: RestClient) -> JsonObject:
+        deadline_s = time.monotonic() + _PATIENCE_S
+        case = CaseClient(rest, self.case_id)
+        while time.monotonic() < deadline_s:
+            image = next((i for i in case.images() if i["sop_instance_uid"] == self.image_uid), None)
+            if image is not None and image["skipped"] is not None:
+                raise NotDone(f"image skipped: {image['skipped']}")
+            if image is not None and image["localisation"] is not None:
+                return image
+            time.sleep(_POLL_S)
+        raise NotDone(f"image {self.image_uid} is neither localised nor explained after {_PATIENCE_S:g} s")
+
+
+def open_case_of(rest: RestClient) -> CaseClient | None:
+    """The case that is open, also one whose opening nobody answered."""
+    cases = rest.get("/api/v1/cases?limit=200")["items"]
+    assert isinstance(cases, list)
+    still_open = [one for one in cases if one["procedure"]["stage"] not in ("finished", "abandoned")]
+    return CaseClient(rest, str(still_open[-1]["id"])) if still_open else None
