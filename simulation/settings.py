@@ -49,6 +49,9 @@ class VirtualRoomSettings(BaseSettings):
     gcs_port: Port = Field(
         50000, description="TCP port of the hexapod's controller, which a pseudo-terminal serves as well; 0: any free"
     )
+    gcs_baud: Annotated[int, Field(ge=1200, le=4_000_000)] | None = Field(
+        None, description="bits per second of the line to the controller; bytes take no time without it"
+    )
     control_port: Port = Field(8900, description="TCP port of the control API; 0: any free")
     dicom_target: TargetText | None = Field(
         None, description="[TITLE@]HOST:PORT to send images to; they stay in the room without it"

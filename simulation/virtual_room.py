@@ -112,8 +112,8 @@ def virtual_room(settings: VirtualRoomSettings, scenario: Scenario) -> Iterator[
     app = control_app(room, FootPedal(room, settings.target), controller)
     with (
         contextlib.closing(_listener(settings.host, settings.control_port)) as listener,
-        tcp_server(controller, settings.host, settings.gcs_port) as gcs_port,
-        terminal_server(controller) as terminal,
+        tcp_server(controller, settings.host, settings.gcs_port, settings.gcs_baud) as gcs_port,
+        terminal_server(controller, settings.gcs_baud) as terminal,
     ):
         _warm_up(scenario)
         with _served(app, listener):

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from shared.errors import ConfigurationError
 from shared.threads import supervised_thread
 from simulation.controller.gcs_protocol import Assembler
+from simulation.controller.line_rate import LineRate
 from simulation.controller.virtual_controller import VirtualController
 
 MOST_CLIENTS = 4
@@ -23,10 +24,13 @@ _ACCEPT_AGAIN_AFTER_S = 0.05
 
 
 @contextmanager
-def tcp_server(controller: VirtualController, host: str = "127.0.0.1", port: int = 0) -> Iterator[int]:
+def tcp_server(
+    controller: VirtualController, host: str = "127.0.0.1", port: int = 0, baud: int | None = None
+) -> Iterator[int]:
     """Serve GCS on a TCP port for as long as the context lasts; yields the port (chosen freely when 0 was asked).
 
-    At most `MOST_CLIENTS` are served at a time; further ones are hung up on.
+    At most `MOST_CLIENTS` are served at a time; further ones are hung up on. With `baud`, bytes take the time that they
+    take on a serial line behind the port.
 
     Raises
     ------
@@ -40,7 +44,7 @@ def tcp_server(controller: VirtualController, host: str = "127.0.0.1", port: int
             f"the virtual controller cannot listen at {host}:{port}: {_cause(error)}; "
             "stop the program that uses the port, or choose another"
         ) from error
-    server = _TcpServer(controller, listener)
+    server = _TcpServer(controller, listener, baud)
     accepting = supervised_thread("gcs tcp", server.accept_until_closed)
     accepting.start()
     try:
@@ -51,8 +55,11 @@ def tcp_server(controller: VirtualController, host: str = "127.0.0.1", port: int
 
 
 @contextmanager
-def terminal_server(controller: VirtualController) -> Iterator[str]:
-    """Serve GCS on a pseudo-terminal for as long as the context lasts; yields its path, such as ``/dev/pts/3``."""
+def terminal_server(controller: VirtualController, baud: int | None = None) -> Iterator[str]:
+    """Serve GCS on a pseudo-terminal for as long as the context lasts; yields its path, such as ``/dev/pts/3``.
+
+    With `baud`, bytes take the time that they take on a serial line.
+    """
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     ending = threading.Event()
@@ -61,7 +68,10 @@ def terminal_server(controller: VirtualController) -> Iterator[str]:
         received = os.read(ours, _RECEIVE_BYTES)
         return b"" if ending.is_set() else received
 
-    serving = supervised_thread("gcs pty", lambda: _converse(controller, read, lambda reply: _write_all(ours, reply)))
+    def write(reply: bytes) -> None:
+        _write_all(ours, reply)
+
+    serving = supervised_thread("gcs pty", lambda: _converse(controller, read, write, baud))
     serving.start()
     try:
         # We keep the other end open too: otherwise reading fails as soon as a client closes it.
@@ -77,8 +87,9 @@ def terminal_server(controller: VirtualController) -> Iterator[str]:
 class _TcpServer:
     """Accepts clients and serves each on a thread of its own."""
 
-    def __init__(self, controller: VirtualController, listener: socket.socket) -> None:
+    def __init__(self, controller: VirtualController, listener: socket.socket, baud: int | None) -> None:
         self._controller = controller
+        self._baud = baud
         self._listener = listener
         self._lock = threading.Lock()
         self._clients: dict[socket.socket, threading.Thread] = {}
@@ -118,29 +129,32 @@ class _TcpServer:
             with suppress(OSError):  # a client that hangs up, or does not take its replies, is forgotten
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(_SEND_WITHIN_S))
-                _converse(self._controller, lambda: client.recv(_RECEIVE_BYTES), client.sendall)
+                _converse(self._controller, lambda: client.recv(_RECEIVE_BYTES), client.sendall, self._baud)
             with self._lock:  # before the client learns that it was hung up on: its place is free by then
                 self._clients.pop(client, None)
 
 
-def _converse(controller: VirtualController, read: Callable[[], bytes], write: Callable[[bytes], object]) -> None:
+def _converse(
+    controller: VirtualController, read: Callable[[], bytes], write: Callable[[bytes], object], baud: int | None
+) -> None:
     """Answer one client until `read` returns nothing."""
-    assembler = Assembler()
-    with _replies(write) as send:
+    assembler, line = Assembler(), LineRate(baud)
+    with _replies(write, LineRate(baud)) as send:
         while received := read():
-            for command in assembler.feed(controller.carried(received)):
-                if reply := controller.carried(controller.receive(command)):
-                    send(reply, controller.reply_delay_s())
+            for piece in line.arriving(received):
+                for command in assembler.feed(controller.carried(piece)):
+                    if reply := controller.carried(controller.receive(command)):
+                        send(reply, controller.reply_delay_s())
 
 
 @contextmanager
-def _replies(write: Callable[[bytes], object]) -> Iterator[Callable[[bytes, float], None]]:
-    """Send replies in order, late ones from a thread of their own: a slow controller hears a stop all the same."""
+def _replies(write: Callable[[bytes], object], line: LineRate) -> Iterator[Callable[[bytes, float], None]]:
+    """Send replies in order; what takes time, from a thread of its own: a slow controller hears a stop all the same."""
     waiting: queue.Queue[tuple[float, bytes] | None] = queue.Queue()
     ended = threading.Event()
 
     def send(reply: bytes, delay_s: float) -> None:
-        if delay_s > 0.0 or waiting.unfinished_tasks:
+        if delay_s > 0.0 or line.baud is not None or waiting.unfinished_tasks:
             waiting.put((time.monotonic() + delay_s, reply))
         else:
             write(reply)
@@ -150,7 +164,8 @@ def _replies(write: Callable[[bytes], object]) -> Iterator[Callable[[bytes, floa
             due_s, reply = late
             if not ended.wait(max(due_s - time.monotonic(), 0.0)):
                 with suppress(OSError):  # the client may have gone before its answer came
-                    write(reply)
+                    for piece in line.arriving(reply):
+                        write(piece)
             waiting.task_done()
 
     sending = supervised_thread("gcs late", send_late)

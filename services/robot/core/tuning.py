@@ -137,6 +137,12 @@ class ControllerLine:
         "how long a stop waits for a command that is being written, before it is written regardless",
         derived("a hundredth of the 0.5 s; a command of 100 bytes takes 9 ms at 115,200 baud"),
     )
+    lock_again_after_s: float = tuned(
+        0.1,
+        "s",
+        "how long further stops are their stop byte alone after one that carried the whole lock",
+        derived("six times the 17 ms that 196 bytes take at 115,200 baud; stops that come later send it again"),
+    )
     read_attempts: int = tuned(
         3, "1", "how often a question is asked while its answers are garbled", derived("two disturbed answers in a row")
     )

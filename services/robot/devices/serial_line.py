@@ -93,7 +93,10 @@ class LineProtocol:
     Attributes
     ----------
     stop_message
-        What is sent to stop, as one write, at any place in the stream.
+        What stops the robot, at any place in the stream: as short as possible, because it is written by itself, before
+        anything else.
+    lock_message
+        What locks it blindly, right after: so that it holds although the line spoils a command.
     marker_question, marker_answer
         A question and its only possible answer (its lines), which resembles no other answer: used to find the place in
         the stream again after silence or garbage.
@@ -102,6 +105,7 @@ class LineProtocol:
     """
 
     stop_message: bytes
+    lock_message: bytes
     marker_question: bytes
     marker_answer: tuple[str, ...]
     another_line_follows: Callable[[str], bool]
@@ -120,6 +124,7 @@ class SerialLine:
         self._stop.set()
         self._closing = threading.Event()
         self._lost = ""
+        self._lock_written_s = float("-inf")
         self._in_step = True
         self._forget_partial = threading.Event()
         self._replies: queue.Queue[list[str]] = queue.Queue(maxsize=MOST_STALE_REPLIES)
@@ -167,20 +172,24 @@ class SerialLine:
         with self._write_lock:
             if self._stop.is_set():
                 raise StopInForce("a stop is in force: the motion command was not sent")
-            self._hand_over(message)
+            try:
+                self._hand_over(message)
+            finally:
+                self._lock_written_s = float("-inf")
         if self._stop.is_set():
             self.stop_now()
             raise StopInForce("a stop came while the motion command was being sent: it was stopped")
 
     def stop_now(self) -> DeviceError | None:
-        """Send the stop message at once, from any thread. Never raises and never waits for an answer.
+        """Stop and lock at once, from any thread. Never raises and never waits for an answer.
 
-        Returns why the line did not take it, None when it did.
+        Returns why the line did not take every byte, None when it did.
         """
         self._stop.set()
         got_lock = self._write_lock.acquire(timeout=CONTROLLER_LINE.stop_waits_for_writer_s)
         try:
             self._hand_over(self._protocol.stop_message)
+            self._hand_over_lock()
         except DeviceError as error:
             return error
         else:
@@ -236,6 +245,13 @@ class SerialLine:
             self._port.write(message)
         except (serial.SerialException, OSError) as error:
             raise ControllerSilent(f"the line to the hexapod controller is broken: {error}; check the cable") from None
+
+    def _hand_over_lock(self) -> None:
+        """Lock blindly, unless just that is on its way: stops that come together must not queue up on a slow line."""
+        if time.monotonic() - self._lock_written_s < CONTROLLER_LINE.lock_again_after_s:
+            return
+        self._hand_over(self._protocol.lock_message)
+        self._lock_written_s = time.monotonic()
 
     def _read_forever(self) -> None:
         line, reply = bytearray(), list[str]()

@@ -61,14 +61,14 @@ class Worker:
 
     def step(self) -> bool:
         """One round of the work; False at the end."""
-        self._do_pending()
+        generation = self._do_pending()
         if self._motion.finished:
             return False
         controller = self._motion.controller
         if controller is None:
             self._try_to_connect()
         else:
-            self._observe(controller)
+            self._observe(controller, generation)
         return True
 
     def _pause_s(self) -> float:
@@ -86,15 +86,21 @@ class Worker:
         if not self._motion.connected(controller, self._clock_s()):
             controller.close()
 
-    def _do_pending(self) -> None:
+    def _do_pending(self) -> int:
+        """Carry out what is to be done; the generation in which that was all.
+
+        A motion that is asked for from now on has not begun when the next feedback is: that must not pass for one that
+        has ended.
+        """
         job = self._motion.take_job()
         if job is None:
-            return
+            return self._motion.status.generation
         for effect in job.effects:
             try:
                 self._perform(effect, job.controller)
             except DeviceError as error:
                 self._device_failed(error, job.generation)
+        return job.generation
 
     def _perform(self, effect: Effect, controller: HexapodController) -> None:
         match effect:
@@ -114,8 +120,8 @@ class Worker:
             case _:
                 assert_never(effect)
 
-    def _observe(self, controller: HexapodController) -> None:
-        stops, generation, began_s = self._motion.stops, self._motion.status.generation, self._clock_s()
+    def _observe(self, controller: HexapodController, generation: int) -> None:
+        stops, began_s = self._motion.stops, self._clock_s()
         try:
             feedback = controller.read()
         except DeviceError as error:

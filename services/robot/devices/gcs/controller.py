@@ -21,10 +21,10 @@ SERVOS_OFF = codec.command("SVO", codec.on_all_axes(0))
 # A disturbed line can spoil one command and carry the next, and then neither brake nor servo would hold. Where the
 # brakes cannot be read back before the servos go off, they are sent so often that one of the commands arrives.
 LOCK_UNCONFIRMED = 6 * BRAKES_ON + SERVOS_OFF
-# The stop byte, then the lock, in one write: locking must not wait for anybody's question either.
-STOP_AND_LOCK = codec.STOP_ALL + LOCK_UNCONFIRMED
 LINE = LineProtocol(
-    stop_message=STOP_AND_LOCK,
+    stop_message=codec.STOP_ALL,
+    # Locking must not wait for anybody's question either.
+    lock_message=LOCK_UNCONFIRMED,
     marker_question=codec.query("SAI"),
     marker_answer=AXES,
     # "AXIS=VALUE" lines of one answer: each but the last ends in a space.

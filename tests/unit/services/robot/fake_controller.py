@@ -35,6 +35,7 @@ class FakeController:
         self.line_broken = ""
         self.stops_taken: list[float] = []
         self.before_move: Callable[[], object] = lambda: None
+        self.before_lock: Callable[[], object] = lambda: None
         self.after_read: Callable[[], object] = lambda: None
 
     @property
@@ -74,6 +75,7 @@ class FakeController:
     def lock(self) -> None:
         """Brakes on, servos off, if they do."""
         self._fail_if_told()
+        self.before_lock()
         if not self.brakes_hold:
             raise DeviceError("the robot does not lock")
         self.feedback = replace(self.feedback, locked=True, unlocked=False, moving=False)

@@ -17,6 +17,7 @@ class FakeGcs:
         self._output = bytearray()
         self._input = bytearray()
         self.messages: list[bytes] = []
+        self.writes: list[bytes] = []
         self.identity = "(c)Fake Instruments, H-70, 0001, 1.0"
         self.axes: tuple[str, ...] = AXES
         self.syntax = "2.0"
@@ -53,6 +54,7 @@ class FakeGcs:
         with self._ready:
             if self.broken:
                 raise self.broken
+            self.writes.append(data)
             for byte in data:
                 self._take(byte)
             self._ready.notify_all()

@@ -15,7 +15,7 @@ from tests.unit.services.robot.text_device import TextDevice
 
 HEXAPOD = default_hexapod()
 TARGET = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-LINE = LineProtocol(b"!", b"hello\n", ("here",), another_line_follows=lambda line: line.endswith("&"))
+LINE = LineProtocol(b"!", b"lock\n", b"hello\n", ("here",), another_line_follows=lambda line: line.endswith("&"))
 
 
 class ToyController:

@@ -111,6 +111,25 @@ def test_a_stop_does_not_wait_for_a_decision_that_is_being_made(bench: Bench) ->
     assert bench.has(MotionState.STOPPED)
 
 
+def test_a_move_that_is_asked_for_while_the_worker_locks_is_not_taken_for_a_lost_one(bench: Bench) -> None:
+    bench.make_ready()
+    bench.drive.stop("test")
+    bench.work()
+    asked: list[object] = []
+
+    def ask_for_a_move() -> None:
+        bench.controller.before_lock = lambda: None
+        asked.append(bench.begin_move())
+
+    assert bench.drive.acknowledge_stop() is None
+    bench.controller.before_lock = ask_for_a_move
+    bench.work(1)
+    assert asked == [None]
+    bench.work(1)
+    assert bench.has(MotionState.MOVING)
+    assert bench.controller.feedback.unlocked
+
+
 def test_a_reading_from_before_a_stop_says_nothing_about_the_time_after(bench: Bench) -> None:
     bench.start_move()
     bench.controller.after_read = lambda: bench.drive.stop("test")

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from services.robot.devices.controller import ControllerSilent, Encoders, StopInForce
-from services.robot.devices.gcs.controller import STOP_AND_LOCK, GcsController
+from services.robot.devices.gcs.controller import LOCK_UNCONFIRMED, GcsController
 from shared.errors import DeviceError
 from shared.geometry.hexapod import PlatformPose
 from shared.parts.hexapod_file import default_hexapod
@@ -71,7 +71,42 @@ def test_nothing_moves_before_the_stop_is_released(gcs: FakeGcs, controller: Gcs
     assert not any(m.startswith((b"MOV X", b"FRF X")) for m in gcs.messages)
 
 
-def test_a_stop_is_one_write_and_locks_without_an_answer(gcs: FakeGcs, released: GcsController) -> None:
+def test_the_stop_byte_is_the_first_write_and_goes_before_the_lock(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.writes.clear()
+    released.stop_now()
+    assert gcs.writes == [b"\x18", LOCK_UNCONFIRMED]
+
+
+def test_stops_that_come_together_send_the_lock_once(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.writes.clear()
+    for _ in range(20):
+        released.stop_now()
+    assert gcs.writes == [b"\x18", LOCK_UNCONFIRMED, *(19 * [b"\x18"])]
+
+
+def test_a_stop_after_a_command_that_could_unlock_sends_the_lock_again(gcs: FakeGcs, released: GcsController) -> None:
+    for _ in range(2):
+        released.release_stop()
+        released.move(TARGET, 1.0)
+        gcs.writes.clear()
+        released.stop_now()
+        assert gcs.writes == [b"\x18", LOCK_UNCONFIRMED]
+        gcs.error = 0  # that it was stopped
+
+
+def test_a_lock_that_the_line_did_not_take_is_sent_again(gcs: FakeGcs, released: GcsController) -> None:
+    released.move(TARGET, 1.0)
+    gcs.broken = OSError("no space in the buffer")
+    assert released.stop_now() is not None
+    gcs.broken = None
+    gcs.writes.clear()
+    assert released.stop_now() is None
+    assert gcs.writes == [b"\x18", LOCK_UNCONFIRMED]
+
+
+def test_a_stop_locks_without_an_answer(gcs: FakeGcs, released: GcsController) -> None:
     released.move(TARGET, 1.0)
     gcs.mute = True
     heard = iter(range(100))
@@ -79,7 +114,6 @@ def test_a_stop_is_one_write_and_locks_without_an_answer(gcs: FakeGcs, released:
     released.stop_now()
     assert gcs.locked
     assert not gcs.moving
-    assert STOP_AND_LOCK.startswith(b"\x18BRA ")
 
 
 def test_when_locking_the_servos_stay_on_until_the_brakes_are(gcs: FakeGcs, released: GcsController) -> None:
