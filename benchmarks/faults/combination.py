@@ -87,7 +87,11 @@ class Combination:
 
     def play(self) -> Finding:
         """Let the fault come and go."""
-        watch, said = readiness_of(self.site), self.procedure.said
+        with readiness_of(self.site) as watch:
+            return self._watched(watch)
+
+    def _watched(self, watch: ReadinessWatch) -> Finding:
+        said = self.procedure.said
         said.clear()
         before = self.site.hexapod()
         injected_s = time.monotonic()

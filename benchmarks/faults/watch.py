@@ -12,7 +12,7 @@ import httpx
 from benchmarks.faults.site import FaultSite, Hexapod
 from shared.threads import supervised_thread
 
-_ASK_EVERY_S: Final = 0.1
+_ASK_EVERY_S: Final = 0.2
 _ANSWER_WITHIN_S: Final = 3.0
 _LOOK_EVERY_S: Final = 0.02
 # A move is over by then, whatever becomes of it.
@@ -43,15 +43,15 @@ class ReadyAnswer:
 
 @dataclass(slots=True)
 class ReadinessWatch:
-    """Asks `readyz` ten times a second, each time on a connection of its own."""
+    """Asks `readyz` five times a second, each time on a connection of its own."""
 
-    url: str
+    http: httpx.Client
     answers: list[ReadyAnswer] = field(default_factory=list)
 
     def ask(self) -> ReadyAnswer:
         """Ask once."""
         try:
-            response = httpx.get(self.url, timeout=_ANSWER_WITHIN_S)
+            response = self.http.get("/readyz")
         except httpx.HTTPError as error:
             answer = ReadyAnswer(time.monotonic(), _NO_ANSWER, type(error).__name__, {})
         else:
@@ -84,9 +84,13 @@ class ReadinessWatch:
         return said[-1] - since_s if said else None
 
 
-def readiness_of(site: FaultSite) -> ReadinessWatch:
-    """A watch of a site's `readyz`."""
-    return ReadinessWatch(f"{site.room.installation.ports.rest_url}/readyz")
+@contextmanager
+def readiness_of(site: FaultSite) -> Iterator[ReadinessWatch]:
+    """A watch of a site's `readyz`; it keeps no connection, for a new one may be what cannot be had."""
+    none_kept = httpx.Limits(max_keepalive_connections=0)
+    url = site.room.installation.ports.rest_url
+    with httpx.Client(base_url=url, timeout=_ANSWER_WITHIN_S, limits=none_kept) as http:
+        yield ReadinessWatch(http)
 
 
 @dataclass(frozen=True, slots=True)

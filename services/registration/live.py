@@ -171,7 +171,10 @@ class LiveGuidance:
                 self._follow(message)
             except Exception as error:  # the border of a task: the next frame must not suffer from this one
                 self._runtime.log.exception("guidance fault", sha256=message.image.sha256)
-                self._runtime.degraded(f"a frame brought a fault: {error}; guidance goes on with the next one")
+                impairment = f"a frame brought a fault: {error}; guidance goes on with the next one"
+                self._runtime.status.impair("guidance", impairment)
+            else:
+                self._runtime.status.impair("guidance", None)
 
     def _follow(self, message: CalibrationMessage) -> None:
         began_s = self._clock_s()

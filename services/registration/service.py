@@ -170,16 +170,17 @@ class RegistrationService:
             job = self._jobs.take(_WAIT_S) or self._guidance.job()
             if job is None:
                 continue
-            fault = None
+            fault, impairment = None, None
             try:
                 self._localise(job)
             except BusError as error:  # imaging is gone, or its link: whoever has the image on record asks again
                 self._runtime.log.error("image not localised", sha256=job.image.sha256, detail=str(error))  # noqa: TRY400
-                self._runtime.degraded(f"image {job.image.sha256[:12]} was not localised: {error}; check imaging")
+                impairment = f"image {job.image.sha256[:12]} was not localised: {error}; check imaging"
             except Exception as error:
                 self._runtime.log.exception("fault", sha256=job.image.sha256)
-                self._runtime.degraded(f"image {job.image.sha256[:12]} brought a fault: {error}; take another image")
+                impairment = f"image {job.image.sha256[:12]} brought a fault: {error}; take another image"
                 fault = str(error)
+            self._runtime.status.impair("localisation", impairment)
             self._jobs.done(fault)
 
     def _localise(self, job: CalibrationMessage) -> None:

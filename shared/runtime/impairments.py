@@ -1,6 +1,8 @@
-"""What impairs any service, whatever it does: a disk that is nearly full, log lines that cannot be written."""
+"""What impairs any service, whatever it does: too little space, too few handles, too little memory, lost log lines."""
 
+import errno
 import os
+import resource
 import threading
 import time
 from collections.abc import Iterator
@@ -16,6 +18,12 @@ from shared.threads import supervised_thread
 LOOK_EVERY_S: Final = 2.0
 # As long as somebody needs to see it on a health page.
 DROPPED_LINES_IMPAIR_S: Final = 60.0
+# Chosen: a connection of each client of a room, and the files that are opened for one of its images.
+LEAST_FREE_HANDLES: Final = 16
+# Chosen: an image of 2048 x 2048 pixels in doubles is 32 MiB, and it is worked on in copies.
+LEAST_FREE_MEMORY_MIB: Final = 64.0
+_HANDLES: Final = Path("/proc/self/fd")
+_MEMORY_USED: Final = Path("/proc/self/statm")
 _MIB: Final = 2**20
 
 
@@ -39,6 +47,8 @@ def watched(runtime: Impaired, settings: ServiceSettings) -> Iterator[None]:
     def watch() -> None:
         while True:
             runtime.status.impair("disk", nearly_full(settings.state_dir, settings.least_free_mib))
+            runtime.status.impair("handles", nearly_out_of_handles())
+            runtime.status.impair("memory", nearly_out_of_memory())
             runtime.status.impair("log", lines.sentence(time.monotonic()))
             runtime.forget_errors()
             if ended.wait(LOOK_EVERY_S):
@@ -74,6 +84,41 @@ def _lack_of(disk: os.statvfs_result, folder: Path, least_free_mib: float) -> st
     return (
         f"the disk of {folder} has {free_mib:.0f} MiB free (limit {least_free_mib:g} MiB); "
         "free some space, or move the state folder to a larger disk"
+    )
+
+
+def nearly_out_of_handles() -> str | None:
+    """A sentence when this process can open few files and connections more, or none, else None."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        used = len(os.listdir(_HANDLES))  # noqa: PTH208 - an iterator of paths would stat each
+    except OSError as error:
+        if error.errno not in (errno.EMFILE, errno.ENFILE):
+            return None  # not Linux
+        used = limit
+    if limit == resource.RLIM_INFINITY or limit - used >= LEAST_FREE_HANDLES:
+        return None
+    return (
+        f"{used} handles for files and connections are in use (limit {limit}, at least {LEAST_FREE_HANDLES} must be "
+        "free); raise the limit, or see who holds them"
+    )
+
+
+def nearly_out_of_memory() -> str | None:
+    """A sentence when this process may have little more memory than it has, else None."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return None
+    try:
+        pages = int(_MEMORY_USED.read_text(encoding="ascii").split(maxsplit=1)[0])
+    except OSError:
+        return None  # not Linux, or no handle is left, which is another finding
+    free_mib = (limit - pages * resource.getpagesize()) / _MIB
+    if free_mib >= LEAST_FREE_MEMORY_MIB:
+        return None
+    return (
+        f"{max(free_mib, 0.0):.0f} MiB of the process's address space are left (limit {LEAST_FREE_MEMORY_MIB:g} MiB); "
+        "raise its limit (ulimit -v)"
     )
 
 

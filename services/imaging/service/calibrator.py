@@ -37,6 +37,9 @@ from shared.threads import supervised_thread
 _WAIT_S: Final = 0.2
 # Chosen: one crash may be chance; three of the same image are not.
 _MOST_ATTEMPTS: Final = 3
+# Chosen: soon for people who wait, and seldom for a log.
+_DISK_AGAIN_S: Final = 1.0
+_CALIBRATION, _INDEX = "calibration", "index"
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,18 +106,31 @@ class Calibrator:
                 continue
             try:
                 self._handle(header, shot, waiting)
+            except OSError as error:  # of the disk, not of the image, which waits in the index until it can be read
+                self._note_index(error)
+                self._ended.wait(_DISK_AGAIN_S)
             except Exception as error:  # the border of a task: the next image must not suffer from this one
                 self._runtime.log.exception("fault", sha256=header.sha256)
-                self._runtime.degraded(f"image {header.sha256[:12]} brought a fault: {error}; take another image")
+                sentence = f"image {header.sha256[:12]} brought a fault: {error}; take another image"
+                self._runtime.status.impair(_CALIBRATION, sentence)
                 self._skip(header, SkipCode.FAULT, f"it brought a fault ({error}); take another image")
+            else:
+                self._runtime.status.impair(_CALIBRATION, None)
 
     def _left_behind(self) -> IndexedImage | None:
         """The newest image that waits, as soon as it is known which case is open."""
         try:
-            return None if self._case is None else self._store.index.newest_pending()
+            waiting = None if self._case is None else self._store.index.newest_pending()
         except OSError as error:
-            self._runtime.log.error("image index", detail=str(error))  # noqa: TRY400 - expected: no trace
+            self._note_index(error)
             return None
+        self._runtime.status.impair(_INDEX, None)
+        return waiting
+
+    def _note_index(self, error: OSError) -> None:
+        """A disk that does not take what is to be kept impairs the service until it does."""
+        self._runtime.log.error("image index", detail=str(error))
+        self._runtime.status.impair(_INDEX, f"{error.strerror or error}; see to the disk of the image store")
 
     def _handle(self, header: FrameHeader, shot: Shot | None, waiting: IndexedImage | None) -> None:
         case = self._case

@@ -15,6 +15,7 @@ import structlog
 
 from services.imaging.devices.c_arm_memory import CArmMemory
 from services.imaging.devices.image_file import read_image
+from services.imaging.devices.image_index import ImageIndex
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
 from services.imaging.devices.received_image import Polarity
@@ -371,6 +372,7 @@ def test_an_image_that_brings_a_fault_is_skipped_and_the_next_one_calibrated(tmp
         eventually(lambda: [one.skip and one.skip.code for one in stored(room)] == ["fault"])
         room.service.take(small_dicom(), "CARM")
         assert room.calibration().image.sequence == 2
+        room.wait_for("ready")
 
 
 def test_images_from_several_senders_at_once_are_numbered_without_a_gap(room: Room) -> None:
@@ -522,4 +524,33 @@ def test_a_store_that_takes_nothing_degrades_imaging_until_it_takes_an_image(tmp
         assert "could not be stored (No space left on device); see to the disk" in room.wait_for("degraded").detail
         store.full = False
         room.service.take(small_dicom(), "CARM")
+        room.wait_for("ready")
+
+
+class FailingIndex:
+    """An image store's index whose disk fails until it is mended; everything else is the index's own."""
+
+    def __init__(self, index: ImageIndex) -> None:
+        self._index = index
+        self.mended = threading.Event()
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._index, name)
+
+    def is_pending(self, sequence: int) -> bool:
+        if not self.mended.is_set():
+            raise OSError(5, "Input/output error")
+        return self._index.is_pending(sequence)
+
+
+def test_an_image_that_the_disk_held_up_is_calibrated_when_the_disk_is_back(tmp_path: Path) -> None:
+    store = ImageStore(tmp_path)
+    failing = FailingIndex(store.index)
+    store.index = failing  # type: ignore[assignment]
+    with room_of(store, tmp_path / "positions") as room:
+        room.open_case()
+        room.service.take(small_dicom(), "CARM")
+        assert room.wait_for("degraded").detail == "Input/output error; see to the disk of the image store"
+        failing.mended.set()
+        assert room.calibration().image.sequence == 1
         room.wait_for("ready")

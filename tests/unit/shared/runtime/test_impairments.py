@@ -3,6 +3,8 @@
 import os
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -47,3 +49,37 @@ def _disk(**changes: int) -> os.statvfs_result:
 def test_a_disk_that_takes_nothing_impairs(changes: dict[str, int], lack: str | None) -> None:
     sentence = _lack_of(_disk(**changes), Path("/state"), 64.0)
     assert (sentence is None) if lack is None else re.search(lack, str(sentence))
+
+
+def _in_a_process_with(limit: str, function: str) -> str:
+    """What a process says of itself whose limit is set to what it uses and 1 MiB, or 3 handles."""
+    program = (
+        "import os, resource\n"
+        "from pathlib import Path\n"
+        f"from shared.runtime.impairments import {function}\n"
+        f"print({function}())\n"
+        "pages = int(Path('/proc/self/statm').read_text().split()[0])\n"
+        "handles = len(os.listdir('/proc/self/fd'))\n"
+        f"resource.setrlimit(resource.{limit})\n"
+        f"print({function}())\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    before, after = ended.stdout.splitlines()
+    assert before == "None"
+    return after
+
+
+def test_a_process_with_few_handles_left_is_impaired() -> None:
+    said = _in_a_process_with("RLIMIT_NOFILE, (handles + 3, handles + 3)", "nearly_out_of_handles")
+    assert re.search(r"\d+ handles .* in use \(limit \d+, at least 16 must be free\); raise the limit", said)
+
+
+def test_a_process_with_no_handle_left_is_impaired() -> None:
+    said = _in_a_process_with("RLIMIT_NOFILE, (0, 0)", "nearly_out_of_handles")
+    assert said.startswith("0 handles for files and connections are in use (limit 0,")
+
+
+def test_a_process_with_little_memory_left_is_impaired() -> None:
+    limit = "RLIMIT_AS, (pages * resource.getpagesize() + 2**20,) * 2"
+    said = _in_a_process_with(limit, "nearly_out_of_memory")
+    assert said.endswith("MiB of the process's address space are left (limit 64 MiB); raise its limit (ulimit -v)")
