@@ -179,9 +179,11 @@ class Installation:
         return listening
 
     def make_keys(self) -> None:
-        """Make the authority at the first start, and what is missing or ends soon at every other."""
-        if not self.plain_bus:
-            Keystore(self.state_dir / PKI_FOLDER).ensure(datetime.now(UTC))
+        """Make the authority at the first start, and what is missing or ends soon at every other.
+
+        A plain bus has no use for certificates, but permits to move are signed on it, too.
+        """
+        Keystore(self.state_dir / PKI_FOLDER).ensure(datetime.now(UTC))
 
     def write_directory(self, pids: Mapping[str, int]) -> Path:
         """Write who runs where to `installation.json` in the state folder, for tools and tests."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from benchmarks.robot.plans import random_target
+from benchmarks.robot.rig import FOREIGN_SIGNER
 from benchmarks.robot.watched import UNHEARD, Watched
 from shared.errors import NoReply
 from shared.geometry.hexapod import PlatformPose
@@ -46,12 +47,12 @@ def _move(w: Watched) -> None:
         w.unheard_since_move = bool(w.faults & UNHEARD)
 
 
-def _move_unapproved(w: Watched) -> None:
+def _move_forged(w: Watched) -> None:
     target = random_target(w.rig.random, TARGET_SIZE)
     unpublished = w.rig.publish_plan(target) if w.rig.random.random() < 0.5 else _unpublished(w, target)
-    reply = w.ask(w.rig.move(unpublished, approved_sha256="e" * 64))
+    reply = w.ask(w.rig.move(unpublished, signer=FOREIGN_SIGNER))
     if reply is not None and reply.verdict == "accepted":
-        w.wrong.append(f"a move was accepted without approval; after: {', '.join(w.done)}")
+        w.wrong.append(f"a move was accepted with a forged permit; after: {', '.join(w.done)}")
 
 
 def _unpublished(w: Watched, target: PlatformPose) -> bytes:
@@ -123,7 +124,7 @@ EVENTS_BY_WEIGHT: dict[Callable[[Watched], None], int] = {
     _inject: 14,
     _mend: 12,
     _repeat_old: 6,
-    _move_unapproved: 5,
+    _move_forged: 5,
     _move: 4,
     _plan: 2,
     _stop: 3,

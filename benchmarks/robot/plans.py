@@ -15,6 +15,7 @@ from shared.parts.hexapod_file import default_hexapod
 HEXAPOD = default_hexapod()
 EXTENSION_MM = 60.0
 NO_SHA = "d" * 64
+HOLE_IDS = ("distal",)
 
 
 def plan_between(
@@ -33,7 +34,7 @@ def plan_between(
         registration_epoch=epoch,
         robot_boot_epoch=robot_boot_epoch,
         hexapod_sha256=HEXAPOD.sha256,
-        hole_ids=("distal",),
+        hole_ids=HOLE_IDS,
         head_extension_mm=EXTENSION_MM,
         guide_from_target_guide=matrix4(correction),
         start_pose=PlatformPoseMessage.of(start),

@@ -9,7 +9,10 @@ import random
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
 from benchmarks.robot.memory_port import MemoryPort
+from benchmarks.robot.permits import permit_for
 from benchmarks.robot.plans import HEXAPOD, plan_between
 from benchmarks.robot.still_bus import StillBus
 from services.robot.core.deviation import Deviation
@@ -27,7 +30,6 @@ from shared.messages.cases import CaseContext
 from shared.messages.presence import Heartbeat
 from shared.messages.registration import Plan, RegistrationEpoch
 from shared.messages.robot import (
-    Approval,
     CommandEnvelope,
     CommandReply,
     MoveCommand,
@@ -36,13 +38,18 @@ from shared.messages.robot import (
     StopCommand,
     Verb,
 )
+from shared.pki.permit_key import PermitSigner, PermitVerifier
 from simulation.controller.virtual_controller import VirtualController
 
 KEYS = Keys("or1")
+_GATEWAY_KEY = Ed25519PrivateKey.generate()
+SIGNER = PermitSigner(_GATEWAY_KEY)
+FOREIGN_SIGNER = PermitSigner(Ed25519PrivateKey.generate())
 REPLY_TIMEOUT_S = 0.015
 TICK_S = 0.1
 LIMITS = GuardLimits(Deviation(20.0, 12.0), 600.0, 0.2, 1.0)
 QUERY_TIMEOUT_S = 1.0
+CASE_ID = "case1"
 PlainVerb: TypeAlias = Literal["reference", "acknowledge_stop", "reset"]
 
 
@@ -88,12 +95,26 @@ class Rig:
         self.state: RobotState
         self.bus.subscribe(KEYS.robot_state, self._on_state)
         self.drive = Drive(self._connect, SUPERVISION.read_back, self.clock, 1.0, self.crashes.append)
-        parts = RobotParts(HEXAPOD, LIMITS, self.drive, "boot", self.clock, lambda _: None)
+        parts = RobotParts(
+            hexapod=HEXAPOD,
+            limits=LIMITS,
+            drive=self.drive,
+            boot_epoch="boot",
+            clock_s=self.clock,
+            note_change=lambda _: None,
+            permit_verifier=PermitVerifier(_GATEWAY_KEY.public_key()),
+            note_permit=lambda _outcome, _sha256: None,
+        )
         self.service = RobotService(self.bus, KEYS, parts)
         self.service.listen()
         self.service.answer()
         self.open_case()
         self.tick()
+
+    @property
+    def case(self) -> tuple[str, int]:
+        """Id and revision of the open case."""
+        return (CASE_ID, self.case_revision)
 
     def clock(self) -> float:
         """The only clock there is."""
@@ -132,7 +153,7 @@ class Rig:
 
     def open_case(self) -> None:
         """The gateway says which case is open, in which revision."""
-        context = CaseContext(case_id="case1", revision=self.case_revision)
+        context = CaseContext(case_id=CASE_ID, revision=self.case_revision)
         self.bus.deliver(Sample(KEYS.case_context, encode(context), b""))
 
     def begin_epoch(self) -> None:
@@ -149,7 +170,7 @@ class Rig:
     def plan_to(self, target: PlatformPose) -> Plan:
         """A plan from where the robot says it stands."""
         start = HEXAPOD.home_pose if self.state.pose is None else self.state.pose.value()
-        return plan_between(start, target, self.epoch, "boot", ("case1", self.case_revision))
+        return plan_between(start, target, self.epoch, "boot", self.case)
 
     # Commands
 
@@ -167,18 +188,18 @@ class Rig:
 
     def plain(self, verb: PlainVerb) -> SentCommand:
         """A command without a plan."""
-        return SentCommand(verb, encode(PlainCommand(verb=verb, envelope=self.envelope())))
+        envelope = self.envelope()
+        permit = permit_for(SIGNER, envelope, self.case, None) if verb == "reference" else None
+        return SentCommand(verb, encode(PlainCommand(verb=verb, envelope=envelope, permit=permit)))
 
     def move(
-        self, plan_json: bytes, approved_sha256: str | None = None, envelope: CommandEnvelope | None = None
+        self, plan_json: bytes, envelope: CommandEnvelope | None = None, signer: PermitSigner = SIGNER
     ) -> SentCommand:
-        """A command to carry a plan out, with its approval."""
-        sha256 = approved_sha256 or hashlib.sha256(plan_json).hexdigest()
-        approval = Approval(plan_sha256=sha256, approved_by="surgeon", approved_at_ns=0)
+        """A command to carry a plan out, with its permit."""
+        sha256 = hashlib.sha256(plan_json).hexdigest()
         envelope = envelope or self.envelope()
-        return SentCommand(
-            "move", encode(MoveCommand(envelope=envelope, plan_json=plan_json.decode(), approval=approval))
-        )
+        permit = permit_for(signer, envelope, self.case, sha256)
+        return SentCommand("move", encode(MoveCommand(envelope=envelope, plan_sha256=sha256, permit=permit)))
 
     def ask(self, command: SentCommand) -> CommandReply:
         """Send a command and read the answer; raises `NoReply` while the link is down."""

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import httpx
 
+from benchmarks.robot.permits import permit_for
 from benchmarks.robot.plans import HEXAPOD, plan_between, random_target
 from benchmarks.robot.rig import PlainVerb
 from distalock.installation import Installation, Ports
@@ -20,7 +21,7 @@ from distalock.rest_client import RestClient
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Sample
 from shared.bus.settings import BusSettings
-from shared.bus.tls import TlsFiles
+from shared.bus.tls import PKI_FOLDER, TlsFiles
 from shared.bus.zenoh_bus import ZenohBus, open_bus
 from shared.errors import NoReply
 from shared.messages.base import decode, encode
@@ -28,7 +29,6 @@ from shared.messages.cases import CaseContext
 from shared.messages.presence import ServiceName
 from shared.messages.registration import RegistrationEpoch
 from shared.messages.robot import (
-    Approval,
     CommandEnvelope,
     CommandReply,
     MotionState,
@@ -36,6 +36,7 @@ from shared.messages.robot import (
     PlainCommand,
     RobotState,
 )
+from shared.pki.permit_key import PERMIT_KEY_FILE, PermitSigner
 from simulation.controller.gcs_protocol import SingleByte
 from simulation.controller.servers import tcp_server
 from simulation.controller.virtual_controller import VirtualController
@@ -82,12 +83,15 @@ class StopRig:
     ----------
     registration, gateway
         Sessions with the certificates of these services.
+    signer
+        Signs permits with the gateway's key.
     """
 
     controller: ListeningController
     registration: Bus
     gateway: Bus
     rest: RestClient
+    signer: PermitSigner
     state: RobotState | None = None
     case: tuple[str, int] = ("", -1)
     epoch: str = "registration.1"
@@ -137,7 +141,9 @@ class StopRig:
     def plain(self, verb: PlainVerb) -> CommandReply | None:
         """A command without a plan; None when nobody answered."""
         state = self.wait(lambda _: True)
-        command = encode(PlainCommand(verb=verb, envelope=self.envelope(state)))
+        envelope = self.envelope(state)
+        permit = permit_for(self.signer, envelope, self.case, None) if verb == "reference" else None
+        command = encode(PlainCommand(verb=verb, envelope=envelope, permit=permit))
         try:
             return decode(CommandReply, self.gateway.query(KEYS.robot_command(verb), command, 1.0).payload)
         except NoReply:
@@ -178,8 +184,9 @@ class StopRig:
         plans.close()
 
     def _command(self, state: RobotState, plan: bytes) -> None:
-        approval = Approval(plan_sha256=hashlib.sha256(plan).hexdigest(), approved_by="nobody", approved_at_ns=0)
-        command = MoveCommand(envelope=self.envelope(state), plan_json=plan.decode(), approval=approval)
+        sha256, envelope = hashlib.sha256(plan).hexdigest(), self.envelope(state)
+        permit = permit_for(self.signer, envelope, self.case, sha256)
+        command = MoveCommand(envelope=envelope, plan_sha256=sha256, permit=permit)
         try:
             self.gateway.query(KEYS.robot_command("move"), encode(command), 1.0)
         except NoReply:
@@ -220,7 +227,8 @@ def stop_rig() -> Iterator[StopRig]:
             _session(installation, "ui_api") as gateway,
             RestClient(ports.rest_url) as rest,
         ):
-            rig = StopRig(controller, registration, gateway, rest)
+            signer = PermitSigner.from_file(installation.state_dir / PKI_FOLDER / "ui_api" / PERMIT_KEY_FILE)
+            rig = StopRig(controller, registration, gateway, rest, signer)
             rig.listen()
             rest.post("/api/v1/cases", SET_UP)
             confirming = threading.Thread(target=_confirm_epoch, args=(registration, rig.epoch, ended), daemon=True)

@@ -4,7 +4,10 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 
+from services.robot.core.permits import Permit
+from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
 from services.robot.devices.controller import HexapodController
 from services.robot.devices.dialects import DRIVERS
@@ -25,6 +28,7 @@ from shared.runtime.lifecycle import Runtime, service_main
 def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[RobotService]:
     """Build the service and run it for as long as the context lasts."""
     hexapod = _hexapod(settings)
+    permit_verifier = settings.permit_verifier()
 
     def connect() -> HexapodController:
         port = open_port(settings.controller_url, settings.controller_baud)
@@ -48,7 +52,22 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
         else:
             runtime.ready(status.detail)
 
-    parts = RobotParts(hexapod, settings.guard_limits(), drive, runtime.boot_epoch, time.monotonic, note_change)
+    def note_permit(outcome: Permit | Refusal, sha256: str) -> None:
+        if isinstance(outcome, Refusal):
+            runtime.log.warning("permit refused", code=outcome.code.value, detail=outcome.message, permit=sha256)
+        else:
+            runtime.log.info("permit taken", permit=sha256, **asdict(outcome))
+
+    parts = RobotParts(
+        hexapod=hexapod,
+        limits=settings.guard_limits(),
+        drive=drive,
+        boot_epoch=runtime.boot_epoch,
+        clock_s=time.monotonic,
+        note_change=note_change,
+        permit_verifier=permit_verifier,
+        note_permit=note_permit,
+    )
     with RobotService(bus, runtime.keys, parts) as service:
         yield service
 

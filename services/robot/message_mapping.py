@@ -2,11 +2,13 @@
 
 import hashlib
 import time
+from dataclasses import dataclass
 
 import numpy as np
 
 from services.robot.core.envelope import Envelope
 from services.robot.core.motion import stop_is_latched
+from services.robot.core.permits import Motion, Permit, PermitRecord, SignatureFailure
 from services.robot.core.plans import EpochReport, PlannedMove
 from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
@@ -17,7 +19,11 @@ from shared.geometry.hexapod import HexapodPart, PlatformPose, leg_lengths_mm
 from shared.geometry.transform import Transform
 from shared.messages import robot as wire
 from shared.messages.base import MessageInvalid, decode, encode, vector3
+from shared.messages.cases import CaseContext
+from shared.messages.permits import Permit as PermitMessage
+from shared.messages.permits import SignedPermit
 from shared.messages.registration import Plan, RegistrationEpoch
+from shared.pki.permit_key import PermitVerifier
 from shared.robot_states import MotionState
 
 
@@ -61,6 +67,7 @@ def planned_move(plan_json: bytes) -> PlannedMove:
         raise InputError(f"the plan's guide_from_target_guide: {error}") from None
     return PlannedMove(
         sha256=plan_sha256(plan_json),
+        hole_ids=plan.hole_ids,
         case_id=plan.case_id,
         case_revision=plan.case_revision,
         registration_epoch=plan.registration_epoch,
@@ -75,14 +82,80 @@ def planned_move(plan_json: bytes) -> PlannedMove:
     )
 
 
-def robot_state(
-    status: DriveStatus, hexapod: HexapodPart, boot_epoch: str, sequence: int, registration_epoch: str | None
-) -> wire.RobotState:
+def presented_permit(signed: SignedPermit | None, verifier: PermitVerifier) -> Permit | SignatureFailure:
+    """What came with a command. Nothing of a permit is read before its signature is known to be the gateway's."""
+    if signed is None:
+        return SignatureFailure.MISSING
+    content = signed.permit_json.encode()
+    if hashlib.sha256(content).hexdigest() != signed.permit_sha256:
+        return SignatureFailure.ALTERED
+    if signed.key_sha256 != verifier.key_sha256:
+        return SignatureFailure.OTHER_KEY
+    if not verifier.has_signed(signed):
+        return SignatureFailure.FORGED
+    try:
+        message = decode(PermitMessage, content)
+    except InputError:
+        return SignatureFailure.UNREADABLE
+    return Permit(
+        motion=Motion(message.motion),
+        plan_sha256=message.plan_sha256,
+        hole_ids=message.hole_ids,
+        case_id=message.case_id,
+        case_revision=message.case_revision,
+        robot_boot_epoch=message.robot_boot_epoch,
+        after_state_sequence=message.after_state_sequence,
+        approver=message.approver,
+        nothing_inside=message.nothing_inside,
+        nonce=message.nonce,
+    )
+
+
+def inside(context: CaseContext) -> tuple[str, ...]:
+    """What is in the guide or the bone, in words."""
+    return tuple(f"{found.kind} in {found.hole_id}" for found in context.inside)
+
+
+@dataclass(frozen=True, slots=True)
+class MoveRequest:
+    """A move as it is asked for; without a permit from clients of version 1."""
+
+    envelope: Envelope
+    plan_sha256: str
+    permit: SignedPermit | None
+
+
+def move_request(payload: bytes) -> MoveRequest:
+    """A move of either version; raises `InputError`."""
+    try:
+        move = decode(wire.MoveCommand, payload)
+    except InputError:
+        return _move_request_1(payload)
+    return MoveRequest(envelope(move.envelope, f"move {move.plan_sha256}"), move.plan_sha256, move.permit)
+
+
+def _move_request_1(payload: bytes) -> MoveRequest:
+    move = decode(wire.MoveCommand1, payload)
+    plan = move.approval.plan_sha256
+    return MoveRequest(envelope(move.envelope, f"move {plan}"), plan, None)
+
+
+@dataclass(frozen=True, slots=True)
+class Publication:
+    """What the service adds to a status when it publishes it."""
+
+    boot_epoch: str
+    sequence: int
+    registration_epoch: str | None
+    permits: PermitRecord
+
+
+def robot_state(status: DriveStatus, hexapod: HexapodPart, published: Publication) -> wire.RobotState:
     """What is published of a status."""
     feedback = status.feedback
     return wire.RobotState(
-        boot_epoch=boot_epoch,
-        sequence=sequence,
+        boot_epoch=published.boot_epoch,
+        sequence=published.sequence,
         sent_at_ns=time.time_ns(),
         clock_s=time.monotonic(),
         state=status.state,
@@ -95,12 +168,15 @@ def robot_state(
         pivot_mm=vector3(hexapod.pivot_mm),
         hexapod_sha256=hexapod.sha256,
         controller_identity=status.identity,
-        registration_epoch=registration_epoch,
+        registration_epoch=published.registration_epoch,
         command_id=status.command_id,
         outcome=status.outcome,
         deviation_mm=None if status.deviation is None else status.deviation.distance_mm,
         deviation_deg=None if status.deviation is None else status.deviation.angle_deg,
         detail=status.detail,
+        permit_sha256=published.permits.taken_sha256,
+        permits_refused=published.permits.refused,
+        permit_refusal=published.permits.refusal,
     )
 
 

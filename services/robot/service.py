@@ -11,20 +11,22 @@ from services.robot import message_mapping
 from services.robot.core.envelope import CommandLedger, Envelope, Repeat
 from services.robot.core.guard import PermittedMove, check_move, check_supervision
 from services.robot.core.guard_context import GuardContext, GuardLimits
-from services.robot.core.plans import PlannedMove, RegistrationView
+from services.robot.core.permits import AskedMotion, Motion, Permit, PermitContext
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.status import UNDER_WAY, DriveStatus
 from services.robot.core.tuning import RATES
 from services.robot.drive.drive import Drive
 from services.robot.gateway_monitor import GatewayMonitor
+from services.robot.permit_register import NotePermit, PermitRegister
+from services.robot.registration_monitor import RegistrationMonitor
 from shared.bus.keys import Keys
-from shared.bus.port import Answer, Bus, Query, Sample
+from shared.bus.port import Answer, Bus, Query
 from shared.errors import InputError
 from shared.geometry.hexapod import HexapodPart
 from shared.messages.base import decode, encode
-from shared.messages.cases import CaseContext
-from shared.messages.registration import RegistrationEpoch
-from shared.messages.robot import CommandReply, MoveCommand, PlainCommand, StopCommand
+from shared.messages.permits import SignedPermit
+from shared.messages.robot import CommandReply, PlainCommand, StopCommand
+from shared.pki.permit_key import PermitVerifier
 from shared.threads import supervised_thread
 
 
@@ -38,6 +40,10 @@ class RobotParts:
         Monotonic clock.
     note_change
         Called after the state or its explanation has changed: for logs and health.
+    permit_verifier
+        Knows the gateway's signature.
+    note_permit
+        Called with each permit that was taken or refused: for logs.
     """
 
     hexapod: HexapodPart
@@ -46,6 +52,8 @@ class RobotParts:
     boot_epoch: str
     clock_s: Callable[[], float]
     note_change: Callable[[DriveStatus], None]
+    permit_verifier: PermitVerifier
+    note_permit: NotePermit
 
 
 class RobotService:
@@ -62,7 +70,8 @@ class RobotService:
         self.watch = GatewayMonitor(bus, keys, parts.drive, parts.limits.heartbeat_deadline_s, parts.clock_s)
         self._lock = threading.Lock()
         self._ledger = CommandLedger(parts.boot_epoch)
-        self._registration = RegistrationView()
+        self._permits = PermitRegister(parts.permit_verifier, parts.note_permit)
+        self._registration = RegistrationMonitor(parts.drive, self._lock, parts.clock_s)
         # Far more than fit into the lifetime of a plan.
         self._executed: deque[str] = deque(maxlen=1024)
         self._sequence = 0
@@ -80,11 +89,7 @@ class RobotService:
 
     def listen(self) -> None:
         """Subscribe to registration, the gateway and the open case."""
-        bus, keys = self._bus, self._keys
-        bus.subscribe(keys.registration_epoch, self._on_epoch)
-        bus.presence().watch_alive(keys.alive("registration"), self._on_registration_alive)
-        bus.subscribe_retained(keys.plan, self._on_plan)
-        bus.subscribe_retained(keys.case_context, self._on_case)
+        self._registration.listen(self._bus, self._keys)
 
     def answer(self) -> None:
         """Begin to answer commands."""
@@ -101,35 +106,6 @@ class RobotService:
         self._ended.set()
         self._publishing.join()
         self.publish(self._drive.status)
-
-    def _on_epoch(self, sample: Sample) -> None:
-        heard_s = self._parts.clock_s()
-        try:
-            report = message_mapping.epoch_report(decode(RegistrationEpoch, sample.payload), heard_s)
-        except InputError:
-            self._forget_epoch()
-            raise
-        with self._lock:
-            self._registration = self._registration.with_epoch_report(report)
-
-    def _on_registration_alive(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the signature is the bus's
-        del key
-        if not alive:
-            self._forget_epoch()
-
-    def _forget_epoch(self) -> None:
-        with self._lock:
-            self._registration = self._registration.without_epoch()
-
-    def _on_plan(self, sample: Sample) -> None:
-        plan = message_mapping.planned_move(sample.payload)
-        with self._lock:
-            self._registration = self._registration.with_plan(plan.sha256, self._parts.clock_s())
-
-    def _on_case(self, sample: Sample) -> None:
-        context = decode(CaseContext, sample.payload)
-        with self._lock:
-            self._registration = self._registration.with_case(context.case_id, context.revision)
 
     def _on_stop(self, query: Query) -> Future[Answer]:
         # Stopped before it is understood: a stop that cannot be read is a stop all the same.
@@ -148,12 +124,10 @@ class RobotService:
 
     def _on_move(self, query: Query) -> Answer:
         try:
-            move = decode(MoveCommand, query.payload)
-            plan = message_mapping.planned_move(move.plan_json.encode())
+            request = message_mapping.move_request(query.payload)
         except InputError as error:
             return self._not_understood(error)
-        envelope = message_mapping.envelope(move.envelope, f"move {plan.sha256} {move.approval.plan_sha256}")
-        return self._once(envelope, lambda: self._begin_move(move.envelope.command_id, plan, move.approval.plan_sha256))
+        return self._once(request.envelope, lambda: self._begin_move(request))
 
     def _on_reference(self, query: Query) -> Answer:
         return self._on_plain(query, "reference", self._begin_reference)
@@ -164,7 +138,7 @@ class RobotService:
     def _on_reset(self, query: Query) -> Answer:
         return self._on_plain(query, "reset", lambda _: self._drive.reset())
 
-    def _on_plain(self, query: Query, verb: str, carry_out: Callable[[str], Refusal | None]) -> Answer:
+    def _on_plain(self, query: Query, verb: str, carry_out: Callable[[PlainCommand], Refusal | None]) -> Answer:
         try:
             command = decode(PlainCommand, query.payload)
         except InputError as error:
@@ -172,7 +146,7 @@ class RobotService:
         if command.verb != verb:
             return self._not_understood(InputError(f"a command '{command.verb}' was sent to the key of '{verb}'"))
         envelope = message_mapping.envelope(command.envelope, verb)
-        return self._once(envelope, lambda: carry_out(envelope.command_id))
+        return self._once(envelope, lambda: carry_out(command))
 
     def _once(self, envelope: Envelope, carry_out: Callable[[], Refusal | None]) -> Answer:
         """Carry a command out at most once, never late, and answer its repeats from the record."""
@@ -191,19 +165,38 @@ class RobotService:
             self._ledger.answered(envelope.command_id, encode(reply))
             return Answer(encode(reply))
 
-    def _begin_move(self, command_id: str, plan: PlannedMove, approved_sha256: str) -> Refusal | None:
+    def _begin_move(self, request: message_mapping.MoveRequest) -> Refusal | None:
         def guard(status: DriveStatus) -> PermittedMove | Refusal:
-            permitted = check_move(plan, approved_sha256, self._guard_context(status))
+            permitted = check_move(request.plan_sha256, self._guard_context(status))
             if isinstance(permitted, PermittedMove):
                 # On record before anything moves.
-                self._executed.append(plan.sha256)
+                self._executed.append(permitted.plan_sha256)
             return permitted
 
-        return self._drive.begin_move(command_id, guard)
+        heard = self._registration.view.heard_plan(request.plan_sha256)
+        asked = AskedMotion(Motion.MOVE, request.plan_sha256, None if heard is None else heard.plan.hole_ids)
+        without_permit = self._take_permit(request.permit, asked)
+        return without_permit or self._drive.begin_move(request.envelope.command_id, guard)
 
-    def _begin_reference(self, command_id: str) -> Refusal | None:
-        unwatched = check_supervision(self._guard_context(self._drive.status))
-        return unwatched or self._drive.begin_reference(command_id)
+    def _begin_reference(self, command: PlainCommand) -> Refusal | None:
+        without_permit = self._take_permit(command.permit, AskedMotion(Motion.REFERENCE))
+        unwatched = without_permit or check_supervision(self._guard_context(self._drive.status))
+        return unwatched or self._drive.begin_reference(command.envelope.command_id)
+
+    def _take_permit(self, signed: SignedPermit | None, asked: AskedMotion) -> Refusal | None:
+        permit = self._permits.read(signed)
+        quoted_s = self._ledger.published_s(permit.after_state_sequence) if isinstance(permit, Permit) else None
+        now = PermitContext(
+            asked=asked,
+            boot_epoch=self._parts.boot_epoch,
+            now_s=self._parts.clock_s(),
+            case=self._registration.view.case,
+            inside=self._registration.view.inside,
+            newest_state=self._ledger.newest_state,
+            quoted_published_s=quoted_s,
+            used=self._permits.used,
+        )
+        return self._permits.take(signed, permit, now)
 
     def _guard_context(self, status: DriveStatus) -> GuardContext:
         now_s = self._parts.clock_s()
@@ -212,7 +205,7 @@ class RobotService:
             now_s=now_s,
             hexapod=self._parts.hexapod,
             limits=self._parts.limits,
-            registration=self._registration,
+            registration=self._registration.view,
             feedback=status.fresh_feedback(now_s),
             connected_s=status.connected_s,
             heartbeat_s=self.watch.heartbeat_s(),
@@ -243,7 +236,9 @@ class RobotService:
         """Publish a status: what the publishing thread does over and over, for it or for a test in its place."""
         with self._lock:
             self._sequence += 1
-            sequence, epoch = self._sequence, self._registration.epoch
-            self._ledger.note_published(sequence, self._parts.clock_s())
-        state = message_mapping.robot_state(status, self._parts.hexapod, self._parts.boot_epoch, sequence, epoch)
+            self._ledger.note_published(self._sequence, self._parts.clock_s())
+            published = message_mapping.Publication(
+                self._parts.boot_epoch, self._sequence, self._registration.view.epoch, self._permits.record
+            )
+        state = message_mapping.robot_state(status, self._parts.hexapod, published)
         self._publisher.put(encode(state))

@@ -1,5 +1,6 @@
 """What the robot service is started with (`DISTALOCK_ROBOT_...`, or the table `[robot]` of the configuration file)."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -10,7 +11,9 @@ from services.robot.core.guard_context import GuardLimits
 from services.robot.core.tuning import CONTROLLER_LINE, SUPERVISION
 from services.robot.devices.controller import Encoders
 from services.robot.devices.dialects import Dialect
+from shared.bus.tls import AUTHORITY_FILE, PKI_FOLDER
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
+from shared.pki.permit_key import PERMIT_CERTIFICATE_FILE, PermitVerifier
 from shared.robot_states import StopButton
 from shared.runtime.settings import ServiceSettings
 
@@ -29,6 +32,10 @@ class RobotSettings(ServiceSettings):
     controller_baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
     reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = CONTROLLER_LINE.reply_timeout_s
     retry_s: PositiveSeconds = Field(1.0, description="Time between attempts to reach the controller.")
+    permit_certificate: Path | None = Field(
+        None,
+        description="Certificate of the key that signs permits; default: in the folder pki of the state folder.",
+    )
     hexapod_file: Path = Field(DEFAULT_HEXAPOD, description="The robot's geometry, `distalock/hexapod/1`.")
     encoders: Encoders = Field(
         Encoders.ABSOLUTE, description="Incremental ones move for reference: only with the guide off the bone."
@@ -43,6 +50,15 @@ class RobotSettings(ServiceSettings):
     registration_deadline_s: Annotated[float, Field(gt=0.0, le=5.0)] = Field(
         1.0, description="Longest silence of registration before a move; it speaks five times a second."
     )
+
+    def permit_verifier(self) -> PermitVerifier:
+        """Knows the gateway's signature on permits to move; raises `ConfigurationError`."""
+        own = self.state_dir / PKI_FOLDER / self.section
+        return PermitVerifier.from_files(
+            self.permit_certificate or own / PERMIT_CERTIFICATE_FILE,
+            self.tls_authority or own / AUTHORITY_FILE,
+            datetime.now(UTC),
+        )
 
     def guard_limits(self) -> GuardLimits:
         """Limits of a single move."""

@@ -15,6 +15,7 @@ from services.ui_api.handlers.images import ImageHandler
 from services.ui_api.handlers.inbox import WATCHED_SERVICES, Inbox
 from services.ui_api.handlers.leases import Leases
 from services.ui_api.handlers.live import LiveHandler
+from services.ui_api.handlers.permits import PermitHandler
 from services.ui_api.handlers.picture_encoder import PictureEncoder
 from services.ui_api.handlers.planning import PlanningHandler
 from services.ui_api.handlers.quality import QualityHandler
@@ -29,6 +30,7 @@ from services.ui_api.record.database import open_database, sole_gateway
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.settings import UiApiSettings
 from shared.bus.port import Bus
+from shared.pki.permit_key import PermitSigner
 from shared.runtime.lifecycle import Runtime, software_version
 
 LEASE_LAPSED = "the hold-to-move lease lapsed"
@@ -66,11 +68,12 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
     Raises
     ------
     ConfigurationError
-        When the case record cannot be opened, or another gateway has it open.
+        When the case record cannot be opened, or another gateway has it open, or the permit key is missing.
     """
     with sole_gateway(settings.record_url()):
+        signer = settings.permit_signer()
         record = CaseRecord(open_database(settings.record_url()), clock.unix_ns)
-        gateway, context = _assemble(bus, runtime, settings, clock, record)
+        gateway, context = _assemble(bus, runtime, settings, clock, record, signer)
         record.append(EventDraft(GatewayStarted(runtime.boot_epoch, software_version()), None, "gateway"))
         gateway.commands.adopt_orphans()
         context.announce()
@@ -93,14 +96,15 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
 
 
 def _assemble(
-    bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clock, record: CaseRecord
+    bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clock, record: CaseRecord, signer: PermitSigner
 ) -> tuple[Gateway, ContextHandler]:
     keys = runtime.keys
     view = RobotView(clock, settings.robot_state_stale_after_s)
     stops = StopHandler(bus, keys, f"gateway-{runtime.boot_epoch[:12]}")
     recorder = StopRecorder(record)
     leases = Leases(clock, settings.lease_s, lambda _: _stop_for_lapse(stops, recorder))
-    commands = CommandHandler(bus, keys, record, view, stops, leases, clock)
+    permits = PermitHandler(record, signer)
+    commands = CommandHandler(bus, keys, record, view, stops, leases, clock, permits)
     context = ContextHandler(bus, keys, record)
     feed = Feed()
     record.listen(lambda _: feed.wake())

@@ -6,6 +6,8 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from services.ui_api.record.database import sqlite_url
+from shared.bus.tls import PKI_FOLDER
+from shared.pki.permit_key import PERMIT_KEY_FILE, PermitSigner
 from shared.runtime.settings import ServiceSettings
 
 HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$")]
@@ -23,6 +25,9 @@ class UiApiSettings(ServiceSettings):
     )
     database_url: str | None = Field(None, description="Case record; default: a SQLite file in the state folder.")
     image_dir: Path | None = Field(None, description="Where imaging stores its files; default: images in state_dir.")
+    permit_key: Path | None = Field(
+        None, description="Key that signs permits to move; default: in the folder pki of the state folder."
+    )
     robot_state_stale_after_s: Annotated[float, Field(gt=0.0, le=10.0)] = Field(
         1.0, description="Age from which the robot's state is no longer relied on."
     )
@@ -34,6 +39,10 @@ class UiApiSettings(ServiceSettings):
         description="Newest frames of a fluoroscopy whose calibrations go on record when it has ended, besides those "
         "of frames that were localised. Single shots are always recorded.",
     )
+
+    def permit_signer(self) -> PermitSigner:
+        """Signs permits to move; raises `ConfigurationError`."""
+        return PermitSigner.from_file(self.permit_key or self.state_dir / PKI_FOLDER / self.section / PERMIT_KEY_FILE)
 
     def record_url(self) -> str:
         """URL of the case record's database."""

@@ -5,13 +5,20 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
-from shared.messages.base import Finite, Identifier, Message
+from shared.messages.base import Finite, Identifier, Message, WireModel
 
 Side = Literal["left", "right"]
 Bone = Literal["femur", "tibia"]
 Mount = Literal["bone", "nail_head"]
 HeadExtension = Annotated[float, Field(ge=40.0, le=80.0, allow_inf_nan=False)]
 DrillDiameter = Annotated[float, Field(ge=1.0, le=10.0, allow_inf_nan=False)]
+
+
+class ObjectInside(WireModel):
+    """Something that people reported to be in a hole of the guide or the bone."""
+
+    kind: Literal["wire", "drill", "screw"]
+    hole_id: str
 
 
 class CaseContext(Message):
@@ -22,6 +29,8 @@ class CaseContext(Message):
     revision
         Counts up with every change of the set-up (another nail, a moved mount, a re-mounted ring): results made under
         an older revision are stale.
+    inside
+        What is in the guide or the bone: while there is anything, the robot does not move.
     """
 
     schema_name: Literal["distalock/case-context/1"] = Field("distalock/case-context/1", alias="schema")
@@ -38,3 +47,4 @@ class CaseContext(Message):
     hexapod_json: str = ""
     nominal_source_to_detector_mm: Finite | None = None
     nominal_pixel_mm: Finite | None = None
+    inside: tuple[ObjectInside, ...] = ()

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.base import Finite, Identifier, Message, Sha256, UnixNanoseconds, Vector3, WireModel
+from shared.messages.permits import SignedPermit
 from shared.robot_states import MotionState as MotionState
 from shared.robot_states import StopButton as StopButton
 from shared.robot_states import StopLatch as StopLatch
@@ -68,6 +69,9 @@ class RobotState(Message):
         "of the same boot epoch.",
     )
     stop_button: StopButton = Field(StopButton.ABSENT, description="The controller's own button, as far as it says.")
+    permit_sha256: Sha256 | None = Field(None, description="Hash of the permit that was taken last.")
+    permits_refused: int = Field(0, ge=0, description="How many permits this run of the service has refused.")
+    permit_refusal: str = Field("", description="Code with which the last of them was refused.")
 
 
 Verb = Literal["move", "stop", "reference", "acknowledge_stop", "reset"]
@@ -86,7 +90,7 @@ class CommandEnvelope(WireModel):
 
 
 class Approval(WireModel):
-    """A surgeon's consent to exactly one plan."""
+    """A surgeon's consent to exactly one plan, as claimed by version 1 of a move."""
 
     plan_sha256: Sha256
     approved_by: str = Field(min_length=1, max_length=128)
@@ -94,7 +98,16 @@ class Approval(WireModel):
 
 
 class MoveCommand(Message):
-    """Move to the plan's target. `plan_json` is the plan's canonical JSON, as registration published it."""
+    """Move to the target of a plan. The robot knows the plan from registration; the permit is the gateway's."""
+
+    schema_name: Literal["distalock/robot-move/2"] = Field("distalock/robot-move/2", alias="schema")
+    envelope: CommandEnvelope
+    plan_sha256: Sha256
+    permit: SignedPermit
+
+
+class MoveCommand1(Message):
+    """Version 1 of a move: it carried the plan and a claim of its approval. It is still read, and moves nothing."""
 
     schema_name: Literal["distalock/robot-move/1"] = Field("distalock/robot-move/1", alias="schema")
     envelope: CommandEnvelope
@@ -103,11 +116,12 @@ class MoveCommand(Message):
 
 
 class PlainCommand(Message):
-    """A command without a plan: reference, acknowledge_stop, reset."""
+    """A command without a plan: reference, acknowledge_stop, reset. A reference moves, and needs a permit."""
 
     schema_name: Literal["distalock/robot-command/1"] = Field("distalock/robot-command/1", alias="schema")
     verb: Literal["reference", "acknowledge_stop", "reset"]
     envelope: CommandEnvelope
+    permit: SignedPermit | None = None
 
 
 class StopCommand(Message):

@@ -1,8 +1,9 @@
 """Keys and certificates as values: a private authority, and what it issues. No files, no clock.
 
 Keys are ECDSA on P-256, certificates X.509 version 3 signed with SHA-256. A certificate states what it may be used for:
-the router answers connections (server), every service makes them (client). The key of a service therefore cannot pass
-for the router.
+the router answers connections (server), every service makes them (client), the permit key signs permits to move. The
+key of a service therefore cannot pass for the router, nor sign a permit. The permit key is Ed25519: its signatures need
+no random numbers, and TLS takes no such key by mistake.
 """
 
 from collections.abc import Sequence
@@ -15,8 +16,8 @@ from typing import Final, Self
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+from cryptography.hazmat.primitives.asymmetric import ec, ed25519
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID, ObjectIdentifier
 
 from shared.errors import ConfigurationError
 
@@ -28,11 +29,17 @@ CERTIFICATE_VALID: Final = timedelta(days=365)
 _VALID_BEFORE_NOW: Final = timedelta(hours=1)
 
 
+PrivateKey = ec.EllipticCurvePrivateKey | ed25519.Ed25519PrivateKey
+PublicKey = ec.EllipticCurvePublicKey | ed25519.Ed25519PublicKey
+
+
 class Use(Enum):
     """What a certificate may be used for."""
 
     SERVER = ExtendedKeyUsageOID.SERVER_AUTH
     CLIENT = ExtendedKeyUsageOID.CLIENT_AUTH
+    # Of our own, from a UUID (X.667): it means something to this project alone.
+    PERMIT = ObjectIdentifier("2.25.141825206059608487221651325911049793646")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +115,9 @@ def issue(authority: Identity, common_name: str, use: Use, host_names: Sequence[
         When the authority's key or certificate cannot be read.
     """
     issuer_key, issuer = _private_key(authority.key_pem), _certificate(authority.certificate_pem)
-    key = ec.generate_private_key(ec.SECP256R1())
+    if not isinstance(issuer_key, ec.EllipticCurvePrivateKey):
+        raise ConfigurationError("this is not the private key of an elliptic curve")
+    key = ed25519.Ed25519PrivateKey.generate() if use is Use.PERMIT else ec.generate_private_key(ec.SECP256R1())
     not_after = min(now + CERTIFICATE_VALID, issuer.not_valid_after_utc)
     builder = (
         _builder(_name(common_name), issuer.subject, key.public_key(), now, not_after)
@@ -137,9 +146,16 @@ def belong_together(identity: Identity) -> bool:
     return _private_key(identity.key_pem).public_key() == _certificate(identity.certificate_pem).public_key()
 
 
-def _signed(
-    builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey, by: ec.EllipticCurvePrivateKey
-) -> Identity:
+def is_for(certificate_pem: bytes, use: Use) -> bool:
+    """Whether a certificate states this use, and no other."""
+    try:
+        stated = _certificate(certificate_pem).extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
+    except x509.ExtensionNotFound:
+        return False
+    return list(stated) == [use.value]
+
+
+def _signed(builder: x509.CertificateBuilder, key: PrivateKey, by: ec.EllipticCurvePrivateKey) -> Identity:
     key_pem = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
@@ -147,7 +163,7 @@ def _signed(
 
 
 def _builder(
-    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, now: datetime, not_after: datetime
+    subject: x509.Name, issuer: x509.Name, key: PublicKey, now: datetime, not_after: datetime
 ) -> x509.CertificateBuilder:
     return (
         x509.CertificateBuilder()
@@ -201,11 +217,11 @@ def _certificate(pem: bytes) -> x509.Certificate:
         raise ConfigurationError("this is not a certificate in PEM") from None
 
 
-def _private_key(pem: bytes) -> ec.EllipticCurvePrivateKey:
+def _private_key(pem: bytes) -> PrivateKey:
     try:
         key = serialization.load_pem_private_key(pem, password=None)
     except (ValueError, TypeError):
         raise ConfigurationError("this is not an unencrypted private key in PEM") from None
-    if not isinstance(key, ec.EllipticCurvePrivateKey):
+    if not isinstance(key, PrivateKey):
         raise ConfigurationError("this is not the private key of an elliptic curve")
     return key

@@ -4,6 +4,8 @@
 
     pki/authority/{authority.pem, key.pem}                what `distalock pki` signs with; no service reads it
     pki/SERVICE/{authority.pem, certificate.pem, key.pem}  all that one service needs
+    pki/ui_api/permit_key.pem                             what the gateway signs permits to move with
+    pki/robot/permit_certificate.pem                      by which the robot knows those permits
 
 Folders can be entered and keys be read by their owner only. Each service has a folder of its own, so that a container
 gets that one and no other.
@@ -18,7 +20,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final, get_args
 
-from shared.bus.tls import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, require_private
+from shared.bus.tls import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, TlsFiles, require_private
 from shared.errors import ConfigurationError
 from shared.messages.presence import ServiceName
 from shared.pki.authority import (
@@ -31,13 +33,18 @@ from shared.pki.authority import (
     issue,
     new_authority,
 )
+from shared.pki.permit_key import PERMIT_CERTIFICATE_FILE, PERMIT_KEY_FILE
 
 ROUTER: Final = "router"
+PERMIT: Final = "permit"
+# Who has a folder, and whose certificates there are.
 NAMES: Final[tuple[str, ...]] = (ROUTER, *get_args(ServiceName))
+ISSUED: Final = (*NAMES, PERMIT)
 # Half of their validity: whoever starts an installation once in half a year never sees one expire.
 RENEW_BEFORE: Final = timedelta(days=180)
 ROUTER_HOST_NAMES: Final = ("localhost", "127.0.0.1", "::1", ROUTER)
 _AUTHORITY: Final = "authority"
+_USES: Final = {ROUTER: Use.SERVER, PERMIT: Use.PERMIT}
 
 
 class Standing(StrEnum):
@@ -98,20 +105,20 @@ class Keystore:
             return self.rotate(now, host_names)
         due = [entry.name for entry in self.entries(now) if entry.standing is not Standing.VALID]
         if set(host_names) - set(self._router_host_names()):
-            due = sorted({ROUTER, *due}, key=NAMES.index)
+            due = sorted({ROUTER, *due}, key=ISSUED.index)
         return self.issue(due, now, host_names)
 
     def issue(self, names: Sequence[str], now: datetime, host_names: Sequence[str] = ()) -> tuple[str, ...]:
         """Make new keys and certificates for some, from the authority that there is; see `ensure`."""
         if not names:
             return ()
-        if unknown := sorted(set(names) - set(NAMES)):
-            raise ConfigurationError(f"nobody is called '{unknown[0]}' here; known are {', '.join(NAMES)}")
+        if unknown := sorted(set(names) - set(ISSUED)):
+            raise ConfigurationError(f"nobody is called '{unknown[0]}' here; known are {', '.join(ISSUED)}")
         authority = self._authority()
         all_host_names = tuple(dict.fromkeys((*self._router_host_names(), *host_names)))
         for name in names:
-            is_router = name == ROUTER
-            use, known_as = (Use.SERVER, all_host_names) if is_router else (Use.CLIENT, ())
+            known_as = all_host_names if name == ROUTER else ()
+            use = _USES.get(name, Use.CLIENT)
             self._write(name, issue(authority, name, use, known_as, now), authority.certificate_pem)
         return tuple(names)
 
@@ -121,11 +128,11 @@ class Keystore:
         folder = _private_folder(self.folder / _AUTHORITY)
         _write_private(folder / KEY_FILE, authority.key_pem)
         _write_private(folder / AUTHORITY_FILE, authority.certificate_pem)
-        return self.issue(NAMES, now, host_names)
+        return self.issue(ISSUED, now, host_names)
 
     def entries(self, now: datetime) -> tuple[Entry, ...]:
         """How the certificates stand, the router's first."""
-        return tuple(self._entry(name, now) for name in NAMES)
+        return tuple(self._entry(name, now) for name in ISSUED)
 
     def authority_facts(self) -> CertificateFacts:
         """What the authority's certificate says; raises `ConfigurationError` when there is none."""
@@ -138,13 +145,20 @@ class Keystore:
         return self.authority_facts().not_after < now + CERTIFICATE_VALID
 
     def _entry(self, name: str, now: datetime) -> Entry:
-        folder = self.folder_of(name)
-        if not all((folder / file).exists() for file in (AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE)):
+        files = self._files(name)
+        if not all(file.exists() for file in (files.authority, files.certificate, files.key)):
             return Entry(name, Standing.MISSING, None)
-        require_private(folder / KEY_FILE)
-        identity = Identity(_read(folder / KEY_FILE), _read(folder / CERTIFICATE_FILE))
+        require_private(files.key)
+        identity = Identity(_read(files.key), _read(files.certificate))
         facts = CertificateFacts.of(identity.certificate_pem)
-        return Entry(name, self._standing(identity, facts, _read(folder / AUTHORITY_FILE), now), facts)
+        return Entry(name, self._standing(identity, facts, _read(files.authority), now), facts)
+
+    def _files(self, name: str) -> TlsFiles:
+        """Where the key and the certificate of a name lie: of permits, the gateway signs and the robot verifies."""
+        if name != PERMIT:
+            return TlsFiles.in_folder(self.folder_of(name))
+        robot, gateway = self.folder_of("robot"), self.folder_of("ui_api")
+        return TlsFiles(robot / AUTHORITY_FILE, robot / PERMIT_CERTIFICATE_FILE, gateway / PERMIT_KEY_FILE)
 
     def _standing(self, identity: Identity, facts: CertificateFacts, trusted: bytes, now: datetime) -> Standing:
         authority = self._authority_certificate()
@@ -182,10 +196,14 @@ class Keystore:
         return _read(file)
 
     def _write(self, name: str, identity: Identity, authority_pem: bytes) -> None:
-        folder = _private_folder(self.folder_of(name))
-        _write_private(folder / KEY_FILE, identity.key_pem)
-        _write_private(folder / CERTIFICATE_FILE, identity.certificate_pem)
-        _write_private(folder / AUTHORITY_FILE, authority_pem)
+        files = self._files(name)
+        for file, content in (
+            (files.key, identity.key_pem),
+            (files.certificate, identity.certificate_pem),
+            (files.authority, authority_pem),
+        ):
+            _private_folder(file.parent)
+            _write_private(file, content)
 
 
 def _read(file: Path) -> bytes:

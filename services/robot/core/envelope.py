@@ -71,6 +71,15 @@ class CommandLedger:
         """A state with this sequence number goes out now."""
         self._published.append((sequence, now_s))
 
+    @property
+    def newest_state(self) -> int | None:
+        """Number of the newest published state; None before the first."""
+        return self._published[-1][0] if self._published else None
+
+    def published_s(self, sequence: int) -> float | None:
+        """When a state was published; None when that is out of record, or never happened."""
+        return next((at_s for number, at_s in reversed(self._published) if number == sequence), None)
+
     def admit(self, envelope: Envelope, now_s: float) -> Admitted | Repeat | Refusal:
         """Decide on a command, and record its id before anything can come of it."""
         record = self._records.get(envelope.command_id)
@@ -103,12 +112,12 @@ class CommandLedger:
 
     def _lateness(self, envelope: Envelope, now_s: float) -> Refusal | None:
         quoted = envelope.after_state_sequence
-        if not self._published or quoted > self._published[-1][0]:
+        if self.newest_state is None or quoted > self.newest_state:
             return refusal(
                 RefusalCode.STATE_NOT_PUBLISHED,
                 f"the command quotes state {quoted}, which the robot has not published",
             )
-        published_s = next((t for sequence, t in reversed(self._published) if sequence == quoted), None)
+        published_s = self.published_s(quoted)
         age = "is out of record" if published_s is None else f"is {now_s - published_s:.2f} s old"
         if published_s is not None and now_s - published_s <= envelope.time_to_live_s:
             return None

@@ -12,7 +12,7 @@ import numpy as np
 
 from services.robot.core.guard_context import GuardContext
 from services.robot.core.plan_checks import hardware_refusals, reach_refusals, start_refusals, target_refusals
-from services.robot.core.plans import PlannedMove
+from services.robot.core.plans import HeardPlan, PlannedMove
 from services.robot.core.refusals import Refusal, RefusalCode, refusal
 from services.robot.core.tuning import PLAN_TOLERANCES
 from shared.geometry.hexapod import HexapodPart, PlatformPose
@@ -30,10 +30,19 @@ class PermittedMove:
     duration_s: float
 
 
-def check_move(plan: PlannedMove, approved_sha256: str, context: GuardContext) -> PermittedMove | Refusal:
-    """Let a move pass, or refuse it with the first reason found."""
-    first = next(_refusals(plan, approved_sha256, context), None)
-    return _permitted(plan, context.hexapod) if first is None else first
+def check_move(plan_sha256: str, context: GuardContext) -> PermittedMove | Refusal:
+    """Let the move of a plan pass, or refuse it with the first reason found. Its permit was checked before."""
+    not_now = next(_not_now(context), None)
+    if not_now is not None:
+        return not_now
+    heard = context.registration.heard_plan(plan_sha256)
+    if heard is None:
+        return refusal(
+            RefusalCode.PLAN_UNKNOWN,
+            f"registration has not published plan {plan_sha256[:12]} since this service started",
+        )
+    first = next(_refusals(heard, context), None)
+    return _permitted(heard.plan, context.hexapod) if first is None else first
 
 
 def check_supervision(context: GuardContext) -> Refusal | None:
@@ -41,11 +50,19 @@ def check_supervision(context: GuardContext) -> Refusal | None:
     return next(_supervision(context), None)
 
 
-def _refusals(plan: PlannedMove, approved_sha256: str, now: GuardContext) -> Iterator[Refusal]:
+def _not_now(now: GuardContext) -> Iterator[Refusal]:
     yield from _supervision(now)
     yield from _stop_button(now)
-    yield from _approval(plan, approved_sha256, now)
-    yield from _freshness(plan, now)
+
+
+def _refusals(heard: HeardPlan, now: GuardContext) -> Iterator[Refusal]:
+    plan = heard.plan
+    if plan.sha256 in now.executed:
+        yield refusal(
+            RefusalCode.PLAN_ALREADY_EXECUTED,
+            f"plan {plan.sha256[:12]} was begun before and is carried out at most once",
+        )
+    yield from _freshness(heard, now)
     yield from hardware_refusals(plan, now)
     yield from start_refusals(plan, now)
     yield from target_refusals(plan, now.hexapod)
@@ -81,25 +98,8 @@ def _stop_button(now: GuardContext) -> Iterator[Refusal]:
             assert_never(now.stop_button)
 
 
-def _approval(plan: PlannedMove, approved_sha256: str, now: GuardContext) -> Iterator[Refusal]:
-    if plan.sha256 != approved_sha256:
-        yield refusal(
-            RefusalCode.APPROVAL_MISMATCH,
-            f"the approval is for plan {approved_sha256[:12]}, the move asked for is plan {plan.sha256[:12]}",
-        )
-    if now.registration.arrival_s(plan.sha256) is None:
-        yield refusal(
-            RefusalCode.PLAN_UNKNOWN,
-            f"registration has not published plan {plan.sha256[:12]} since this service started",
-        )
-    if plan.sha256 in now.executed:
-        yield refusal(
-            RefusalCode.PLAN_ALREADY_EXECUTED,
-            f"plan {plan.sha256[:12]} was begun before and is carried out at most once",
-        )
-
-
-def _freshness(plan: PlannedMove, now: GuardContext) -> Iterator[Refusal]:
+def _freshness(heard: HeardPlan, now: GuardContext) -> Iterator[Refusal]:
+    plan = heard.plan
     yield from _registration_is_heard(now)
     if plan.registration_epoch != now.registration.epoch:
         newest = now.registration.epoch or "not known"
@@ -108,14 +108,13 @@ def _freshness(plan: PlannedMove, now: GuardContext) -> Iterator[Refusal]:
             f"the plan is of registration epoch '{plan.registration_epoch}', the newest is "
             f"'{newest}': a newer image or set-up has replaced it",
         )
-    arrival_s = now.registration.arrival_s(plan.sha256)
-    age_s = now.now_s - (now.now_s if arrival_s is None else arrival_s)
+    age_s = now.now_s - heard.arrived_s
     if age_s > now.limits.plan_lifetime_s:
         yield refusal(
             RefusalCode.PLAN_EXPIRED,
             f"the plan is {age_s:.0f} s old, the limit is {now.limits.plan_lifetime_s:g} s",
         )
-    if arrival_s is not None and arrival_s < now.connected_s:
+    if heard.arrived_s < now.connected_s:
         yield refusal(
             RefusalCode.PLAN_BEFORE_RECONNECTION,
             "the controller was connected again after this plan was made",

@@ -125,3 +125,20 @@ class PermitContext:
 def has_expired(quoted_published_s: float, now_s: float) -> bool:
     """Whether a permit that quotes a state published then can be used no more."""
     return now_s - quoted_published_s > PERMITS.lifetime_s
+
+
+@dataclass(frozen=True, slots=True)
+class PermitRecord:
+    """What is published of permits.
+
+    Attributes
+    ----------
+    taken_sha256
+        Hash of the text of the permit that was taken last.
+    refused, refusal
+        How many were refused, and the code of the last refusal.
+    """
+
+    taken_sha256: str | None = None
+    refused: int = 0
+    refusal: str = ""

@@ -21,6 +21,8 @@ class PlannedMove:
     ----------
     sha256
         Hash of the plan's bytes.
+    hole_ids
+        Holes that the move is for.
     guide_from_target_guide
         Where the guide is to go, seen from where it is.
     pivot_mm
@@ -30,6 +32,7 @@ class PlannedMove:
     """
 
     sha256: str
+    hole_ids: tuple[str, ...]
     case_id: str
     case_revision: int
     registration_epoch: str
@@ -41,6 +44,14 @@ class PlannedMove:
     target_pose: PlatformPose
     pivot_mm: NDArray[np.float64]
     target_leg_lengths_mm: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeardPlan:
+    """A plan, and when registration published it, on the own monotonic clock."""
+
+    plan: PlannedMove
+    arrived_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +84,17 @@ class RegistrationView:
         Earlier runs of registration: whatever still comes of them counts no more.
     case
         Id and revision of the open case; None before it was published.
+    inside
+        What is in the guide or the bone by the case's record: "wire in distal", ...
     plans
-        Hash and time of arrival of the newest plans, oldest first.
+        The newest plans, oldest first: what a move carries out comes from here alone.
     """
 
     newest: EpochReport | None = None
     past_boots: frozenset[str] = frozenset()
     case: tuple[str | None, int] | None = None
-    plans: tuple[tuple[str, float], ...] = ()
+    inside: tuple[str, ...] = ()
+    plans: tuple[HeardPlan, ...] = ()
 
     @property
     def epoch(self) -> str | None:
@@ -106,16 +120,20 @@ class RegistrationView:
         """Registration has gone, or cannot be understood: its last report does not count until it sends another."""
         return self if self.newest is None else replace(self, newest=replace(self.newest, heard_s=float("-inf")))
 
-    def with_case(self, case_id: str | None, revision: int) -> "RegistrationView":
-        """The case was opened, changed or closed."""
-        return replace(self, case=(case_id, revision))
+    def with_case(self, case_id: str | None, revision: int, inside: tuple[str, ...]) -> "RegistrationView":
+        """The case was opened, changed or closed, or something was put into the bone or taken out."""
+        return replace(self, case=(case_id, revision), inside=inside)
 
-    def with_plan(self, sha256: str, now_s: float) -> "RegistrationView":
+    def without_case(self) -> "RegistrationView":
+        """What was published of the case cannot be understood: nobody knows what is in the bone."""
+        return replace(self, case=None)
+
+    def with_plan(self, plan: PlannedMove, now_s: float) -> "RegistrationView":
         """A plan arrived; arriving again does not make it younger."""
-        if self.arrival_s(sha256) is not None:
+        if self.heard_plan(plan.sha256) is not None:
             return self
-        return replace(self, plans=(*self.plans, (sha256, now_s))[-REMEMBERED_PLANS:])
+        return replace(self, plans=(*self.plans, HeardPlan(plan, now_s))[-REMEMBERED_PLANS:])
 
-    def arrival_s(self, sha256: str) -> float | None:
-        """When registration published this plan; None when it never did."""
-        return next((arrived_s for known, arrived_s in self.plans if known == sha256), None)
+    def heard_plan(self, sha256: str) -> HeardPlan | None:
+        """The plan of this hash; None when registration never published it, or long ago."""
+        return next((heard for heard in self.plans if heard.plan.sha256 == sha256), None)

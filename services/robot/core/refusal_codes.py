@@ -47,7 +47,6 @@ class RefusalCode(StrEnum):
     HEARTBEAT_MISSING = "heartbeat_missing"
     POSE_UNKNOWN = "pose_unknown"
     NOT_LOCKED = "not_locked"
-    APPROVAL_MISMATCH = "approval_mismatch"
     PLAN_UNKNOWN = "plan_unknown"
     REGISTRATION_SILENT = "registration_silent"
     PLAN_STALE = "plan_stale"

@@ -152,12 +152,6 @@ def _criteria_of_the_guard() -> tuple[RefusalCriterion, ...]:
             "see that it runs and ask again",
         ),
         # The guard: age of the plan
-        row(
-            code.APPROVAL_MISMATCH,
-            "plan that was approved",
-            "the plan that is asked for",
-            "approve the plan that is to be carried out",
-        ),
         row(code.PLAN_UNKNOWN, "plan", "published by registration since this service started", "make a new plan"),
         row(code.PLAN_ALREADY_EXECUTED, "plan", "not begun before", _PLAN_AGAIN),
         row(code.PLAN_STALE, "registration epoch of the plan", "the newest", "plan from the newest image"),

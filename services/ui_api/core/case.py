@@ -19,6 +19,7 @@ from services.ui_api.core.event_data import (
     VerificationMade,
 )
 from services.ui_api.core.events import Event, EventData
+from services.ui_api.core.inside import Inside, inside_after
 from services.ui_api.core.procedure import Progress, Stage, Trigger
 from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus
 
@@ -66,6 +67,12 @@ class Case:
     def hole_ids(self) -> tuple[str, ...]:
         """Holes of the nail that have a guide hole of the same id."""
         return tuple(h for h in self.setup.nail.hole_ids if h in self.setup.guide.hole_ids)
+
+    @property
+    def inside_beside_robot(self) -> frozenset[Inside]:
+        """What is in the guide or the bone; nothing that matters once the robot was taken off and the case closed."""
+        taken_off = self.progress.closed and any(step.step is Step.ROBOT_REMOVED for step in self.steps)
+        return frozenset() if taken_off else self.progress.inside
 
     def image(self, sha256: str) -> ImageReceived | None:
         """An image of this case, by its hash; when it came twice, the later one."""
@@ -210,13 +217,10 @@ def _(data: QaReported, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 @_after.register
 def _(data: StepRecorded, case: Case, event: Event) -> Case:  # noqa: ARG001
-    known = replace(case, steps=(*case.steps, data))
     holes = frozenset(data.hole_ids or case.hole_ids)
+    progress = replace(case.progress, inside=inside_after(case.progress.inside, data.step, holes))
+    known = replace(case, steps=(*case.steps, data), progress=progress)
     match data.step:
-        case Step.WIRES_INSERTED:
-            return _with_wires(known, case.progress.wired_hole_ids | holes)
-        case Step.WIRES_REMOVED:
-            return _with_wires(known, case.progress.wired_hole_ids - holes)
         case Step.DRILLED:
             drilled = replace(known, drilled_hole_ids=case.drilled_hole_ids | holes)
             return (
@@ -228,7 +232,7 @@ def _(data: StepRecorded, case: Case, event: Event) -> Case:  # noqa: ARG001
             return _moved(known, Trigger.FINISHED)
         case Step.ABANDONED:
             return _moved(known, Trigger.ABANDONED)
-        case Step.SCREWS_INSERTED | Step.MOUNT_MOVED | Step.RING_REMOUNTED:
+        case _:
             return known  # a changed mount or ring is followed by a `SetupChanged` of its own
 
 
@@ -240,7 +244,3 @@ def _with_plan(case: Case, number: int, *, approval: PlanApproved | None = None,
 
 def _last_used(case: Case) -> int:
     return max(i for i, p in enumerate(case.plans) if p.used)
-
-
-def _with_wires(case: Case, hole_ids: frozenset[str]) -> Case:
-    return replace(case, progress=replace(case.progress, wired_hole_ids=hole_ids))

@@ -15,8 +15,11 @@ class Step(StrEnum):
 
     WIRES_INSERTED = "wires_inserted"
     WIRES_REMOVED = "wires_removed"
+    DRILL_INSERTED = "drill_inserted"
+    DRILL_REMOVED = "drill_removed"
     DRILLED = "drilled"
     SCREWS_INSERTED = "screws_inserted"
+    SCREWS_REMOVED = "screws_removed"
     MOUNT_MOVED = "mount_moved"
     RING_REMOUNTED = "ring_remounted"
     ROBOT_REMOVED = "robot_removed"

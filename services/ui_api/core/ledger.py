@@ -7,6 +7,7 @@ from services.ui_api.core.case import Case, applied, opened_case
 from services.ui_api.core.event_data import CaseOpened, ImageReceived
 from services.ui_api.core.events import Event
 from services.ui_api.core.image_numbers import NumbersOnRecord
+from services.ui_api.core.inside import Inside
 from services.ui_api.core.operations import Operation, ended, progressed
 from services.ui_api.core.robot_event_data import OperationEnded, OperationProgressed, OperationRequested
 
@@ -48,6 +49,11 @@ class Ledger:
     def open_case(self) -> Case | None:
         """The case that is open in this room, if any."""
         return next((c for c in reversed(self.cases.values()) if not c.progress.closed), None)
+
+    def inside(self) -> tuple[Inside, ...]:
+        """What is in the guide or the bone beside the robot: of the open case, or left there by the one before."""
+        newest = self.open_case() or next(reversed(self.cases.values()), None)
+        return () if newest is None else tuple(sorted(newest.inside_beside_robot))
 
     def pending_operations(self) -> tuple[Operation, ...]:
         """Operations that have not ended."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from services.ui_api.core.event_data import Step
+from services.ui_api.core.inside import REMOVING_STEPS, Inside, ObjectKind
 
 
 class Stage(StrEnum):
@@ -106,27 +107,30 @@ AIM_TABLE: Mapping[tuple[Aim, Trigger], Aim] = {
     **{(a, Trigger.ROBOT_REMOVED): Aim.NONE for a in _ANY_AIM},
 }
 
+_REMOVED = tuple(REMOVING_STEPS)
+
 _STEPS_OF_STAGE: Mapping[Stage, tuple[Step, ...]] = {
-    Stage.POSITIONING: (Step.MOUNT_MOVED, Step.RING_REMOUNTED, Step.WIRES_REMOVED, Step.ABANDONED),
+    Stage.POSITIONING: (Step.MOUNT_MOVED, Step.RING_REMOUNTED, *_REMOVED, Step.ABANDONED),
     Stage.MOVING: (),
     Stage.ALIGNED: (
         Step.WIRES_INSERTED,
-        Step.WIRES_REMOVED,
+        *_REMOVED,
         Step.MOUNT_MOVED,
         Step.RING_REMOUNTED,
         Step.ABANDONED,
     ),
     Stage.VERIFIED: (
         Step.WIRES_INSERTED,
-        Step.WIRES_REMOVED,
+        *_REMOVED,
+        Step.DRILL_INSERTED,
         Step.DRILLED,
         Step.SCREWS_INSERTED,
         Step.MOUNT_MOVED,
         Step.RING_REMOUNTED,
         Step.ABANDONED,
     ),
-    Stage.DRILLED: (Step.WIRES_REMOVED, Step.SCREWS_INSERTED, Step.ROBOT_REMOVED, Step.ABANDONED),
-    Stage.ROBOT_REMOVED: (Step.WIRES_REMOVED, Step.SCREWS_INSERTED, Step.FINISHED, Step.ABANDONED),
+    Stage.DRILLED: (*_REMOVED, Step.SCREWS_INSERTED, Step.ROBOT_REMOVED, Step.ABANDONED),
+    Stage.ROBOT_REMOVED: (*_REMOVED, Step.SCREWS_INSERTED, Step.FINISHED, Step.ABANDONED),
     Stage.FINISHED: (),
     Stage.ABANDONED: (),
 }
@@ -155,13 +159,18 @@ class Progress:
 
     Attributes
     ----------
-    wired_hole_ids
-        Holes with a wire through the guide into the nail: while there is one, the robot must not move.
+    inside
+        What is in the guide or the bone: while there is anything, the robot must not move.
     """
 
     stage: Stage = Stage.POSITIONING
     aim: Aim = Aim.NONE
-    wired_hole_ids: frozenset[str] = frozenset()
+    inside: frozenset[Inside] = frozenset()
+
+    @property
+    def wired_hole_ids(self) -> frozenset[str]:
+        """Holes with a wire through the guide into the nail."""
+        return frozenset(found.hole_id for found in self.inside if found.kind is ObjectKind.WIRE)
 
     @property
     def closed(self) -> bool:
@@ -173,7 +182,7 @@ class Progress:
         return Progress(
             STAGE_TABLE.get((self.stage, trigger), self.stage),
             AIM_TABLE.get((self.aim, trigger), self.aim),
-            self.wired_hole_ids,
+            self.inside,
         )
 
 
@@ -186,7 +195,7 @@ def allowed_actions(progress: Progress) -> tuple[Action, ...]:
         return (Action.STOP,)
     actions = []
     if stage in (Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED):
-        if aim is not Aim.NONE and not progress.wired_hole_ids:
+        if aim is not Aim.NONE and not progress.inside:
             actions.append(Action.REQUEST_PLAN)
             actions += [Action.APPROVE_PLAN] if aim is Aim.PLANNED else []
             actions += [Action.START_MOTION] if aim is Aim.APPROVED else []
@@ -196,8 +205,8 @@ def allowed_actions(progress: Progress) -> tuple[Action, ...]:
 
 def allowed_steps(progress: Progress) -> tuple[Step, ...]:
     """Steps that are in order now; others can be recorded only with a reason, and none while the robot moves."""
-    steps = _STEPS_OF_STAGE[progress.stage]
-    return tuple(s for s in steps if s is not Step.WIRES_REMOVED or progress.wired_hole_ids)
+    kinds = {found.kind for found in progress.inside}
+    return tuple(s for s in _STEPS_OF_STAGE[progress.stage] if s not in REMOVING_STEPS or REMOVING_STEPS[s] in kinds)
 
 
 def may_be_recorded_with_a_reason(progress: Progress) -> bool:
@@ -207,9 +216,10 @@ def may_be_recorded_with_a_reason(progress: Progress) -> bool:
 
 def next_sentence(progress: Progress) -> str:
     """What to do next, for people."""
-    moves_next = progress.stage is Stage.POSITIONING and not progress.wired_hole_ids
+    moves_next = progress.stage is Stage.POSITIONING and not progress.inside
     if moves_next and progress.aim in _NEXT_SENTENCE_OF_AIM:
         return _NEXT_SENTENCE_OF_AIM[progress.aim]
-    if progress.stage is Stage.POSITIONING and progress.wired_hole_ids:
-        return "Remove the wires: the robot does not move while a wire is in the guide."
+    if progress.stage is Stage.POSITIONING and progress.inside:
+        kinds = " and ".join(f"{kind}s" for kind in sorted({found.kind for found in progress.inside}))
+        return f"Remove the {kinds}: the robot does not move while anything is in the guide or the bone."
     return _NEXT_SENTENCE[progress.stage]

@@ -37,6 +37,11 @@ class OperationRequested:
         Wall clock of that state, for people.
     time_to_live_s
         How long after that state the robot may begin.
+    approver
+        Who approved the plan of a move, or asked for a reference; None of commands that move nothing.
+    permit_sha256, permit_signature, permit_key_sha256
+        The permit that went with it: the hash of its text (kept as a document), the signature, and the hash of the
+        public key. Records of older versions have none.
     """
 
     operation_id: str
@@ -50,6 +55,10 @@ class OperationRequested:
     previous_command_id: str | None
     time_to_live_s: float
     state_clock_s: float | None = None
+    approver: str | None = None
+    permit_sha256: str | None = None
+    permit_signature: str | None = None
+    permit_key_sha256: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +94,7 @@ class StopRequested:
 
 @dataclass(frozen=True, slots=True)
 class RobotChanged:
-    """The robot's condition changed (its pose alone makes no event)."""
+    """The robot's condition changed (its pose alone makes no event): also that it took a permit, or refused one."""
 
     boot_epoch: str
     state: str
@@ -96,3 +105,6 @@ class RobotChanged:
     outcome: str
     detail: str
     controller_identity: str
+    permit_sha256: str | None = None
+    permits_refused: int = 0
+    permit_refusal: str = ""

@@ -4,7 +4,7 @@ import itertools
 import secrets
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import structlog
@@ -20,6 +20,7 @@ from services.ui_api.core.robot_event_data import (
 )
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.leases import Leases
+from services.ui_api.handlers.permits import ApprovedPlan, PermitHandler
 from services.ui_api.handlers.refusals import conflict
 from services.ui_api.handlers.robot_view import RobotView, saying_of
 from services.ui_api.handlers.stop import StopHandler
@@ -29,8 +30,8 @@ from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.errors import BusError, RecordUnavailable
 from shared.messages.base import MessageInvalid, decode, encode
+from shared.messages.permits import SignedPermit
 from shared.messages.robot import (
-    Approval,
     CommandEnvelope,
     CommandReply,
     MoveCommand,
@@ -52,8 +53,7 @@ class Move:
     """What a motion command carries beside its envelope."""
 
     plan_number: int
-    plan_json: str
-    approval: Approval
+    plan: ApprovedPlan
     hold_to_move: bool
 
 
@@ -79,7 +79,9 @@ class CommandHandler:
         stops: StopHandler,
         leases: Leases,
         clock: Clock,
+        permits: PermitHandler,
     ) -> None:
+        self._permits = permits
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._stops, self._leases, self._clock = view, stops, leases, clock
         self._client = f"gateway-{secrets.token_hex(6)}"
@@ -95,8 +97,9 @@ class CommandHandler:
         self._refuse_while_pending()
         state = self._view.current()
         envelope = self._envelope(state)
-        command = MoveCommand(envelope=envelope, plan_json=move.plan_json, approval=move.approval)
-        requested = _requested(envelope, "move", state, move)
+        permit = self._permits.for_move(unit, state, move.plan)
+        command = MoveCommand(envelope=envelope, plan_sha256=move.plan.sha256, permit=permit)
+        requested = _with_permit(_requested(envelope, "move", state, move), permit, move.plan.approver)
         return self._begin(unit, EventDraft(requested, case_id, who), encode(command))
 
     def begin_plain(self, unit: UnitOfWork, verb: PlainVerb, who: str) -> Operation:
@@ -105,9 +108,13 @@ class CommandHandler:
             self._refuse_while_pending()
         state = self._view.current()
         envelope = self._envelope(state)
+        requested, permit = _requested(envelope, verb, state, None), None
+        if verb in VERBS_WITH_A_MOTION:
+            permit = self._permits.for_reference(unit, state, who)
+            requested = _with_permit(requested, permit, who)
         case = self._record.ledger.open_case()
-        draft = EventDraft(_requested(envelope, verb, state, None), case.case_id if case else None, who)
-        return self._begin(unit, draft, encode(PlainCommand(verb=verb, envelope=envelope)))
+        draft = EventDraft(requested, case.case_id if case else None, who)
+        return self._begin(unit, draft, encode(PlainCommand(verb=verb, envelope=envelope, permit=permit)))
 
     def adopt_orphans(self) -> None:
         """After a restart: commands without a recorded answer are `unknown` until the robot's state settles them."""
@@ -213,6 +220,16 @@ def _never_began(waiting: _Waiting, status: OperationStatus, code: str, message:
     return OperationEnded(waiting.operation_id, status, began=False, code=code, message=message)
 
 
+def _with_permit(requested: OperationRequested, permit: SignedPermit, approver: str) -> OperationRequested:
+    return replace(
+        requested,
+        approver=approver,
+        permit_sha256=permit.permit_sha256,
+        permit_signature=permit.signature,
+        permit_key_sha256=permit.key_sha256,
+    )
+
+
 def _requested(
     envelope: CommandEnvelope, verb: CommandVerb, state: RobotState, move: Move | None
 ) -> OperationRequested:
@@ -220,7 +237,7 @@ def _requested(
         operation_id=envelope.command_id,
         verb=verb,
         plan_number=move.plan_number if move else None,
-        plan_sha256=move.approval.plan_sha256 if move else None,
+        plan_sha256=move.plan.sha256 if move else None,
         hold_to_move=move.hold_to_move if move else False,
         robot_boot_epoch=envelope.robot_boot_epoch,
         after_state_sequence=envelope.after_state_sequence,

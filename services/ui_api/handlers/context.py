@@ -7,7 +7,7 @@ from services.ui_api.record.record import CaseRecord
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.messages.base import encode
-from shared.messages.cases import CaseContext
+from shared.messages.cases import CaseContext, ObjectInside
 
 
 class ContextHandler:
@@ -22,9 +22,13 @@ class ContextHandler:
         """Publish the case that is open now, or that there is none."""
         with self._lock:
             case = self._record.ledger.open_case()
-            self._publisher.put(encode(CaseContext(case_id=None, revision=0) if case is None else self._context(case)))
+            inside = tuple(
+                ObjectInside(kind=found.kind.value, hole_id=found.hole_id) for found in self._record.ledger.inside()
+            )
+            closed = CaseContext(case_id=None, revision=0, inside=inside)
+            self._publisher.put(encode(closed if case is None else self._context(case, inside)))
 
-    def _context(self, case: Case) -> CaseContext:
+    def _context(self, case: Case, inside: tuple[ObjectInside, ...]) -> CaseContext:
         setup = case.setup
         parts = {
             f"{name}_json": self._record.document(use.sha256).decode()
@@ -46,6 +50,7 @@ class ContextHandler:
                 "nominal_source_to_detector_mm": setup.nominal_source_to_detector_mm,
                 "nominal_pixel_mm": setup.nominal_pixel_mm,
                 "drill_diameter_mm": setup.drill_diameter_mm,
+                "inside": inside,
                 **parts,
             }
         )

@@ -9,6 +9,7 @@ from services.ui_api.core.operations import Operation
 from services.ui_api.core.procedure import Stage
 from services.ui_api.handlers.cases import require_known_holes
 from services.ui_api.handlers.commands import CommandHandler, Move
+from services.ui_api.handlers.permits import ApprovedPlan, require_nothing_inside
 from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, unknown
 from services.ui_api.handlers.robot_view import RobotView
 from services.ui_api.record.record import CaseRecord
@@ -17,7 +18,7 @@ from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.messages.base import decode, encode
 from shared.messages.registration import Plan, PlanReply, PlanRequest
-from shared.messages.robot import Approval, MotionState, StopLatch
+from shared.messages.robot import MotionState, StopLatch
 
 PLAN_TIMEOUT_S = 10.0
 _STAGES_FOR_MOVES = frozenset({Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED})
@@ -126,12 +127,7 @@ class PlanningHandler:
         self._require_robot_ready(entry)
         move = Move(
             plan_number=request.plan_number,
-            plan_json=self._record.document(entry.made.plan_sha256).decode(),
-            approval=Approval(
-                plan_sha256=approval.plan_sha256,
-                approved_by=approval.approved_by,
-                approved_at_ns=approval.approved_at_ns,
-            ),
+            plan=ApprovedPlan(approval.plan_sha256, self.plan_content(entry).hole_ids, approval.approved_by),
             hold_to_move=request.hold_to_move,
         )
         return self._commands.begin_move(unit, case.case_id, request.who, move)
@@ -224,9 +220,7 @@ def _require_open(case: Case) -> None:
 
 def _require_ready_for_moves(case: Case) -> None:
     _require_open(case)
-    if case.progress.wired_hole_ids:
-        wires = ", ".join(sorted(case.progress.wired_hole_ids))
-        raise conflict("wires_in_place", f"wires are in {wires}: the robot does not move before they are removed")
+    require_nothing_inside(sorted(case.progress.inside))
     if case.progress.stage not in _STAGES_FOR_MOVES:
         raise conflict("not_now", f"the case is '{case.progress.stage}': no move is planned or made now")
 

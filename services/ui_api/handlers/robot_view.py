@@ -87,6 +87,9 @@ def change_of(state: RobotState) -> RobotChanged:
         outcome=state.outcome,
         detail=state.detail,
         controller_identity=state.controller_identity,
+        permit_sha256=state.permit_sha256,
+        permits_refused=state.permits_refused,
+        permit_refusal=state.permit_refusal,
     )
 
 

@@ -102,8 +102,11 @@ class StepBody(Body):
     step: Literal[
         "wires_inserted",
         "wires_removed",
+        "drill_inserted",
+        "drill_removed",
         "drilled",
         "screws_inserted",
+        "screws_removed",
         "mount_moved",
         "ring_remounted",
         "robot_removed",

@@ -87,6 +87,8 @@ class OperationView(View):
     deviation_deg: float | None
     requested_at_ns: UnixNanoseconds
     ended_at_ns: UnixNanoseconds | None
+    approver: str | None = Field(description="Who approved the plan, or asked for the reference.")
+    permit_sha256: Sha256 | None = Field(description="The permit that went with it: its text's hash.")
 
     @staticmethod
     def of(operation: Operation) -> "OperationView":
@@ -106,6 +108,8 @@ class OperationView(View):
             deviation_deg=operation.deviation_deg,
             requested_at_ns=operation.requested_at_ns,
             ended_at_ns=operation.ended_at_ns,
+            approver=requested.approver,
+            permit_sha256=requested.permit_sha256,
         )
 
 

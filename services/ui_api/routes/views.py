@@ -1,5 +1,7 @@
 """What clients get: cases, images, localisations, verifications and events."""
 
+from typing import Literal
+
 from pydantic import BaseModel, Field
 
 from services.ui_api.core.case import Case
@@ -28,12 +30,20 @@ class PartView(View):
         return PartView(name=use.name, sha256=use.sha256, hole_ids=list(use.hole_ids))
 
 
+class InsideView(View):
+    """Something in a hole of the guide or the bone."""
+
+    kind: Literal["wire", "drill", "screw"]
+    hole_id: str
+
+
 class ProcedureView(View):
     """How far the case is, and what may come next."""
 
     stage: str
     aim: str
     wired_hole_ids: list[str]
+    inside: list[InsideView] = Field(description="What is in the guide or the bone: until it is out, nothing moves.")
     drilled_hole_ids: list[str]
     allowed_actions: list[str]
     allowed_steps: list[str] = Field(description="Steps that are in order now; others need `why`.")
@@ -98,6 +108,7 @@ class CaseView(View):
                 stage=progress.stage,
                 aim=progress.aim,
                 wired_hole_ids=sorted(progress.wired_hole_ids),
+                inside=[InsideView(kind=x.kind.value, hole_id=x.hole_id) for x in sorted(progress.inside)],
                 drilled_hole_ids=sorted(case.drilled_hole_ids),
                 allowed_actions=list(allowed_actions(progress)),
                 allowed_steps=list(allowed_steps(progress)),

@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import NoReturn
 
 import pytest
@@ -14,6 +16,8 @@ from services.robot.settings import RobotSettings
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Bus
+from shared.bus.tls import PKI_FOLDER
+from shared.pki.keystore import Keystore
 from shared.runtime.lifecycle import Runtime, run_service
 from shared.runtime.presence import beating
 from simulation.controller.servers import tcp_server
@@ -62,14 +66,14 @@ def break_watch(service: RobotService) -> None:
 
 
 def break_handler(service: RobotService) -> None:
-    service._on_epoch = inject  # type: ignore[method-assign, assignment]
+    service._registration._on_epoch = inject  # type: ignore[method-assign, assignment]
     service.listen()
     service._bus.publisher(KEYS.registration_epoch).put(b"")
 
 
 @pytest.mark.parametrize("broken", [break_worker, break_reader, break_state, break_watch, break_handler])
 def test_an_exception_in_motion_stops_locks_and_ends_the_service_with_an_error(
-    broken: Callable[[RobotService], None], capfd: pytest.CaptureFixture[str]
+    broken: Callable[[RobotService], None], capfd: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     controller = VirtualController(HEXAPOD, time.monotonic)
     router = MemoryRouter()
@@ -78,8 +82,8 @@ def test_an_exception_in_motion_stops_locks_and_ends_the_service_with_an_error(
     @contextmanager
     def in_motion(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[None]:
         with beating(router.open(), KEYS, "ui_api", "gateway-1", 20.0), compose(settings, bus, runtime) as service:
-            make_ready(service._drive)
             wait_until(lambda: service.watch.heartbeat_s() is not None)
+            make_ready(service._drive)
             begin(service._drive, FAR, 10.0)
             wait_until(lambda: controller.snapshot().moving)
             began_s = time.monotonic()
@@ -89,7 +93,9 @@ def test_an_exception_in_motion_stops_locks_and_ends_the_service_with_an_error(
             yield
 
     with tcp_server(controller) as port:
-        settings = RobotSettings(controller_url=f"socket://127.0.0.1:{port}", heartbeat_deadline_s=0.5)
+        Keystore(tmp_path / PKI_FOLDER).ensure(datetime.now(UTC))
+        url = f"socket://127.0.0.1:{port}"
+        settings = RobotSettings(controller_url=url, heartbeat_deadline_s=0.5, state_dir=tmp_path)
         code = run_service(
             "robot", settings, lambda bus, runtime: in_motion(settings, bus, runtime), lambda _: router.open()
         )

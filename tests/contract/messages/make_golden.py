@@ -13,7 +13,7 @@ from shared.messages.base import decode, encode
 from shared.messages.schema_files import file_stem, message_types
 
 GOLDEN = Path(__file__).with_name("golden")
-_BY_PATTERN = {"^[0-9a-f]{64}$": "0f" * 32, "^[A-Za-z0-9][A-Za-z0-9._-]*$": "Example-1.a"}
+_BY_PATTERN = {"^[0-9a-f]{64}$": "0f" * 32, "^[0-9a-f]{128}$": "0f" * 64, "^[A-Za-z0-9][A-Za-z0-9._-]*$": "Example-1.a"}
 Schema = Mapping[str, object]
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from distalock.__main__ import main
 from distalock.processes import taken_folder
-from shared.pki.keystore import NAMES
+from shared.pki.keystore import ISSUED
 
 
 def pki(state: Path, *words: str) -> int:
@@ -19,14 +19,14 @@ def test_init_makes_a_certificate_for_everybody_and_show_lists_them(
 ) -> None:
     assert pki(tmp_path, "init") == 0
     made = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in made[1:6]] == list(NAMES)
-    assert all("new, until" in line for line in made[1:6])
-    assert made[6].startswith("Start the installation again")
+    assert [line.split()[0] for line in made[1:7]] == list(ISSUED)
+    assert all("new, until" in line for line in made[1:7])
+    assert made[7].startswith("Start the installation again")
     assert pki(tmp_path, "show") == 0
     shown = capsys.readouterr().out.splitlines()
     assert shown[0] == made[0]
     assert all("valid, until" in line for line in shown[1:])
-    assert len(shown) == 6
+    assert len(shown) == 7
 
 
 def test_init_a_second_time_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -43,7 +43,7 @@ def test_issue_changes_the_named_and_rotate_everybody(tmp_path: Path, capsys: py
     assert new == ["robot", "ui_api"]
     pki(tmp_path, "rotate", "--router-host", "or1.local")
     printed = capsys.readouterr().out
-    assert printed.count("new, until") == len(NAMES)
+    assert printed.count("new, until") == len(ISSUED)
     assert "or1.local" in printed
 
 

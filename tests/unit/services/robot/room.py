@@ -1,14 +1,18 @@
 """The robot service on an in-memory bus, with a controller that has no line, and everybody around it."""
 
 import hashlib
+import itertools
 import time
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from services.robot.core.deviation import Deviation
 from services.robot.core.guard_context import GuardLimits
+from services.robot.core.permits import Permit as CorePermit
+from services.robot.core.refusals import Refusal
 from services.robot.core.tuning import SUPERVISION
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
@@ -19,11 +23,11 @@ from shared.geometry.frames import Guide
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.transform import Transform
 from shared.messages.base import decode, encode, matrix4, vector3
-from shared.messages.cases import CaseContext
+from shared.messages.cases import CaseContext, ObjectInside
+from shared.messages.permits import Permit, SignedPermit
 from shared.messages.presence import Heartbeat
 from shared.messages.registration import Plan, RegistrationEpoch
 from shared.messages.robot import (
-    Approval,
     CommandEnvelope,
     CommandReply,
     MotionState,
@@ -34,11 +38,14 @@ from shared.messages.robot import (
     Verb,
 )
 from shared.parts.hexapod_file import default_hexapod
+from shared.pki.permit_key import PermitSigner, PermitVerifier
 from tests.unit.services.robot.fake_controller import FakeController
 
 HEXAPOD = default_hexapod()
 KEYS = Keys("or1")
 SHA = "d" * 64
+GATEWAY_KEY = Ed25519PrivateKey.generate()
+SIGNER = PermitSigner(GATEWAY_KEY)
 WAIT_S = 60.0
 
 
@@ -59,11 +66,23 @@ class Room:
         self.epochs = self.bus.publisher(KEYS.registration_epoch)
         self.plans = self.bus.retained_publisher(KEYS.plan)
         self.cases = self.bus.retained_publisher(KEYS.case_context)
-        self.cases.put(encode(CaseContext(case_id="case1", revision=1)))
+        self.case_revision = 1
+        self.say_case()
         drive = Drive(lambda: self.controller, SUPERVISION.read_back, self.clock, 0.05, lambda _: None)
         # The heartbeat's deadline is a second here: what is tested is what follows, and the machine may be busy.
         limits = GuardLimits(Deviation(20.0, 12.0), 600.0, 1.0, 5.0)
-        parts = RobotParts(HEXAPOD, limits, drive, "boot", self.clock, lambda _: None)
+        self.noted: list[tuple[CorePermit | Refusal, str]] = []
+        self._nonces = itertools.count()
+        parts = RobotParts(
+            hexapod=HEXAPOD,
+            limits=limits,
+            drive=drive,
+            boot_epoch="boot",
+            clock_s=self.clock,
+            note_change=lambda _: None,
+            permit_verifier=PermitVerifier(GATEWAY_KEY.public_key()),
+            note_permit=lambda outcome, sha256: self.noted.append((outcome, sha256)),
+        )
         self.service = RobotService(self.router.open(), KEYS, parts)
 
     def clock(self) -> float:
@@ -115,7 +134,29 @@ class Room:
         return self.ask("acknowledge_stop", encode(PlainCommand(verb="acknowledge_stop", envelope=self.envelope())))
 
     def reference(self) -> CommandReply:
-        return self.ask("reference", encode(PlainCommand(verb="reference", envelope=self.envelope())))
+        envelope = self.envelope()
+        permit = self.permit(envelope, motion="reference", plan_sha256=None, hole_ids=())
+        return self.ask("reference", encode(PlainCommand(verb="reference", envelope=envelope, permit=permit)))
+
+    def permit(self, envelope: CommandEnvelope, signer: PermitSigner = SIGNER, **changes: object) -> SignedPermit:
+        """What the gateway would sign for this command, but for the changes."""
+        usual = {
+            "motion": "move",
+            "plan_sha256": SHA,
+            "hole_ids": ("distal",),
+            "case_id": "case1",
+            "case_revision": self.case_revision,
+            "robot_boot_epoch": envelope.robot_boot_epoch,
+            "after_state_sequence": envelope.after_state_sequence,
+            "approver": "Dr A",
+            "nothing_inside": True,
+            "nonce": f"n{next(self._nonces)}",
+        }
+        return signer.sign(Permit.model_validate(usual | changes))
+
+    def say_case(self, *inside: ObjectInside) -> None:
+        """The gateway publishes the open case, and what is in the bone."""
+        self.cases.put(encode(CaseContext(case_id="case1", revision=self.case_revision, inside=inside)))
 
     def make_ready(self) -> None:
         self.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
@@ -139,11 +180,13 @@ class Room:
         self.plans.put(content)
         return content
 
-    def move(self, plan_json: bytes, approved: str | None = None, envelope: CommandEnvelope | None = None) -> bytes:
-        sha256 = approved or hashlib.sha256(plan_json).hexdigest()
-        approval = Approval(plan_sha256=sha256, approved_by="surgeon", approved_at_ns=0)
-        command = MoveCommand(envelope=envelope or self.envelope(), plan_json=plan_json.decode(), approval=approval)
-        return encode(command)
+    def move(
+        self, plan_json: bytes, envelope: CommandEnvelope | None = None, permit: SignedPermit | None = None
+    ) -> bytes:
+        sha256 = hashlib.sha256(plan_json).hexdigest()
+        envelope = envelope or self.envelope()
+        permit = permit or self.permit(envelope, plan_sha256=sha256)
+        return encode(MoveCommand(envelope=envelope, plan_sha256=sha256, permit=permit))
 
     def ready_with_plan(self) -> bytes:
         self.make_ready()
@@ -158,12 +201,12 @@ class Room:
         self.wait(lambda s: s.state is MotionState.MOVING)
         wait_for(lambda: bool(self.controller.motions))
 
-    def until_known(self, plan_json: bytes, approved: str | None = None) -> CommandReply:
+    def until_known(self, plan_json: bytes) -> CommandReply:
         """Ask for the move; again while plan and heartbeat are still on their way to the robot."""
         deadline = time.monotonic() + WAIT_S
         while True:
             self.heartbeat()
-            reply = self.ask("move", self.move(plan_json, approved))
+            reply = self.ask("move", self.move(plan_json))
             if reply.code not in ("plan_unknown", "heartbeat_missing") or time.monotonic() > deadline:
                 return reply
 

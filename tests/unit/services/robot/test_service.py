@@ -3,7 +3,6 @@
 import pytest
 
 from shared.messages.base import encode
-from shared.messages.cases import CaseContext
 from shared.messages.robot import (
     MotionState,
     PlainCommand,
@@ -70,11 +69,6 @@ def test_a_move_without_a_plan_of_registration_is_refused(room: Room) -> None:
     assert room.controller.motions == []
 
 
-def test_an_approval_of_another_plan_is_refused(room: Room) -> None:
-    plan_json = room.ready_with_plan()
-    assert room.until_known(plan_json, approved="e" * 64).code == "approval_mismatch"
-
-
 def test_a_newer_epoch_makes_the_plan_stale_before_any_localisation(room: Room) -> None:
     plan_json = room.ready_with_plan()
     room.begin_epoch("reg.2")
@@ -126,29 +120,22 @@ def test_a_word_that_comes_again_vouches_for_nothing(room: Room) -> None:
 
 def test_a_plan_of_another_revision_of_the_case_is_refused() -> None:
     room = Room()
-    room.cases.put(encode(CaseContext(case_id="case1", revision=2)))
+    room.case_revision = 2
+    room.say_case()
     with room.service:
         assert room.until_known(room.ready_with_plan()).code == "plan_of_another_case"
     assert room.controller.motions == []
 
 
-def test_a_plan_that_was_rewritten_is_refused(room: Room) -> None:
-    plan_json = room.ready_with_plan()
-    room.heartbeat()
-    reply = room.ask("move", room.move(plan_json.replace(b",", b", ", 1)))
-    assert reply.code == "message_invalid"
-    assert "canonical form" in reply.message
-
-
 def test_without_the_gateways_heartbeat_nothing_moves(room: Room) -> None:
     plan_json = room.ready_with_plan()
-    assert room.until_known(plan_json, approved="e" * 64).code == "approval_mismatch"
+    unpublished = encode(plan("reg.1", 2.0))
 
     def unheard() -> bool:
         """Two seconds later, once the heartbeats that were still on their way have arrived."""
         room.clock_offset_s += 2.0
         room.let_states_pass()
-        return room.ask("move", room.move(plan_json, approved="e" * 64)).code == "heartbeat_missing"
+        return room.ask("move", room.move(unpublished)).code == "heartbeat_missing"
 
     wait_for(unheard)
     assert room.ask("move", room.move(plan_json)).code == "heartbeat_missing"

@@ -8,6 +8,8 @@ from itertools import count
 from pathlib import Path
 
 import httpx
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from services.ui_api.app import make_app
 from services.ui_api.handlers.clock import Clock
@@ -16,8 +18,10 @@ from services.ui_api.service import Gateway, open_gateway
 from services.ui_api.settings import UiApiSettings
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
+from shared.bus.tls import PKI_FOLDER
 from shared.errors import ReasonCode
 from shared.messages.imaging import FrameHeader
+from shared.pki.permit_key import PERMIT_KEY_FILE
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.fakes import PATIENCE_S, FakeImaging, FakeRegistration, FakeRobot, LogWatch
@@ -100,6 +104,7 @@ def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
     """A gateway among its fakes, on a state folder that may have been used before."""
     router, keys = MemoryRouter(), Keys(ROOM)
     unhurried = {"robot_state_stale_after_s": 10.0}  # the fake robot speaks only when told to
+    write_permit_key(state_dir)
     chosen = UiApiSettings(room=ROOM, state_dir=state_dir, **(unhurried | settings))  # type: ignore[arg-type]  # pydantic checks it
     with ExitStack() as stack:
         imaging = stack.enter_context(FakeImaging(router, keys))
@@ -112,6 +117,16 @@ def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
         log.wait_for(lambda: gateway.view.newest() is not None)
         stack.callback(gateway.feed.close)
         yield Room(router, imaging, registration, robot, gateway, log, client)
+
+
+def write_permit_key(state_dir: Path) -> None:
+    """Make the key of permits where the gateway looks for it, unless it is there."""
+    file = state_dir / PKI_FOLDER / "ui_api" / PERMIT_KEY_FILE
+    if state_dir.parent.is_dir() and not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        pem = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+        file.touch(0o600)
+        file.write_bytes(pem)
 
 
 def _served(stack: ExitStack, gateway: Gateway) -> str:

@@ -9,7 +9,8 @@ import pytest
 from shared.bus.tls import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, TlsFiles
 from shared.errors import ConfigurationError
 from shared.pki.authority import AUTHORITY_VALID, CERTIFICATE_VALID
-from shared.pki.keystore import NAMES, RENEW_BEFORE, ROUTER, Keystore, Standing
+from shared.pki.keystore import ISSUED, NAMES, PERMIT, RENEW_BEFORE, ROUTER, Keystore, Standing
+from shared.pki.permit_key import PERMIT_CERTIFICATE_FILE, PERMIT_KEY_FILE
 
 NOW = datetime(2026, 3, 1, 12, tzinfo=UTC)
 DAY = timedelta(days=1)
@@ -18,7 +19,7 @@ DAY = timedelta(days=1)
 @pytest.fixture
 def keystore(tmp_path: Path) -> Keystore:
     made = Keystore(tmp_path / "pki")
-    assert made.ensure(NOW) == NAMES
+    assert made.ensure(NOW) == ISSUED
     return made
 
 
@@ -34,8 +35,8 @@ def test_everybody_has_a_valid_certificate_and_it_stays(keystore: Keystore) -> N
 
 
 def test_nobody_but_the_owner_can_read_a_key(keystore: Keystore) -> None:
-    keys = list(keystore.folder.rglob(KEY_FILE))
-    assert len(keys) == len(NAMES) + 1
+    keys = [*keystore.folder.rglob(KEY_FILE), *keystore.folder.rglob(PERMIT_KEY_FILE)]
+    assert len(keys) == len(ISSUED) + 1
     assert {stat.S_IMODE(key.stat().st_mode) for key in keys} == {0o600}
     assert {stat.S_IMODE(key.parent.stat().st_mode) for key in keys} == {0o700}
 
@@ -44,6 +45,31 @@ def test_a_service_finds_all_it_needs_in_its_folder_and_no_other_key(keystore: K
     folder = keystore.folder_of("imaging")
     TlsFiles.in_folder(folder).require()
     assert sorted(file.name for file in folder.iterdir()) == [AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE]
+    for name in NAMES:
+        TlsFiles.in_folder(keystore.folder_of(name)).require()
+
+
+def test_the_gateway_alone_has_the_permit_key_and_the_robot_its_certificate(keystore: Keystore) -> None:
+    assert [f.parent.name for f in keystore.folder.rglob(PERMIT_KEY_FILE)] == ["ui_api"]
+    assert [f.parent.name for f in keystore.folder.rglob(PERMIT_CERTIFICATE_FILE)] == ["robot"]
+    before = (keystore.folder_of("robot") / CERTIFICATE_FILE).read_bytes()
+    assert keystore.issue((PERMIT,), NOW) == (PERMIT,)
+    assert (keystore.folder_of("robot") / CERTIFICATE_FILE).read_bytes() == before
+
+
+def test_an_installation_of_before_permits_gets_its_key_at_the_next_start(keystore: Keystore) -> None:
+    (keystore.folder_of("ui_api") / PERMIT_KEY_FILE).unlink()
+    (keystore.folder_of("robot") / PERMIT_CERTIFICATE_FILE).unlink()
+    assert standings(keystore)[PERMIT] is Standing.MISSING
+    assert keystore.ensure(NOW) == (PERMIT,)
+
+
+def test_a_permit_key_of_another_certificate_is_made_anew(keystore: Keystore) -> None:
+    key = (keystore.folder_of("ui_api") / PERMIT_KEY_FILE).read_bytes()
+    keystore.issue((PERMIT,), NOW)
+    (keystore.folder_of("ui_api") / PERMIT_KEY_FILE).write_bytes(key)
+    assert standings(keystore)[PERMIT] is Standing.OTHER_KEY
+    assert keystore.ensure(NOW) == (PERMIT,)
 
 
 def test_certificates_are_renewed_half_a_year_before_they_end(keystore: Keystore) -> None:
@@ -51,7 +77,7 @@ def test_certificates_are_renewed_half_a_year_before_they_end(keystore: Keystore
     assert keystore.ensure(due - DAY) == ()
     assert set(standings(keystore, due + DAY).values()) == {Standing.RENEWAL_DUE}
     authority = keystore.authority_facts()
-    assert keystore.ensure(due + DAY) == NAMES
+    assert keystore.ensure(due + DAY) == ISSUED
     assert keystore.authority_facts() == authority
     assert set(standings(keystore, due + DAY).values()) == {Standing.VALID}
 
@@ -60,13 +86,13 @@ def test_what_has_ended_or_not_begun_is_expired_and_made_anew(keystore: Keystore
     late = NOW + CERTIFICATE_VALID + DAY
     assert set(standings(keystore, late).values()) == {Standing.EXPIRED}
     assert set(standings(keystore, NOW - DAY).values()) == {Standing.EXPIRED}
-    assert keystore.ensure(late) == NAMES
+    assert keystore.ensure(late) == ISSUED
 
 
 def test_an_authority_ends_no_earlier_than_what_it_issues(keystore: Keystore) -> None:
     before = keystore.authority_facts()
     late = NOW + AUTHORITY_VALID - CERTIFICATE_VALID + DAY
-    assert keystore.ensure(late) == NAMES
+    assert keystore.ensure(late) == ISSUED
     assert keystore.authority_facts().fingerprint != before.fingerprint
 
 
@@ -82,7 +108,7 @@ def test_one_lost_key_is_made_anew_and_the_others_stay(keystore: Keystore) -> No
 def test_after_rotation_nothing_of_before_is_accepted(keystore: Keystore, tmp_path: Path) -> None:
     stolen = (keystore.folder_of("robot") / CERTIFICATE_FILE).read_bytes()
     stolen_key = (keystore.folder_of("robot") / KEY_FILE).read_bytes()
-    assert keystore.rotate(NOW) == NAMES
+    assert keystore.rotate(NOW) == ISSUED
     assert set(standings(keystore).values()) == {Standing.VALID}
     (keystore.folder_of("robot") / CERTIFICATE_FILE).write_bytes(stolen)
     (keystore.folder_of("robot") / KEY_FILE).write_bytes(stolen_key)

@@ -14,7 +14,7 @@ from services.robot.core.controller_feedback import ControllerFeedback
 from services.robot.core.deviation import Deviation
 from services.robot.core.guard import PermittedMove, check_move, check_supervision
 from services.robot.core.guard_context import GuardContext, GuardLimits
-from services.robot.core.plans import EpochReport, PlannedMove, RegistrationView
+from services.robot.core.plans import REMEMBERED_PLANS, EpochReport, HeardPlan, PlannedMove, RegistrationView
 from services.robot.core.refusals import Refusal, RefusalCode
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import (
@@ -47,6 +47,7 @@ def planned(
     target = platform_pose(HEXAPOD, moved, HEXAPOD.pivot_mm)
     return PlannedMove(
         sha256=SHA,
+        hole_ids=("distal",),
         case_id="case1",
         case_revision=2,
         registration_epoch="reg.5",
@@ -70,7 +71,7 @@ CONTEXT = GuardContext(
     hexapod=HEXAPOD,
     limits=GuardLimits(Deviation(20.0, 12.0), 600.0, 0.2, 1.0),
     registration=RegistrationView(
-        EpochReport("reg", 7, "reg.5", NOW_S - 0.2), case=("case1", 2), plans=((SHA, NOW_S - 60.0),)
+        EpochReport("reg", 7, "reg.5", NOW_S - 0.2), case=("case1", 2), plans=(HeardPlan(planned(), NOW_S - 60.0),)
     ),
     feedback=READING,
     connected_s=NOW_S - 3600.0,
@@ -88,15 +89,37 @@ def with_feedback(**changes: object) -> GuardContext:
     return replace(CONTEXT, feedback=replace(READING, **changes))  # type: ignore[arg-type]
 
 
+def checked(plan: PlannedMove, context: GuardContext) -> PermittedMove | Refusal:
+    """The guard's answer when this is the plan that registration published."""
+    plans = tuple(replace(heard, plan=plan) for heard in context.registration.plans)
+    return check_move(SHA, replace(context, registration=replace(context.registration, plans=plans)))
+
+
 def test_a_move_that_is_right_in_every_way_passes() -> None:
-    outcome = check_move(planned(), SHA, CONTEXT)
+    outcome = checked(planned(), CONTEXT)
     assert isinstance(outcome, PermittedMove)
     assert outcome.start == ZERO_POSE
     assert outcome.target == planned().target_pose
 
 
 def test_a_robot_without_a_stop_button_moves() -> None:
-    assert isinstance(check_move(planned(), SHA, replace(CONTEXT, stop_button=StopButton.ABSENT)), PermittedMove)
+    assert isinstance(checked(planned(), replace(CONTEXT, stop_button=StopButton.ABSENT)), PermittedMove)
+
+
+def test_a_plan_of_another_hash_is_not_the_one_that_is_asked_for() -> None:
+    outcome = check_move("b" * 64, CONTEXT)
+    assert isinstance(outcome, Refusal)
+    assert outcome.code is RefusalCode.PLAN_UNKNOWN
+
+
+def test_the_newest_plans_are_kept_and_one_that_comes_again_is_no_younger() -> None:
+    view = RegistrationView()
+    for number in range(REMEMBERED_PLANS + 1):
+        view = view.with_plan(replace(planned(), sha256=f"{number:064x}"), float(number))
+    assert view.heard_plan(f"{0:064x}") is None
+    oldest = view.with_plan(replace(planned(), sha256=f"{1:064x}"), NOW_S).heard_plan(f"{1:064x}")
+    assert oldest is not None
+    assert oldest.arrived_s == 1.0
 
 
 def test_every_refusal_of_the_guard_has_a_test_here() -> None:
@@ -108,7 +131,7 @@ def test_every_refusal_of_the_guard_has_a_test_here() -> None:
 def test_the_speed_keeps_to_both_limits_of_the_hexapod_file() -> None:
     for rotation, translation in [((0.0, 0.0, 0.0), (4.0, 0.0, 0.0)), ((0.0, 0.0, 6.0), (0.1, 0.0, 0.0))]:
         plan = planned(rotation, translation)
-        outcome = check_move(plan, SHA, CONTEXT)
+        outcome = checked(plan, CONTEXT)
         assert isinstance(outcome, PermittedMove)
         travel = np.abs(plan.target_pose.as_array())
         assert outcome.speed_mm_per_s <= HEXAPOD.speed_limits.translation_mm_per_s + 1e-12
@@ -146,7 +169,7 @@ def test_times_exactly_at_their_limits_pass() -> None:
     now_s = 1024.0
     limits = GuardLimits(Deviation(20.0, 12.0), 512.0, 0.25, 1.0)
     registration = RegistrationView(
-        EpochReport("reg", 7, "reg.5", now_s - 1.0), case=("case1", 2), plans=((SHA, now_s - 512.0),)
+        EpochReport("reg", 7, "reg.5", now_s - 1.0), case=("case1", 2), plans=(HeardPlan(planned(), now_s - 512.0),)
     )
     context = replace(
         CONTEXT,
@@ -156,18 +179,18 @@ def test_times_exactly_at_their_limits_pass() -> None:
         heartbeat_s=now_s - 0.25,
         connected_s=now_s - 512.0,
     )
-    assert isinstance(check_move(planned(), SHA, context), PermittedMove)
+    assert isinstance(checked(planned(), context), PermittedMove)
 
 
 @pytest.mark.parametrize(("apart_mm", "code"), [(1e-6, None), (2e-6, RefusalCode.PIVOT_MISMATCH)])
 def test_a_pivot_may_differ_by_rounding(apart_mm: float, code: RefusalCode | None) -> None:
     plan = replace(planned(), pivot_mm=HEXAPOD.pivot_mm + np.array([0.0, apart_mm, 0.0]))
-    outcome = check_move(plan, SHA, CONTEXT)
+    outcome = checked(plan, CONTEXT)
     assert (outcome.code if isinstance(outcome, Refusal) else None) is code
 
 
 def test_a_move_to_where_it_stands_has_a_speed() -> None:
-    outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), SHA, CONTEXT)
+    outcome = checked(planned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), CONTEXT)
     assert isinstance(outcome, PermittedMove)
     assert outcome.speed_mm_per_s > 0.0
 
@@ -216,12 +239,12 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
         ),
         (replace(CONTEXT, connected_s=NOW_S - 1.0), RefusalCode.PLAN_BEFORE_RECONNECTION, "connected again"),
         (
-            replace(CONTEXT, registration=CONTEXT.registration.with_case("case2", 2)),
+            replace(CONTEXT, registration=CONTEXT.registration.with_case("case2", 2, ())),
             RefusalCode.PLAN_OF_ANOTHER_CASE,
             "revision 2 of case 'case1'",
         ),
         (
-            replace(CONTEXT, registration=CONTEXT.registration.with_case("case1", 3)),
+            replace(CONTEXT, registration=CONTEXT.registration.with_case("case1", 3, ())),
             RefusalCode.PLAN_OF_ANOTHER_CASE,
             "not the open one",
         ),
@@ -258,7 +281,7 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
     ],
 )
 def test_contexts_that_refuse_a_good_plan(context: GuardContext, code: RefusalCode, words: str) -> None:
-    outcome = check_move(planned(), SHA, context)
+    outcome = checked(planned(), context)
     assert isinstance(outcome, Refusal)
     assert outcome.code is code
     assert words in outcome.message
@@ -267,7 +290,6 @@ def test_contexts_that_refuse_a_good_plan(context: GuardContext, code: RefusalCo
 @pytest.mark.parametrize(
     ("spoil", "code", "words"),
     [
-        (lambda p: replace(p, sha256="b" * 64), RefusalCode.APPROVAL_MISMATCH, "approval is for plan aaaaaaaaaaaa"),
         (lambda p: replace(p, registration_epoch="reg.4"), RefusalCode.PLAN_STALE, "epoch 'reg.4'"),
         (lambda p: replace(p, robot_boot_epoch="other"), RefusalCode.WRONG_BOOT_EPOCH, "restarted"),
         (lambda p: replace(p, hexapod_sha256="c" * 64), RefusalCode.PLAN_FOR_ANOTHER_ROBOT, "cccccccccccc"),
@@ -292,23 +314,23 @@ def test_contexts_that_refuse_a_good_plan(context: GuardContext, code: RefusalCo
     ],
 )
 def test_plans_that_are_refused(spoil: Callable[[PlannedMove], PlannedMove], code: RefusalCode, words: str) -> None:
-    outcome = check_move(spoil(planned()), SHA, CONTEXT)
+    outcome = checked(spoil(planned()), CONTEXT)
     assert isinstance(outcome, Refusal)
     assert outcome.code is code
     assert words in outcome.message
 
 
 def test_a_step_that_is_too_large_is_refused() -> None:
-    outcome = check_move(planned((0.0, 0.0, 0.0), (20.5, 0.0, 0.0)), SHA, CONTEXT)
+    outcome = checked(planned((0.0, 0.0, 0.0), (20.5, 0.0, 0.0)), CONTEXT)
     assert isinstance(outcome, Refusal)
     assert outcome.code is RefusalCode.STEP_TOO_LARGE
-    turned = check_move(planned((0.0, 0.0, 12.5), (0.0, 0.0, 0.0)), SHA, CONTEXT)
+    turned = checked(planned((0.0, 0.0, 12.5), (0.0, 0.0, 0.0)), CONTEXT)
     assert isinstance(turned, Refusal)
     assert turned.code is RefusalCode.STEP_TOO_LARGE
 
 
 def test_a_target_out_of_reach_is_refused_with_the_leg() -> None:
-    outcome = check_move(planned((0.0, 0.0, 0.0), (0.0, 0.0, 10.0)), SHA, CONTEXT)
+    outcome = checked(planned((0.0, 0.0, 0.0), (0.0, 0.0, 10.0)), CONTEXT)
     assert isinstance(outcome, Refusal)
     assert outcome.code is RefusalCode.OUT_OF_REACH
     assert "leg 1 would be 35.46 mm long" in outcome.message
@@ -327,7 +349,7 @@ def test_limits_hold_along_the_way_and_not_only_at_its_end(seed: int) -> None:
         guide_from_target_guide=correction,
         target_leg_lengths_mm=leg_lengths_mm(narrow, end.as_array(), narrow.pivot_mm),
     )
-    outcome = check_move(plan, SHA, replace(with_feedback(pose=start), hexapod=narrow))
+    outcome = checked(plan, replace(with_feedback(pose=start), hexapod=narrow))
     assert isinstance(outcome, Refusal)
     assert outcome.code is RefusalCode.OUT_OF_REACH
     assert outcome.message.startswith("after ")

@@ -16,6 +16,7 @@ from services.ui_api.core.event_data import (
     StepRecorded,
 )
 from services.ui_api.core.events import Event, EventData
+from services.ui_api.core.inside import Inside, ObjectKind
 from services.ui_api.core.ledger import Ledger
 from services.ui_api.core.procedure import Aim, Stage
 from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus
@@ -118,6 +119,40 @@ def test_wires_are_followed_hole_by_hole(log: Log) -> None:
     assert case.progress.wired_hole_ids == {"proximal", "distal"}
     case = log.add(StepRecorded(Step.WIRES_REMOVED, ("distal",), False, ""))
     assert case.progress.wired_hole_ids == {"proximal"}
+
+
+@pytest.mark.parametrize(
+    ("inserted", "removed", "kind"),
+    [
+        (Step.WIRES_INSERTED, Step.WIRES_REMOVED, ObjectKind.WIRE),
+        (Step.DRILL_INSERTED, Step.DRILL_REMOVED, ObjectKind.DRILL),
+        (Step.DRILL_INSERTED, Step.DRILLED, ObjectKind.DRILL),
+        (Step.SCREWS_INSERTED, Step.SCREWS_REMOVED, ObjectKind.SCREW),
+    ],
+)
+def test_what_goes_in_is_inside_until_it_is_reported_out(
+    log: Log, inserted: Step, removed: Step, kind: ObjectKind
+) -> None:
+    log.add(StepRecorded(inserted, (), True, "why"))
+    assert log.ledger.inside() == (Inside(kind, "distal"), Inside(kind, "proximal"))
+    log.add(StepRecorded(removed, ("proximal",), True, "why"))
+    assert log.ledger.inside() == (Inside(kind, "distal"),)
+    log.add(StepRecorded(removed, ("distal",), True, "why"))
+    assert log.ledger.inside() == ()
+
+
+def test_what_an_abandoned_case_left_beside_the_robot_stays_inside(log: Log) -> None:
+    log.add(StepRecorded(Step.WIRES_INSERTED, ("distal",), True, "why"))
+    log.add(StepRecorded(Step.ABANDONED, (), False, ""))
+    assert log.ledger.inside() == (Inside(ObjectKind.WIRE, "distal"),)
+
+
+def test_what_stays_in_the_bone_does_not_matter_once_the_robot_is_off(log: Log) -> None:
+    for step in (Step.SCREWS_INSERTED, Step.ROBOT_REMOVED):
+        log.add(StepRecorded(step, (), True, "why"))
+    assert len(log.ledger.inside()) == 2
+    log.add(StepRecorded(Step.FINISHED, (), True, "why"))
+    assert log.ledger.inside() == ()
 
 
 def test_events_are_taken_in_their_order(log: Log) -> None:

@@ -5,6 +5,7 @@ import itertools
 import pytest
 
 from services.ui_api.core.event_data import Step
+from services.ui_api.core.inside import Inside, ObjectKind, removing_step_of
 from services.ui_api.core.procedure import (
     Action,
     Aim,
@@ -17,8 +18,8 @@ from services.ui_api.core.procedure import (
     next_sentence,
 )
 
-_WIRES = (frozenset[str](), frozenset({"distal"}))
-_EVERY_PROGRESS = [Progress(*values) for values in itertools.product(Stage, Aim, _WIRES)]
+_INSIDE = (frozenset[Inside](), *(frozenset({Inside(kind, "distal")}) for kind in ObjectKind))
+_EVERY_PROGRESS = [Progress(*values) for values in itertools.product(Stage, Aim, _INSIDE)]
 
 
 def _after(*triggers: Trigger) -> Progress:
@@ -60,10 +61,10 @@ def test_what_makes_results_stale_leaves_no_aim(aim: Aim, trigger: Trigger) -> N
 
 
 @pytest.mark.parametrize("progress", _EVERY_PROGRESS, ids=str)
-def test_no_motion_is_offered_but_from_an_approved_plan_with_the_wires_out(progress: Progress) -> None:
+def test_no_motion_is_offered_but_from_an_approved_plan_with_nothing_inside(progress: Progress) -> None:
     if Action.START_MOTION in allowed_actions(progress):
         assert progress.aim is Aim.APPROVED
-        assert not progress.wired_hole_ids
+        assert not progress.inside
         assert progress.stage in {Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED}
 
 
@@ -87,6 +88,15 @@ def test_a_rejected_verification_takes_the_leave_to_drill_back() -> None:
     assert Progress(Stage.VERIFIED).after(Trigger.VERIFICATION_REJECTED).stage is Stage.ALIGNED
 
 
-def test_wires_are_removed_only_where_there_are_some() -> None:
-    assert Step.WIRES_REMOVED not in allowed_steps(Progress(Stage.ALIGNED))
-    assert Step.WIRES_REMOVED in allowed_steps(Progress(Stage.ALIGNED, wired_hole_ids=frozenset({"distal"})))
+@pytest.mark.parametrize("kind", ObjectKind)
+def test_only_what_is_inside_can_be_removed(kind: ObjectKind) -> None:
+    step = removing_step_of(kind)
+    inside = frozenset({Inside(kind, "distal")})
+    for stage in (Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED, Stage.DRILLED, Stage.ROBOT_REMOVED):
+        assert step not in allowed_steps(Progress(stage))
+        assert step in allowed_steps(Progress(stage, inside=inside))
+
+
+def test_people_are_told_what_to_take_out() -> None:
+    inside = frozenset({Inside(ObjectKind.WIRE, "distal"), Inside(ObjectKind.SCREW, "proximal")})
+    assert next_sentence(Progress(inside=inside)).startswith("Remove the screws and wires: the robot does not move")

@@ -5,10 +5,13 @@ import threading
 import pytest
 
 from services.ui_api.core.events import EventKind
+from shared.messages.base import decode
+from shared.messages.cases import CaseContext
+from shared.messages.permits import Permit
 from shared.messages.robot import CommandReply, MotionState, MoveCommand, StopLatch
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.fakes import PATIENCE_S
-from tests.unit.services.ui_api.room import Room
+from tests.unit.services.ui_api.room import Room, wait_until
 
 
 def _move(room: Room, case_id: str, plan: int, **more: object) -> str:
@@ -34,8 +37,13 @@ def test_the_command_quotes_plan_approval_and_newest_state(room: Room) -> None:
     assert command.envelope.command_id == operation_id
     assert command.envelope.robot_boot_epoch == samples.ROBOT_EPOCH
     assert command.envelope.after_state_sequence == newest.sequence
-    assert command.approval.approved_by == "Dr A"
-    assert samples.sha(command.plan_json) == command.approval.plan_sha256
+    permit = decode(Permit, command.permit.permit_json.encode())
+    assert (permit.approver, permit.motion, permit.nothing_inside) == ("Dr A", "move", True)
+    assert (
+        permit.plan_sha256 == command.plan_sha256 == room.gateway.record.ledger.cases[case_id].plans[0].made.plan_sha256
+    )
+    assert (permit.case_id, permit.case_revision, set(permit.hole_ids)) == (case_id, 1, {"proximal", "distal"})
+    assert (permit.robot_boot_epoch, permit.after_state_sequence) == (samples.ROBOT_EPOCH, newest.sequence)
 
 
 def test_motion_without_approval_moves_nothing(room: Room) -> None:
@@ -68,6 +76,57 @@ def test_motion_with_wires_in_place_moves_nothing(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     room.post(f"/cases/{case_id}/steps", {"step": "wires_inserted", "why": "checking by hand"})
     assert "wires are in distal, proximal" in _assert_refused(room, case_id, plan, "wires_in_place")
+
+
+@pytest.mark.parametrize(
+    ("inserted", "removed", "code"),
+    [
+        ("wires_inserted", "wires_removed", "wires_in_place"),
+        ("drill_inserted", "drilled", "drill_in_place"),
+        ("screws_inserted", "screws_removed", "screws_in_place"),
+    ],
+)
+def test_whatever_is_in_the_bone_forbids_move_and_reference_until_it_is_out(
+    room: Room, inserted: str, removed: str, code: str
+) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    contexts: list[CaseContext] = []
+    room.robot.bus.subscribe_retained(
+        room.robot.keys.case_context, lambda sample: contexts.append(decode(CaseContext, sample.payload))
+    )
+    wait_until(lambda: bool(contexts))
+    room.post(f"/cases/{case_id}/steps", {"step": inserted, "hole_ids": ["distal"], "why": "by hand"})
+    wait_until(lambda: [found.hole_id for found in contexts[-1].inside] == ["distal"])
+    detail = _assert_refused(room, case_id, plan, code)
+    assert "are in distal: the robot does not move before they are removed; take them out and record" in detail
+    answer = room.post("/robot/reference")
+    assert (answer.status_code, answer.json()["code"]) == (409, code)
+    assert room.robot.plain == []
+    assert room.client.post("/api/v1/robot/stop").status_code == 200
+    room.post(f"/cases/{case_id}/steps", {"step": removed, "hole_ids": ["distal"], "why": "by hand"})
+    wait_until(lambda: contexts[-1].inside == ())
+    assert room.post("/robot/reference").status_code == 202
+
+
+def test_a_reference_carries_a_permit_that_the_record_keeps(room: Room) -> None:
+    operation_id = room.post("/robot/reference", {"requested_by": "Dr B"}).json()["id"]
+    wait_until(lambda: bool(room.robot.plain))
+    signed = room.robot.plain[0].permit
+    assert signed is not None
+    permit = decode(Permit, signed.permit_json.encode())
+    assert (permit.motion, permit.approver, permit.plan_sha256, permit.case_id) == ("reference", "Dr B", None, None)
+    assert room.gateway.record.document(signed.permit_sha256).decode() == signed.permit_json
+    requested = room.gateway.record.ledger.operations[operation_id].requested
+    assert (requested.permit_signature, requested.permit_key_sha256) == (signed.signature, signed.key_sha256)
+    view = room.get(f"/operations/{operation_id}").json()
+    assert (view["approver"], view["permit_sha256"]) == ("Dr B", signed.permit_sha256)
+
+
+def test_a_permit_that_the_robot_refuses_is_on_record(room: Room) -> None:
+    room.robot.say(MotionState.LOCKED, permits_refused=1, permit_refusal="permit_forged")
+    room.log.wait_for_event(lambda e: getattr(e.data, "permit_refusal", "") == "permit_forged")
+    room.robot.say(MotionState.LOCKED, permits_refused=2, permit_refusal="permit_forged")
+    room.log.wait_for_event(lambda e: getattr(e.data, "permits_refused", 0) == 2)
 
 
 def test_motion_while_a_stop_is_latched_moves_nothing(room: Room) -> None:
