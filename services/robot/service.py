@@ -1,5 +1,6 @@
 """The robot on the bus: messages in, drive and guard, messages out."""
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -28,6 +29,8 @@ from shared.messages.permits import SignedPermit
 from shared.messages.robot import CommandReply, PlainCommand, StopCommand
 from shared.pki.permit_key import PermitVerifier
 from shared.threads import supervised_thread
+
+_log = logging.getLogger("distalock.robot")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,6 +222,7 @@ class RobotService:
         return Answer(encode(self._refused(None, refusal)))
 
     def _refused(self, command_id: str | None, refusal: Refusal) -> CommandReply:
+        _log.warning("command refused: %s: %s (command %s)", refusal.code, refusal.message, command_id)
         return message_mapping.refused(command_id, refusal, self._drive.status.state)
 
     def _publish_forever(self) -> None:

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tests.attacks.runner import Verdict, tried
-from tests.attacks.site import running_site
-from tests.attacks.table import ATTACKS, PAGE, page_with_table
+from tests.attacks.site import approved_move, running_site
+from tests.attacks.table import AFTER_THE_MOVE, ATTACKS, BEFORE_THE_MOVE, PAGE, page_with_table
 
 
 def main(names: Sequence[str]) -> int:
@@ -20,7 +20,10 @@ def main(names: Sequence[str]) -> int:
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="distalock-attacks-") as folder, running_site(Path(folder)) as site:
         print(f"the system runs after {time.monotonic() - began_s:.0f} s; {len(chosen)} attacks", flush=True)
-        verdicts = [_told(tried(attack, site)) for attack in chosen]
+        verdicts = [_told(tried(attack, site)) for attack in chosen if attack in BEFORE_THE_MOVE]
+        if not names:
+            print(f"control: {approved_move(site)}", flush=True)
+        verdicts += [_told(tried(attack, site)) for attack in chosen if attack in AFTER_THE_MOVE]
     failed = [verdict for verdict in verdicts if not verdict.held]
     print(f"{len(verdicts) - len(failed)} of {len(verdicts)} attacks refused in {time.monotonic() - began_s:.0f} s")
     if not failed and not names:

@@ -1,5 +1,7 @@
 """Tries one attack: was it refused as declared, is that on record, and did the robot stay where it was?"""
 
+import sqlite3
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,20 +36,19 @@ def tried(attack: Attack, site: Site) -> Verdict:
 
 
 def log_ends(site: Site) -> dict[Path, int]:
-    """How long each log is now."""
-    return {file: file.stat().st_size for file in site.log_files()}
+    """How long each log is now; of the case record, the number of its newest event."""
+    return {file: _end(file) for file in (*site.log_files(), site.case_record)}
 
 
 def is_recorded(record: Record, site: Site, ends: dict[Path, int]) -> bool:
-    """Whether a process has logged a text since then."""
-
-    def found() -> bool:
-        return any(
-            record.text in _from(file, ends.get(file, 0)) for file in site.log_files() if file.stem == record.log
-        )
-
+    """Whether a process has logged a text since then, or the case record has such an event."""
+    files = [file for file in (*site.log_files(), site.case_record) if file.stem == record.log]
     try:
-        wait_until(found, record.text, RECORDED_WITHIN_S)
+        wait_until(
+            lambda: any(record.text in _since(file, ends.get(file, 0)) for file in files),
+            record.text,
+            RECORDED_WITHIN_S,
+        )
     except TimeoutError:
         return False
     return True
@@ -69,7 +70,20 @@ def _is_ready(site: Site) -> bool:
         return False
 
 
-def _from(file: Path, start: int) -> str:
+def _end(file: Path) -> int:
+    if file.suffix != ".sqlite":
+        return file.stat().st_size
+    return int(_events(file, "SELECT max(sequence) FROM events")[0])
+
+
+def _since(file: Path, start: int) -> str:
+    if file.suffix == ".sqlite":
+        return "\n".join(_events(file, f"SELECT kind || data_json FROM events WHERE sequence > {start}"))
     with file.open("rb") as log:
         log.seek(start)
         return log.read().decode(errors="replace")
+
+
+def _events(file: Path, query: str) -> list[str]:
+    with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as record:
+        return [str(row[0]) for row in record.execute(query)]

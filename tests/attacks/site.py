@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,19 +85,25 @@ class Site:
         assert isinstance(state, dict)
         return state
 
-    def robot_state(self) -> RobotState:
-        """The newest state from the bus, as everybody with the gateway's key hears it."""
+    def robot_state(self, bus: ZenohBus) -> RobotState:
+        """The newest state, as everybody with the gateway's key hears it."""
         heard: list[RobotState] = []
-        with self.open_as("ui_api") as bus:
+        with closing(
             bus.subscribe_retained(
                 self.keys.robot_state, lambda sample: heard.append(decode(RobotState, sample.payload))
             )
+        ):
             wait_until(lambda: bool(heard), "a state of the robot")
             return heard[-1]
 
     def log_files(self) -> tuple[Path, ...]:
         """Logs of all processes."""
         return tuple(sorted((self.installation.state_dir / "logs").glob("*.*")))
+
+    @property
+    def case_record(self) -> Path:
+        """The gateway's log of events."""
+        return self.installation.state_dir / "case-record.sqlite"
 
     def ready(self) -> bool:
         """Whether the gateway finds everything in order."""
@@ -143,3 +149,18 @@ def approved_plan(case: CaseClient, room: RoomClient) -> Plan:
     plan = case.plan(seen.number, room.scenario().hole_ids)
     case.approve(plan, SURGEON)
     return plan
+
+
+def approved_move(site: Site) -> str:
+    """Ask for the approved move as the gateway's own page would: had it not been for the controls, it was possible.
+
+    Raises
+    ------
+    AssertionError
+        When the robot does not move: then nothing was shown by its standing still.
+    """
+    before = site.true_pose()
+    moved = site.case.move(site.plan)
+    assert moved.status == "succeeded", moved.detail
+    assert site.true_pose() != before, "the robot stands where it stood"
+    return "the approved plan moves the robot when it is asked for as it should be"

@@ -18,6 +18,7 @@ from pydicom.errors import BytesLengthException, InvalidDicomError
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage, generate_uid
 
 from services.imaging.core.still_frames import MotionLimits, longest_still_run
+from services.imaging.devices.decoded_size import require_bounded_file, require_stated_size
 from services.imaging.devices.dicom_pixels import grey_frames
 from services.imaging.devices.received_image import (
     BOUNDS_MM,
@@ -70,6 +71,7 @@ def read_dicom(content: bytes, source: str) -> ReceivedImage:
         When it is truncated, not grey, moving all the time, or compressed in a way that cannot be decoded.
     """
     try:
+        require_bounded_file(content, source)
         return _received(dcmread(BytesIO(content)), content, source)
     except ImageUnreadable:
         raise
@@ -82,6 +84,7 @@ def read_dicom(content: bytes, source: str) -> ReceivedImage:
 
 def _received(dataset: Dataset, content: bytes, source: str) -> ReceivedImage:
     _require_pixels(dataset, source)
+    require_stated_size(dataset, source)
     stored = np.asarray(dataset.pixel_array)
     return ReceivedImage(
         pixels=_still(grey_frames(dataset, stored, source), source),

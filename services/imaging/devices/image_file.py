@@ -3,6 +3,8 @@
 The DICOM library is imported when a DICOM file is read or made: it takes as long as calibrating an image.
 """
 
+from typing import Literal
+
 import cv2
 import numpy as np
 
@@ -13,6 +15,8 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 # Of the standards: a PNG chunk's length, name and checksum; DICOM's preamble before its mark (PS3.10).
 _PNG_OVERHEAD = 12
 _TIFF = (b"II*\x00", b"MM\x00*")
+# Tags of width and height, and the type of a value of two bytes.
+_TIFF_SIDES, _TIFF_SHORT = (256, 257), 3
 _DICOM_AT, _DICOM = 128, b"DICM"
 _KINDS = "a PNG or TIFF of 8 or 16 bits, or a DICOM file"
 
@@ -64,7 +68,9 @@ def _read_plain(content: bytes, source: str) -> GreyPixels:
     """Grey values of a PNG or TIFF, shape (rows, columns)."""
     if content.startswith(_PNG):
         _require_whole_png(content, source)
-    elif not content.startswith(_TIFF):
+    elif content.startswith(_TIFF):
+        _require_size(*_tiff_size(content), source)
+    else:
         raise ImageUnreadable(f"{source}: {len(content)} bytes that are not an image; needed is {_KINDS}")
     return _decoded(content, source)
 
@@ -81,6 +87,23 @@ def _require_whole_png(content: bytes, source: str) -> None:
             "send it again"
         )
     width, height = (int.from_bytes(content[k : k + 4], "big") for k in (len(_PNG) + 8, len(_PNG) + 12))
+    _require_size(width, height, source)
+
+
+def _tiff_size(content: bytes) -> tuple[int, int]:
+    """Width and height that the first directory of a TIFF states; zero where it states none."""
+    order: Literal["little", "big"] = "little" if content.startswith(b"II") else "big"
+    at = int.from_bytes(content[4:8], order)
+    sides = dict.fromkeys(_TIFF_SIDES, 0)
+    for entry in range(at + 2, at + 2 + 12 * int.from_bytes(content[at : at + 2], order), 12):
+        tag, kind = (int.from_bytes(content[k : k + 2], order) for k in (entry, entry + 2))
+        if tag in sides:
+            value = content[entry + 8 : entry + (10 if kind == _TIFF_SHORT else 12)]
+            sides[tag] = max(sides[tag], int.from_bytes(value, order))
+    return sides[_TIFF_SIDES[0]], sides[_TIFF_SIDES[1]]
+
+
+def _require_size(width: int, height: int, source: str) -> None:
     if max(width, height) > LONGEST_SIDE:
         raise ImageUnreadable(
             f"{source}: {width} x {height} pixels (at most {LONGEST_SIDE} each way); send an X-ray image"
