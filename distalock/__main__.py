@@ -208,6 +208,12 @@ def _pki_arguments(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _record_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.record.arguments import add_arguments
+
+    add_arguments(parser)
+
+
 def _benchmark_name(text: str) -> str:
     if not is_benchmark(text):
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; `distalock bench` lists them")
@@ -263,6 +269,12 @@ COMMANDS = (
         "keys and certificates of an installation: make, show, renew, make all anew",
         _pki_arguments,
         _imported("distalock.pki"),
+    ),
+    Command(
+        "record",
+        "the case record: verify, back up, restore",
+        _record_arguments,
+        _imported("distalock.record.command"),
     ),
     Command(
         "bench",

@@ -1,4 +1,4 @@
-"""Run the gateway: `python -m services.ui_api`; or `verify` the case record, or print the OpenAPI file (`openapi`)."""
+"""Run the gateway: `python -m services.ui_api`; or print the OpenAPI file (`openapi`)."""
 
 import argparse
 import json
@@ -6,13 +6,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sqlalchemy.exc import DBAPIError
-
 from services.ui_api.app import make_app, openapi_document, routed_app
-from services.ui_api.core.chain import ChainBroken
 from services.ui_api.handlers.clock import Clock
-from services.ui_api.record.database import existing_database
-from services.ui_api.record.verify import verify_record
 from services.ui_api.server import listening_socket, serving
 from services.ui_api.service import open_gateway
 from services.ui_api.settings import UiApiSettings
@@ -25,14 +20,14 @@ from shared.runtime.settings import load_settings
 
 
 def main(arguments: list[str]) -> int:
-    """Exit code: 0 fine, 1 a fault or a broken record, 2 cannot start (one line on stderr says why)."""
+    """Exit code: 0 fine, 1 a fault, 2 cannot start (one line on stderr says why)."""
     given = _parser().parse_args(arguments)
     if given.command == "openapi":
         print(json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False))
         return 0
     try:
         settings = load_settings(UiApiSettings, host=given.host, port=given.port, state_dir=given.state_dir)
-        return _verify(settings) if given.command == "verify" else _serve(settings)
+        return _serve(settings)
     except ConfigurationError as error:
         print(f"ui_api: {error}", file=sys.stderr)
         return 2
@@ -45,25 +40,11 @@ def _parser() -> argparse.ArgumentParser:
         epilog=settings_help(UiApiSettings),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", nargs="?", choices=("serve", "verify", "openapi"), default="serve")
+    parser.add_argument("command", nargs="?", choices=("serve", "openapi"), default="serve")
     parser.add_argument("--host", help="address to listen on")
     parser.add_argument("--port", type=int, help="port to listen on; 0: any free")
     parser.add_argument("--state-dir", help="folder for the case record and the images")
     return parser
-
-
-def _verify(settings: UiApiSettings) -> int:
-    url = settings.record_url()
-    try:
-        verdict = verify_record(existing_database(url))
-    except (DBAPIError, UnicodeDecodeError) as error:  # a damaged schema need not be text
-        cause = error.orig if isinstance(error, DBAPIError) else error
-        raise ConfigurationError(f"case record {url}: cannot be read: {cause}") from None
-    if isinstance(verdict, ChainBroken):
-        print(f"broken: {verdict.message}")
-        return 1
-    print(f"intact: {verdict.entries} events, head {verdict.head_sha256}")
-    return 0
 
 
 def _serve(settings: UiApiSettings) -> int:

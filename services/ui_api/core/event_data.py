@@ -214,3 +214,41 @@ class PresenceChanged:
 
     service: str
     alive: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ImageNumbers:
+    """Numbers of images in one image store, as ranges from the first to the last."""
+
+    store_id: str
+    ranges: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CasePruned:
+    """A closed case was removed by rule: the content of its events, documents that no other event names, its images.
+
+    Attributes
+    ----------
+    event_ranges
+        Numbers of the events that are empty now, as ranges from the first to the last.
+    documents, images
+        Hashes of what was deleted.
+    image_numbers
+        Numbers of its images, which are on record all the same.
+    """
+
+    pruned_case_id: str
+    rule: str
+    event_ranges: tuple[tuple[int, int], ...]
+    documents: tuple[str, ...]
+    images: tuple[str, ...]
+    image_numbers: tuple[ImageNumbers, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ImagesPruned:
+    """Files of images were deleted by rule; the events that name these images stay."""
+
+    rule: str
+    images: tuple[str, ...]

@@ -8,10 +8,12 @@ from enum import StrEnum
 
 from services.ui_api.core.event_data import (
     CaseOpened,
+    CasePruned,
     GatewayStarted,
     ImageCalibrated,
     ImageReceived,
     ImageSkipped,
+    ImagesPruned,
     LocalisationReceived,
     PlanApproved,
     PlanMade,
@@ -55,6 +57,8 @@ class EventKind(StrEnum):
     STEP_RECORDED = "step_recorded"
     ROBOT_CHANGED = "robot_changed"
     PRESENCE_CHANGED = "presence_changed"
+    CASE_PRUNED = "case_pruned"
+    IMAGES_PRUNED = "images_pruned"
 
 
 EventData = (
@@ -78,6 +82,8 @@ EventData = (
     | StepRecorded
     | RobotChanged
     | PresenceChanged
+    | CasePruned
+    | ImagesPruned
 )
 
 DATA_OF_KIND: dict[EventKind, type[EventData]] = {
@@ -101,6 +107,8 @@ DATA_OF_KIND: dict[EventKind, type[EventData]] = {
     EventKind.STEP_RECORDED: StepRecorded,
     EventKind.ROBOT_CHANGED: RobotChanged,
     EventKind.PRESENCE_CHANGED: PresenceChanged,
+    EventKind.CASE_PRUNED: CasePruned,
+    EventKind.IMAGES_PRUNED: ImagesPruned,
 }
 
 KIND_OF_DATA: dict[type[EventData], EventKind] = {data: kind for kind, data in DATA_OF_KIND.items()}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from services.ui_api.core.case import Case, applied, opened_case
-from services.ui_api.core.event_data import CaseOpened, ImageReceived
+from services.ui_api.core.event_data import CaseOpened, CasePruned, ImageReceived
 from services.ui_api.core.events import Event
 from services.ui_api.core.image_numbers import NumbersOnRecord
 from services.ui_api.core.inside import Inside
@@ -33,6 +33,12 @@ class Ledger:
         self._take_operation(event)
         self._take_image(event)
         self.head_sequence = event.sequence
+
+    def pass_over(self, sequence: int) -> None:
+        """Count the next event of the log, whose content was pruned."""
+        if sequence != self.head_sequence + 1:
+            raise ValueError(f"expected event {self.head_sequence + 1}, got event {sequence}")
+        self.head_sequence = sequence
 
     def with_events(self, events: Sequence[Event]) -> "Ledger":
         """The ledger after more events; this one stays as it is. Raises what an event brings that does not fit."""
@@ -79,8 +85,16 @@ class Ledger:
     def _take_image(self, event: Event) -> None:
         data = event.data
         if isinstance(data, ImageReceived) and data.store_id is not None and data.sequence is not None:
-            numbers = self.images.get(data.store_id, NumbersOnRecord()).with_number(data.sequence)
-            self.images = {**self.images, data.store_id: numbers}
+            self._note_image(data.store_id, data.sequence)
+        elif isinstance(data, CasePruned):
+            for kept in data.image_numbers:
+                for first, last in kept.ranges:
+                    for number in range(first, last + 1):
+                        self._note_image(kept.store_id, number)
+
+    def _note_image(self, store_id: str, number: int) -> None:
+        numbers = self.images.get(store_id, NumbersOnRecord()).with_number(number)
+        self.images = {**self.images, store_id: numbers}
 
     def _take_operation(self, event: Event) -> None:
         data = event.data

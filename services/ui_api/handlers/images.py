@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageReceived
 from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, unknown
+from services.ui_api.record.images import stored_image
 from services.ui_api.record.record import CaseRecord
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
@@ -59,9 +60,9 @@ class ImageHandler:
     def dicom(self, sha256: str) -> bytes:
         """The file exactly as imaging stored it; raises `Refused`."""
         self.find(sha256)
-        for path in stored_paths(self._image_dir, sha256):
-            if path.is_file():
-                return path.read_bytes()
+        file = stored_image(self._image_dir, sha256)
+        if file is not None:
+            return file.read_bytes()
         raise Refused(
             RefusalKind.UNAVAILABLE,
             "image_file_unreachable",
@@ -109,11 +110,6 @@ class ImageHandler:
                 f"imaging did not hand out the pixels of image {sha256[:12]}: {error}; check that imaging runs",
             ) from None
         return decode(FrameHeader, answer.attachment).pixels(answer.payload)
-
-
-def stored_paths(image_dir: Path, sha256: str) -> tuple[Path, ...]:
-    """Where imaging may have put a file: flat, or in folders by the first two digits of the hash."""
-    return (image_dir / f"{sha256}.dcm", image_dir / sha256[:2] / f"{sha256}.dcm")
 
 
 def _to_8_bits(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:

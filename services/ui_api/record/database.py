@@ -5,21 +5,19 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Final
 
 from alembic import command
 from alembic.config import Config
 from alembic.util import CommandError
-from sqlalchemy import Connection, Engine, create_engine, event
-from sqlalchemy.engine import make_url
-from sqlalchemy.engine.interfaces import DBAPIConnection
-from sqlalchemy.exc import ArgumentError, DBAPIError
-from sqlalchemy.pool import ConnectionPoolEntry, NullPool, Pool
+from sqlalchemy import Engine, inspect, text
+from sqlalchemy.exc import DBAPIError
 
+from services.ui_api.record.engines import WRITES, cause_of, engine_of, is_sqlite, shown
 from shared.errors import ConfigurationError
 
-WRITES = "distalock_writes"
-BUSY_MS = "distalock_busy_ms"
-_BUSY_MS = 5000
+# Any number that no other program on the same server uses: these are the letters "distaloc".
+_ADVISORY_LOCK: Final = int.from_bytes(b"distaloc", "big")
 
 
 def sqlite_url(state_dir: Path) -> str:
@@ -35,27 +33,30 @@ def open_database(url: str) -> Engine:
     ConfigurationError
         When the URL or the folder is unusable, the file is no database, or a newer version wrote it.
     """
-    engine = _engine(url)
+    engine = engine_of(url)
     try:
-        _make_folder(engine)
-        _upgrade(engine)
+        with ExitStack() as unusable:
+            unusable.callback(engine.dispose)
+            _make_folder(engine)
+            upgrade(engine)
+            unusable.pop_all()
     except CommandError as error:
         raise ConfigurationError(
-            f"case record {url}: its schema is not one that this version knows ({error}); start the newer version"
+            f"case record {shown(url)}: its schema is not one that this version knows ({error}); start the newer "
+            "version"
         ) from None
     except OSError as error:
         raise ConfigurationError(
-            f"case record {url}: its folder cannot be made: {error.strerror or error}; set another state_dir"
+            f"case record {shown(url)}: its folder cannot be made: {error.strerror or error}; set another state_dir"
         ) from None
     except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:  # a damaged schema need not be text
-        cause = error.orig if isinstance(error, DBAPIError) else error
-        raise ConfigurationError(f"case record {url}: cannot be opened: {cause}") from None
+        raise ConfigurationError(f"case record {shown(url)}: cannot be opened: {cause_of(error)}") from None
     return engine
 
 
 @contextmanager
 def sole_gateway(url: str) -> Iterator[None]:
-    """Hold a SQLite record against other gateways, for as long as the context lasts; a kill releases it.
+    """Hold a record against other gateways, for as long as the context lasts; a kill releases it.
 
     Two gateways on one record would each number their events by what they have in memory.
 
@@ -64,25 +65,57 @@ def sole_gateway(url: str) -> Iterator[None]:
     ConfigurationError
         When another gateway holds it, or the folder cannot be written.
     """
-    file = _engine(url).url
-    if file.get_backend_name() != "sqlite" or not file.database:
+    engine = engine_of(url)
+    if not is_sqlite(engine):
+        with _sole_on_server(engine, url):
+            yield
+    elif not engine.url.database:
         yield
-        return
-    lock_file = Path(f"{file.database}.lock")
+    else:
+        with _sole_on_file(Path(f"{engine.url.database}.lock"), url):
+            yield
+
+
+@contextmanager
+def _sole_on_file(lock_file: Path, url: str) -> Iterator[None]:
     with ExitStack() as stack:
         try:
             lock_file.parent.mkdir(parents=True, exist_ok=True)
             lock = stack.enter_context(lock_file.open("ab"))
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise ConfigurationError(
-                f"case record {url} is held by another gateway that runs now; end it, or set another state_dir"
-            ) from None
+            raise _held_by_another(url) from None
         except OSError as error:
             raise ConfigurationError(
-                f"case record {url}: its folder cannot be written: {error.strerror or error}; set another state_dir"
+                f"case record {shown(url)}: its folder cannot be written: {error.strerror or error}; set another "
+                "state_dir"
             ) from None
         yield
+
+
+@contextmanager
+def _sole_on_server(engine: Engine, url: str) -> Iterator[None]:
+    """An advisory lock, which lasts as long as its connection.
+
+    A server that is restarted forgets it; the log's primary key then still refuses what a second gateway numbers alike.
+    """
+    with ExitStack() as stack:
+        stack.callback(engine.dispose)
+        try:
+            connection = stack.enter_context(engine.connect().execution_options(isolation_level="AUTOCOMMIT"))
+            held = connection.execute(text("SELECT pg_try_advisory_lock(:key)"), {"key": _ADVISORY_LOCK}).scalar()
+        except DBAPIError as error:
+            raise ConfigurationError(f"case record {shown(url)}: cannot be opened: {cause_of(error)}") from None
+        if not held:
+            raise _held_by_another(url)
+        yield
+        connection.invalidate()  # its server may be gone: nothing is left to say to it
+
+
+def _held_by_another(url: str) -> ConfigurationError:
+    return ConfigurationError(
+        f"case record {shown(url)} is held by another gateway that runs now; end it, or set another state_dir"
+    )
 
 
 def existing_database(url: str) -> Engine:
@@ -93,57 +126,33 @@ def existing_database(url: str) -> Engine:
     ConfigurationError
         When there is none.
     """
-    engine = _engine(url)
-    file = engine.url.database
-    if engine.url.get_backend_name() == "sqlite" and file and not Path(file).is_file():
-        raise ConfigurationError(f"there is no case record at {file}; choose its folder with --state-dir")
-    return engine
-
-
-def unpooled(engine: Engine) -> Engine:
-    """The same database with a new connection every time: it sees the file as it is, not what another has in memory."""
-    if engine.url.get_backend_name() != "sqlite":
+    engine = engine_of(url)
+    if is_sqlite(engine):
+        file = engine.url.database
+        if file and not Path(file).is_file():
+            raise ConfigurationError(f"there is no case record at {file}; choose its folder with --state-dir")
         return engine
-    return _engine(engine.url.render_as_string(hide_password=False), NullPool)
-
-
-def _engine(url: str, pool: type[Pool] | None = None) -> Engine:
     try:
-        parsed = make_url(url)
-        engine = create_engine(parsed, poolclass=pool)
-    except (ArgumentError, ImportError) as error:
-        raise ConfigurationError(f"database URL {url!r} cannot be used: {error}") from None
-    if parsed.get_backend_name() == "sqlite":
-        event.listen(engine, "connect", _prepare_sqlite)
-        event.listen(engine, "begin", _begin_sqlite)
+        with ExitStack() as unusable:
+            unusable.callback(engine.dispose)
+            if not inspect(engine).has_table("events"):
+                raise ConfigurationError(f"there is no case record at {shown(url)}; choose another database URL")
+            unusable.pop_all()
+    except DBAPIError as error:
+        raise ConfigurationError(f"case record {shown(url)}: cannot be opened: {cause_of(error)}") from None
     return engine
 
 
-def _make_folder(engine: Engine) -> None:
-    if engine.url.get_backend_name() == "sqlite" and engine.url.database:
-        Path(engine.url.database).parent.mkdir(parents=True, exist_ok=True)
-
-
-def _prepare_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:
-    """WAL, and a flush to the disk with every commit: what was acknowledged survives a kill and a power cut."""
-    assert isinstance(connection, sqlite3.Connection)
-    connection.isolation_level = None  # transactions begin where `_begin_sqlite` says, not where the driver guesses
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", f"busy_timeout={_BUSY_MS}"):
-        connection.execute(f"PRAGMA {pragma}")
-
-
-def _begin_sqlite(connection: Connection) -> None:
-    """Writers take the lock at once, so that no transaction fails half-way for want of it."""
-    options = connection.get_execution_options()
-    connection.exec_driver_sql(f"PRAGMA busy_timeout={options.get(BUSY_MS, _BUSY_MS)}")
-    writes = options.get(WRITES, False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
-
-
-def _upgrade(engine: Engine) -> None:
+def upgrade(engine: Engine, revision: str = "head") -> None:
+    """Bring the schema to a revision; others may read meanwhile, and find the old one or the new one."""
     config = Config()
     config.set_main_option("script_location", "services.ui_api.record:migrations")
     with engine.connect().execution_options(**{WRITES: True}) as connection:
         config.attributes["connection"] = connection
-        command.upgrade(config, "head")
+        command.upgrade(config, revision)
         connection.commit()
+
+
+def _make_folder(engine: Engine) -> None:
+    if is_sqlite(engine) and engine.url.database:
+        Path(engine.url.database).parent.mkdir(parents=True, exist_ok=True)

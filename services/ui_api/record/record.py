@@ -13,11 +13,12 @@ from sqlalchemy import Connection, Engine, delete, func, insert, select
 from sqlalchemy.exc import DBAPIError, IntegrityError, ProgrammingError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
-from services.ui_api.core.chain import GENESIS_SHA256, why_broken
+from services.ui_api.core.chain import GENESIS_SHA256, ChainEntry, why_broken
 from services.ui_api.core.events import Event, EventDraft
 from services.ui_api.core.ledger import Ledger
+from services.ui_api.core.pruning import PrunedEntries
 from services.ui_api.record.codec import decoded, entry_of_row
-from services.ui_api.record.database import BUSY_MS, WRITES, unpooled
+from services.ui_api.record.engines import BUSY_MS, WRITES, cause_of, unpooled
 from services.ui_api.record.tables import ANSWERS, DOCUMENTS, EVENTS, PROBE
 from services.ui_api.record.unit_of_work import Answer, RememberedAnswer, UnitOfWork
 from shared.errors import ConfigurationError, DistalockError, InputError, RecordUnavailable
@@ -52,6 +53,7 @@ class CaseRecord:
         self._writer = threading.RLock()
         self._listeners: list[Callable[[Sequence[Event]], None]] = []
         self._head_sha256 = GENESIS_SHA256
+        self._in_doubt = False
         self.ledger = Ledger()
         self._fold_log()
         self._file = _File(engine)
@@ -71,19 +73,34 @@ class CaseRecord:
         Raises
         ------
         RecordUnavailable
-            When the database cannot be written now: it is locked, full, read-only or damaged. Nothing was written.
+            When the database cannot be written now: it is locked, full, read-only, damaged or gone. Nothing was
+            written, unless it went while it confirmed: the next unit of work takes in what is there.
         """
         with self._writer:
             with self._transaction(self._engine) as connection:
+                if self._in_doubt:
+                    self._take_in_what_was_committed(connection)
                 unit = UnitOfWork(connection, self.ledger.head_sequence, self._head_sha256, self._clock_ns())
                 yield unit
                 after = self.ledger.with_events(unit.events)
+                self._in_doubt = True
+            self._in_doubt = False
             self._head_sha256 = unit.head_sha256
             self.ledger.become(after)
-            for listener in self._listeners if unit.events else ():
-                _carried_out(partial(listener, unit.events))
+            self._tell(unit.events)
             for effect in unit.afterwards:
                 _carried_out(effect)
+
+    def _take_in_what_was_committed(self, connection: Connection) -> None:
+        """A commit was not confirmed, so nobody knew until now whether it reached the disk."""
+        newer = select(EVENTS).where(EVENTS.c.sequence > self.ledger.head_sequence).order_by(EVENTS.c.sequence)
+        events = [self._taken(entry_of_row(row)) for row in connection.execute(newer)]
+        self._in_doubt = False
+        self._tell([event for event in events if event is not None])
+
+    def _tell(self, events: Sequence[Event]) -> None:
+        for listener in self._listeners if events else ():
+            _carried_out(partial(listener, events))
 
     @contextmanager
     def _transaction(self, engine: Engine, **options: int) -> Iterator[Connection]:
@@ -107,7 +124,8 @@ class CaseRecord:
 
     def events_after(self, sequence: int, case_id: str | None = None, limit: int = PAGE) -> list[Event]:
         """Events after a sequence number, the oldest first; of one case or of all."""
-        query = select(EVENTS).where(EVENTS.c.sequence > sequence).order_by(EVENTS.c.sequence).limit(limit)
+        is_there = EVENTS.c.data_json != ""  # what was pruned has no content to read
+        query = select(EVENTS).where(EVENTS.c.sequence > sequence, is_there).order_by(EVENTS.c.sequence).limit(limit)
         if case_id is not None:
             query = query.where(EVENTS.c.case_id == case_id)
         with self._reading() as connection:
@@ -160,20 +178,33 @@ class CaseRecord:
 
     def _fold_log(self) -> None:
         """Read and check the whole log; raises `ConfigurationError` with one sentence when it is damaged."""
+        pruned = PrunedEntries()
         try:
             with self._engine.connect() as connection:
                 for row in connection.execute(select(EVENTS).order_by(EVENTS.c.sequence)):
                     entry = entry_of_row(row)
-                    if (why := why_broken(entry, self.ledger.head_sequence + 1, self._head_sha256)) is not None:
-                        raise InputError(why)
-                    self.ledger.take(decoded(entry))
-                    self._head_sha256 = entry.sha256
+                    self._taken(entry)
+                    pruned.see(entry.sequence, entry.case_id, entry.kind, entry.data_json)
+            if (number := pruned.unannounced()) is not None:
+                raise InputError(f"event {number} is empty, and no later event tells that it was pruned")
         except (DBAPIError, DistalockError, ValueError, KeyError, TypeError) as error:
-            cause = error.orig if isinstance(error, DBAPIError) else _in_one_line(error)
+            cause = cause_of(error) if isinstance(error, DBAPIError) else _in_one_line(error)
             raise ConfigurationError(
                 f"the case record is damaged after event {self.ledger.head_sequence} ({cause}); "
                 "restore it from a backup, or set another state_dir"
             ) from error
+
+    def _taken(self, entry: ChainEntry) -> Event | None:
+        """Fold in the next entry of the log; None when its content was pruned."""
+        if (why := why_broken(entry, self.ledger.head_sequence + 1, self._head_sha256)) is not None:
+            raise InputError(why)
+        event = None if entry.is_pruned else decoded(entry)
+        if event is None:
+            self.ledger.pass_over(entry.sequence)
+        else:
+            self.ledger.take(event)
+        self._head_sha256 = entry.sha256
+        return event
 
 
 @contextmanager
@@ -184,9 +215,8 @@ def _unavailable(done: str) -> Iterator[None]:
     except (IntegrityError, ProgrammingError):
         raise
     except (DBAPIError, PoolTimeout, sqlite3.Error, UnicodeDecodeError) as error:
-        cause = error.orig if isinstance(error, DBAPIError) else error
         raise RecordUnavailable(
-            f"the case record cannot be {done} now ({cause}); see to its disk, and who else holds it"
+            f"the case record cannot be {done} now ({cause_of(error)}); see to its disk, and who else holds it"
         ) from error
 
 

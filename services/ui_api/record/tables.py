@@ -26,6 +26,21 @@ DOCUMENTS = Table(
     Column("content", LargeBinary, nullable=False),
 )
 
+# What may be pruned, each with the event that tells of it; the triggers of the migrations look here.
+PRUNINGS = Table(
+    "prunings",
+    METADATA,
+    Column("case_id", String(64), primary_key=True),
+    Column("event_sequence", Integer, ForeignKey("events.sequence"), nullable=False),
+)
+
+DOCUMENTS_TO_PRUNE = Table(
+    "documents_to_prune",
+    METADATA,
+    Column("sha256", String(64), primary_key=True),
+    Column("event_sequence", Integer, ForeignKey("events.sequence"), nullable=False),
+)
+
 # One row, written over and over to see that the database takes what is written.
 PROBE = Table("probe", METADATA, Column("id", Integer, primary_key=True), Column("at_ns", BigInteger, nullable=False))
 

@@ -1,15 +1,15 @@
 """One unit of work on the record: events, documents and a remembered answer, written together or not at all."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, delete, insert, select, update
 
 from services.ui_api.core.chain import ChainEntry, entry_sha256
 from services.ui_api.core.events import KIND_OF_DATA, Event, EventDraft
 from services.ui_api.record.codec import data_json, event_of
-from services.ui_api.record.tables import ANSWERS, DOCUMENTS, EVENTS
+from services.ui_api.record.tables import ANSWERS, DOCUMENTS, DOCUMENTS_TO_PRUNE, EVENTS, PRUNINGS
 from shared.parts.files import sha256_of
 
 
@@ -75,6 +75,22 @@ class UnitOfWork:
                 answered_at_ns=self.now_ns,
             )
         )
+
+    def erase_case(self, case_id: str, announcement: Event, documents: Collection[str]) -> None:
+        """Empty all events of a case, and delete documents, after the event that tells of it was appended.
+
+        The database allows it because it is declared first (`migrations.versions.r0003_append_only`).
+        """
+        run = self._connection.execute
+        declared = announcement.sequence
+        run(insert(PRUNINGS).values(case_id=case_id, event_sequence=declared))
+        of_case = EVENTS.c.case_id == case_id
+        numbers = select(EVENTS.c.sequence).where(of_case)
+        run(delete(ANSWERS).where(ANSWERS.c.event_sequence.in_(numbers)))
+        run(update(EVENTS).where(of_case).values(who="", why="", data_json=""))
+        for sha256 in documents:
+            run(insert(DOCUMENTS_TO_PRUNE).values(sha256=sha256, event_sequence=declared))
+            run(delete(DOCUMENTS).where(DOCUMENTS.c.sha256 == sha256))
 
     def after_commit(self, effect: Callable[[], None]) -> None:
         """Have something done once the transaction is on the disk, and not at all if it fails."""

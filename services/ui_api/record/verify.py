@@ -25,13 +25,13 @@ def verify_record(engine: Engine) -> ChainIntact | ChainBroken:
         Broken names the first event that does not hold, or whose documents do not.
     """
     with engine.connect() as connection:
-        chain = check_chain(_entries(connection))
+        chain = check_chain(entries(connection))
         return chain if isinstance(chain, ChainBroken) else _check_documents(connection) or chain
 
 
 def documents_named(data_json: str) -> frozenset[str]:
-    """Hashes of the documents that an event's data names, at any depth."""
-    return frozenset(_named(json.loads(data_json)))
+    """Hashes of the documents that an event's data names, at any depth; none when the event was pruned."""
+    return frozenset(_named(json.loads(data_json))) if data_json else frozenset()
 
 
 def _named(value: object) -> Iterator[str]:
@@ -46,14 +46,15 @@ def _named(value: object) -> Iterator[str]:
             yield from _named(inner)
 
 
-def _entries(connection: Connection) -> Iterator[ChainEntry]:
+def entries(connection: Connection) -> Iterator[ChainEntry]:
+    """The whole log, in its order."""
     for row in connection.execute(select(EVENTS).order_by(EVENTS.c.sequence)):
         yield entry_of_row(row)
 
 
 def _check_documents(connection: Connection) -> ChainBroken | None:
     intact, damaged = _documents(connection)
-    for entry in _entries(connection):
+    for entry in entries(connection):
         for sha256 in sorted(documents_named(entry.data_json) - intact):
             finding = "was changed" if sha256 in damaged else "is missing"
             return ChainBroken(

@@ -1,0 +1,1 @@
+"""`distalock record`: keep, hand over and thin out what the gateway wrote down."""

@@ -1,0 +1,59 @@
+"""Files that are there whole, on the disk, or not at all; and SQLite databases as single files."""
+
+import os
+import sqlite3
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+
+from shared.errors import InputError
+
+
+def copy_sqlite(source: Path, target: Path) -> None:
+    """Copy a SQLite database while others read and write it, by SQLite's online backup, as one file on the disk.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read, or the copy not be written.
+    """
+    new = target.with_suffix(".new")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    new.unlink(missing_ok=True)
+    try:
+        with (
+            closing(sqlite3.connect(f"file:{source}?mode=ro", uri=True)) as old,
+            closing(sqlite3.connect(new)) as copy,
+        ):
+            old.backup(copy)  # in one step: a reader's snapshot, which keeps no writer waiting
+        as_one_file(new)
+    except sqlite3.Error as error:
+        new.unlink(missing_ok=True)
+        raise InputError(f"{source} cannot be copied to {target}: {error}") from None
+    settle(new, target)
+
+
+def as_one_file(file: Path) -> None:
+    """Leave a SQLite database that nobody uses as one file, without the log that lies beside one in use."""
+    with closing(sqlite3.connect(file)) as connection:
+        connection.execute("PRAGMA journal_mode = DELETE")
+
+
+def write_durably(file: Path, pieces: Iterable[bytes]) -> None:
+    """Write a file so that it is there whole, on the disk, or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    new = file.with_name(f".{file.name}.new")
+    with new.open("wb") as stream:
+        stream.writelines(pieces)
+    settle(new, file)
+
+
+def settle(new: Path, file: Path) -> None:
+    """Flush a file to the disk, then give it its name."""
+    for path, then in ((new, lambda: new.replace(file)), (file.parent, lambda: None)):
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        then()

@@ -1,0 +1,155 @@
+"""Backups: made while somebody writes, restored only where nothing is, ending with the same head."""
+
+import threading
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Engine, text
+
+from services.ui_api.core.chain import ChainIntact
+from services.ui_api.core.event_data import ImageReceived
+from services.ui_api.core.events import EventDraft
+from services.ui_api.record.backup import BackupManifest, back_up, restore
+from services.ui_api.record.database import existing_database, open_database, sqlite_url
+from services.ui_api.record.images import stored_paths
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit_of_work import Answer
+from services.ui_api.record.verify import verify_record
+from shared.errors import InputError
+from shared.parts.files import sha256_of
+from tests.unit.services.ui_api.record.filled import STEP, fill, record_of
+
+_AT = datetime(2026, 1, 2, tzinfo=UTC)
+_IMAGE = b"a DICOM file"
+
+
+def _filled(engine: Engine, images: Path) -> CaseRecord:
+    record = record_of(engine)
+    fill(record)
+    sha256 = sha256_of(_IMAGE)
+    record.append(EventDraft(ImageReceived(sha256, "1.2", 5, 1, None, "store", 1), "case-1", "imaging"))
+    file = stored_paths(images, sha256)[0]
+    file.parent.mkdir(parents=True)
+    file.write_bytes(_IMAGE)
+    return record
+
+
+def _backed_up(engine: Engine, tmp_path: Path) -> BackupManifest:
+    return back_up(engine, tmp_path / "images", tmp_path / "backup", _AT, "1")
+
+
+@pytest.fixture
+def other_url(record_url: str, tmp_path: Path, request: pytest.FixtureRequest) -> str:
+    """An empty machine with the same kind of database."""
+    if record_url.startswith("sqlite"):
+        return sqlite_url(tmp_path / "other")
+    server = request.getfixturevalue("postgresql")
+    return str(server.url(server.make_database()))
+
+
+def test_a_restored_record_ends_with_the_same_head(engine: Engine, other_url: str, tmp_path: Path) -> None:
+    record = _filled(engine, tmp_path / "images")
+    with record.write() as unit:
+        unit.remember("key", "a" * 64, Answer(201, "{}", {}))
+    made = _backed_up(engine, tmp_path)
+    assert (made.events, made.images, made.is_complete) == (3, 1, True)
+    chain = restore(tmp_path / "backup", other_url, tmp_path / "other" / "images")
+    restored = open_database(other_url)
+    assert chain == verify_record(restored) == ChainIntact(3, made.head_sha256)
+    again = record_of(restored)
+    assert again.ledger.cases == record.ledger.cases
+    assert again.remembered("key") == record.remembered("key")
+    assert stored_paths(tmp_path / "other" / "images", sha256_of(_IMAGE))[0].read_bytes() == _IMAGE
+    again.append(STEP)
+    restored.dispose()
+
+
+def test_a_backup_is_of_one_moment_while_a_gateway_writes(engine: Engine, tmp_path: Path) -> None:
+    record = _filled(engine, tmp_path / "images")
+    ended = threading.Event()
+
+    def write() -> None:
+        while not ended.is_set():
+            record.append(STEP)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        made = [back_up(engine, tmp_path / "images", tmp_path / f"backup-{n}", _AT, "1").events for n in range(3)]
+    finally:
+        ended.set()
+        writer.join()
+    assert made == sorted(made)
+    assert isinstance(verify_record(engine), ChainIntact)
+    assert record.ledger.head_sequence >= made[-1]
+
+
+def test_a_record_moves_from_one_database_to_the_other(engine: Engine, tmp_path: Path) -> None:
+    _filled(engine, tmp_path / "images")
+    made = _backed_up(engine, tmp_path)
+    url = sqlite_url(tmp_path / "moved")
+    restore(tmp_path / "backup", url, tmp_path / "moved" / "images")
+    assert verify_record(existing_database(url)) == ChainIntact(3, made.head_sha256)
+    assert sorted(p.name for p in (tmp_path / "backup").iterdir()) == ["backup.json", "images", "record.sqlite"]
+
+
+def test_nothing_is_restored_over_a_record(engine: Engine, record_url: str, tmp_path: Path) -> None:
+    _filled(engine, tmp_path / "images")
+    _backed_up(engine, tmp_path)
+    with pytest.raises(InputError, match=r"there is a case record with 3 events at .*; restore onto an empty machine"):
+        restore(tmp_path / "backup", record_url, tmp_path / "images")
+
+
+def test_missing_and_damaged_images_are_named(engine: Engine, tmp_path: Path) -> None:
+    record = _filled(engine, tmp_path / "images")
+    record.append(EventDraft(ImageReceived("f" * 64, "1.3", 6, 1, None, "store", 2), "case-1", "imaging"))
+    stored_paths(tmp_path / "images", sha256_of(_IMAGE))[0].write_bytes(b"cut")
+    made = _backed_up(engine, tmp_path)
+    assert (made.missing_images, made.damaged_images) == (("f" * 64,), (sha256_of(_IMAGE),))
+
+
+def _cut_the_end(folder: Path) -> None:
+    engine = existing_database(f"sqlite:///{folder / 'record.sqlite'}")
+    with engine.begin() as connection:
+        connection.execute(text("DROP TRIGGER events_refuse_delete"))
+        connection.execute(text("DELETE FROM events WHERE sequence = 3"))
+
+
+def _change(folder: Path) -> None:
+    engine = existing_database(f"sqlite:///{folder / 'record.sqlite'}")
+    with engine.begin() as connection:
+        connection.execute(text("DROP TRIGGER events_refuse_update"))
+        connection.execute(text("UPDATE events SET who = 'nobody' WHERE sequence = 2"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "finding"),
+    [
+        (lambda folder: (folder / "backup.json").unlink(), "is no whole backup: backup.json"),
+        (lambda folder: (folder / "backup.json").write_text("{}"), "does not describe a backup"),
+        (_cut_the_end, r"has 2 events and head [0-9a-f]{64}, backup.json names 3"),
+        (_change, r"does not hold: event 2 \(step_recorded\) was changed"),
+        (lambda folder: next(folder.rglob("*.dcm")).unlink(), "1 images, such as .*, are missing or damaged"),
+        (lambda folder: next(folder.rglob("*.dcm")).write_bytes(b"x"), "1 images, such as .*, are missing or damaged"),
+    ],
+)
+def test_a_damaged_backup_is_refused_and_leaves_nothing(
+    tmp_path: Path, damage: Callable[[Path], object], finding: str
+) -> None:
+    engine = open_database(sqlite_url(tmp_path))
+    _filled(engine, tmp_path / "images")
+    _backed_up(engine, tmp_path)
+    damage(tmp_path / "backup")
+    url = sqlite_url(tmp_path / "other")
+    with pytest.raises(InputError, match=finding):
+        restore(tmp_path / "backup", url, tmp_path / "other" / "images")
+    assert not (tmp_path / "other" / "case-record.sqlite").exists()
+
+
+def test_a_backup_takes_an_empty_folder(tmp_path: Path) -> None:
+    engine = open_database(sqlite_url(tmp_path))
+    _filled(engine, tmp_path / "images")
+    with pytest.raises(InputError, match="is not an empty folder; a backup needs one of its own"):
+        back_up(engine, tmp_path / "images", tmp_path, _AT, "1")

@@ -1,0 +1,83 @@
+"""PostgreSQL killed, restarted, or gone in the middle of a commit: what was acknowledged is there, and work goes on."""
+
+import signal
+from collections.abc import Iterator
+
+import pytest
+from sqlalchemy import Connection, event
+from sqlalchemy.exc import OperationalError
+
+from services.ui_api.core.chain import ChainIntact
+from services.ui_api.core.event_data import GatewayStarted
+from services.ui_api.core.events import Event, EventDraft
+from services.ui_api.record.database import open_database
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.verify import verify_record
+from shared.errors import RecordUnavailable
+from tests.postgresql import Server
+
+_EVENT = EventDraft(GatewayStarted("epoch", "version"), None, "writer")
+
+
+@pytest.fixture
+def record(postgresql: Server, migrated: str) -> Iterator[CaseRecord]:
+    opened = CaseRecord(open_database(postgresql.url(postgresql.make_database(migrated))), lambda: 0)
+    yield opened
+    opened.close()
+
+
+def _append_until_killed(record: CaseRecord, server: Server) -> None:
+    with record.write() as unit:
+        unit.append(_EVENT)
+        server.end(signal.SIGQUIT)
+
+
+def test_a_gateway_goes_on_when_the_server_is_back(postgresql: Server, record: CaseRecord) -> None:
+    record.append(_EVENT)
+    postgresql.end(signal.SIGQUIT)
+    try:
+        with pytest.raises(
+            RecordUnavailable, match=r"the case record cannot be written now \(connection failed: [^\n]*"
+        ):
+            record.append(_EVENT)
+    finally:
+        postgresql.start()
+    record.append(_EVENT)
+    assert record.ledger.head_sequence == 2
+    assert len(record.events_after(0)) == 2
+
+
+@pytest.mark.parametrize("written", [0, 1, 5])
+def test_a_killed_server_keeps_every_acknowledged_event(postgresql: Server, record: CaseRecord, written: int) -> None:
+    """The server is killed in the middle of the transaction after so many acknowledged ones."""
+    for _ in range(written):
+        record.append(_EVENT)
+    try:
+        with pytest.raises(RecordUnavailable):
+            _append_until_killed(record, postgresql)
+    finally:
+        postgresql.start()
+    record.append(_EVENT)
+    assert verify_record(record._engine) == ChainIntact(written + 1, record._head_sha256)
+    assert record.ledger.head_sequence == written + 1
+
+
+def test_what_was_committed_without_a_word_is_taken_in(record: CaseRecord) -> None:
+    """The connection goes after the server committed and before it said so."""
+    told: list[Event] = []
+    record.listen(told.extend)
+    record.append(_EVENT)
+
+    def commit_without_a_word(connection: Connection) -> None:
+        connection.connection.driver_connection.commit()  # type: ignore[union-attr]
+        raise OperationalError("COMMIT", None, Exception("server closed the connection unexpectedly"))
+
+    event.listen(record._engine, "commit", commit_without_a_word)
+    with pytest.raises(RecordUnavailable, match="server closed the connection"):
+        record.append(_EVENT)
+    event.remove(record._engine, "commit", commit_without_a_word)
+    assert record.ledger.head_sequence == 1
+    record.append(_EVENT)
+    assert [e.sequence for e in told] == [1, 2, 3]
+    assert record.ledger.head_sequence == 3
+    assert isinstance(verify_record(record._engine), ChainIntact)
