@@ -153,8 +153,8 @@ class RobotService:
 
     def _once(self, envelope: Envelope, carry_out: Callable[[], Refusal | None]) -> Answer:
         """Carry a command out at most once, never late, and answer its repeats from the record."""
-        with self._lock:
-            admission = self._ledger.admit(envelope, self._parts.clock_s())
+        with self._lock, self._drive.deciding() as status:
+            admission = self._ledger.admit(envelope, self._parts.clock_s(), status.stops)
             if isinstance(admission, Repeat):
                 return Answer(admission.answer)
             if isinstance(admission, Refusal):
@@ -240,7 +240,7 @@ class RobotService:
         """Publish a status: what the publishing thread does over and over, for it or for a test in its place."""
         with self._lock:
             self._sequence += 1
-            self._ledger.note_published(self._sequence, self._parts.clock_s())
+            self._ledger.note_published(self._sequence, self._parts.clock_s(), status.stops)
             published = message_mapping.Publication(
                 self._parts.boot_epoch, self._sequence, self._registration.view.epoch, self._permits.record
             )

@@ -2,7 +2,8 @@
 
 A query that timed out at its caller can be delivered seconds later. Clocks of different hosts do not compare, so
 lateness is measured by the robot's clock alone: a command quotes the newest `RobotState` its client has seen, and is
-refused when the robot published that state longer ago than the command's time to live.
+refused when the robot published that state longer ago than the command's time to live, or when a stop has come since:
+whoever asked did not know of it.
 """
 
 from collections import OrderedDict, deque
@@ -66,10 +67,14 @@ class CommandLedger:
         self._records: OrderedDict[str, _Record] = OrderedDict()
         self._newest_sequence: OrderedDict[str, int] = OrderedDict()
         self._published: deque[tuple[int, float]] = deque(maxlen=REMEMBERED_STATES)
+        self._published_stops = 0
+        self._first_since_stop = 0
 
-    def note_published(self, sequence: int, now_s: float) -> None:
-        """A state with this sequence number goes out now."""
+    def note_published(self, sequence: int, now_s: float, stops: int) -> None:
+        """A state with this sequence number goes out now; `stops` had come before it."""
         self._published.append((sequence, now_s))
+        if stops != self._published_stops:
+            self._published_stops, self._first_since_stop = stops, sequence
 
     @property
     def newest_state(self) -> int | None:
@@ -80,12 +85,12 @@ class CommandLedger:
         """When a state was published; None when that is out of record, or never happened."""
         return next((at_s for number, at_s in reversed(self._published) if number == sequence), None)
 
-    def admit(self, envelope: Envelope, now_s: float) -> Admitted | Repeat | Refusal:
-        """Decide on a command, and record its id before anything can come of it."""
+    def admit(self, envelope: Envelope, now_s: float, stops: int) -> Admitted | Repeat | Refusal:
+        """Decide on a command when `stops` have come, and record its id before anything can come of it."""
         record = self._records.get(envelope.command_id)
         if record is not None:
             return _answer_to_repeat(envelope, record)
-        refusal = self._refusal(envelope, now_s)
+        refusal = self._refusal(envelope, now_s) or self._stopped_since(envelope, stops)
         if refusal is not None:
             return refusal
         self._remember(envelope)
@@ -125,6 +130,15 @@ class CommandLedger:
             RefusalCode.COMMAND_EXPIRED,
             f"the command quotes state {quoted}, which {age}, its time to live is {envelope.time_to_live_s:g} s; "
             "it came too late and was not carried out",
+        )
+
+    def _stopped_since(self, envelope: Envelope, stops: int) -> Refusal | None:
+        quoted = envelope.after_state_sequence
+        if stops == self._published_stops and quoted >= self._first_since_stop:
+            return None
+        return refusal(
+            RefusalCode.STOPPED_SINCE,
+            f"the command quotes state {quoted}, and a stop has come since; it was not carried out",
         )
 
     def _remember(self, envelope: Envelope) -> None:

@@ -11,6 +11,7 @@ class RefusalCode(StrEnum):
     WRONG_BOOT_EPOCH = "wrong_boot_epoch"
     COMMAND_EXPIRED = "command_expired"
     STATE_NOT_PUBLISHED = "state_not_published"
+    STOPPED_SINCE = "stopped_since"
     COMMAND_OUT_OF_ORDER = "command_out_of_order"
     COMMAND_ID_REUSED = "command_id_reused"
     OUTCOME_UNKNOWN = "outcome_unknown"

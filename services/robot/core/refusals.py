@@ -73,6 +73,12 @@ def _criteria_of_commands() -> tuple[RefusalCriterion, ...]:
             _ASK_AGAIN,
         ),
         row(code.STATE_NOT_PUBLISHED, "state that the command quotes", "published", "subscribe to its state first"),
+        row(
+            code.STOPPED_SINCE,
+            "state that the command quotes",
+            "published after the last stop",
+            "see why the robot was stopped, then ask again",
+        ),
         row(code.COMMAND_OUT_OF_ORDER, "number of the client's command", "larger than its last", _ASK_AGAIN),
         row(
             code.COMMAND_ID_REUSED,

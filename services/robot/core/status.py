@@ -5,7 +5,7 @@ from typing import Literal, assert_never
 
 from services.robot.core.controller_feedback import ControllerFeedback
 from services.robot.core.deviation import Deviation, deviation
-from services.robot.core.motion import Event, next_motion
+from services.robot.core.motion import Event, next_motion, stop_is_latched
 from services.robot.core.refusals import Refusal, RefusalCode, refusal
 from services.robot.core.stop_button import after_acknowledgement, after_feedback
 from services.robot.core.stop_result import Readback
@@ -58,6 +58,8 @@ class DriveStatus:
         Where the robot was when it was first seen locked in the present state; None in states that need not hold it.
     stop_button
         The button on the controller itself.
+    stops
+        How often a state was entered in which the stop is in force.
     readback
         The newest complete round of the controller's answers, of whatever generation; None before the first.
     """
@@ -76,6 +78,7 @@ class DriveStatus:
     deviation: Deviation | None = None
     held: PlatformPose | None = None
     stop_button: StopButton = StopButton.RELEASED
+    stops: int = 0
     readback: Readback | None = None
 
     def fresh_feedback(self, now_s: float) -> ControllerFeedback | None:
@@ -92,6 +95,7 @@ class DriveStatus:
             state=state,
             detail=detail,
             generation=self.generation + 1,
+            stops=self.stops + int(stop_is_latched(state)),
             outcome=_outcome_after(self.outcome, event, state),
             held=None,
             stop_button=after_acknowledgement(self.stop_button) if event in ACKNOWLEDGEMENTS else self.stop_button,

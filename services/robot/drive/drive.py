@@ -6,6 +6,7 @@ waits for neither.
 """
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 
 from services.robot.core.deviation import Deviation
@@ -80,6 +81,10 @@ class Drive:
     def status(self) -> DriveStatus:
         """What is known now."""
         return self._motion.status
+
+    def deciding(self) -> AbstractContextManager[DriveStatus]:
+        """Nothing changes but by the caller's hand, while it decides; see `MotionController`."""
+        return self._motion.deciding()
 
     def wait_for_change(self, seen: DriveStatus, timeout_s: float) -> DriveStatus:
         """Wait until the status is another than `seen`, at most `timeout_s`."""

@@ -215,3 +215,15 @@ def test_a_stop_button_goes_through_its_states(room: Room) -> None:
     room.wait(lambda s: s.stop_button is StopButton.RELEASED and s.locked)
     assert room.acknowledge().verdict == "accepted"
     room.wait(lambda s: s.stop_button is StopButton.CLEAR and s.state is MotionState.LOCKED)
+
+
+def test_an_acknowledgement_that_was_under_way_when_a_stop_came_releases_nothing(room: Room) -> None:
+    room.make_ready()
+    room.ask("stop", STOP)
+    room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
+    under_way = encode(PlainCommand(verb="acknowledge_stop", envelope=room.envelope()))
+    room.ask("stop", STOP)
+    reply = room.ask("acknowledge_stop", under_way)
+    assert (reply.verdict, reply.code) == ("refused", "stopped_since")
+    room.let_states_pass()
+    assert room.acknowledge().verdict == "accepted"
