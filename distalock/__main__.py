@@ -119,7 +119,7 @@ def _up_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plain-bus",
         action="store_true",
-        help="no certificates: whoever reaches the router's port may speak as any service and move the robot",
+        help="no certificates: whoever reaches the router's port may speak as any service",
     )
     add_scenario_arguments(parser)
     for name, default, used_for in _PORTS:

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action.add_argument("--state", type=named_path, default=Path("state"), help="state folder of the installation")
         action.set_defaults(action=name)
         if name == "issue":
-            action.add_argument("names", nargs="+", metavar="NAME", help="whose: router, or the name of a service")
+            action.add_argument("names", nargs="+", metavar="NAME", help="whose: router, permit, or a service")
         if name != "show":
             action.add_argument(
                 "--router-host",

@@ -38,6 +38,9 @@ Rules
 - A command begins with what its client has *seen*: it quotes the robot's boot epoch and the newest state sequence it
   received
   (`docs/decisions/0003-late-commands.md`).
+- What moves the robot carries a permit that the gateway has signed (`docs/decisions/0028-permits-to-move.md`): that the
+  router lets a
+  command through is not enough. The plan itself comes from `registration/plan` alone.
 - No reply, or an error reply, never means "not carried out". What the access control denies is not answered either.
 - A result names what it was made from: the image's hash, the part files' hashes, the case's revision, the software's
   version, and the

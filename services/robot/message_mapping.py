@@ -130,12 +130,19 @@ def move_request(payload: bytes) -> MoveRequest:
     try:
         move = decode(wire.MoveCommand, payload)
     except InputError:
-        return _move_request_1(payload)
+        first = _move_request_1(payload)
+        if first is None:
+            raise
+        return first
     return MoveRequest(envelope(move.envelope, f"move {move.plan_sha256}"), move.plan_sha256, move.permit)
 
 
-def _move_request_1(payload: bytes) -> MoveRequest:
-    move = decode(wire.MoveCommand1, payload)
+def _move_request_1(payload: bytes) -> MoveRequest | None:
+    """A move of version 1; None when it is none."""
+    try:
+        move = decode(wire.MoveCommand1, payload)
+    except InputError:
+        return None
     plan = move.approval.plan_sha256
     return MoveRequest(envelope(move.envelope, f"move {plan}"), plan, None)
 

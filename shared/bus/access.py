@@ -110,14 +110,16 @@ def _command(verb: Verb) -> str:
         case "stop":
             return "`StopCommand` -> `CommandReply`; never stale, never a repeat"
         case "move":
-            return "`MoveCommand` -> `CommandReply`; at most once, never late"
+            return "`MoveCommand` (a plan's hash and a permit) -> `CommandReply`; at most once, never late"
+        case "reference":
+            return "`PlainCommand` with a permit -> `CommandReply`; at most once, never late"
         case _:
             return "`PlainCommand` -> `CommandReply`; at most once, never late"
 
 
 def _ui_api(keys: Keys) -> tuple[Row, ...]:
     others = _services("imaging", "registration", "robot")
-    case = "`CaseContext`: the open case with its part files"
+    case = "`CaseContext`: the open case with its part files, and what is in the guide or the bone"
     return (Row(keys.case_context, Exchange.RETAINED, "ui_api", others, case),)
 
 

@@ -13,7 +13,7 @@ KEY_FILE: Final = "key.pem"
 SCHEME: Final = "tls/"
 PKI_FOLDER: Final = "pki"
 PLAIN_BUS_WARNING: Final = (
-    "the bus runs without TLS and access control: whoever reaches its port may speak as any service and move the robot"
+    "the bus runs without TLS and access control: whoever reaches its port may speak as any service"
 )
 _READABLE_BY_OTHERS: Final = stat.S_IRWXG | stat.S_IRWXO
 

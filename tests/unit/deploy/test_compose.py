@@ -1,6 +1,7 @@
 """Who sees which key in containers: each service its own, and the authority's nobody but who issues."""
 
 import re
+import tomllib
 from pathlib import Path
 from typing import get_args
 
@@ -9,6 +10,7 @@ import pytest
 from shared.bus.shared_memory import LOCKED_BYTES
 from shared.messages.presence import ServiceName
 from shared.pki.keystore import NAMES
+from shared.pki.permit_key import PERMIT_CERTIFICATE_FILE, PERMIT_KEY_FILE
 
 ROOT = Path(__file__).resolve().parents[3]
 TEXT = (ROOT / "docker-compose.yml").read_text()
@@ -35,6 +37,18 @@ def test_only_who_issues_sees_all_of_them_and_it_has_no_network() -> None:
     mounted = dict(re.findall(r"- (keys-[a-z-]+):(\S+)", block_of("pki")))
     assert mounted == {volume_of(name): f"/keys/pki/{name}" for name in ("authority", *NAMES)}
     assert "network_mode: none" in block_of("pki")
+
+
+def test_the_gateway_finds_the_key_of_permits_in_its_volume_and_the_robot_its_certificate() -> None:
+    assert f"DISTALOCK_UI_API_PERMIT_KEY: /run/distalock/tls/{PERMIT_KEY_FILE}\n" in block_of("ui_api")
+    certificate = f"DISTALOCK_ROBOT_PERMIT_CERTIFICATE: /run/distalock/tls/{PERMIT_CERTIFICATE_FILE}\n"
+    assert certificate in block_of("robot")
+
+
+@pytest.mark.parametrize("extra", ["robot", "ui-api"])
+def test_containers_that_sign_or_verify_have_the_library(extra: str) -> None:
+    optional = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert any(requirement.startswith("cryptography") for requirement in optional[extra])
 
 
 def test_the_bus_is_under_tls() -> None:

@@ -3,11 +3,14 @@
 import json
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from threading import Thread
 
 import pytest
 
 from distalock.installation import Installation, Ports, _Ready, why_not_ready
+from services.robot.settings import RobotSettings
+from services.ui_api.settings import UiApiSettings
 
 
 class Gateway(ThreadingHTTPServer):
@@ -76,6 +79,14 @@ def test_a_gateway_that_does_not_answer_is_not_ready(gateway: Gateway) -> None:
     assert not _Ready(nobody)()
     assert why_not_ready(nobody) == "the gateway does not answer"
     assert not gateway.codes
+
+
+@pytest.mark.parametrize("plain_bus", [False, True])
+def test_permits_are_signed_with_and_without_tls(tmp_path: Path, *, plain_bus: bool) -> None:
+    Installation(Ports(1, 2, 3, 4, 5), tmp_path, "/dev/ttyUSB0", plain_bus=plain_bus).make_keys()
+    signer = UiApiSettings(state_dir=tmp_path).permit_signer()
+    verifier = RobotSettings(state_dir=tmp_path).permit_verifier()
+    assert signer.key_sha256 == verifier.key_sha256
 
 
 def test_ports_and_a_real_controller_are_reserved(tmp_path_factory: pytest.TempPathFactory) -> None:
