@@ -192,6 +192,8 @@ class Room:
         self.make_ready()
         self.begin_epoch("reg.1")
         content = self.publish_plan()
+        sha256 = hashlib.sha256(content).hexdigest()
+        wait_for(lambda: self.service._registration.view.heard_plan(sha256) is not None)
         self.heartbeat()
         return content
 
