@@ -6,6 +6,7 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Final
 
 from pydantic import TypeAdapter
@@ -39,6 +40,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(prog="distalock bench faults", description=__doc__)
     parser.add_argument("--seed", type=seed_number, default=_SEED, help=f"order, and scenario of the room ({_SEED})")
     parser.add_argument("--rows", type=writable_file, help="file for the findings; a run continues from it")
+    parser.add_argument("--logs", type=Path, help="folder for the logs of installations that did not survive")
     parser.add_argument("--processes", type=whole_number("installations at once", 1, 8), default=1)
     parser.add_argument("--tenth", action="store_true", help="a tenth of the combinations, chosen by the seed")
     parser.add_argument("--fault", action="append", choices=[f.name for f in FAULTS], help="only this one; repeatable")
@@ -53,7 +55,7 @@ def _run(given: argparse.Namespace) -> int:
     left = without(chosen, {key for key, finding in found.items() if finding.survived})
 
     def job(combinations: Pass) -> None:
-        for planned, finding in zip(combinations, play(combinations, given.seed), strict=True):
+        for planned, finding in zip(combinations, play(combinations, given.seed, given.logs), strict=True):
             with lock:
                 found[planned.key] = finding
                 store.append(planned.key, finding, made_of)

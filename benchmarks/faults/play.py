@@ -1,7 +1,9 @@
 """Play passes: one installation for each, and a new one after a combination that was not survived."""
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import httpx
 
@@ -18,14 +20,24 @@ _ANSWER_S = 30.0
 _BREAKDOWNS = (NotReadyAgain, ConfigurationError, RequestRefused, TimeoutError, httpx.HTTPError, OSError, Stuck)
 
 
-def play(combinations: Pass, seed: int) -> Iterator[Finding]:
-    """What came of each combination, as soon as it is known what the procedure made of it."""
+def play(combinations: Pass, seed: int, logs: Path | None = None) -> Iterator[Finding]:
+    """What came of each combination, as soon as it is known what the procedure made of it.
+
+    Parameters
+    ----------
+    seed
+        Of the room's scenario.
+    logs
+        Where the logs of installations go in which a combination was not survived.
+    """
     left = list(combinations)
     while left:
         with fault_site(seed) as site:
             url = site.room.installation.ports.rest_url
             with AcknowledgingClient(url, site.acknowledged, _ANSWER_S) as rest:
                 for finding in _until_broken(PatientProcedure(site, rest), left):
+                    if logs is not None and not finding.survived:
+                        shutil.copytree(site.state_dir / "logs", logs / left[0].key, dirs_exist_ok=True)
                     yield finding
                     del left[0]
 
