@@ -94,8 +94,8 @@ class Combination:
         said = self.procedure.said
         said.clear()
         before = self.site.hexapod()
-        injected_s = time.monotonic()
         with watch.asking(), self.fault.injected(self.site):
+            injected_s = time.monotonic()
             motion = motion_since(self.site, before)
             self._check_motion(motion, before)
             self._ask_for_the_next_thing()

@@ -24,7 +24,8 @@ from services.ui_api.record.database import sqlite_url
 HARDWARE: Final = "virtual-or"
 PROCESSES: Final = tuple(s.name for s in Installation(Ports(), Path()).specs() if s.name != HARDWARE)
 _CONTROLLER_URL: Final = "DISTALOCK_ROBOT_CONTROLLER_URL"
-_STATE_MIB, _RECORD_MIB = 1536, 512
+# Ten times what a pass needs, a storm of images included.
+_STATE_MIB, _RECORD_MIB = 768, 256
 
 
 class Hexapod(BaseModel):

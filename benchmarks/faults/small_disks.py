@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -62,7 +62,11 @@ def filled(folder: Path) -> Iterator[None]:
     """No byte is left on the disk of a folder."""
     ballast = folder / "ballast"
     with ballast.open("wb", buffering=0) as file:
-        for size in (_BLOCK_BYTES, 1):
+        disk = os.statvfs(folder)
+        with suppress(OSError):  # others may have written meanwhile
+            os.posix_fallocate(file.fileno(), 0, disk.f_bavail * disk.f_frsize)
+        file.seek(0, os.SEEK_END)
+        for size in (_BLOCK_BYTES, 1):  # what others have freed meanwhile
             try:
                 while True:
                     file.write(b"\0" * size)
