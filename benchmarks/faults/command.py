@@ -54,15 +54,22 @@ def _run(given: argparse.Namespace) -> int:
     chosen = _chosen(given)
     left = without(chosen, {key for key, finding in found.items() if finding.survived})
 
-    def job(combinations: Pass) -> None:
-        for planned, finding in zip(combinations, play(combinations, given.seed, given.logs), strict=True):
+    waiting = iter(left)
+
+    def next_pass() -> Pass | None:
+        with lock:
+            return next(waiting, None)
+
+    def work() -> None:
+        for planned, finding in play(next_pass, given.seed, given.logs):
             with lock:
                 found[planned.key] = finding
                 store.append(planned.key, finding, made_of)
                 print(finding_line(finding), flush=True)
 
     with ThreadPoolExecutor(given.processes) as pool:
-        list(pool.map(job, left))
+        for worker in [pool.submit(work) for _ in range(given.processes)]:
+            worker.result()
     tried = [found[planned.key] for each in chosen for planned in each]
     failed = [finding for finding in tried if not finding.survived]
     print(f"{len(tried) - len(failed)} of {len(tried)} combinations survived")

@@ -102,7 +102,7 @@ class PatientProcedure:
             self.reach(Step.MOVING)
             if self.at is Step.MOVING and self.site.hexapod().moving:
                 return
-            self._push_mount()
+            self.push_mount()
             self.at = self._with_robot_ready()
         raise Stuck("no motion was under way when the fault was to come")
 
@@ -150,7 +150,7 @@ class PatientProcedure:
             return Step.IDLE
         return Step.CASE_OPEN
 
-    def _push_mount(self) -> None:
+    def push_mount(self) -> None:
         """Somebody pushes the mount, there and back again, so that there is a way to go."""
         self.pushes += 1
         shift_mm = (_PUSH_MM * (self.pushes % 2), 0.0, 0.0)

@@ -1,9 +1,10 @@
-"""Play passes: one installation for each, and a new one after a combination that was not survived."""
+"""Play passes: several on one installation, and a new one after a combination that was not survived."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Final, TypeAlias
 
 import httpx
 
@@ -15,31 +16,45 @@ from benchmarks.faults.site import fault_site
 from distalock.rest_client import RequestRefused
 from shared.errors import ConfigurationError
 
-_ANSWER_S = 30.0
+_ANSWER_S: Final = 180.0
+# A new one now and then: its disk and its record are small.
+_PASSES_OF_AN_INSTALLATION: Final = 4
 # What a broken installation may answer with at any place.
 _BREAKDOWNS = (NotReadyAgain, ConfigurationError, RequestRefused, TimeoutError, httpx.HTTPError, OSError, Stuck)
 
 
-def play(combinations: Pass, seed: int, logs: Path | None = None) -> Iterator[Finding]:
+Played: TypeAlias = tuple[Planned, Finding]
+
+
+def play(next_pass: Callable[[], Pass | None], seed: int, logs: Path | None = None) -> Iterator[Played]:
     """What came of each combination, as soon as it is known what the procedure made of it.
 
     Parameters
     ----------
+    next_pass
+        Gives one pass after another, and None at the end.
     seed
         Of the room's scenario.
     logs
         Where the logs of installations go in which a combination was not survived.
     """
-    left = list(combinations)
+    left = list(next_pass() or ())
     while left:
         with fault_site(seed) as site:
             url = site.room.installation.ports.rest_url
             with AcknowledgingClient(url, site.acknowledged, _ANSWER_S) as rest:
-                for finding in _until_broken(PatientProcedure(site, rest), left):
-                    if logs is not None and not finding.survived:
-                        shutil.copytree(site.state_dir / "logs", logs / left[0].key, dirs_exist_ok=True)
-                    yield finding
-                    del left[0]
+                procedure = PatientProcedure(site, rest)
+                for _ in range(_PASSES_OF_AN_INSTALLATION):
+                    survived = True
+                    for finding in _until_broken(procedure, left):
+                        survived = finding.survived
+                        if logs is not None and not survived:
+                            shutil.copytree(site.state_dir / "logs", logs / left[0].key, dirs_exist_ok=True)
+                        yield left.pop(0), finding
+                    left = left or list(next_pass() or ())
+                    if not survived or not left:
+                        break
+                    procedure.push_mount()
 
 
 def _until_broken(procedure: PatientProcedure, combinations: list[Planned]) -> Iterator[Finding]:

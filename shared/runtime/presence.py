@@ -50,6 +50,11 @@ class StatusReporter:
                 self._impaired[cause] = detail
             self._publish(self.condition or "starting")
 
+    def is_impaired_by(self, cause: str) -> bool:
+        """Whether a cause impairs the service now."""
+        with self._lock:
+            return cause in self._impaired
+
     def note(self, detail: str) -> None:
         """Say for good what people should know although the service does all its work."""
         with self._lock:

@@ -117,6 +117,11 @@ class ImageIndex:
             row = connection.execute("SELECT state FROM images WHERE sequence = ?", (sequence,)).fetchone()
         return row is not None and row[0] == PENDING
 
+    def require_writable(self) -> None:
+        """Write what is written already: raises as whatever else would be written."""
+        with self._connected() as connection:
+            connection.execute("UPDATE store SET id = id")
+
     def note_attempt(self, sequence: int) -> None:
         """An image that was left behind is begun again."""
         with self._connected() as connection:

@@ -12,6 +12,8 @@ from services.imaging.devices.image_index import ImageIndex
 from shared.errors import ConfigurationError
 from shared.parts.files import sha256_of
 
+# Of an image of 2048 x 2048 pixels with 16 bits.
+_PROBE_BYTES = 2 * 2048**2
 _HASH = re.compile(r"[0-9a-f]{64}")
 
 
@@ -47,6 +49,17 @@ class ImageStore:
         if not file.exists():
             write_atomically(file, content)
         return sha256
+
+    def takes_images(self) -> bool:
+        """Whether an image would be kept now: as much is written, a number too, and removed again."""
+        probe = self._folder / ".probe"
+        try:
+            write_atomically(probe, bytes(_PROBE_BYTES))
+            probe.unlink()
+            self.index.require_writable()
+        except OSError:
+            return False
+        return True
 
     def get(self, sha256: str) -> bytes | None:
         """An image's content, or None when it is not here."""

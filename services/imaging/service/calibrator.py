@@ -39,6 +39,8 @@ _WAIT_S: Final = 0.2
 _MOST_ATTEMPTS: Final = 3
 # Chosen: soon for people who wait, and seldom for a log.
 _DISK_AGAIN_S: Final = 1.0
+# What may impair the service here.
+STORE: Final = "store"
 _CALIBRATION, _INDEX = "calibration", "index"
 
 
@@ -70,6 +72,7 @@ class Calibrator:
         self._calibrations = bus.retained_publisher(runtime.keys.calibration)
         self._newest: LatestSlot[Shot] = LatestSlot()
         self._published = 0
+        self._look_again_s = 0.0
         self._ended = threading.Event()
         self._case: OpenCase | None = None  # None until the gateway has announced one, or that there is none
 
@@ -98,6 +101,7 @@ class Calibrator:
         while not self._ended.is_set():
             shot = self._newest.take(_WAIT_S)
             waiting = self._left_behind() if shot is None else None
+            self._look_after_store()
             if shot is not None:
                 header = shot.header
             elif waiting is not None:
@@ -116,6 +120,15 @@ class Calibrator:
                 self._skip(header, SkipCode.FAULT, f"it brought a fault ({error}); take another image")
             else:
                 self._runtime.status.impair(_CALIBRATION, None)
+
+    def _look_after_store(self) -> None:
+        """A store that took no image takes them again when what it would write can be written."""
+        status, now_s = self._runtime.status, time.monotonic()
+        if not status.is_impaired_by(STORE) or now_s < self._look_again_s:
+            return
+        self._look_again_s = now_s + _DISK_AGAIN_S
+        if self._store.takes_images():
+            status.impair(STORE, None)
 
     def _left_behind(self) -> IndexedImage | None:
         """The newest image that waits, as soon as it is known which case is open."""

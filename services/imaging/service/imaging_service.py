@@ -9,7 +9,7 @@ from services.imaging.devices.image_file import read_image
 from services.imaging.devices.image_index import IndexedImage
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.received_image import ReceivedImage
-from services.imaging.service.calibrator import Calibrator, OpenCase, Shot
+from services.imaging.service.calibrator import STORE, Calibrator, OpenCase, Shot
 from services.imaging.service.headers import Arrival, Defaults, ImageNumber, Moment, frame_header, polarity_of
 from services.imaging.service.quality_handler import QualityHandler
 from services.imaging.service.wire import wire_pixels
@@ -133,14 +133,14 @@ class ImagingService:
 
     @contextmanager
     def _store_watched(self) -> Iterator[None]:
-        """A disk that takes no image impairs the service until it takes one."""
+        """A disk that takes no image impairs the service until it takes one, or would take one."""
         try:
             yield
         except OSError as error:
             why = f"the last image could not be stored ({error.strerror or error}); see to the disk and send it again"
-            self._runtime.status.impair("store", why)
+            self._runtime.status.impair(STORE, why)
             raise
-        self._runtime.status.impair("store", None)
+        self._runtime.status.impair(STORE, None)
 
     def _numbered(self, image: ReceivedImage, sha256: str, received: Moment) -> FrameHeader:
         """Give an image its number and its header, on the disk; the caller holds the lock."""

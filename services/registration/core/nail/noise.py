@@ -200,7 +200,10 @@ def covariance_of_sums(
 
 
 def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Noise variance of each pixel, shape (N,): robust in classes of equal count, interpolated over brightness."""
+    """Noise variance of each pixel, shape (N,): robust in classes of equal count, interpolated over brightness.
+
+    Pixels too few for classes, as around holes that wires cover, are one class.
+    """
     classes = NAIL_NOISE.brightness_classes
     edges = np.quantile(modelled, np.linspace(0.0, 1.0, classes + 1))
     klass = np.clip(np.searchsorted(edges, modelled) - 1, 0, classes - 1)
@@ -210,9 +213,15 @@ def variance_by_brightness(residual: NDArray[np.float64], modelled: NDArray[np.f
         if np.count_nonzero(members) < 2 * classes:
             continue
         brightness.append(float(modelled[members].mean()))
-        variance.append(float((DEVIATION_PER_MEDIAN * np.median(np.abs(residual[members]))) ** 2))
+        variance.append(_robust_variance(residual[members]))
+    if not variance:
+        brightness, variance = [float(modelled.mean())], [_robust_variance(residual)]
     least = 1e-3 * max(variance) + 1e-12
     return np.asarray(np.interp(modelled, brightness, np.maximum(variance, least)))
+
+
+def _robust_variance(residual: NDArray[np.float64]) -> float:
+    return float((DEVIATION_PER_MEDIAN * np.median(np.abs(residual))) ** 2)
 
 
 def robust_weight(residual: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:

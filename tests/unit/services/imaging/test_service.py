@@ -514,6 +514,9 @@ class FullStore(ImageStore):
             raise OSError(28, "No space left on device")
         return super().put(content)
 
+    def takes_images(self) -> bool:
+        return not self.full and super().takes_images()
+
 
 def test_a_store_that_takes_nothing_degrades_imaging_until_it_takes_an_image(tmp_path: Path) -> None:
     store = FullStore(tmp_path)
@@ -524,6 +527,17 @@ def test_a_store_that_takes_nothing_degrades_imaging_until_it_takes_an_image(tmp
         assert "could not be stored (No space left on device); see to the disk" in room.wait_for("degraded").detail
         store.full = False
         room.service.take(small_dicom(), "CARM")
+        room.wait_for("ready")
+
+
+def test_a_store_that_would_take_an_image_again_is_ready_before_one_comes(tmp_path: Path) -> None:
+    store = FullStore(tmp_path)
+    with room_of(store, tmp_path / "positions") as room:
+        room.service._runtime.ready()
+        with pytest.raises(OSError, match="No space left"):
+            room.service.take(small_dicom(), "CARM")
+        room.wait_for("degraded")
+        store.full = False
         room.wait_for("ready")
 
 

@@ -91,3 +91,11 @@ def test_covariance_of_sums_is_that_of_many_draws() -> None:
     sums = np.einsum("kij,nij->nk", images, mixed)
     foretold = covariance_of_sums(images, ((dark, 1.0 - brightness), (bright, brightness)))
     assert np.sqrt(np.diag(foretold)) == pytest.approx(sums.std(axis=0), rel=0.2)
+
+
+def test_pixels_too_few_for_classes_of_brightness_are_one_class() -> None:
+    """Wires through the guide left so few pixels around the holes that there was no class at all."""
+    rng = np.random.default_rng(4)
+    variance = variance_by_brightness(rng.normal(0.0, 0.1, size=60), np.linspace(0.2, 0.8, 60))
+    assert np.ptp(variance) == 0.0
+    assert variance[0] == pytest.approx(0.01, rel=0.5)
