@@ -8,10 +8,11 @@ import pytest
 from sqlalchemy import text
 
 from distalock.__main__ import main
-from services.ui_api.core.event_data import GatewayStarted
+from services.ui_api.core.event_data import GatewayStarted, Step, StepRecorded
 from services.ui_api.core.events import EventDraft
-from services.ui_api.record.database import open_database, sqlite_url
+from services.ui_api.record.database import open_database, sole_gateway, sqlite_url
 from services.ui_api.record.record import CaseRecord
+from tests.unit.services.ui_api.record.filled import fill, record_of
 
 _FILE = "case-record.sqlite"
 
@@ -72,3 +73,72 @@ def test_a_backup_is_restored(state: Path, tmp_path: Path, capsys: pytest.Captur
     assert capsys.readouterr().out == f"restored: 3 events, head {head}\n"
     assert _run("restore", tmp_path / "backup", state=state) == 2
     assert "restore onto an empty machine" in capsys.readouterr().err
+
+
+def _cut_the_end(state: Path) -> None:
+    with open_database(sqlite_url(state)).begin() as connection:
+        connection.execute(text("DROP TRIGGER events_refuse_delete"))
+        connection.execute(text("DELETE FROM events WHERE sequence = 3"))
+
+
+def test_a_cut_end_shows_with_anchors_alone(state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    key, anchors = tmp_path / "apart" / "anchor.pem", tmp_path / "apart" / "anchors.jsonl"
+    given = ("--anchors", anchors, "--key", key)
+    assert _run("anchor", *given, state=state) == 0
+    assert _run("anchor", *given, state=state) == 0
+    said = capsys.readouterr().out
+    assert f"made key {key}, and anchor.pub beside it" in said
+    assert "anchored: 3 events, head " in said
+    verifying = ("--anchors", anchors, "--public-key", key.with_suffix(".pub"))
+    assert _run("verify", *verifying, state=state) == 0
+    _cut_the_end(state)
+    assert _run("verify", state=state) == 0, "the chain alone does not show it"
+    assert _run("verify", *verifying, state=state) == 1
+    assert "the end was cut off: the record has 2 events, and had 3 at " in capsys.readouterr().out
+    assert _run("anchor", *given, state=state) == 1, "what does not hold is not countersigned"
+
+
+def test_anchors_of_another_key_or_none_are_refused(
+    state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one", "other"):
+        assert (
+            _run("anchor", "--anchors", tmp_path / f"{name}.jsonl", "--key", tmp_path / f"{name}.pem", state=state) == 0
+        )
+    verifying = ("--anchors", tmp_path / "one.jsonl", "--public-key", tmp_path / "other.pub")
+    assert _run("verify", *verifying, state=state) == 1
+    assert "anchor 1 is not signed by the key" in capsys.readouterr().out
+    (tmp_path / "one.pem").chmod(0o644)
+    assert _run("anchor", "--anchors", tmp_path / "one.jsonl", "--key", tmp_path / "one.pem", state=state) == 2
+    assert "can be read by others" in capsys.readouterr().err
+    (tmp_path / "one.jsonl").write_text("{}\n")
+    assert _run("verify", *verifying, state=state) == 2
+    assert "line 1 of" in capsys.readouterr().err
+    assert _run("verify", "--anchors", tmp_path / "one.jsonl", state=state) == 2
+
+
+def _a_closed_case(state: Path) -> None:
+    record = record_of(open_database(sqlite_url(state)))
+    fill(record)
+    record.append(EventDraft(StepRecorded(Step.ABANDONED, (), True, ""), "case-1", "Dr A"))
+    record.close()
+
+
+def test_prune_only_lists_unless_told_by_whom(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _a_closed_case(state)
+    assert _run("prune", state=state) == 0
+    said = capsys.readouterr().out
+    assert "case case-1: 3 events, 4 documents, 0 images (cases that have been closed for 3653 days)" in said
+    assert "nothing was changed" in said
+    assert _run("prune", "--apply", state=state) == 2
+    assert "--apply needs --by NAME" in capsys.readouterr().err
+    assert _run("prune", "--apply", "--by", "Dr B", state=state) == 0
+    assert _run("verify", state=state) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("intact: 7 events")
+    assert b"Dr A" not in (state / _FILE).read_bytes(), "not in a free page either"
+
+
+def test_nothing_is_pruned_while_a_gateway_runs(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with sole_gateway(sqlite_url(state)):
+        assert _run("prune", "--apply", "--by", "Dr B", state=state) == 2
+    assert "is held by another gateway that runs now" in capsys.readouterr().err
