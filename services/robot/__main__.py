@@ -11,6 +11,7 @@ from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
 from services.robot.devices.controller import HexapodController
 from services.robot.devices.dialects import DRIVERS
+from services.robot.devices.guardian import Guardian
 from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
@@ -29,10 +30,11 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
     """Build the service and run it for as long as the context lasts."""
     hexapod = _hexapod(settings)
     permit_verifier = settings.permit_verifier()
+    guardian = Guardian()
 
     def connect() -> HexapodController:
         port = open_port(settings.controller_url, settings.controller_baud)
-        return DRIVERS[settings.dialect](port, hexapod, settings.encoders, settings.reply_timeout_s)
+        return DRIVERS[settings.dialect](port, hexapod, settings.encoders, settings.reply_timeout_s, guardian)
 
     drive = Drive(
         connect,
@@ -41,6 +43,7 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
         settings.retry_s,
         runtime.fail,
         settings.initial_stop_button(),
+        guardian,
     )
 
     runtime.first_on_fault.append(drive.fail)

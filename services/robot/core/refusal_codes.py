@@ -46,6 +46,7 @@ class RefusalCode(StrEnum):
     # The guard
     LINK_LOST = "link_lost"
     HEARTBEAT_MISSING = "heartbeat_missing"
+    GUARDIAN_MISSING = "guardian_missing"
     POSE_UNKNOWN = "pose_unknown"
     NOT_LOCKED = "not_locked"
     PLAN_UNKNOWN = "plan_unknown"

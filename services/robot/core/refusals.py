@@ -152,6 +152,12 @@ def _criteria_of_the_guard() -> tuple[RefusalCriterion, ...]:
             "see that it runs and ask again",
         ),
         row(
+            code.GUARDIAN_MISSING,
+            "guardian process, which stops the robot when the robot service cannot",
+            "started and answering",
+            "wait a second and ask again; if it stays so, restart the robot service",
+        ),
+        row(
             code.REGISTRATION_SILENT,
             "silence of registration",
             "1 s (`registration_deadline_s`)",

@@ -169,10 +169,38 @@ class Permits:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Guarding:
+    """The guardian process, which stops the robot when this service cannot."""
+
+    silence_s: float = tuned(
+        0.2,
+        "s",
+        "longest silence of this service while the guardian is armed",
+        derived("four signs of life; 0.4 mm at 2 mm/s, of the 1 mm within which motion must end after any failure"),
+    )
+    sign_of_life_s: float = tuned(
+        0.05, "s", "longest pause between two signs of life in motion", derived("a quarter of `silence_s`")
+    )
+    answer_within_s: float = tuned(
+        0.3,
+        "s",
+        "longest wait for an answer of the guardian, before a motion and in it",
+        derived("with a round of feedback less than the 0.5 s in which motion must end after any failure"),
+    )
+    starts_within_s: float = tuned(
+        10.0, "s", "longest time in which the guardian starts", derived("two hundred times what it takes, 0.05 s")
+    )
+    start_again_after_s: float = tuned(
+        1.0, "s", "shortest time between two starts of the guardian", derived("as often as the controller is tried")
+    )
+
+
 SUPERVISION = Supervision()
 RATES = Rates()
 PLAN_TOLERANCES = PlanTolerances()
 CONTROLLER_LINE = ControllerLine()
+GUARDING = Guarding()
 PERMITS = Permits()
 
-SETTINGS = (SUPERVISION, RATES, PLAN_TOLERANCES, CONTROLLER_LINE, PERMITS)
+SETTINGS = (SUPERVISION, RATES, PLAN_TOLERANCES, CONTROLLER_LINE, GUARDING, PERMITS)

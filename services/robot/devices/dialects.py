@@ -6,6 +6,7 @@ from typing import Protocol
 
 from services.robot.devices.controller import Encoders, HexapodController
 from services.robot.devices.gcs.controller import GcsController
+from services.robot.devices.guardian import LineGuardian
 from services.robot.devices.serial_line import Port
 from shared.geometry.hexapod import HexapodPart
 
@@ -20,7 +21,12 @@ class Driver(Protocol):
     """Takes over a port: returns a controller that was found or made stopped and locked; raises `DeviceError`."""
 
     def __call__(
-        self, port: Port, hexapod: HexapodPart, encoders: Encoders, reply_timeout_s: float
+        self,
+        port: Port,
+        hexapod: HexapodPart,
+        encoders: Encoders,
+        reply_timeout_s: float,
+        guardian: LineGuardian,
     ) -> HexapodController:
         """Connect."""
 

@@ -23,8 +23,9 @@ from typing import Protocol, TypeVar
 
 import serial
 
-from services.robot.core.tuning import CONTROLLER_LINE
+from services.robot.core.tuning import CONTROLLER_LINE, GUARDING
 from services.robot.devices.controller import ControllerSilent, ReplyGarbled, StopInForce, garbled
+from services.robot.devices.guardian import LineGuardian, file_number_of
 from shared.errors import DeviceError
 from shared.threads import supervised_thread
 
@@ -112,10 +113,11 @@ class LineProtocol:
 
 
 class SerialLine:
-    """Questions and commands over a port. Starts with the stop in force."""
+    """Questions and commands over a port, watched over by a guardian. Starts with the stop in force."""
 
-    def __init__(self, port: Port, protocol: LineProtocol, reply_timeout_s: float) -> None:
+    def __init__(self, port: Port, protocol: LineProtocol, reply_timeout_s: float, guardian: LineGuardian) -> None:
         self._port = port
+        self._guardian = guardian
         self._protocol = protocol
         self._reply_timeout_s = reply_timeout_s
         self._question_lock = threading.Lock()
@@ -130,6 +132,7 @@ class SerialLine:
         self._replies: queue.Queue[list[str]] = queue.Queue(maxsize=MOST_STALE_REPLIES)
         self._reader = supervised_thread("controller-reader", self._read_forever)
         self._reader.start()
+        guardian.watch(file_number_of(port), protocol.stop_message, protocol.lock_message)
 
     def ask(self, question: bytes, parse: Callable[[list[str]], T]) -> T:
         """Ask, and ask again when the answer is garbled: for questions that change nothing.
@@ -153,6 +156,7 @@ class SerialLine:
     def ask_once(self, question: bytes, parse: Callable[[list[str]], T]) -> T:
         """Ask once; raises `ControllerSilent` or `ReplyGarbled`."""
         with self._question_lock:
+            self._guardian.keep_alive()
             if not self._in_step:
                 self._find_step()
             self._drop_stale_replies()
@@ -168,7 +172,16 @@ class SerialLine:
             self._hand_over(message)
 
     def write_unless_stopped(self, message: bytes) -> None:
-        """Send a command that could lead to motion; raises `StopInForce` when a stop came before or meanwhile."""
+        """Send a command that could lead to motion, with the guardian armed.
+
+        Raises
+        ------
+        StopInForce
+            When a stop came before or meanwhile, the guardian's too.
+        GuardianLost
+            When nobody would stop the robot if this service could not.
+        """
+        self._guardian.arm()
         with self._write_lock:
             if self._stop.is_set():
                 raise StopInForce("a stop is in force: the motion command was not sent")
@@ -179,6 +192,20 @@ class SerialLine:
         if self._stop.is_set():
             self.stop_now()
             raise StopInForce("a stop came while the motion command was being sent: it was stopped")
+        try:
+            self._guardian.keep_alive()
+        except DeviceError:
+            # This process stood still after it had looked, and the guardian's stop went out before the command.
+            self.stop_now()
+            raise
+
+    def wait_for_guardian(self) -> None:
+        """Wait until the guardian watches: the last step of connecting. Raises `GuardianLost`."""
+        self._guardian.wait_until_ready()
+
+    def note_locked(self) -> None:
+        """The robot is locked, as read back: it needs no guardian until the next command that could lead to motion."""
+        self._guardian.disarm()
 
     def stop_now(self) -> DeviceError | None:
         """Stop and lock at once, from any thread. Never raises and never waits for an answer.
@@ -206,6 +233,7 @@ class SerialLine:
         """Leave the line."""
         self._closing.set()
         self._reader.join()
+        self._guardian.leave()
         self._port.close()
 
     def _find_step(self) -> None:
@@ -228,12 +256,13 @@ class SerialLine:
         raise garbled(_shown(question), last)
 
     def _next_reply(self, question: bytes) -> list[str]:
-        try:
-            reply = self._replies.get(timeout=self._reply_timeout_s)
-        except queue.Empty:
-            cause = self._lost or f"no answer to '{_shown(question)}' within {self._reply_timeout_s:g} s"
-            raise ControllerSilent(f"the hexapod controller is silent: {cause}; check its power and cable") from None
-        return reply
+        deadline_s = time.monotonic() + self._reply_timeout_s
+        while (left_s := deadline_s - time.monotonic()) > 0.0:
+            with contextlib.suppress(queue.Empty):
+                return self._replies.get(timeout=min(left_s, GUARDING.sign_of_life_s))
+            self._guardian.keep_alive()
+        cause = self._lost or f"no answer to '{_shown(question)}' within {self._reply_timeout_s:g} s"
+        raise ControllerSilent(f"the hexapod controller is silent: {cause}; check its power and cable")
 
     def _drop_stale_replies(self) -> None:
         with contextlib.suppress(queue.Empty):

@@ -12,11 +12,12 @@ from dataclasses import replace
 from services.robot.core.deviation import Deviation
 from services.robot.core.guard import PermittedMove
 from services.robot.core.motion import Event, next_motion
-from services.robot.core.refusals import Refusal
+from services.robot.core.refusals import Refusal, RefusalCode, refusal
 from services.robot.core.status import DriveStatus, ReferenceUnderWay, locked_feedback
 from services.robot.core.stop_result import SentStop
 from services.robot.core.supervision import MoveUnderWay
 from services.robot.devices.controller import HexapodController
+from services.robot.devices.guardian import UNGUARDED, LineGuardian
 from services.robot.drive.motion_controller import MotionController
 from services.robot.drive.stop_confirmation import StopAnswer, StopConfirmation
 from services.robot.drive.worker import Worker
@@ -43,6 +44,8 @@ class Drive:
         Called with a sentence when the worker has failed by a fault of this program; the robot has been stopped then.
     stop_button
         What is known of the controller's own button: `ABSENT`, or `RELEASED` until somebody acknowledges.
+    guardian
+        Who stops the robot when this process cannot: nothing is begun without.
     """
 
     def __init__(
@@ -53,7 +56,9 @@ class Drive:
         retry_s: float,
         on_crash: Callable[[str], None],
         stop_button: StopButton = StopButton.RELEASED,
+        guardian: LineGuardian = UNGUARDED,
     ) -> None:
+        self._guardian = guardian
         self._reference_travel = reference_travel
         self._clock_s = clock_s
         self._motion = MotionController(stop_button)
@@ -70,6 +75,7 @@ class Drive:
         """Stop, lock, leave the controller, and wait until that is done."""
         self.leave()
         self._thread.join()
+        self._motion.close_line()
         self._confirmation.close()
 
     def leave(self) -> None:
@@ -108,7 +114,7 @@ class Drive:
         """Begin a move that the motion table allows and the guard permits; None when begun."""
         with self._motion.deciding() as status:
             planned = next_motion(status.state, Event.MOVE)
-            permitted = planned if isinstance(planned, Refusal) else guard(status)
+            permitted = planned if isinstance(planned, Refusal) else self._unguarded() or guard(status)
             if isinstance(permitted, Refusal):
                 return permitted
             self._begin(status, command_id, MoveUnderWay(permitted, self._clock_s()))
@@ -118,12 +124,16 @@ class Drive:
     def begin_reference(self, command_id: str) -> Refusal | None:
         """Begin reference; None when begun."""
         with self._motion.deciding() as status:
-            feedback = locked_feedback(status, Event.REFERENCE, self._clock_s())
+            feedback = self._unguarded() or locked_feedback(status, Event.REFERENCE, self._clock_s())
             if isinstance(feedback, Refusal):
                 return feedback
             self._begin(status, command_id, ReferenceUnderWay(feedback.pose, self._reference_travel, self._clock_s()))
             self._motion.apply(Event.REFERENCE, "reference is under way")
         return None
+
+    def _unguarded(self) -> Refusal | None:
+        lost = self._guardian.lost()
+        return refusal(RefusalCode.GUARDIAN_MISSING, lost) if lost else None
 
     def _begin(self, status: DriveStatus, command_id: str, task: MoveUnderWay | ReferenceUnderWay) -> None:
         self._motion.note(replace(status, command_id=command_id, outcome="moving", deviation=None, task=task))

@@ -136,6 +136,13 @@ class MotionController:
             self._controller = None
             self.note(replace(self._status, feedback=None))
 
+    def close_line(self) -> None:
+        """Close what a worker that failed left open; its guardian then stops the robot once more if it was armed."""
+        controller = self._controller
+        if controller is not None:
+            self.disconnected()
+            controller.close()
+
     def leave(self, why: str) -> None:
         """Stop, lock, disconnect, and connect no more."""
         with self._lock:

@@ -10,6 +10,7 @@ from services.robot.core.tuning import CONTROLLER_LINE, SUPERVISION
 from services.robot.devices.controller import Encoders, ReplyGarbled, StopInForce
 from services.robot.devices.gcs import codec
 from services.robot.devices.gcs.errors import controller_error
+from services.robot.devices.guardian import UNGUARDED, LineGuardian
 from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
 from shared.errors import DeviceError
 from shared.geometry.hexapod import AXES, HexapodPart, PlatformPose
@@ -49,10 +50,11 @@ class GcsController:
         hexapod: HexapodPart,
         encoders: Encoders = Encoders.ABSOLUTE,
         reply_timeout_s: float = CONTROLLER_LINE.reply_timeout_s,
+        guardian: LineGuardian = UNGUARDED,
     ) -> None:
         self._encoders = encoders
         self._button_error: ControllerError | None = None
-        self._line = SerialLine(port, LINE, reply_timeout_s)
+        self._line = SerialLine(port, LINE, reply_timeout_s, guardian)
         try:
             self._line.stop_now()
             self._check_axes()
@@ -60,6 +62,7 @@ class GcsController:
             self._identity = self._line.ask(codec.query("*IDN"), partial(codec.parse_text, question="*IDN?"))
             self._check_syntax_version()
             self._set_pivot(hexapod)
+            self._line.wait_for_guardian()
         except DeviceError:
             self._line.close()
             raise
@@ -114,6 +117,7 @@ class GcsController:
         if any(servos):
             on = [a for a, on in zip(AXES, servos, strict=True) if on]
             raise DeviceError(f"the robot does not lock: servos are still on on {on}; do not drill, switch it off")
+        self._line.note_locked()
         error = self._error()
         if error is not None and not error.is_stop:
             raise DeviceError(f"locking the robot failed: {error.message}")

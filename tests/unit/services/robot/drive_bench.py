@@ -3,6 +3,7 @@
 from services.robot.core.guard import PermittedMove
 from services.robot.core.refusals import Refusal
 from services.robot.core.tuning import SUPERVISION
+from services.robot.devices.guardian import Unguarded
 from services.robot.drive.drive import Drive
 from shared.errors import DeviceError
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose
@@ -13,6 +14,17 @@ TARGET = PlatformPose(2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 MOVE = PermittedMove("a" * 64, ZERO_POSE, TARGET, 2.0, 1.0)
 
 
+class FakeGuardian(Unguarded):
+    """One that may be lost."""
+
+    def __init__(self) -> None:
+        self.reason = ""
+
+    def lost(self) -> str:
+        """Why nothing may move."""
+        return self.reason
+
+
 class Bench:
     """A drive, its controller and its clock."""
 
@@ -21,7 +33,15 @@ class Bench:
         self.reachable = True
         self.now_s = 50.0
         self.crashes: list[str] = []
-        self.drive = Drive(self._connect, SUPERVISION.read_back, lambda: self.now_s, 1.0, self.crashes.append)
+        self.guardian = FakeGuardian()
+        self.drive = Drive(
+            self._connect,
+            SUPERVISION.read_back,
+            lambda: self.now_s,
+            1.0,
+            self.crashes.append,
+            guardian=self.guardian,
+        )
 
     def _connect(self) -> FakeController:
         if not self.reachable:

@@ -5,6 +5,7 @@ from services.robot.core.guard import PermittedMove
 from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.controller import Encoders, HexapodController, StopInForce, garbled
 from services.robot.devices.dialects import DRIVERS, Dialect, Driver
+from services.robot.devices.guardian import UNGUARDED, LineGuardian
 from services.robot.devices.serial_line import LineProtocol, Port, SerialLine
 from services.robot.drive.drive import Drive
 from shared.errors import DeviceError
@@ -21,10 +22,13 @@ LINE = LineProtocol(b"!", b"lock\n", b"hello\n", ("here",), another_line_follows
 class ToyController:
     """The driver of a dialect with one question: all that a folder `devices/toy/` would have to hold."""
 
-    def __init__(self, port: Port, hexapod: HexapodPart, encoders: Encoders, reply_timeout_s: float) -> None:
+    def __init__(
+        self, port: Port, hexapod: HexapodPart, encoders: Encoders, reply_timeout_s: float, guardian: LineGuardian
+    ) -> None:
         assert (hexapod, encoders) == (HEXAPOD, Encoders.ABSOLUTE)
-        self._line = SerialLine(port, LINE, reply_timeout_s)
+        self._line = SerialLine(port, LINE, reply_timeout_s, guardian)
         self._line.stop_now()
+        self._line.wait_for_guardian()
 
     @property
     def identity(self) -> str:
@@ -45,6 +49,8 @@ class ToyController:
 
     def lock(self) -> None:
         self._line.write(b"lock\n")
+        if self.read().locked:
+            self._line.note_locked()
 
     def stop_now(self) -> DeviceError | None:
         return self._line.stop_now()
@@ -109,7 +115,7 @@ def test_the_drive_references_moves_and_stops_a_robot_that_speaks_another_dialec
     driver: Driver = ToyController
 
     def connect() -> HexapodController:
-        return driver(device, HEXAPOD, Encoders.ABSOLUTE, 0.25)
+        return driver(device, HEXAPOD, Encoders.ABSOLUTE, 0.25, UNGUARDED)
 
     drive = Drive(connect, SUPERVISION.read_back, lambda: 50.0, 1.0, print)
 

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 
 from services.robot.core.guard import PermittedMove
 from services.robot.core.refusals import RefusalCode
@@ -62,6 +63,25 @@ def test_a_move_that_ends_beside_its_target_is_a_fault(bench: Bench) -> None:
     assert "0.060 mm and 0.000° from its target" in bench.drive.status.detail
     assert bench.outcome == "failed"
     assert bench.controller.feedback.locked
+
+
+def test_nothing_is_begun_without_a_guardian(bench: Bench) -> None:
+    bench.make_ready()
+    bench.guardian.reason = "the guardian process has ended"
+    refusal = bench.begin_move()
+    assert refusal is not None
+    assert refusal.code is RefusalCode.GUARDIAN_MISSING
+    assert refusal.message.startswith("the guardian process has ended; wait a second")
+    bench.drive.stop("test")
+    bench.controller.feedback = replace(bench.controller.feedback, referenced=False)
+    bench.work()
+    assert bench.drive.acknowledge_stop() is None
+    bench.work()
+    refusal = bench.drive.begin_reference("r2")
+    assert refusal is not None
+    assert refusal.code is RefusalCode.GUARDIAN_MISSING
+    bench.guardian.reason = ""
+    assert bench.drive.begin_reference("r3") is None
 
 
 def test_a_stop_during_a_move_locks_at_once_and_the_position_is_known(bench: Bench) -> None:

@@ -8,6 +8,7 @@ from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.status import DriveStatus
 from shared.geometry.hexapod import PlatformPose
 from shared.robot_states import MotionState
+from shared.threads import faults_go_to
 from tests.unit.services.robot.drive_bench import Bench
 
 
@@ -22,6 +23,30 @@ def test_lost_supervision_stops_a_move_and_nothing_else(bench: Bench) -> None:
     assert bench.has(MotionState.STOPPED)
     assert bench.controller.feedback.locked
     assert bench.drive.status.detail == "the gateway was silent"
+
+
+def test_a_worker_that_failed_leaves_no_line_open() -> None:
+    bench = Bench()
+
+    def fail() -> None:
+        raise ZeroDivisionError("no case for it")
+
+    bench.controller.after_read = fail
+    reported: list[str] = []
+
+    class Listener:
+        def fail(self, message: str) -> None:
+            reported.append(message)
+
+        def note_error(self, place: str, error: BaseException) -> None:
+            raise AssertionError(place) from error
+
+    with faults_go_to(Listener()):
+        bench.drive.start()
+        bench.drive._thread.join(60.0)
+        bench.drive.close()
+    assert bench.controller.closed
+    assert reported == ["thread 'drive' ended with ZeroDivisionError: no case for it"]
 
 
 def test_silence_during_a_move_stops_and_is_a_fault(bench: Bench) -> None:

@@ -1,0 +1,262 @@
+"""The robot service's end of its guardian (`guardian_process`): start it, arm it before a motion, give signs of life.
+
+No motion without a guardian that has confirmed to be armed. One that ends or hangs in motion is a fault; at rest it is
+started again. All methods but `lost` belong to the thread that talks to the controller.
+"""
+
+import select
+import socket
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from services.robot.core.tuning import GUARDING
+from services.robot.devices import guardian_process
+from services.robot.devices.controller import StopInForce
+from services.robot.devices.guardian_process import ARM, DISARM, KEEP_ALIVE, READY, STOPPED
+from shared.errors import DeviceError
+
+_SCRIPT = Path(guardian_process.__file__)
+_MOST_ANSWERS = 4096
+# It waits for nothing when its other end is closed, but for its three rounds when the robot was not locked.
+_ENDS_WITHIN_S = 1.0
+
+
+class GuardianLost(DeviceError):
+    """The guardian process has ended or does not answer: nothing may move."""
+
+    code = "guardian_missing"
+
+
+class LineGuardian(Protocol):
+    """Who stops the robot when the service cannot."""
+
+    def watch(self, file_number: int | None, stop_message: bytes, lock_message: bytes) -> None:
+        """Begin to watch over an open line; returns at once, so that a robot that was found moving is stopped first."""
+
+    def wait_until_ready(self) -> None:
+        """Wait until it watches; raises `GuardianLost` when it does not start."""
+
+    def arm(self) -> None:
+        """Return when it is armed; raises `GuardianLost`, or `StopInForce` when it has stopped the robot."""
+
+    def keep_alive(self) -> None:
+        """Give a sign of life, and look for its answers; raises like `arm`, once for each loss, while armed."""
+
+    def disarm(self) -> None:
+        """The robot is locked, as read back."""
+
+    def lost(self) -> str:
+        """Why nothing may move; empty when it watches. From any thread."""
+
+    def leave(self) -> None:
+        """Leave the line; wait until it has left too."""
+
+
+class Unguarded:
+    """For a line within one process, which ends with the service: nobody could stop what is at its end."""
+
+    def watch(self, file_number: int | None, stop_message: bytes, lock_message: bytes) -> None:
+        """See `LineGuardian`."""
+
+    def wait_until_ready(self) -> None:
+        """See `LineGuardian`."""
+
+    def arm(self) -> None:
+        """See `LineGuardian`."""
+
+    def keep_alive(self) -> None:
+        """See `LineGuardian`."""
+
+    def disarm(self) -> None:
+        """See `LineGuardian`."""
+
+    def lost(self) -> str:
+        """See `LineGuardian`."""
+        return ""
+
+    def leave(self) -> None:
+        """See `LineGuardian`."""
+
+
+UNGUARDED = Unguarded()
+
+
+class Guardian:
+    """A guardian process for the line that is open, started again when it was lost at rest."""
+
+    def __init__(self) -> None:
+        self._arguments: tuple[int, bytes, bytes] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._socket: socket.socket | None = None
+        self._armed = False
+        self._lost = "the guardian process has not been started: no controller is connected"
+        self._started_s = float("-inf")
+        # When the oldest message was sent that has no answer yet.
+        self._asked_s: float | None = None
+
+    def watch(self, file_number: int | None, stop_message: bytes, lock_message: bytes) -> None:
+        """See `LineGuardian`."""
+        if file_number is None:
+            self._lost = "this kind of line cannot be shared with a guardian process"
+            return
+        self._arguments = (file_number, stop_message, lock_message)
+        self._start()
+
+    def wait_until_ready(self) -> None:
+        """See `LineGuardian`."""
+        while self._lost:
+            if self._socket is None:
+                raise GuardianLost(self._lost)
+            self._received(self._started_s + GUARDING.starts_within_s)
+            self._check_answers()
+
+    def arm(self) -> None:
+        """See `LineGuardian`."""
+        self.keep_alive()
+        if self._armed:
+            return
+        if self._lost:
+            raise GuardianLost(self._lost)
+        self._send(ARM)
+        deadline_s = time.monotonic() + GUARDING.answer_within_s
+        while ARM not in self._received(deadline_s):
+            if self._lost or time.monotonic() > deadline_s:
+                self._lose(self._lost or "the guardian process did not confirm that it is armed")
+                raise GuardianLost(self._lost)
+        self._armed = True
+
+    def keep_alive(self) -> None:
+        """See `LineGuardian`."""
+        was_armed = self._armed
+        answers = self._received()
+        self._check_answers()
+        if self._lost:
+            if was_armed:
+                raise GuardianLost(self._lost)
+            self._start_again()
+            return
+        self._send(KEEP_ALIVE)
+        if was_armed and STOPPED in answers:
+            self._armed = False
+            raise StopInForce(
+                "the guardian process has stopped the robot, because this service was silent for more than "
+                f"{GUARDING.silence_s:g} s: it hung or was stopped; see what else the computer does"
+            )
+
+    def disarm(self) -> None:
+        """See `LineGuardian`."""
+        if self._armed:
+            self._armed = False
+            self._send(DISARM)
+
+    def lost(self) -> str:
+        """See `LineGuardian`."""
+        return self._lost
+
+    def leave(self) -> None:
+        """See `LineGuardian`."""
+        self._arguments = None
+        self._end("no controller is connected")
+
+    def _start(self) -> None:
+        if self._arguments is None:
+            return
+        file_number, *messages = self._arguments
+        self._started_s = time.monotonic()
+        self._lost = "the guardian process is being started"
+        ours, theirs = socket.socketpair()
+        words = (file_number, theirs.fileno(), *(m.hex() for m in messages), GUARDING.silence_s)
+        try:
+            # Isolated and without site-packages: nothing but the standard library, and started in a few hundredths.
+            self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and script
+                [sys.executable, "-I", "-S", str(_SCRIPT), *map(str, words)],
+                pass_fds=(file_number, theirs.fileno()),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        except OSError as error:
+            self._lost = f"the guardian process cannot be started: {error}"
+            ours.close()
+        else:
+            ours.settimeout(0.0)
+            self._socket = ours
+            self._asked_s = None
+        finally:
+            theirs.close()
+
+    def _start_again(self) -> None:
+        if self._process is None and time.monotonic() - self._started_s > GUARDING.start_again_after_s:
+            self._start()
+
+    def _received(self, until_s: float | None = None) -> bytes:
+        """Answers that have come; waits for some until a time, if one is given."""
+        if self._socket is None:
+            return b""
+        if until_s is not None:
+            select.select([self._socket], [], [], max(until_s - time.monotonic(), 0.0))
+        try:
+            answers = self._socket.recv(_MOST_ANSWERS)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            answers = b""
+        if not answers:
+            self._lose("the guardian process has ended")
+        else:
+            self._asked_s = None
+            if READY in answers:
+                self._lost = ""
+        return answers
+
+    def _check_answers(self) -> None:
+        limit_s = GUARDING.answer_within_s if self._is_ready() else GUARDING.starts_within_s
+        asked_s = self._asked_s if self._is_ready() else self._started_s
+        if self._socket is not None and asked_s is not None and (silent_s := time.monotonic() - asked_s) > limit_s:
+            self._lose(f"the guardian process has not answered for {silent_s:.2f} s (limit {limit_s:g} s)")
+
+    def _is_ready(self) -> bool:
+        return not self._lost
+
+    def _send(self, message: bytes) -> None:
+        if self._socket is None:
+            return
+        with suppress(OSError):  # full or gone: the answer that does not come says so
+            self._socket.send(message)
+        self._asked_s = self._asked_s or time.monotonic()
+
+    def _lose(self, why: str) -> None:
+        """It is of no use any more: ended for good, so that it cannot wake up beside its successor."""
+        if self._process is not None:
+            self._process.kill()
+        self._end(why)
+
+    def _end(self, why: str) -> None:
+        self._armed = False
+        self._lost = why
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+        if self._process is not None:
+            try:
+                self._process.wait(_ENDS_WITHIN_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+            self._process = None
+
+
+def file_number_of(port: object) -> int | None:
+    """The number of a port's file or socket; None when it has none that a process could inherit."""
+    # pyserial's RFC 2217 keeps its socket to itself. The messages of a stop hold no byte 255, so that they mean on that
+    # socket what they mean on the line.
+    for owner in (port, getattr(port, "_socket", None)):
+        fileno = getattr(owner, "fileno", None)
+        if fileno is not None:
+            with suppress(OSError, ValueError):
+                return int(fileno())
+    return None
