@@ -87,7 +87,8 @@ def change_of(state: RobotState) -> RobotChanged:
         outcome=state.outcome,
         detail=state.detail,
         controller_identity=state.controller_identity,
-        permit_sha256=state.permit_sha256,
+        # Of the motion under way alone: later cases must not go on naming a permit that belongs to this one.
+        permit_sha256=state.permit_sha256 if state.state in IN_MOTION else None,
         permits_refused=state.permits_refused,
         permit_refusal=state.permit_refusal,
     )

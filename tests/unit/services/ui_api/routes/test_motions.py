@@ -5,6 +5,7 @@ import threading
 import pytest
 
 from services.ui_api.core.events import EventKind
+from services.ui_api.core.robot_event_data import RobotChanged
 from shared.messages.base import decode
 from shared.messages.cases import CaseContext
 from shared.messages.permits import Permit
@@ -120,6 +121,19 @@ def test_a_reference_carries_a_permit_that_the_record_keeps(room: Room) -> None:
     assert (requested.permit_signature, requested.permit_key_sha256) == (signed.signature, signed.key_sha256)
     view = room.get(f"/operations/{operation_id}").json()
     assert (view["approver"], view["permit_sha256"]) == ("Dr B", signed.permit_sha256)
+
+
+def test_the_record_has_the_robots_word_of_the_permit_that_it_moves_by_and_of_no_earlier_one(room: Room) -> None:
+    room.open_case()
+    sha256 = samples.sha("permit")
+
+    def named() -> list[str | None]:
+        events = room.gateway.record.events_after(0)
+        return [event.data.permit_sha256 for event in events if isinstance(event.data, RobotChanged)]
+
+    room.robot.say(MotionState.MOVING, permit_sha256=sha256)
+    room.robot.say(MotionState.LOCKED, permit_sha256=sha256)
+    wait_until(lambda: named()[-2:] == [sha256, None])
 
 
 def test_a_permit_that_the_robot_refuses_is_on_record(room: Room) -> None:
