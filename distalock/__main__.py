@@ -121,6 +121,9 @@ def _up_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="no certificates: whoever reaches the router's port may speak as any service",
     )
+    parser.add_argument(
+        "--https", action="store_true", help="the gateway speaks HTTPS; needed where it is reached from elsewhere"
+    )
     add_scenario_arguments(parser)
     for name, default, used_for in _PORTS:
         parser.add_argument(
@@ -143,7 +146,7 @@ def _up(given: argparse.Namespace) -> int:
         )
     ports = Ports(given.router_port, given.rest_port, given.dicom_port, given.gcs_port, given.control_port)
     installation = Installation(
-        ports, given.state.resolve(), given.controller, scenario_arguments(given), given.plain_bus
+        ports, given.state.resolve(), given.controller, scenario_arguments(given), given.plain_bus, given.https
     )
     return run_installation(installation, Console(soft_wrap=True))
 

@@ -71,12 +71,12 @@ def demonstrate(request: DemoRequest, tell: Tell) -> Outcome:
         installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=request.scenario_arguments)
         with installation.fleet(threading.Event()) as fleet:
             installation.write_directory(fleet.pids)
-            tell(f"SIMULATION: services are up, REST at {installation.ports.rest_url}")
+            tell(f"SIMULATION: services are up, REST at {installation.gateway.url}")
             return _procedure_in(installation, request, tell)
 
 
 def _procedure_in(installation: Installation, request: DemoRequest, tell: Tell) -> Outcome:
-    with RestClient(installation.ports.rest_url) as rest, RestClient(installation.ports.control_url) as control:
+    with RestClient(installation.gateway.url) as rest, RestClient(installation.ports.control_url) as control:
         room = RoomClient(control)
         scenario = room.scenario()
         case = CaseClient.opened(rest, scenario.set_up)

@@ -3,27 +3,24 @@
 import json
 import os
 import threading
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
-
-import httpx
 
 from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
+from distalock.readiness import GatewayReady, Server
 from shared.bus.tls import PKI_FOLDER, TlsFiles
 from shared.pki.keystore import ROUTER, Keystore
+from shared.pki.network import REST, network_keystore
 from shared.runtime.settings import ServiceSettings, load_settings
 
 _LOOPBACK = "127.0.0.1"
 _DICOM_HOST = "DISTALOCK_IMAGING_DICOM_HOST"
-# The gateway gives its own probe two seconds.
-_ANSWER_WITHIN_S: Final = 3.0
-# What readyz says of a service that is not there yet.
-_STILL_STARTING: Final = frozenset({"absent", "silent", "starting", "stale"})
-_USABLE_FOR_S: Final = 5.0
+_REST_HOST = "DISTALOCK_UI_API_HOST"
+_OWN_CERTIFICATE = "DISTALOCK_UI_API_HTTPS_CERTIFICATE"
+# Addresses to listen on that mean every address of this machine; none to call.
+_EVERY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - not bound here
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +40,7 @@ class Ports:
 
     @property
     def rest_url(self) -> str:
-        """Address of the gateway, and of the console."""
+        """Address of a gateway that listens on the loopback interface without TLS."""
         return f"http://127.0.0.1:{self.rest}"
 
     @property
@@ -64,6 +61,8 @@ class Installation:
         How to choose the virtual room's scenario: ``("--seed", "3")`` or ``("--scenario", FILE)``.
     plain_bus
         Whether the bus does without TLS and access control: whoever reaches its port may then say anything.
+    https
+        Whether the gateway speaks HTTPS, with a certificate of the installation's authority for the network.
     """
 
     ports: Ports
@@ -71,6 +70,22 @@ class Installation:
     controller_url: str | None = None
     scenario_arguments: tuple[str, ...] = ()
     plain_bus: bool = False
+    https: bool = False
+
+    @property
+    def rest_host(self) -> str:
+        """Where the gateway listens: the loopback interface, unless its setting names another address."""
+        return os.environ.get(_REST_HOST, _LOOPBACK)
+
+    @property
+    def gateway(self) -> Server:
+        """The gateway, as programs of this machine call it."""
+        host = _LOOPBACK if self.rest_host in _EVERY_ADDRESS else self.rest_host
+        named = f"[{host}]" if ":" in host else host
+        if not self.https:
+            return Server(f"http://{named}:{self.ports.rest}")
+        authority = TlsFiles.in_network(self.state_dir, REST).authority
+        return Server(f"https://{named}:{self.ports.rest}", None if _OWN_CERTIFICATE in os.environ else authority)
 
     @property
     def router_endpoint(self) -> str:
@@ -105,7 +120,7 @@ class Installation:
             ProcessSpec("imaging", "services.imaging", _at_once, environment=environment),
             ProcessSpec("registration", "services.registration", _at_once, environment=environment),
             ProcessSpec("robot", "services.robot", _at_once, environment=environment),
-            ProcessSpec("ui_api", "services.ui_api", _Ready(f"{ports.rest_url}/readyz"), (), environment),
+            ProcessSpec("ui_api", "services.ui_api", GatewayReady(self.gateway), (), environment),
         ]
         return [router, *([self._virtual_room(environment)] if self.simulated else []), *services]
 
@@ -118,7 +133,7 @@ class Installation:
             *self.scenario_arguments,
         )
         return ProcessSpec(
-            "virtual-or", "simulation", lambda: _answers_ok(f"{ports.control_url}/healthz"), arguments, environment
+            "virtual-or", "simulation", lambda: Server(ports.control_url).answers_ok("/healthz"), arguments, environment
         )
 
     def _environment(self) -> dict[str, str]:
@@ -129,6 +144,7 @@ class Installation:
             "DISTALOCK_IMAGING_DICOM_PORT": str(self.ports.dicom),
             "DISTALOCK_ROBOT_CONTROLLER_URL": self.controller_url or f"socket://127.0.0.1:{self.ports.gcs}",
             "DISTALOCK_UI_API_PORT": str(self.ports.rest),
+            **({"DISTALOCK_UI_API_HTTPS": "true"} if self.https else {}),
         }
 
     def _router_arguments(self) -> tuple[str, ...]:
@@ -183,7 +199,9 @@ class Installation:
 
         A plain bus has no use for certificates, but permits to move are signed on it, too.
         """
-        Keystore(self.state_dir / PKI_FOLDER).ensure(datetime.now(UTC))
+        folder, now = self.state_dir / PKI_FOLDER, datetime.now(UTC)
+        for keystore in (Keystore(folder), network_keystore(folder)):
+            keystore.ensure(now)
 
     def write_directory(self, pids: Mapping[str, int]) -> Path:
         """Write who runs where to `installation.json` in the state folder, for tools and tests."""
@@ -195,48 +213,3 @@ class Installation:
 
 def _at_once() -> bool:
     return True
-
-
-class _Ready:
-    """Whether a gateway is ready, or can at least be used: all services are there, and what is not ready stays so.
-
-    A controller that is switched off keeps an installation from being ready, but not from being started.
-    """
-
-    def __init__(self, url: str, clock_s: Callable[[], float] = time.monotonic) -> None:
-        self._url = url
-        self._clock_s = clock_s
-        self._usable_since_s: float | None = None
-
-    def __call__(self) -> bool:
-        answer = _answer_of(self._url)
-        if answer is None or answer.status_code == httpx.codes.OK:
-            return answer is not None
-        codes = {check.get("code") for check in answer.json().get("checks", ())}
-        if codes & _STILL_STARTING:
-            self._usable_since_s = None
-            return False
-        now_s = self._clock_s()
-        if self._usable_since_s is None:
-            self._usable_since_s = now_s
-        return now_s - self._usable_since_s > _USABLE_FOR_S
-
-
-def why_not_ready(rest_url: str) -> str:
-    """What a gateway says is not ready; empty when it is."""
-    answer = _answer_of(f"{rest_url}/readyz")
-    if answer is None:
-        return "the gateway does not answer"
-    return "" if answer.status_code == httpx.codes.OK else str(answer.json().get("detail", answer.status_code))
-
-
-def _answer_of(url: str) -> httpx.Response | None:
-    try:
-        return httpx.get(url, timeout=_ANSWER_WITHIN_S)
-    except httpx.HTTPError:
-        return None
-
-
-def _answers_ok(url: str) -> bool:
-    answer = _answer_of(url)
-    return answer is not None and answer.status_code == httpx.codes.OK

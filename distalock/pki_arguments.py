@@ -22,7 +22,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action.add_argument("--state", type=named_path, default=Path("state"), help="state folder of the installation")
         action.set_defaults(action=name)
         if name == "issue":
-            action.add_argument("names", nargs="+", metavar="NAME", help="whose: router, permit, or a service")
+            action.add_argument(
+                "names", nargs="+", metavar="NAME", help="whose: router, permit, rest, dicom, c_arm, or a service"
+            )
+        if name == "rotate":
+            action.add_argument(
+                "--only",
+                choices=("bus", "network"),
+                help="what the lost key was for: the services' bus, or HTTPS and DICOM",
+            )
         if name != "show":
             action.add_argument(
                 "--router-host",
@@ -30,4 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                 default=[],
                 metavar="NAME",
                 help="a further name or address under which services reach the router; repeatable",
+            )
+            action.add_argument(
+                "--network-host",
+                action="append",
+                default=[],
+                metavar="NAME",
+                help="a further name or address under which browsers and C-arms reach this machine; repeatable",
             )

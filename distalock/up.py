@@ -7,10 +7,12 @@ from typing import Final
 from rich.console import Console
 
 from distalock.arguments import EXIT_BAD_INPUT
-from distalock.installation import Installation, why_not_ready
+from distalock.installation import Installation
 from distalock.processes import Fleet
+from distalock.readiness import why_not_ready
 from shared.bus.tls import PLAIN_BUS_WARNING
 from shared.errors import ConfigurationError
+from shared.hosts import PLAIN_HTTP_WARNING, is_loopback
 from shared.signals import set_by_signals
 
 EXIT_OK, EXIT_FAULT = 0, 1
@@ -57,15 +59,20 @@ def _watch(fleet: Fleet, console: Console) -> str | None:
 
 
 def _announce(installation: Installation, console: Console) -> None:
-    ports = installation.ports
-    console.print(f"console and REST  {ports.rest_url}", highlight=False)
-    console.print(f"API document      {ports.rest_url}/openapi.json", highlight=False)
+    ports, gateway = installation.ports, installation.gateway
+    everywhere = "" if installation.rest_host in gateway.url else f" (listens on {installation.rest_host})"
+    console.print(f"console and REST  {gateway.url}{everywhere}", highlight=False)
+    console.print(f"API document      {gateway.url}/openapi.json", highlight=False)
+    if installation.https:
+        console.print(f"HTTPS, for browsers: trust {gateway.authority}", highlight=False)
+    elif not is_loopback(installation.rest_host):
+        console.print(f"[bold]WARNING[/bold]           {PLAIN_HTTP_WARNING}", highlight=False)
     console.print(f"DICOM C-STORE     {installation.dicom_address}", highlight=False)
     if installation.simulated:
         console.print(f"SIMULATION        virtual operating room, control at {ports.control_url}", highlight=False)
     if installation.plain_bus:
         console.print(f"[bold]WARNING[/bold]           {PLAIN_BUS_WARNING}", highlight=False)
     console.print(f"state and logs    {installation.state_dir}", highlight=False)
-    if lacking := why_not_ready(ports.rest_url):
+    if lacking := why_not_ready(gateway):
         console.print(f"not ready yet     {lacking}", highlight=False)
     console.print("Ctrl-C stops everything and leaves the robot locked.", highlight=False)

@@ -20,6 +20,7 @@ from shared.bus.port import Bus
 from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime, service_main
 from shared.runtime.logging import Log
+from shared.runtime.tls_context import Clients, server_context
 
 # The gateway's last announcement arrives within milliseconds; without a gateway nobody has a case open.
 _CASE_WITHIN_S = 1.0
@@ -55,6 +56,8 @@ def sources(settings: ImagingSettings, log: Log) -> list[ImageSource]:
         settings.dicom_ae_title,
         settings.dicom_calling_ae_titles,
         settings.dicom_most_associations,
+        server_context(settings.dicom_tls_files(), Clients.WITH_CERTIFICATE) if settings.dicom_tls else None,
+        settings.dicom_tls_senders,
     )
     found: list[ImageSource] = [DicomSource(endpoint, log)]
     if settings.watched_folder is not None:

@@ -5,12 +5,14 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from shared.bus.tls import TlsFiles
 from shared.runtime.settings import ServiceSettings
 
 NotNegative = Annotated[int, Field(ge=0, le=16384)]
 Side = Annotated[int, Field(ge=16, le=16384)]
 Port = Annotated[int, Field(ge=0, le=65535)]
 AeTitle = Annotated[str, Field(min_length=1, max_length=16, pattern=r"^[A-Za-z0-9_.-]+$")]
+CommonName = Annotated[str, Field(min_length=1, max_length=64)]
 
 
 class ImagingSettings(ServiceSettings):
@@ -24,6 +26,19 @@ class ImagingSettings(ServiceSettings):
     dicom_port: Port = Field(11112, description="TCP port of DICOM reception.")
     dicom_ae_title: AeTitle = Field("DISTALOCK", description="Application entity title that the C-arm must call.")
     dicom_calling_ae_titles: tuple[AeTitle, ...] = Field((), description="Titles that may send; anyone when empty.")
+    dicom_tls: bool = Field(
+        default=False,
+        description="DICOM under TLS (PS3.15 B.12), with senders that prove who they are by a certificate.",
+    )
+    dicom_tls_authority: Path | None = Field(
+        None,
+        description="Certificate of the authority of senders; default: pki/network/dicom in state_dir, as those below.",
+    )
+    dicom_tls_certificate: Path | None = Field(None, description="Certificate of the receiver.")
+    dicom_tls_key: Path | None = Field(None, description="Private key of the receiver.")
+    dicom_tls_senders: tuple[CommonName, ...] = Field(
+        (), description="Common names of certificates that may send; everybody whom the authority signed when empty."
+    )
     dicom_most_associations: Annotated[int, Field(ge=1, le=100)] = Field(10, description="Open at the same time.")
     watched_folder: Path | None = Field(None, description="Folder whose image files are taken as they appear.")
     video: str = Field(
@@ -50,3 +65,12 @@ class ImagingSettings(ServiceSettings):
         default=False,
         description="Metal is bright in the images received, although their files state the opposite or nothing.",
     )
+
+    def dicom_tls_files(self) -> TlsFiles:
+        """Key and certificate of the receiver, and whose senders it believes."""
+        made = TlsFiles.in_network(self.state_dir, "dicom")
+        return TlsFiles(
+            self.dicom_tls_authority or made.authority,
+            self.dicom_tls_certificate or made.certificate,
+            self.dicom_tls_key or made.key,
+        )

@@ -14,9 +14,11 @@ from services.ui_api.settings import UiApiSettings
 from shared.arguments import OneLineParser
 from shared.bus.port import Bus
 from shared.errors import ConfigurationError
+from shared.hosts import PLAIN_HTTP_WARNING, is_loopback
 from shared.runtime.help import settings_help
 from shared.runtime.lifecycle import Runtime, run_service
 from shared.runtime.settings import load_settings
+from shared.runtime.tls_context import Clients, server_context
 
 
 def main(arguments: list[str]) -> int:
@@ -48,6 +50,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _serve(settings: UiApiSettings) -> int:
+    files = settings.https_files()
+    https = None if files is None else server_context(files, Clients.ANYBODY)
     listening = listening_socket(settings.host, settings.port)
 
     @contextmanager
@@ -57,9 +61,11 @@ def _serve(settings: UiApiSettings) -> int:
 
         with (
             open_gateway(bus, runtime, settings, Clock()) as gateway,
-            serving(make_app(gateway, settings.allowed_hosts), listening, early_end),
+            serving(make_app(gateway, settings.allowed_hosts), listening, early_end, https),
         ):
-            runtime.log.info("listening", address=listening.getsockname())
+            runtime.log.info("listening", address=listening.getsockname(), https=https is not None)
+            if https is None and not is_loopback(settings.host):
+                runtime.log.warning("plain_http", detail=PLAIN_HTTP_WARNING)
             yield
             gateway.feed.close()  # event streams end now, or the server would wait for them
 

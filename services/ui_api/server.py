@@ -1,6 +1,7 @@
 """The HTTP server on a thread of its own: signals are the business of the main thread."""
 
 import socket
+import ssl
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -38,13 +39,20 @@ def listening_socket(host: str, port: int) -> socket.socket:
 
 
 @contextmanager
-def serving(app: FastAPI, listening: socket.socket, on_early_end: Callable[[], None]) -> Iterator[None]:
+def serving(
+    app: FastAPI,
+    listening: socket.socket,
+    on_early_end: Callable[[], None],
+    https: ssl.SSLContext | None = None,
+) -> Iterator[None]:
     """Serve an application for as long as the context lasts; the socket is closed on leaving.
 
     Parameters
     ----------
     on_early_end
         Called, on the server's thread, when the server ends by itself.
+    https
+        None for HTTP without TLS.
     """
     config = uvicorn.Config(
         app,
@@ -53,6 +61,7 @@ def serving(app: FastAPI, listening: socket.socket, on_early_end: Callable[[], N
         timeout_graceful_shutdown=_LEAVE_WITHIN_S,
         ws_per_message_deflate=False,  # the pictures are compressed, and each viewer would have them compressed again
         http=HeadDeadlineProtocol,
+        ssl_context_factory=None if https is None else lambda _config, _default: https,
         # Nobody is in front of this server whose word about the client's address or scheme would count.
         proxy_headers=False,
         server_header=False,

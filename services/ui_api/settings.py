@@ -6,7 +6,9 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from services.ui_api.record.database import sqlite_url
-from shared.bus.tls import PKI_FOLDER
+from shared.bus.tls import PKI_FOLDER, TlsFiles
+from shared.errors import ConfigurationError
+from shared.hosts import is_loopback
 from shared.pki.permit_key import PERMIT_KEY_FILE, PermitSigner
 from shared.runtime.settings import ServiceSettings
 
@@ -20,6 +22,18 @@ class UiApiSettings(ServiceSettings):
 
     host: str = Field("127.0.0.1", description="Address on which the REST interface listens.")
     port: Annotated[int, Field(ge=0, le=65535)] = Field(8000, description="Port of the REST interface; 0: any free.")
+    https: bool = Field(
+        default=False, description="HTTPS in place of HTTP; needed on an address that is not the loopback interface's."
+    )
+    https_certificate: Path | None = Field(
+        None, description="The server's certificate; default: pki/network/rest in state_dir, as the key."
+    )
+    https_key: Path | None = Field(None, description="Private key of that certificate.")
+    plain_http: bool = Field(
+        default=False,
+        description="HTTP on an address that is not the loopback interface's all the same, with a warning: whoever is "
+        "on the way can read and change everything.",
+    )
     allowed_hosts: tuple[HostName, ...] = Field(
         (), description="Names under which browsers may call this machine, besides its addresses and localhost."
     )
@@ -43,6 +57,25 @@ class UiApiSettings(ServiceSettings):
     def permit_signer(self) -> PermitSigner:
         """Signs permits to move; raises `ConfigurationError`."""
         return PermitSigner.from_file(self.permit_key or self.state_dir / PKI_FOLDER / self.section / PERMIT_KEY_FILE)
+
+    def https_files(self) -> TlsFiles | None:
+        """Key and certificate for HTTPS; None for HTTP.
+
+        Raises
+        ------
+        ConfigurationError
+            When the address is not the loopback interface's, and neither HTTPS nor `plain_http` is set.
+        """
+        if self.https:
+            made = TlsFiles.in_network(self.state_dir, "rest")
+            return TlsFiles(made.authority, self.https_certificate or made.certificate, self.https_key or made.key)
+        if not (self.plain_http or is_loopback(self.host)):
+            raise ConfigurationError(
+                f"the REST interface would listen on {self.host} without TLS, and whoever is on the way could read and "
+                "change everything; set DISTALOCK_UI_API_HTTPS=true, or say that you want it so "
+                "(DISTALOCK_UI_API_PLAIN_HTTP=true)"
+            )
+        return None
 
     def record_url(self) -> str:
         """URL of the case record's database."""

@@ -12,6 +12,7 @@ CERTIFICATE_FILE: Final = "certificate.pem"
 KEY_FILE: Final = "key.pem"
 SCHEME: Final = "tls/"
 PKI_FOLDER: Final = "pki"
+NETWORK_FOLDER: Final = "network"
 PLAIN_BUS_WARNING: Final = (
     "the bus runs without TLS and access control: whoever reaches its port may speak as any service"
 )
@@ -44,15 +45,31 @@ class TlsFiles:
         """The files of one service (or of the router) in the state folder of an installation."""
         return cls.in_folder(state_dir / PKI_FOLDER / name)
 
+    @classmethod
+    def in_network(cls, state_dir: Path, name: str) -> Self:
+        """The files of what faces the hospital's network, which has an authority of its own."""
+        return cls.in_folder(state_dir / PKI_FOLDER / NETWORK_FOLDER / name)
+
     def require(self) -> None:
         """Refuse files that are missing, or a key that others can read; raises `ConfigurationError`."""
-        for file in (self.authority, self.certificate, self.key):
-            if not file.is_file():
-                raise ConfigurationError(
-                    f"{file} is missing: without it nobody is let on the bus; make it (distalock pki init), or name "
-                    "the files with DISTALOCK_TLS_AUTHORITY, DISTALOCK_TLS_CERTIFICATE and DISTALOCK_TLS_KEY"
-                )
+        _require_file(self.authority)
+        self.require_own()
+
+    def require_own(self) -> None:
+        """The same for a program that trusts nobody, such as a server that lets in everybody."""
+        _require_file(self.certificate)
+        _require_file(self.key)
         require_private(self.key)
+
+
+def _require_file(file: Path) -> None:
+    if not file.is_file():
+        raise ConfigurationError(
+            f"{file} is missing: without it nobody is let on the bus; make it (distalock pki init), or name "
+            "the files with DISTALOCK_TLS_AUTHORITY, DISTALOCK_TLS_CERTIFICATE and DISTALOCK_TLS_KEY"
+            if NETWORK_FOLDER not in file.parts
+            else f"{file} is missing: without it there is no TLS; make it (distalock pki init)"
+        )
 
 
 def require_private(key: Path) -> None:

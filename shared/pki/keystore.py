@@ -13,14 +13,14 @@ gets that one and no other.
 
 import os
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from enum import StrEnum
 from pathlib import Path
 from typing import Final, get_args
 
-from shared.bus.tls import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, TlsFiles, require_private
+from shared.bus.tls import AUTHORITY_FILE, KEY_FILE, TlsFiles, require_private
 from shared.errors import ConfigurationError
 from shared.messages.presence import ServiceName
 from shared.pki.authority import (
@@ -39,12 +39,33 @@ ROUTER: Final = "router"
 PERMIT: Final = "permit"
 # Who has a folder, and whose certificates there are.
 NAMES: Final[tuple[str, ...]] = (ROUTER, *get_args(ServiceName))
-ISSUED: Final = (*NAMES, PERMIT)
+ISSUED: Final[tuple[str, ...]] = (*NAMES, PERMIT)
 # Half of their validity: whoever starts an installation once in half a year never sees one expire.
 RENEW_BEFORE: Final = timedelta(days=180)
-ROUTER_HOST_NAMES: Final = ("localhost", "127.0.0.1", "::1", ROUTER)
+HERE: Final = ("localhost", "127.0.0.1", "::1")
 _AUTHORITY: Final = "authority"
-_USES: Final = {ROUTER: Use.SERVER, PERMIT: Use.PERMIT}
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Somebody with a certificate.
+
+    Attributes
+    ----------
+    host_names
+        Names and addresses under which a server is reached, unless its certificate states more already.
+    """
+
+    use: Use
+    host_names: tuple[str, ...] = ()
+
+
+# Who meets on the bus. What faces the hospital's network has an authority of its own: `network`.
+BUS: Final[Mapping[str, Holder]] = {
+    ROUTER: Holder(Use.SERVER, (*HERE, ROUTER)),
+    **{name: Holder(Use.CLIENT) for name in get_args(ServiceName)},
+    PERMIT: Holder(Use.PERMIT),
+}
 
 
 class Standing(StrEnum):
@@ -74,10 +95,12 @@ class Keystore:
     ----------
     folder
         Made with the first authority.
+    holders
+        Whose certificates the authority signs.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, holders: Mapping[str, Holder] = BUS) -> None:
+        self.folder, self.holders = folder, holders
 
     def folder_of(self, name: str) -> Path:
         """Folder of what one service (or the router) needs."""
@@ -89,7 +112,7 @@ class Keystore:
         Parameters
         ----------
         host_names
-            Further names of the router's host. The names that its certificate has stay.
+            Further names of the servers' host. The names that a certificate has stay.
 
         Returns
         -------
@@ -104,22 +127,20 @@ class Keystore:
         if self._authority_is_due(now):
             return self.rotate(now, host_names)
         due = [entry.name for entry in self.entries(now) if entry.standing is not Standing.VALID]
-        if set(host_names) - set(self._router_host_names()):
-            due = sorted({ROUTER, *due}, key=ISSUED.index)
-        return self.issue(due, now, host_names)
+        unnamed = {name for name in self._servers() if set(host_names) - set(self._host_names(name))}
+        return self.issue([name for name in self.holders if name in unnamed.union(due)], now, host_names)
 
     def issue(self, names: Sequence[str], now: datetime, host_names: Sequence[str] = ()) -> tuple[str, ...]:
         """Make new keys and certificates for some, from the authority that there is; see `ensure`."""
         if not names:
             return ()
-        if unknown := sorted(set(names) - set(ISSUED)):
-            raise ConfigurationError(f"nobody is called '{unknown[0]}' here; known are {', '.join(ISSUED)}")
+        if unknown := sorted(set(names) - self.holders.keys()):
+            raise ConfigurationError(f"nobody is called '{unknown[0]}' here; known are {', '.join(self.holders)}")
         authority = self._authority()
-        all_host_names = tuple(dict.fromkeys((*self._router_host_names(), *host_names)))
         for name in names:
-            known_as = all_host_names if name == ROUTER else ()
-            use = _USES.get(name, Use.CLIENT)
-            self._write(name, issue(authority, name, use, known_as, now), authority.certificate_pem)
+            known_as = (*self._host_names(name), *host_names) if name in self._servers() else ()
+            identity = issue(authority, name, self.holders[name].use, tuple(dict.fromkeys(known_as)), now)
+            self._write(name, identity, authority.certificate_pem)
         return tuple(names)
 
     def rotate(self, now: datetime, host_names: Sequence[str] = ()) -> tuple[str, ...]:
@@ -128,11 +149,11 @@ class Keystore:
         folder = _private_folder(self.folder / _AUTHORITY)
         _write_private(folder / KEY_FILE, authority.key_pem)
         _write_private(folder / AUTHORITY_FILE, authority.certificate_pem)
-        return self.issue(ISSUED, now, host_names)
+        return self.issue(tuple(self.holders), now, host_names)
 
     def entries(self, now: datetime) -> tuple[Entry, ...]:
-        """How the certificates stand, the router's first."""
-        return tuple(self._entry(name, now) for name in ISSUED)
+        """How the certificates stand, those of the bus with the router's first."""
+        return tuple(self._entry(name, now) for name in self.holders)
 
     def authority_facts(self) -> CertificateFacts:
         """What the authority's certificate says; raises `ConfigurationError` when there is none."""
@@ -170,9 +191,13 @@ class Keystore:
             return Standing.EXPIRED
         return Standing.RENEWAL_DUE if facts.not_after - now < RENEW_BEFORE else Standing.VALID
 
-    def _router_host_names(self) -> tuple[str, ...]:
-        file = self.folder_of(ROUTER) / CERTIFICATE_FILE
-        return CertificateFacts.of(_read(file)).host_names if file.exists() else ROUTER_HOST_NAMES
+    def _servers(self) -> tuple[str, ...]:
+        return tuple(name for name, holder in self.holders.items() if holder.use is Use.SERVER)
+
+    def _host_names(self, name: str) -> tuple[str, ...]:
+        """Under which names a server is reached: those that its certificate states, when it has one."""
+        file = self._files(name).certificate
+        return CertificateFacts.of(_read(file)).host_names if file.exists() else self.holders[name].host_names
 
     def _authority(self) -> Identity:
         key = self.folder / _AUTHORITY / KEY_FILE

@@ -3,12 +3,13 @@
 from pathlib import Path
 from typing import Final
 
-from tests.attacks import commands, imaging_port, links, roles, streams, web
+from tests.attacks import commands, imaging_port, links, listeners, roles, streams, web
 from tests.attacks.attack import Attack
 
 # Tried while the approved plan could move the robot at once.
 BEFORE_THE_MOVE: Final[tuple[Attack, ...]] = (
     *links.ATTACKS,
+    *listeners.ATTACKS,
     *roles.ATTACKS,
     *commands.ATTACKS,
     *streams.ATTACKS,

@@ -8,10 +8,11 @@ two seconds at most, the newest ones push out the oldest of the same address, an
 import contextlib
 import socket
 import socketserver
+import ssl
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from pynetdicom.transport import RequestHandler, ThreadedAssociationServer
@@ -97,6 +98,9 @@ class GatedServer(ThreadedAssociationServer):
     daemon_threads = True
     request_queue_size = _BACKLOG
     on_no_request: Callable[[str, int], None]
+    on_untrusted: Callable[[str, str], None]
+    tls: ssl.SSLContext | None = None
+    tls_senders: frozenset[str] = frozenset()
 
     def verify_request(self, request: object, client_address: tuple[str, int]) -> bool:
         """Note the connection before it has a thread; called on the one that accepts, so nothing here waits."""
@@ -135,10 +139,37 @@ class GatedHandler(RequestHandler):
         """On a thread of the connection's own."""
         server, connection = self.server, self.request
         assert isinstance(server, GatedServer)
-        arrived = request_arrives(connection, REQUEST_WITHIN_S)
+        if server.tls is None:
+            arrived = request_arrives(connection, REQUEST_WITHIN_S)
+        else:
+            # Who has proved who it is need not be hurried: pynetdicom waits for its request, and not for ever.
+            arrived = self._is_trusted(server, server.tls)
         server.waiting.leave(connection)
         if arrived:
             super().handle()
             return
         server.note_no_request(str(self.client_address[0]))
-        server.shutdown_request(connection)
+        server.shutdown_request(self.request)
+
+    def _is_trusted(self, server: "GatedServer", tls: ssl.SSLContext) -> bool:
+        """Whether the other side proves in time, by a certificate, that it is one that may send."""
+        self.request.settimeout(REQUEST_WITHIN_S)
+        try:
+            self.request = tls.wrap_socket(self.request, server_side=True)
+        except OSError as error:  # of TLS, too
+            server.on_untrusted(str(self.client_address[0]), f"no link under TLS: {error}")
+            return False
+        name = common_name(self.request.getpeercert())
+        if server.tls_senders and name not in server.tls_senders:
+            allowed = ", ".join(sorted(server.tls_senders))
+            why = f"its certificate names {name!r}; the setting dicom_tls_senders allows {allowed}"
+            server.on_untrusted(str(self.client_address[0]), why)
+            return False
+        return True
+
+
+def common_name(certificate: Mapping[str, object] | None) -> str | None:
+    """The common name that a certificate states, as `ssl` reads it; None where it states none."""
+    subject = (certificate or {}).get("subject", ())
+    assert isinstance(subject, tuple)
+    return next((str(value) for part in subject for key, value in part if key == "commonName"), None)

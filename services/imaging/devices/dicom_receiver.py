@@ -1,5 +1,6 @@
 """Receive images from a C-arm: a DICOM Storage provider with verification (C-ECHO)."""
 
+import ssl
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -92,6 +93,10 @@ class Endpoint:
         Titles that may call; anyone when empty.
     most_associations
         At the same time.
+    tls
+        None for DICOM without TLS.
+    tls_senders
+        Common names of certificates that may connect; whoever has one of the authority when empty.
     """
 
     host: str
@@ -99,6 +104,8 @@ class Endpoint:
     ae_title: str
     calling_ae_titles: tuple[str, ...] = ()
     most_associations: int = 10
+    tls: ssl.SSLContext | None = None
+    tls_senders: tuple[str, ...] = ()
 
     @property
     def most_of_unknown_titles(self) -> int:
@@ -121,7 +128,8 @@ class DicomSource:
     def receiving(self, take: Take) -> Iterator[str]:
         """Listen for as long as the context lasts."""
         with dicom_receiver(self._endpoint, take, self._log) as port:
-            yield f"DICOM {self._endpoint.ae_title} at {self._endpoint.host}:{port}"
+            under_tls = " under TLS" if self._endpoint.tls else ""
+            yield f"DICOM {self._endpoint.ae_title} at {self._endpoint.host}:{port}{under_tls}"
 
 
 def decodable_syntaxes() -> list[UID]:
@@ -227,6 +235,8 @@ def dicom_receiver(endpoint: Endpoint, take: Take, log: Log) -> Iterator[int]:
         ) from None
     assert isinstance(server, GatedServer)
     server.on_no_request = doorkeeper.log_no_request
+    server.on_untrusted = doorkeeper.log_untrusted
+    server.tls, server.tls_senders = endpoint.tls, frozenset(endpoint.tls_senders)
     doorkeeper.server = server
     supervised_thread("DICOM reception", lambda: server.serve_forever(_POLL_S)).start()
     try:
@@ -278,6 +288,10 @@ class _Doorkeeper:
             sender=address,
             detail=f"{count} since the start; each is closed at its end, at the latest after {REQUEST_WITHIN_S:g} s",
         )
+
+    def log_untrusted(self, address: str, why: str) -> None:
+        """A connection without the certificate that it needs is closed before it says anything."""
+        self._log.warning("association rejected", sender=address, detail=why)
 
 
 def _stored(event: _StoreEvent, take: Take, log: Log) -> Dataset:

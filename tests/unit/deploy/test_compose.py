@@ -10,10 +10,17 @@ import pytest
 from shared.bus.shared_memory import LOCKED_BYTES
 from shared.messages.presence import ServiceName
 from shared.pki.keystore import NAMES
+from shared.pki.network import NETWORK
 from shared.pki.permit_key import PERMIT_CERTIFICATE_FILE, PERMIT_KEY_FILE
 
 ROOT = Path(__file__).resolve().parents[3]
 TEXT = (ROOT / "docker-compose.yml").read_text()
+
+# What faces the hospital's network, and the key for it.
+SERVERS = {
+    "ui_api": [("keys-rest", "/run/distalock/https:ro")],
+    "imaging": [("keys-dicom", "/run/distalock/dicom:ro")],
+}
 
 
 def block_of(service: str) -> str:
@@ -30,12 +37,14 @@ def volume_of(name: str) -> str:
 @pytest.mark.parametrize("service", NAMES)
 def test_a_container_sees_its_own_keys_and_no_other(service: str) -> None:
     mounted = re.findall(r"- (keys-[a-z-]+):(\S+)", block_of(service))
-    assert mounted == [(volume_of(service), "/run/distalock/tls:ro")]
+    assert mounted == [(volume_of(service), "/run/distalock/tls:ro"), *SERVERS.get(service, ())]
 
 
 def test_only_who_issues_sees_all_of_them_and_it_has_no_network() -> None:
     mounted = dict(re.findall(r"- (keys-[a-z-]+):(\S+)", block_of("pki")))
-    assert mounted == {volume_of(name): f"/keys/pki/{name}" for name in ("authority", *NAMES)}
+    of_the_bus = {volume_of(name): f"/keys/pki/{name}" for name in ("authority", *NAMES)}
+    of_the_network = {volume_of(name): f"/keys/pki/network/{name}" for name in NETWORK}
+    assert mounted == of_the_bus | of_the_network | {"keys-network": "/keys/pki/network/authority"}
     assert "network_mode: none" in block_of("pki")
 
 
@@ -56,6 +65,12 @@ def test_the_bus_is_under_tls() -> None:
     assert "tls/0.0.0.0:7447" in block_of("router")
     assert "plain-bus" not in TEXT
     assert "tcp/" not in TEXT
+
+
+def test_what_others_reach_is_under_tls() -> None:
+    gateway = block_of("ui_api")
+    assert "DISTALOCK_UI_API_HTTPS: ${DISTALOCK_HTTPS:-true}" in gateway
+    assert "DISTALOCK_UI_API_PLAIN_HTTP: ${DISTALOCK_PLAIN_HTTP:-false}" in gateway
 
 
 def test_containers_may_lock_the_pool_of_frames() -> None:

@@ -1,84 +1,15 @@
-"""When an installation counts as started."""
+"""Where an installation listens, and what it keeps for itself."""
 
-import json
-from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
 
 import pytest
 
-from distalock.installation import Installation, Ports, _Ready, why_not_ready
+from distalock.installation import Installation, Ports
+from distalock.readiness import Server
 from services.robot.settings import RobotSettings
 from services.ui_api.settings import UiApiSettings
 
-
-class Gateway(ThreadingHTTPServer):
-    """Answers as it is told; with no code that is not well, it is ready."""
-
-    codes: tuple[str, ...] = ()
-
-    @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.server_address[1]}"
-
-
-class _Answers(BaseHTTPRequestHandler):
-    def do_GET(self) -> None:
-        assert isinstance(self.server, Gateway)
-        codes = self.server.codes
-        checks = [{"name": "part", "code": code} for code in ("ok", *codes)]
-        content = json.dumps({"checks": checks, "detail": f"part: {', '.join(codes)}"}).encode()
-        self.send_response(503 if codes else 200)
-        self.send_header("Content-Length", str(len(content)))
-        self.end_headers()
-        self.wfile.write(content)
-
-    def log_message(self, *_: object) -> None:
-        """Say nothing."""
-
-
-@pytest.fixture
-def gateway() -> Iterator[Gateway]:
-    with Gateway(("127.0.0.1", 0), _Answers) as server:
-        thread = Thread(target=server.serve_forever)
-        thread.start()
-        yield server
-        server.shutdown()
-        thread.join()
-
-
-def test_an_installation_whose_gateway_is_ready_has_started(gateway: Gateway) -> None:
-    assert _Ready(gateway.url)()
-    assert why_not_ready(gateway.url) == ""
-
-
-def test_a_service_that_is_not_there_yet_is_waited_for(gateway: Gateway) -> None:
-    now_s = 0.0
-    ready = _Ready(gateway.url, lambda: now_s)
-    gateway.codes = ("absent", "degraded")
-    assert not ready()
-    now_s = 100.0
-    assert not ready()
-
-
-def test_what_stays_unready_is_waited_for_five_seconds(gateway: Gateway) -> None:
-    now_s = 0.0
-    ready = _Ready(gateway.url, lambda: now_s)
-    gateway.codes = ("disconnected", "degraded")
-    assert not ready()
-    now_s = 5.0
-    assert not ready()
-    now_s = 5.1
-    assert ready()
-    assert why_not_ready(gateway.url) == "part: disconnected, degraded"
-
-
-def test_a_gateway_that_does_not_answer_is_not_ready(gateway: Gateway) -> None:
-    nobody = "http://127.0.0.1:9"
-    assert not _Ready(nobody)()
-    assert why_not_ready(nobody) == "the gateway does not answer"
-    assert not gateway.codes
+PORTS = Ports(1, 2, 3, 4, 5)
 
 
 @pytest.mark.parametrize("plain_bus", [False, True])
@@ -97,3 +28,29 @@ def test_ports_and_a_real_controller_are_reserved(tmp_path_factory: pytest.TempP
         "port 3": "end it, or choose another with --dicom-port",
         "the hexapod controller at /dev/ttyUSB0": "end it, or choose another with --controller",
     }
+
+
+@pytest.fixture
+def nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISTALOCK_UI_API_HOST", "DISTALOCK_UI_API_HTTPS_CERTIFICATE"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.usefixtures("nowhere_else")
+def test_the_gateway_is_on_the_loopback_interface_without_tls() -> None:
+    assert Installation(PORTS, Path("s")).gateway == Server("http://127.0.0.1:2")
+
+
+@pytest.mark.usefixtures("nowhere_else")
+def test_https_has_the_certificate_of_the_network_s_authority() -> None:
+    authority = Path("s/pki/network/rest/authority.pem")
+    assert Installation(PORTS, Path("s"), https=True).gateway == Server("https://127.0.0.1:2", authority)
+
+
+@pytest.mark.parametrize(
+    ("host", "url"),
+    [("0.0.0.0", "http://127.0.0.1:2"), ("10.1.2.3", "http://10.1.2.3:2"), ("::1", "http://[::1]:2")],
+)
+def test_the_gateway_is_called_where_it_listens(monkeypatch: pytest.MonkeyPatch, host: str, url: str) -> None:
+    monkeypatch.setenv("DISTALOCK_UI_API_HOST", host)
+    assert Installation(PORTS, Path("s")).gateway.url == url
