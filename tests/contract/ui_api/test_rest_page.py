@@ -9,6 +9,7 @@ _RAISED = (
     r'RefusalKind\.\w+,\s*"(\w+)"',
     r'\bproblem\(\s*\d+,\s*"(\w+)"',
     r'\n        \d+,\n        "(\w+)",\n        "the header',
+    r'ObjectKind\.\w+: "(\w+)"',
 )
 # From the shared tree of errors, and from the table of plain HTTP statuses.
 _ELSEWHERE = {
