@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from services.ui_api.record.database import sqlite_url
+from services.ui_api.record.location import sqlite_url
 from shared.bus.tls import PKI_FOLDER, TlsFiles
 from shared.errors import ConfigurationError
 from shared.hosts import is_loopback

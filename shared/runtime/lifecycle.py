@@ -29,7 +29,7 @@ from shared.runtime.bus_check import check_bus
 from shared.runtime.help import service_parser
 from shared.runtime.impairments import watched
 from shared.runtime.logging import Log, configure_logging, flush_logs
-from shared.runtime.presence import StatusReporter, beating
+from shared.runtime.presence import StatusReporter, always, beating
 from shared.runtime.settings import ServiceSettings, bus_settings, load_settings
 from shared.runtime.sole_service import sole_service
 from shared.signals import set_by_signals
@@ -46,6 +46,8 @@ _LEAVE_WITHIN_S = 10.0
 
 S = TypeVar("S", bound=ServiceSettings)
 BusOpener = Callable[[BusSettings], AbstractContextManager[Bus]]
+# How a process shows the room that its service is there, for as long as the context lasts.
+Showing = Callable[[Bus, "Runtime", ServiceSettings], AbstractContextManager[None]]
 
 
 @dataclass(slots=True)
@@ -128,12 +130,47 @@ def software_version() -> str:
 
 
 @contextmanager
+def whole_service(bus: Bus, runtime: Runtime, settings: ServiceSettings) -> Iterator[None]:
+    """What a service shows that is one process: that it is there, that it lives, and how it fares."""
+    with _place_in_room(bus, runtime), reporting(runtime, settings), living(bus, runtime):
+        yield
+
+
+@contextmanager
+def reporting(runtime: Runtime, settings: ServiceSettings) -> Iterator[None]:
+    """The service's condition: ``starting`` on entry, ``stopping`` on leaving, and what impairs it meanwhile."""
+    runtime.status.report("starting")
+    check_bus(settings.router_endpoint, runtime.keys, MemoryLimits.of_this_process(), runtime.log, runtime.status)
+    with watched(runtime, settings):
+        runtime.log.info("started", version=software_version(), router=settings.router_endpoint)
+        try:
+            yield
+        finally:
+            runtime.status.report("stopping")
+
+
+def living(bus: Bus, runtime: Runtime, is_alive: Callable[[], bool] = always) -> AbstractContextManager[None]:
+    """Liveliness token and heartbeats."""
+    service = runtime.service
+    return beating(bus, runtime.keys, service, runtime.boot_epoch, HEARTBEAT_HZ[service], is_alive)
+
+
+@contextmanager
 def open_service(
-    name: ServiceName, settings: ServiceSettings, opener: BusOpener = open_bus
+    name: ServiceName,
+    settings: ServiceSettings,
+    opener: BusOpener = open_bus,
+    showing: Showing = whole_service,
+    boot_epoch: str | None = None,
 ) -> Iterator[tuple[Bus, Runtime]]:
     """Logging, bus, liveliness token, heartbeats and status of a service, for as long as the context lasts.
 
     Reports ``starting`` on entry and ``stopping`` on leaving; the service calls `Runtime.ready` when it is.
+
+    Parameters
+    ----------
+    showing, boot_epoch
+        Of a service that is several processes: what this one shows of it, and the run that they have in common.
 
     Raises
     ------
@@ -142,21 +179,14 @@ def open_service(
     ServiceAlreadyRuns
         When the room has such a service already and place for one only; nothing was published.
     """
-    boot_epoch = secrets.token_hex(8)
+    boot_epoch = boot_epoch or secrets.token_hex(8)
     log = configure_logging(name, settings.room, boot_epoch, settings.log_level, settings.log_file)
     keys = Keys(settings.room)
     with opener(bus_settings(name, settings)) as bus:
         status = StatusReporter(bus.retained_publisher(keys.status(name)), name, boot_epoch, software_version())
         runtime = Runtime(name, boot_epoch, keys, log, status)
-        with faults_go_to(runtime), _place_in_room(bus, runtime):
-            status.report("starting")
-            check_bus(settings.router_endpoint, keys, MemoryLimits.of_this_process(), log, status)
-            with beating(bus, keys, name, boot_epoch, HEARTBEAT_HZ[name]), watched(runtime, settings):
-                log.info("started", version=software_version(), router=settings.router_endpoint)
-                try:
-                    yield bus, runtime
-                finally:
-                    status.report("stopping")
+        with faults_go_to(runtime), showing(bus, runtime, settings):
+            yield bus, runtime
     log.info("ended")
     flush_logs()
 
@@ -193,6 +223,8 @@ def run_service(
     settings: ServiceSettings,
     compose: Callable[[Bus, Runtime], AbstractContextManager[object]],
     opener: BusOpener = open_bus,
+    showing: Showing = whole_service,
+    boot_epoch: str | None = None,
 ) -> int:
     """Run a service until SIGTERM, SIGINT or a fault. Call from the main thread.
 
@@ -201,6 +233,8 @@ def run_service(
     compose
         Builds the service and runs it for as long as its context lasts. When it has not reported a condition itself by
         the time it is entered, ``ready`` is reported.
+    showing, boot_epoch
+        See `open_service`.
 
     Returns
     -------
@@ -210,7 +244,7 @@ def run_service(
     try:
         with (
             _end_when_leaving_hangs(name) as leaving,
-            open_service(name, settings, opener) as (bus, runtime),
+            open_service(name, settings, opener, showing, boot_epoch) as (bus, runtime),
             set_by_signals(runtime.stop),
             compose(bus, runtime),
         ):

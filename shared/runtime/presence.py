@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Literal
 
@@ -80,16 +80,35 @@ class StatusReporter:
         self._publisher.put(encode(status))
 
 
+def always() -> bool:
+    """True: a service that is one process beats for as long as it runs."""
+    return True
+
+
 @contextmanager
-def beating(bus: Bus, keys: Keys, service: ServiceName, boot_epoch: str, rate_hz: float) -> Iterator[None]:
-    """Hold the liveliness token and send heartbeats, from a thread of their own, for as long as the context lasts."""
+def beating(
+    bus: Bus,
+    keys: Keys,
+    service: ServiceName,
+    boot_epoch: str,
+    rate_hz: float,
+    is_alive: Callable[[], bool] = always,
+) -> Iterator[None]:
+    """Hold the liveliness token and send heartbeats, from a thread of their own, for as long as the context lasts.
+
+    Parameters
+    ----------
+    is_alive
+        Asked before every heartbeat, which is left out when the rest of the service is not.
+    """
     ended = threading.Event()
     publisher = bus.publisher(keys.heartbeat(service))
 
     def beat() -> None:
         sequence, due_s = 0, time.monotonic()
         while not ended.wait(max(due_s - time.monotonic(), 0.0)):
-            publisher.put(encode(Heartbeat(service=service, boot_epoch=boot_epoch, sequence=sequence)))
+            if is_alive():
+                publisher.put(encode(Heartbeat(service=service, boot_epoch=boot_epoch, sequence=sequence)))
             sequence += 1
             # From beat to beat, not from pause to pause; but after a hang, missed beats are not made up for.
             due_s = max(due_s, time.monotonic() - 1.0 / rate_hz) + 1.0 / rate_hz

@@ -8,8 +8,8 @@ from typing import Final
 
 import httpx
 
+from services.ui_api.front.connection import HEAD_WITHIN_S
 from services.ui_api.routes.body_limit import BODY_WITHIN_S
-from services.ui_api.slow_clients import HEAD_WITHIN_S
 from tests.attacks.attack import Attack, Record
 from tests.attacks.site import PATIENCE_S, Site, wait_until
 

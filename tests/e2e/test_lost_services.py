@@ -4,7 +4,8 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
 
 import httpx
 import pytest
@@ -56,10 +57,20 @@ class CaseRoom:
     def outcome(self, begun: JsonObject) -> Operation:
         return self.case.follow(begun)
 
-    @contextmanager
-    def frozen(self, service: str) -> Iterator[None]:
+    def application_pid(self) -> int:
+        """The gateway's child that is not the encoder of live pictures, which starts with the first viewer."""
+        front = self.room.fleet.pids["ui_api"]
+        (child,) = Path(f"/proc/{front}/task/{front}/children").read_text().split()
+        return int(child)
+
+    def frozen(self, service: str) -> AbstractContextManager[None]:
         """A service that hangs: it keeps its connections and says nothing."""
-        pid = self.room.fleet.pids[service]
+        return self.frozen_process(self.room.fleet.pids[service])
+
+    @staticmethod
+    @contextmanager
+    def frozen_process(pid: int) -> Iterator[None]:
+        """The same of any process."""
         os.kill(pid, signal.SIGSTOP)
         try:
             yield
@@ -95,6 +106,17 @@ def test_a_frozen_gateway_stops_the_move(site: CaseRoom) -> None:
     ended = site.outcome(begun)
     assert ended.status == "stopped"
     assert "gateway was silent" in ended.detail
+    assert site.robot()["stop"] == "latched"
+
+
+def test_a_frozen_application_stops_the_move(site: CaseRoom) -> None:
+    begun = site.begin_to_move()
+    with site.frozen_process(site.application_pid()):
+        time.sleep(0.5)  # its beats are missed after 0.25 s, the gateway's heartbeat 0.2 s later
+        require_standstill(site)
+        assert httpx.post(f"{site.room.installation.ports.rest_url}/api/v1/robot/stop").json()["confirmed"] is True
+    ended = site.outcome(begun)
+    assert ended.status == "stopped"
     assert site.robot()["stop"] == "latched"
 
 

@@ -4,6 +4,7 @@ import ast
 import os
 import queue
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -26,11 +27,15 @@ from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
 from services.robot.core.stop_result import SentStop
 from services.robot.devices.gcs.controller import GcsController
+from services.ui_api.front.application import running_application
+from services.ui_api.front.port import listening_socket
+from services.ui_api.front_link import FrontLink
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.leases import Leases
 from services.ui_api.handlers.stop import StopOutcome
 from services.ui_api.handlers.stop_sender import StopSender
-from services.ui_api.server import listening_socket, serving
+from services.ui_api.link_messages import StopBegun, StopRecorded
+from services.ui_api.server import serving
 from shared.bus.declarations import pump
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
@@ -48,6 +53,7 @@ from tests.unit.services.imaging.test_service import room_of
 from tests.unit.services.robot.fake_gcs import FakeGcs
 from tests.unit.services.robot.room import HEXAPOD
 from tests.unit.services.robot.room import Room as RobotRoom
+from tests.unit.services.ui_api.front.rig import front
 from tests.unit.services.ui_api.room import open_room
 
 ROOT = Path(__file__).parents[2]
@@ -61,6 +67,10 @@ SEEN_OTHERWISE = {
     ("shared/bus/zenoh_bus.py", "add_done_callback"): "sends an answer; who asked hears nothing when that fails",
     ("shared/two_cores.py", "ThreadPoolExecutor"): "the caller waits for the result and gets the exception",
     ("shared/runtime/lifecycle.py", "Timer"): "its work is supervised; it ends the process in any case",
+    ("services/ui_api/front/relay.py", "ensure_future"): "the connection waits for both, and gets the exception",
+    ("services/ui_api/front/server.py", "create_task"): "in a group: what it raises ends the front's loop with a fault",
+    ("services/ui_api/front/stops.py", "add_done_callback"): "hands a message over; the stop was sent before",
+    ("services/ui_api/front_link.py", "add_done_callback"): "sends a message and nothing else",
     ("services/ui_api/handlers/commands.py", "ThreadPoolExecutor"): "its work is supervised",
     ("services/ui_api/handlers/readiness.py", "ThreadPoolExecutor"): "readyz looks at every result",
     ("services/ui_api/routes/live.py", "create_task"): "the viewer's own task; it ends with the viewer",
@@ -91,7 +101,7 @@ def inject(*_: object, **__: object) -> NoReturn:
 class Broken:
     """A queue, or whatever else a loop waits for."""
 
-    take = link_up = write = monotonic_s = inject
+    take = link_up = write = monotonic_s = sendall = note_stop_begun = inject
 
     def close(self) -> None:
         """As any."""
@@ -292,6 +302,32 @@ def break_lapse(rig: Rig) -> str:
     return "lapse"
 
 
+def break_application_watch(rig: Rig) -> str:
+    running = running_application((), inject, module="tests.unit.services.ui_api.front.fake_application")
+    application = rig.stack.enter_context(running)
+    application.process.kill()
+    return "application"
+
+
+def break_front(rig: Rig) -> str:
+    broken = rig.stack.enter_context(front(lambda _: None))
+    broken.link.on_recorded = inject
+    broken.its_end.sendall(StopRecorded(number=1).line())
+    return "front"
+
+
+def break_application_beat(rig: Rig) -> str:
+    rig.stack.enter_context(FrontLink(Broken(), print).beating())  # type: ignore[arg-type]
+    return "application beat"
+
+
+def break_front_link(rig: Rig) -> str:
+    ours, its = (rig.stack.enter_context(end) for end in socket.socketpair())
+    ours.sendall(StopBegun().line())
+    FrontLink(its, print).listen(Broken())  # type: ignore[arg-type]
+    return "front link"
+
+
 def break_live_pictures(rig: Rig) -> str:
     room = rig.stack.enter_context(open_room(rig.tmp_path))
     room.gateway.live._encoder.picture = inject  # type: ignore[method-assign]
@@ -372,6 +408,10 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("services/robot/drive/stop_confirmation.py", "stop-confirmation"): break_stop_confirmation,
     ("services/robot/gateway_monitor.py", "gateway-watch"): break_gateway_watch,
     ("services/robot/service.py", "robot-state"): break_robot_state,
+    ("services/ui_api/front/application.py", "application"): break_application_watch,
+    ("services/ui_api/front/server.py", "front"): break_front,
+    ("services/ui_api/front_link.py", "application beat"): break_application_beat,
+    ("services/ui_api/front_link.py", "front link"): break_front_link,
     ("services/ui_api/handlers/catch_up.py", "catch up"): break_catch_up,
     ("services/ui_api/handlers/commands.py", "commands"): break_commands,
     ("services/ui_api/handlers/inbox.py", "inbox"): break_inbox,

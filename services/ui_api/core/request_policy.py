@@ -6,7 +6,7 @@ read the answers: its own name then leads to this machine. A program that is not
 """
 
 import ipaddress
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -16,6 +16,17 @@ _ONLY_READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 # What a browser says of a request that the page itself, or the person in the address bar, has made.
 _OWN_SITE: Final = frozenset({"same-origin", "none"})
 _OWN_NAME: Final = "localhost"
+# On every answer.
+_SAFE: Final[Mapping[str, str]] = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "content-security-policy": "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    # Answers are of patients, or soon out of date.
+    "cache-control": "no-store",
+}
+_HSTS: Final = "max-age=31536000"
 
 
 class RequestRefusal(StrEnum):
@@ -77,6 +88,11 @@ def refused_request(request: RequestFacts, allowed_hosts: Sequence[str]) -> Refu
             "the setting allowed_hosts (DISTALOCK_UI_API_ALLOWED_HOSTS)",
         )
     return None if request.method in _ONLY_READING else _cross_site(request)
+
+
+def safe_headers(scheme: str) -> dict[str, str]:
+    """What every answer forbids the browser; `scheme` is that by which it goes out."""
+    return {**_SAFE, **({"strict-transport-security": _HSTS} if scheme == "https" else {})}
 
 
 def is_allowed_host(host: str, allowed_hosts: Sequence[str]) -> bool:

@@ -108,6 +108,11 @@ class Inbox:
         if self._thread.is_alive():
             self._thread.join(5.0)
 
+    @property
+    def waiting(self) -> int:
+        """How many pieces of work wait to be recorded."""
+        return len(self._queue)
+
     def _put(self, work: Callable[[], None]) -> None:
         self._put_if_possible(work)
 

@@ -34,6 +34,10 @@ class StopHandler:
         self._counter = itertools.count(1)
         self.count = 0
 
+    def note_other(self) -> None:
+        """Count a stop that another process of the gateway has sent."""
+        self.count = next(self._counter)
+
     def stop(self, reason: str) -> StopOutcome:
         """Send a stop and wait for the robot's answer; nothing is written or locked before it is sent."""
         self.count = next(self._counter)

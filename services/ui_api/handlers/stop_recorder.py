@@ -62,6 +62,7 @@ class StopRecorder:
     def put(self, outcome: StopOutcome, reason: str, who: str) -> "Future[None]":
         """Hand over a stop that was sent; the future is done when it is on record. Never waits."""
         note = _Note(outcome, reason, who, Future())
+        note.recorded.set_running_or_notify_cancel()  # from now on nobody who waits can give it up
         with self._changed:
             self._waiting.append(note)
             self._changed.notify_all()

@@ -34,6 +34,7 @@ class StopSender:
     def begin(self, reason: str) -> "Future[StopOutcome]":
         """Send a stop now; the future has what came of it."""
         answer: Future[StopOutcome] = Future()
+        answer.set_running_or_notify_cancel()  # from now on nobody who waits can give it up
         with self._lock:
             if len(self._under_way) >= MOST_AT_ONCE:
                 return self._under_way[-1]

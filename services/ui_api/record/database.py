@@ -2,10 +2,11 @@
 
 import fcntl
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from alembic import command
 from alembic.config import Config
@@ -14,15 +15,14 @@ from sqlalchemy import Engine, inspect, text
 from sqlalchemy.exc import DBAPIError
 
 from services.ui_api.record.engines import WRITES, cause_of, engine_of, is_sqlite, shown
+from services.ui_api.record.location import sqlite_url as sqlite_url
 from shared.errors import ConfigurationError
 
 # Any number that no other program on the same server uses: these are the letters "distaloc".
 _ADVISORY_LOCK: Final = int.from_bytes(b"distaloc", "big")
-
-
-def sqlite_url(state_dir: Path) -> str:
-    """URL of the default database: a file in the state folder."""
-    return f"sqlite:///{state_dir / 'case-record.sqlite'}"
+# The application of a gateway whose front was killed still leaves while the next one starts.
+_LEAVING_S: Final = 3.0
+_LOOK_EVERY_S: Final = 0.05
 
 
 def open_database(url: str) -> Engine:
@@ -82,7 +82,7 @@ def _sole_on_file(lock_file: Path, url: str) -> Iterator[None]:
         try:
             lock_file.parent.mkdir(parents=True, exist_ok=True)
             lock = stack.enter_context(lock_file.open("ab"))
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock_within(lock, _LEAVING_S)
         except BlockingIOError:
             raise _held_by_another(url) from None
         except OSError as error:
@@ -116,6 +116,20 @@ def _held_by_another(url: str) -> ConfigurationError:
     return ConfigurationError(
         f"case record {shown(url)} is held by another gateway that runs now; end it, or set another state_dir"
     )
+
+
+def _lock_within(lock: IO[bytes], patience_s: float) -> None:
+    """Take a lock; raises `BlockingIOError` when another process does not let go of it in time."""
+    deadline_s = time.monotonic() + patience_s
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > deadline_s:
+                raise
+            time.sleep(_LOOK_EVERY_S)
+        else:
+            return
 
 
 def existing_database(url: str) -> Engine:

@@ -5,8 +5,11 @@ import time
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from services.ui_api.link_messages import FrontFigures
 from services.ui_api.service import Gateway
 from shared.runtime.logging import dropped_lines
+
+_STOP_ROUTE = "/api/v1/robot/stop"
 
 
 class Metrics:
@@ -30,9 +33,25 @@ class Metrics:
         self._dropped_lines = Gauge(
             "distalock_log_lines_dropped", "Log lines that could not be written.", registry=self.registry
         )
+        self.front = FrontFigures(connections=0, relays=0, stops=0, closed_idle=0, refused=0)
+        self._front = Gauge(
+            "distalock_front",
+            "The process that owns the port, a second ago at most: open connections, requests that the application "
+            "works on, stops not on record yet; since its start: connections closed to make room, requests refused.",
+            ("figure",),
+            registry=self.registry,
+        )
+        self._queued = Gauge(
+            "distalock_queued", "What waits in a queue of the gateway.", ("queue",), registry=self.registry
+        )
         self._alive = Gauge(
             "distalock_service_alive", "Whether a service is on the bus.", ("service",), registry=self.registry
         )
+
+    def note_stop(self, *, confirmed: bool, took_s: float) -> None:
+        """Count a stop, which the front has answered: the requests of this process do not show it."""
+        self.requests.labels("POST", _STOP_ROUTE, "200" if confirmed else "504").inc()
+        self.seconds.labels(_STOP_ROUTE).observe(took_s)
 
     def observe(self, gateway: Gateway) -> None:
         """Read what is not counted as it happens."""
@@ -41,6 +60,10 @@ class Metrics:
         self._robot_age.set(float("nan") if age_s is None else age_s)
         self._pending.set(len(gateway.record.ledger.pending_operations()))
         self._dropped_lines.set(dropped_lines()[0])
+        for figure, value in self.front.model_dump(exclude={"kind"}).items():
+            self._front.labels(figure).set(value)
+        self._queued.labels("inbox").set(gateway.inbox.waiting)
+        self._queued.labels("stop_record").set(len(gateway.stop_recorder))
         for service, alive in gateway.inbox.presence.alive.items():
             self._alive.labels(service).set(float(alive))
 

@@ -8,7 +8,13 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from services.ui_api.core.request_policy import RefusedRequest, RequestFacts, RequestRefusal, refused_request
+from services.ui_api.core.request_policy import (
+    RefusedRequest,
+    RequestFacts,
+    RequestRefusal,
+    refused_request,
+    safe_headers,
+)
 from services.ui_api.routes.problems import problem, problem_response
 
 _log = logging.getLogger("distalock.ui_api")
@@ -20,16 +26,6 @@ _STATUS: Final = {
 # Whoever asks for a stop gets it: a stop that a foreign page sends disturbs, one that is refused hurts.
 _NEVER_REFUSED: Final = "/api/v1/robot/stop"
 _POLICY_VIOLATION: Final = 1008
-_SAFE: Final = {
-    "x-content-type-options": "nosniff",
-    "referrer-policy": "no-referrer",
-    "cross-origin-resource-policy": "same-origin",
-    "cross-origin-opener-policy": "same-origin",
-    "content-security-policy": "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
-    # Answers are of patients, or soon out of date.
-    "cache-control": "no-store",
-}
-_HSTS: Final = "max-age=31536000"
 
 
 class RequestGate:
@@ -82,7 +78,7 @@ def _refusal(refused: RefusedRequest, scope: Scope) -> Response:
 
 
 def _safe(scope: Scope) -> dict[str, str]:
-    return _SAFE | ({"strict-transport-security": _HSTS} if _is_encrypted(scope) else {})
+    return safe_headers("https" if _is_encrypted(scope) else "http")
 
 
 def _is_encrypted(scope: Scope) -> bool:

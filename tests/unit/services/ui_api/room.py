@@ -11,9 +11,7 @@ import httpx
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
-from services.ui_api.app import make_app
 from services.ui_api.handlers.clock import Clock
-from services.ui_api.server import listening_socket, serving
 from services.ui_api.service import Gateway, open_gateway
 from services.ui_api.settings import UiApiSettings
 from shared.bus.keys import Keys
@@ -25,6 +23,7 @@ from shared.pki.permit_key import PERMIT_KEY_FILE
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.fakes import PATIENCE_S, FakeImaging, FakeRegistration, FakeRobot, LogWatch
+from tests.unit.services.ui_api.served import served
 
 ROOM = "test"
 _keys = count()
@@ -113,9 +112,10 @@ def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
         bus, runtime = stack.enter_context(open_service("ui_api", chosen, lambda _: router.open()))
         gateway = stack.enter_context(open_gateway(bus, runtime, chosen, Clock()))
         log = LogWatch(gateway.record)
-        client = stack.enter_context(httpx.Client(base_url=_served(stack, gateway), timeout=PATIENCE_S))
+        client = stack.enter_context(
+            httpx.Client(base_url=stack.enter_context(served(gateway, router, Keys(ROOM))), timeout=PATIENCE_S)
+        )
         log.wait_for(lambda: gateway.view.newest() is not None)
-        stack.callback(gateway.feed.close)
         yield Room(router, imaging, registration, robot, gateway, log, client)
 
 
@@ -127,10 +127,3 @@ def write_permit_key(state_dir: Path) -> None:
         pem = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
         file.touch(0o600)
         file.write_bytes(pem)
-
-
-def _served(stack: ExitStack, gateway: Gateway) -> str:
-    """Serve on a free port; the address to call."""
-    listening = listening_socket("127.0.0.1", 0)
-    stack.enter_context(serving(make_app(gateway), listening, lambda: None))
-    return f"http://127.0.0.1:{listening.getsockname()[1]}"

@@ -7,14 +7,14 @@ from pathlib import Path
 import httpx
 import pytest
 
-from services.ui_api.app import make_app
-from services.ui_api.server import listening_socket, serving
 from services.ui_api.settings import UiApiSettings
+from shared.bus.keys import Keys
 from shared.bus.tls import PKI_FOLDER
 from shared.errors import ConfigurationError
 from shared.pki.network import network_keystore
 from shared.runtime.tls_context import Clients, server_context
-from tests.unit.services.ui_api.room import Room
+from tests.unit.services.ui_api.room import ROOM, Room
+from tests.unit.services.ui_api.served import served
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1", "127.8.0.1"])
@@ -43,9 +43,9 @@ def test_the_gateway_speaks_https_to_who_trusts_the_authority(quiet_room: Room, 
     network_keystore(tmp_path / PKI_FOLDER).ensure(datetime.now(UTC))
     files = UiApiSettings(state_dir=tmp_path, https=True).https_files()
     assert files is not None
-    listening = listening_socket("127.0.0.1", 0)
-    url = f"https://127.0.0.1:{listening.getsockname()[1]}/healthz"
-    with serving(make_app(quiet_room.gateway), listening, lambda: None, server_context(files, Clients.ANYBODY)):
+    context = server_context(files, Clients.ANYBODY)
+    with served(quiet_room.gateway, quiet_room.router, Keys(ROOM), context) as address:
+        url = f"{address}/healthz"
         trusting = ssl.create_default_context(cafile=str(files.authority))
         answer = httpx.get(url, verify=trusting)
         assert answer.json()["status"] == "ok"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from services.ui_api.__main__ import main
-from services.ui_api.server import listening_socket
+from services.ui_api.front.port import listening_socket
 from shared.errors import ConfigurationError
 
 

@@ -18,7 +18,7 @@ import sys, time
 from pathlib import Path
 from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import EventDraft
-from services.ui_api.record.database import open_database, sqlite_url
+from services.ui_api.record.database import open_database
 from services.ui_api.record.record import CaseRecord
 
 record = CaseRecord(open_database(sqlite_url(Path(sys.argv[1]))), time.time_ns)

@@ -1,4 +1,4 @@
-"""Slow heads and bodies, and requests that two readers would understand differently, over a socket."""
+"""Requests that two readers would understand differently, and bodies that trickle, over a socket."""
 
 import asyncio
 import socket
@@ -7,15 +7,9 @@ import pytest
 from starlette.types import Message, Receive, Scope, Send
 
 from services.ui_api.routes.body_limit import BodyLimitMiddleware
-from services.ui_api.slow_clients import HeadDeadlineProtocol
 from tests.unit.services.ui_api.room import Room
 
 POST = "POST /api/v1/cases HTTP/1.1\r\nHost: localhost\r\nIdempotency-Key: 1\r\nContent-Type: application/json\r\n"
-
-
-@pytest.fixture
-def quick_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(HeadDeadlineProtocol, "head_within_s", 0.2)
 
 
 def answer(room: Room, sent: str) -> str:
@@ -27,14 +21,6 @@ def answer(room: Room, sent: str) -> str:
         while chunk := connection.recv(65536):
             received += chunk
     return received.decode()
-
-
-@pytest.mark.parametrize(
-    "head", ["", "GET / HTTP/1.1\r\nHost: local", "GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\nGET"]
-)
-@pytest.mark.usefixtures("quick_deadline")
-def test_a_head_that_does_not_come_is_not_waited_for(quiet_room: Room, head: str) -> None:
-    assert answer(quiet_room, head).count("HTTP/1.1") == head.count("\r\n\r\n")
 
 
 @pytest.mark.parametrize(

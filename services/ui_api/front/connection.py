@@ -1,0 +1,183 @@
+"""One client's connection: request after request, a stop answered here, everything else by the application."""
+
+import asyncio
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import h11
+
+from services.ui_api.front.admission import Admission, Place
+from services.ui_api.front.answers import Asked, problem_answer, stop_answer
+from services.ui_api.front.application_socket import PIECE_BYTES, ApplicationGone
+from services.ui_api.front.heads import is_stop, path_of, stays_open
+from services.ui_api.front.relay import Client, Relay
+from services.ui_api.front.stops import FrontStops, Stop
+
+_log = logging.getLogger("distalock.ui_api")
+
+RECORD_WITHIN_S: Final = 2.0
+# For a whole head, from the connection's beginning or from the answer before it.
+HEAD_WITHIN_S: Final = 5.0
+_MOST_HEAD_BYTES: Final = 32 * 1024
+_MOST_AHEAD_BYTES: Final = 64 * 1024
+# A body that a stop brings along is read and forgotten; what is longer costs the connection.
+_MOST_STOP_BODY_BYTES: Final = 64 * 1024
+_AGAIN: Final = {"retry-after": "1"}
+
+
+@dataclass(frozen=True, slots=True)
+class FrontParts:
+    """What all connections share.
+
+    Attributes
+    ----------
+    address
+        The application's socket.
+    scheme
+        ``http``, or ``https`` where TLS ends here.
+    """
+
+    stops: FrontStops
+    admission: Admission
+    address: Path
+    scheme: str
+    head_within_s: float = HEAD_WITHIN_S
+
+
+class Connection:
+    """Serves one connection until either side ends it."""
+
+    def __init__(self, parts: FrontParts, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._parts, self._reader, self._writer = parts, reader, writer
+        self._place = Place(writer.transport.abort)
+        self._parser = h11.Connection(h11.SERVER, max_incomplete_event_size=_MOST_HEAD_BYTES)
+        self._ahead: Stop | None = None
+        self._answered = 0
+        peer = writer.get_extra_info("peername")
+        self._peer = str(peer[0]) if peer else "unknown"
+
+    async def serve(self) -> None:
+        """Answer requests one after another."""
+        admission = self._parts.admission
+        admission.enter(self._place)
+        try:
+            while (request := await self._next_request()) is not None:
+                admission.busy(self._place)
+                if not await self._answer(request):
+                    return
+                self._answered += 1
+                self._begin_anew()
+                admission.idle(self._place)
+        except h11.RemoteProtocolError as error:
+            detail = f"the request cannot be read: {error}"
+            asked = Asked("", self._parts.scheme, keeps_open=False)
+            self._writer.write(problem_answer(error.error_status_hint, "request_invalid", detail, asked))
+        except TimeoutError:
+            if self._in_head:
+                limit_s = self._parts.head_within_s
+                _log.warning("head_too_slow: no whole request within %g s (from %s)", limit_s, self._peer)
+            self._writer.transport.abort()
+        except OSError:
+            pass  # the client has gone
+        except asyncio.CancelledError:
+            self._writer.transport.abort()  # the front ends: nobody waits until a slow client has read its answer
+            raise
+        finally:
+            admission.leave(self._place)
+            self._writer.close()
+
+    @property
+    def _in_head(self) -> bool:
+        """Whether a client has begun a request, or has connected and asked for nothing; otherwise it is only idle."""
+        return self._answered == 0 or bool(self._parser.trailing_data[0])
+
+    async def _next_request(self) -> h11.Request | None:
+        """The head of the next request; None when the client has left."""
+        async with asyncio.timeout(self._parts.head_within_s):
+            while (event := self._parser.next_event()) is h11.NEED_DATA:
+                if not await self._received():
+                    return None
+        return event if isinstance(event, h11.Request) else None
+
+    async def _received(self) -> bool:
+        """Read more into the parser; a stop among what was sent ahead goes out at once, in whatever order."""
+        content = await self._reader.read(PIECE_BYTES)
+        if not content:
+            return False
+        self._parser.receive_data(content)
+        if self._parser.their_state is h11.DONE:
+            self._look_ahead()
+            while len(self._parser.trailing_data[0]) > _MOST_AHEAD_BYTES:
+                await asyncio.sleep(self._parts.head_within_s)  # until the answer that is under way has ended
+        return True
+
+    def _look_ahead(self) -> None:
+        peek = h11.Connection(h11.SERVER, max_incomplete_event_size=_MOST_AHEAD_BYTES)
+        peek.receive_data(self._parser.trailing_data[0])
+        try:
+            event = peek.next_event()
+        except h11.RemoteProtocolError:
+            return  # it is answered when it is due
+        if self._ahead is None and isinstance(event, h11.Request) and is_stop(event):
+            self._ahead = self._parts.stops.begin()
+
+    def _begin_anew(self) -> None:
+        ahead = self._parser.trailing_data[0]
+        self._parser = h11.Connection(h11.SERVER, max_incomplete_event_size=_MOST_HEAD_BYTES)
+        if ahead:
+            self._parser.receive_data(ahead)
+
+    async def _answer(self, request: h11.Request) -> bool:
+        """Answer a request; whether the connection can take another one."""
+        if is_stop(request):
+            return await self._stop(request)
+        if not self._parts.admission.take_relay():
+            most = self._parts.admission.limits.relays
+            detail = f"the gateway works on {most} requests at once, which is its limit; try again, or end some"
+            return self._refuse(request, "gateway_busy", detail)
+        try:
+            return await self._relayed(request)
+        finally:
+            self._parts.admission.end_relay()
+
+    async def _relayed(self, request: h11.Request) -> bool:
+        client = Client(self._parser, self._reader, self._writer, self._received)
+        relay = Relay(client, self._parts.address)
+        try:
+            return await relay.carry(request, self._peer, self._parts.scheme, keeps_open=stays_open(request))
+        except ApplicationGone as error:
+            detail = f"the gateway's application does not answer ({error or 'it starts, or has ended'}); try again"
+            return self._refuse(request, "application_unavailable", detail)
+
+    def _refuse(self, request: h11.Request, code: str, detail: str) -> bool:
+        """Answer 503, and end the connection: its body need not be read."""
+        self._writer.write(problem_answer(503, code, detail, self._asked(request, keeps_open=False), _AGAIN))
+        return False
+
+    def _asked(self, request: h11.Request, *, keeps_open: bool) -> Asked:
+        return Asked(path_of(request), self._parts.scheme, keeps_open)
+
+    async def _stop(self, request: h11.Request) -> bool:
+        stop, self._ahead = self._ahead or self._parts.stops.begin(), None
+        outcome = await asyncio.wrap_future(stop.outcome)
+        recorded, _ = await asyncio.wait([asyncio.wrap_future(stop.recorded)], timeout=RECORD_WITHIN_S)
+        keeps_open = stays_open(request)
+        asked = self._asked(request, keeps_open=keeps_open)
+        self._writer.write(stop_answer(outcome, asked, recorded=bool(recorded)))
+        await self._writer.drain()
+        return keeps_open and await self._forget_body()
+
+    async def _forget_body(self) -> bool:
+        """Read what a stop brought along; whether it was short enough."""
+        forgotten_bytes = 0
+        while forgotten_bytes <= _MOST_STOP_BODY_BYTES:
+            event = self._parser.next_event()
+            if isinstance(event, h11.EndOfMessage):
+                return True
+            if isinstance(event, h11.Data):
+                forgotten_bytes += len(event.data)
+            elif self._parser.they_are_waiting_for_100_continue or not await self._received():
+                return False
+        return False

@@ -1,0 +1,115 @@
+"""Heads of HTTP/1.1 messages on their way through the front: pure functions of what h11 has parsed, and of bytes."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+from urllib.parse import unquote, urlsplit
+
+import h11
+
+STOP_PATH: Final = "/api/v1/robot/stop"
+# They hold for one connection only, or are this process's own to say.
+_OF_ONE_CONNECTION: Final = frozenset((b"connection", b"keep-alive", b"proxy-connection", b"te", b"expect"))
+_OF_THE_FRONT: Final = frozenset((b"x-forwarded-for", b"x-forwarded-proto", b"forwarded"))
+_END: Final = b"\r\n\r\n"
+_CHUNKED_END: Final = b"0\r\n\r\n"
+_NO_BODY: Final = frozenset((204, 304))
+
+
+def is_stop(request: h11.Request) -> bool:
+    """Whether a request is one for a stop, however its path is spelled."""
+    return request.method == b"POST" and path_of(request) == STOP_PATH
+
+
+def path_of(request: h11.Request) -> str:
+    """The path without its query, as plain text."""
+    try:
+        return unquote(urlsplit(request.target.decode("ascii", "replace")).path)
+    except ValueError:  # brackets that are no address
+        return request.target.decode("ascii", "replace")
+
+
+def is_upgrade(request: h11.Request) -> bool:
+    """Whether the client wants to go on with another protocol: with a WebSocket."""
+    return any(name == b"upgrade" for name, _ in request.headers)
+
+
+def stays_open(request: h11.Request) -> bool:
+    """Whether the client wants its connection kept for more requests."""
+    return request.http_version == b"1.1" and b"close" not in _connection_tokens(request)
+
+
+def is_chunked(request: h11.Request) -> bool:
+    """Whether a body follows in chunks."""
+    return any(name == b"transfer-encoding" for name, _ in request.headers)
+
+
+def forwarded(request: h11.Request, peer: str, scheme: str) -> bytes:
+    """The head as the application gets it: one request for each connection, and who has sent it."""
+    lines = [b"%s %s HTTP/%s" % (request.method, request.target, request.http_version)]
+    lines += [b"%s: %s" % field for field in _kept(request)]
+    lines.append(b"connection: upgrade" if is_upgrade(request) else b"connection: close")
+    lines.append(b"x-forwarded-for: " + peer.encode("ascii", "replace"))
+    lines.append(b"x-forwarded-proto: " + scheme.encode("ascii"))
+    return b"\r\n".join(lines) + _END
+
+
+def _connection_tokens(request: h11.Request) -> set[bytes]:
+    fields = (value for name, value in request.headers if name == b"connection")
+    return {token.strip().lower() for value in fields for token in value.split(b",")}
+
+
+def _kept(request: h11.Request) -> Iterator[tuple[bytes, bytes]]:
+    named = _connection_tokens(request)
+    dropped = (_OF_ONE_CONNECTION | _OF_THE_FRONT | named) - {b"upgrade"}
+    return ((name, value) for name, value in request.headers if name not in dropped)
+
+
+@dataclass(slots=True)
+class AnswerFraming:
+    """Tells whether an answer has come whole, from its head and the bytes after it.
+
+    Attributes
+    ----------
+    length_bytes
+        Of the body, when the head says it.
+    """
+
+    chunked: bool
+    length_bytes: int | None
+    received_bytes: int = 0
+    tail: bytes = b""
+
+    @staticmethod
+    def of(head: bytes, method: bytes) -> "AnswerFraming":
+        """Read an answer's head, to a request with this method."""
+        status_line, *fields = head[: -len(_END)].split(b"\r\n")
+        named = {name.strip().lower(): value.strip() for name, _, value in (field.partition(b":") for field in fields)}
+        if method == b"HEAD" or int(status_line.split(b" ", 2)[1]) in _NO_BODY:
+            return AnswerFraming(chunked=False, length_bytes=0)
+        length = named.get(b"content-length")
+        chunked = named.get(b"transfer-encoding", b"").lower() == b"chunked"
+        return AnswerFraming(chunked, None if length is None else int(length))
+
+    def take(self, content: bytes) -> None:
+        """Note what has come of the body."""
+        self.received_bytes += len(content)
+        self.tail = (self.tail + content[-len(_CHUNKED_END) :])[-len(_CHUNKED_END) :]
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more can come; that an answer in chunks has ended, its connection says."""
+        return not self.chunked and self.received_bytes == self.length_bytes
+
+    @property
+    def whole(self) -> bool:
+        """Whether the end has come; never true of an answer that only the connection's end ends."""
+        return self.ended or (self.chunked and self.tail == _CHUNKED_END)
+
+
+def answer_head(head: bytes, *, keeps_open: bool) -> bytes:
+    """The application's answer's head as the client gets it: whether its own connection stays open."""
+    lines = [line for line in head[: -len(_END)].split(b"\r\n") if not line.lower().startswith(b"connection:")]
+    if not keeps_open:
+        lines.append(b"connection: close")
+    return b"\r\n".join(lines) + _END

@@ -1,0 +1,29 @@
+"""The gateway's public port."""
+
+import socket
+
+from shared.errors import ConfigurationError
+
+_BACKLOG = 1024
+
+
+def listening_socket(host: str, port: int) -> socket.socket:
+    """A socket that listens; who connects before the server runs, waits.
+
+    Raises
+    ------
+    ConfigurationError
+        When the port is in use or the address is not this machine's.
+    """
+    listening = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, port))
+        listening.listen(_BACKLOG)
+    except OSError as error:
+        listening.close()
+        raise ConfigurationError(
+            f"the REST interface cannot listen on {host} port {port} ({error.strerror or error}); end the program "
+            "that holds it, or choose another with DISTALOCK_UI_API_PORT"
+        ) from None
+    return listening
