@@ -8,6 +8,7 @@ _RAISED = (
     r'\b(?:conflict|invalid)\(\s*"(\w+)"',
     r'RefusalKind\.\w+,\s*"(\w+)"',
     r'\bproblem\(\s*\d+,\s*"(\w+)"',
+    r'\b_refuse\(request, "(\w+)"',
     r'\n        \d+,\n        "(\w+)",\n        "the header',
     r'ObjectKind\.\w+: "(\w+)"',
 )
