@@ -1,4 +1,4 @@
-"""Watches over the gateway (heartbeat and token) and the link: while the robot moves, losing one of them stops it."""
+"""Watches over the gateway (heartbeat and token), the link and the others: in motion, losing one of them stops it."""
 
 import threading
 from collections.abc import Callable
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from services.robot.core.status import UNDER_WAY
 from services.robot.core.tuning import RATES
 from services.robot.drive.drive import Drive
+from services.robot.other_services import OtherServices
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Presence, Sample
 from shared.errors import InputError
@@ -24,9 +25,20 @@ class GatewayMonitor:
         Longest silence of the gateway while the robot moves.
     clock_s
         Monotonic clock.
+    others
+        Who else is watched while the robot moves.
     """
 
-    def __init__(self, bus: Bus, keys: Keys, drive: Drive, deadline_s: float, clock_s: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        keys: Keys,
+        drive: Drive,
+        deadline_s: float,
+        clock_s: Callable[[], float],
+        others: OtherServices,
+    ) -> None:
+        self._others = others
         self._presence: Presence = bus.presence()
         self._drive = drive
         self._deadline_s = deadline_s
@@ -85,6 +97,7 @@ class GatewayMonitor:
 
     def check(self) -> None:
         """Check once: what the thread does over and over, for it or for a test in its place."""
+        self._others.check()
         if self._drive.status.state not in UNDER_WAY:
             return
         if not self._presence.link_up():

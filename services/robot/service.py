@@ -5,7 +5,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 from services.robot import message_mapping
@@ -18,6 +18,7 @@ from services.robot.core.status import UNDER_WAY, DriveStatus
 from services.robot.core.tuning import RATES
 from services.robot.drive.drive import Drive
 from services.robot.gateway_monitor import GatewayMonitor
+from services.robot.other_services import OtherServices
 from services.robot.permit_register import NotePermit, PermitRegister
 from services.robot.registration_monitor import RegistrationMonitor
 from shared.bus.keys import Keys
@@ -47,6 +48,8 @@ class RobotParts:
         Knows the gateway's signature.
     note_permit
         Called with each permit that was taken or refused: for logs.
+    silent_for_s
+        Who else is missed in motion, beside the services on the bus: how long each has been silent.
     """
 
     hexapod: HexapodPart
@@ -57,6 +60,7 @@ class RobotParts:
     note_change: Callable[[DriveStatus], None]
     permit_verifier: PermitVerifier
     note_permit: NotePermit
+    silent_for_s: dict[str, Callable[[], float]] = field(default_factory=dict)
 
 
 class RobotService:
@@ -70,7 +74,9 @@ class RobotService:
         self._keys = keys
         self._parts = parts
         self._drive = parts.drive
-        self.watch = GatewayMonitor(bus, keys, parts.drive, parts.limits.heartbeat_deadline_s, parts.clock_s)
+        others = OtherServices(bus, keys, parts.drive, parts.clock_s, parts.silent_for_s)
+        deadline_s = parts.limits.heartbeat_deadline_s
+        self.watch = GatewayMonitor(bus, keys, parts.drive, deadline_s, parts.clock_s, others)
         self._lock = threading.Lock()
         self._ledger = CommandLedger(parts.boot_epoch)
         self._permits = PermitRegister(parts.permit_verifier, parts.note_permit)

@@ -128,14 +128,15 @@ def _of_every_service(keys: Keys) -> tuple[Row, ...]:
     watchers: dict[ServiceName, frozenset[ServiceName]] = {
         "ui_api": _services("ui_api", "robot"),
         "registration": _services("ui_api", "robot"),
+        "imaging": _services("ui_api", "robot"),
     }
-    heard: dict[ServiceName, frozenset[ServiceName]] = {"ui_api": _services("robot")}
-    heartbeats = (
-        Row(
-            keys.heartbeat(s), Exchange.STREAM, s, heard.get(s, gateway), "`Heartbeat`, ui_api at 20 Hz, others at 5 Hz"
-        )
-        for s in SERVICES
-    )
+    heard: dict[ServiceName, frozenset[ServiceName]] = {
+        "ui_api": _services("robot"),
+        "registration": _services("ui_api", "robot"),
+        "imaging": _services("ui_api", "robot"),
+    }
+    beat = "`Heartbeat`, robot at 5 Hz, others at 20 Hz; while the robot moves, silence of any of them stops it"
+    heartbeats = (Row(keys.heartbeat(s), Exchange.STREAM, s, heard.get(s, gateway), beat) for s in SERVICES)
     statuses = (Row(keys.status(s), Exchange.RETAINED, s, gateway, "`ServiceStatus`") for s in SERVICES)
     tokens = (
         Row(keys.alive(s), Exchange.TOKEN, s, watchers.get(s, gateway), "the service is connected") for s in SERVICES

@@ -37,7 +37,8 @@ from shared.threads import described, faults_go_to, supervised
 
 # Services of which a room has place for one: a second robot service would stop the first one's moves.
 ONE_IN_A_ROOM: frozenset[ServiceName] = frozenset({"robot"})
-HEARTBEAT_HZ: dict[ServiceName, float] = {"imaging": 5.0, "registration": 5.0, "robot": 5.0, "ui_api": 20.0}
+# The robot stops a motion when a service that was there falls silent; nobody stops the robot service for its silence.
+HEARTBEAT_HZ: dict[ServiceName, float] = {"imaging": 20.0, "registration": 20.0, "robot": 5.0, "ui_api": 20.0}
 # A handler of the robot that fails may be the one that would have stopped a motion.
 FAULT_AT_ANY_ERROR: frozenset[ServiceName] = frozenset({"robot"})
 # As long as somebody needs to see it on a health page.

@@ -1,5 +1,6 @@
 """The robot service on an in-memory bus: stops, silence of others, and faults."""
 
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -8,6 +9,7 @@ import pytest
 
 from shared.geometry.hexapod import PlatformPose
 from shared.messages.base import encode
+from shared.messages.presence import ServiceName
 from shared.messages.robot import (
     MotionState,
     PlainCommand,
@@ -125,6 +127,45 @@ def test_a_gateway_whose_token_vanishes_stops_the_move(room: Room) -> None:
     room.begin_move()
     token.close()
     assert "token vanished" in room.wait(lambda s: s.state is MotionState.STOPPED).detail
+
+
+@pytest.mark.parametrize("service", ["imaging", "registration"])
+def test_a_service_that_falls_silent_in_motion_stops_it(room: Room, service: ServiceName) -> None:
+    beats = room.bus.publisher(KEYS.heartbeat(service))
+    ended = threading.Event()
+
+    def beat() -> None:
+        while not ended.wait(0.02):
+            beats.put(b"")
+            room.heartbeat()
+
+    beating = threading.Thread(target=beat)
+    beating.start()
+    room.begin_move()
+    room.let_states_pass()
+    assert room.state.state is MotionState.MOVING
+    ended.set()
+    beating.join()
+    state = room.wait(lambda s: s.state is MotionState.STOPPED)
+    assert state.detail == f"{service} was silent for more than 0.35 s; see to it and acknowledge"
+
+
+@pytest.mark.parametrize("service", ["imaging", "registration"])
+def test_a_service_whose_token_vanishes_in_motion_stops_it(room: Room, service: ServiceName) -> None:
+    token = room.bus.declare_alive(KEYS.alive(service))
+    room.begin_move()
+    token.close()
+    assert f"{service} has gone" in room.wait(lambda s: s.state is MotionState.STOPPED).detail
+
+
+def test_a_service_that_was_not_there_when_the_motion_began_is_not_missed(room: Room) -> None:
+    room.begin_move()
+    beats = room.bus.publisher(KEYS.heartbeat("imaging"))
+    beats.put(b"")
+    for _ in range(50):
+        room.heartbeat()
+        time.sleep(0.01)  # longer than what would be missed
+    assert room.state.state is MotionState.MOVING
 
 
 def test_repeated_heartbeats_are_no_sign_of_life(room: Room) -> None:
