@@ -14,7 +14,7 @@ from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import FaultSite
 from distalock.rest_client import RequestRefused
 
-NO_ANSWER: Final = "no answer"
+NO_ANSWER: Final = "nobody answered"
 _MOST_ATTEMPTS: Final = 12
 _PATIENCE_S: Final = 300.0
 _PAUSE_S: Final = 0.1
