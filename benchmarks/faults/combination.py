@@ -20,7 +20,16 @@ from benchmarks.faults.declaration import (
 from benchmarks.faults.patient import NO_ANSWER, PatientProcedure, Step
 from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import FaultSite, Hexapod
-from benchmarks.faults.watch import Motion, ReadinessWatch, ReadyAnswer, motion_since, readiness_of
+from benchmarks.faults.watch import (
+    Motion,
+    ReadinessWatch,
+    ReadyAnswer,
+    SafeSince,
+    at_rest_since_s,
+    locked_since_s,
+    motion_since,
+    readiness_of,
+)
 from distalock.case_client import CaseClient
 from distalock.rest_client import RequestRefused
 from services.ui_api.core.chain import ChainBroken
@@ -96,7 +105,7 @@ class Combination:
         before = self.site.hexapod()
         with watch.asking(), self.fault.injected(self.site):
             injected_s = time.monotonic()
-            motion = motion_since(self.site, before)
+            motion = motion_since(self.site, before, self._safe_since_s())
             self._check_motion(motion, before)
             self._ask_for_the_next_thing()
             time.sleep(max(injected_s + self.fault.lasts_s - time.monotonic(), 0.0))
@@ -118,6 +127,10 @@ class Combination:
             ready_s,
             noticed_s,
         )
+
+    def _safe_since_s(self) -> SafeSince:
+        unreachable = self.step is Step.MOVING and self.fault.in_motion is InMotion.UNREACHABLE
+        return at_rest_since_s if unreachable else locked_since_s
 
     def _check_motion(self, motion: Motion, before: Hexapod) -> None:
         if motion.safe_s is None:

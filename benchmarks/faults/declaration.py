@@ -28,6 +28,9 @@ class InMotion(StrEnum):
 
     STOPS = "stops"
     MAY_FINISH = "stops, or goes on under supervision to its target"
+    UNREACHABLE = (
+        "goes on to its target and is held there, for nothing reaches the controller; locked once it is reached"
+    )
 
 
 class Answers(StrEnum):

@@ -4,11 +4,11 @@ import os
 import resource
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from benchmarks.faults.site import FaultSite
+from benchmarks.faults.site import CHILDREN, FaultSite
 from benchmarks.faults.small_disks import limited
 
 _Injected = Callable[[FaultSite], AbstractContextManager[None]]
@@ -17,15 +17,16 @@ _MEMORY_LEFT_BYTES: Final = 2**20
 
 
 def killed(name: str) -> _Injected:
-    """SIGKILL; started again when the fault goes."""
+    """SIGKILL; started again when the fault goes, or by who watches over it."""
 
     @contextmanager
     def inject(site: FaultSite) -> Iterator[None]:
-        os.kill(site.pids[name], signal.SIGKILL)
+        os.kill(site.pid(name), signal.SIGKILL)
         try:
             yield
         finally:
-            site.room.fleet.restart(name)
+            if name not in CHILDREN:
+                site.room.fleet.restart(name)
 
     return inject
 
@@ -35,12 +36,13 @@ def hung(name: str) -> _Injected:
 
     @contextmanager
     def inject(site: FaultSite) -> Iterator[None]:
-        pid = site.pids[name]
+        pid = site.pid(name)
         os.kill(pid, signal.SIGSTOP)
         try:
             yield
         finally:
-            os.kill(pid, signal.SIGCONT)
+            with suppress(ProcessLookupError):  # who watches over it has ended it
+                os.kill(pid, signal.SIGCONT)
 
     return inject
 

@@ -23,6 +23,8 @@ from services.ui_api.record.database import sqlite_url
 # The processes of the product, in the order in which they are started; the virtual operating room is no part of it.
 HARDWARE: Final = "virtual-or"
 PROCESSES: Final = tuple(s.name for s in Installation(Ports(), Path()).specs() if s.name != HARDWARE)
+# Processes that others start and watch over: who, and a word of the command line.
+CHILDREN: Final[Mapping[str, tuple[str, str]]] = {"guardian": ("robot", "guardian_process")}
 _CONTROLLER_URL: Final = "DISTALOCK_ROBOT_CONTROLLER_URL"
 # Ten times what a pass needs, a storm of images included.
 _STATE_MIB, _RECORD_MIB = 768, 256
@@ -71,6 +73,15 @@ class FaultSite:
     def pids(self) -> Mapping[str, int]:
         """Process ids of the product by name."""
         return {name: pid for name, pid in self.room.fleet.pids.items() if name != HARDWARE}
+
+    def pid(self, name: str) -> int:
+        """Process id of a process of the product, also of one that another one has started."""
+        if name not in CHILDREN:
+            return self.pids[name]
+        parent, word = CHILDREN[name]
+        children = Path(f"/proc/{self.pids[parent]}/task").glob("*/children")
+        pids = [int(number) for file in children for number in file.read_text().split()]
+        return next(pid for pid in pids if word in Path(f"/proc/{pid}/cmdline").read_text())
 
     def hexapod(self) -> Hexapod:
         """The truth about the robot."""

@@ -5,7 +5,7 @@ from typing import Final
 from benchmarks.faults.declaration import Answers, Fault, InMotion, Readiness
 from benchmarks.faults.outside_faults import clock_stepped, controller_silent, image_storm, line_cut, ports_probed
 from benchmarks.faults.process_faults import hung, killed, restarted, without_handles, without_memory
-from benchmarks.faults.site import PROCESSES
+from benchmarks.faults.site import CHILDREN, PROCESSES
 from benchmarks.faults.storage_faults import disk_full, disk_read_only, record_corrupt, record_full, record_locked
 
 _HOUR_S: Final = 3600.0
@@ -13,7 +13,7 @@ _SECONDS: Final = 3.0
 # Whoever asks these, or asks through them, gets no answer while they are gone.
 _BETWEEN: Final = frozenset({"router", "ui_api"})
 # What has to be there to move, or to stop.
-_MOVING: Final = frozenset({"router", "robot", "ui_api"})
+_MOVING: Final = frozenset({"router", "robot", "ui_api", *CHILDREN})
 
 
 def _answers(name: str) -> Answers:
@@ -40,7 +40,12 @@ def _processes() -> tuple[Fault, ...]:
         Fault(f"{name} restarted", restarted(name), Readiness.ANY, _in_motion(name), _answers(name))
         for name in PROCESSES
     ]
-    return (*gone, *hanging, *back)
+    watched = [
+        Fault(f"{name} {what}", inject(name), Readiness.ANY, _in_motion(name), held_s=2.0)
+        for name in CHILDREN
+        for what, inject in (("killed", killed), ("stopped", hung))
+    ]
+    return (*gone, *hanging, *back, *watched)
 
 
 def _exhausted() -> tuple[Fault, ...]:
@@ -76,8 +81,8 @@ _STORAGE: Final = (
 )
 
 _OUTSIDE: Final = (
-    Fault("controller silent", controller_silent(), Readiness.NEVER, InMotion.STOPS),
-    Fault("line cut", line_cut, Readiness.NEVER, InMotion.STOPS),
+    Fault("controller silent", controller_silent(), Readiness.NEVER, InMotion.UNREACHABLE),
+    Fault("line cut", line_cut, Readiness.NEVER, InMotion.UNREACHABLE),
     Fault("clock 3 s ahead", clock_stepped(_SECONDS), answers=Answers.GOES_ON, held_s=2.0),
     Fault("clock 3 s back", clock_stepped(-_SECONDS), answers=Answers.GOES_ON, held_s=2.0),
     Fault("clock 1 h ahead", clock_stepped(_HOUR_S), answers=Answers.GOES_ON, held_s=2.0),

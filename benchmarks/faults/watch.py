@@ -2,10 +2,10 @@
 
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeAlias
 
 import httpx
 
@@ -93,6 +93,19 @@ def readiness_of(site: FaultSite) -> Iterator[ReadinessWatch]:
         yield ReadinessWatch(http)
 
 
+SafeSince: TypeAlias = Callable[[Hexapod], float | None]
+
+
+def locked_since_s(hexapod: Hexapod) -> float | None:
+    """Since when it has been at rest and locked; None while it is not."""
+    return hexapod.safe_since_s
+
+
+def at_rest_since_s(hexapod: Hexapod) -> float | None:
+    """Since when it has been at rest, held by its servo or its brake; None while it moves."""
+    return hexapod.at_rest_since_s
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
     """What became of the platform after a moment.
@@ -109,12 +122,12 @@ class Motion:
     travel_mm: float
 
 
-def motion_since(site: FaultSite, before: Hexapod) -> Motion:
-    """Look until the platform is at rest and locked, or for long enough."""
+def motion_since(site: FaultSite, before: Hexapod, safe_since_s: SafeSince = locked_since_s) -> Motion:
+    """Look until the platform is at rest and locked, or for long enough; `safe_since_s` may be content with less."""
     now = site.hexapod()
-    while now.safe_since_s is None and now.clock_s < before.clock_s + _LOOK_FOR_S:
+    while safe_since_s(now) is None and now.clock_s < before.clock_s + _LOOK_FOR_S:
         time.sleep(_LOOK_EVERY_S)
         now = site.hexapod()
     travel_mm = sum((a - b) ** 2 for a, b in zip(now.pose[:3], before.pose[:3], strict=True)) ** 0.5
-    safe_s = None if now.safe_since_s is None else max(now.safe_since_s - before.clock_s, 0.0)
-    return Motion(safe_s, travel_mm)
+    since_s = safe_since_s(now)
+    return Motion(None if since_s is None else max(since_s - before.clock_s, 0.0), travel_mm)
