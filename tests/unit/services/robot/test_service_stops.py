@@ -159,12 +159,14 @@ def test_a_service_whose_token_vanishes_in_motion_stops_it(room: Room, service: 
 
 
 def test_a_service_that_was_not_there_when_the_motion_began_is_not_missed(room: Room) -> None:
+    others = room.service.watch._others
     room.begin_move()
-    beats = room.bus.publisher(KEYS.heartbeat("imaging"))
-    beats.put(b"")
-    for _ in range(50):
-        room.heartbeat()
-        time.sleep(0.01)  # longer than what would be missed
+    wait_for(lambda: others._present is not None)
+    room.bus.publisher(KEYS.heartbeat("imaging")).put(b"")
+    wait_for(lambda: others._silent_for_s["imaging"]() < float("inf"))
+    room.clock_offset_s += 0.5  # longer than what would be missed, shorter than the gateway's silence that ends it here
+    room.heartbeat()
+    room.let_states_pass()
     assert room.state.state is MotionState.MOVING
 
 
