@@ -275,7 +275,7 @@ COMMANDS = (
     ),
     Command(
         "record",
-        "the case record: verify, back up, restore",
+        "the case record: verify, back up, restore, hand over, prune",
         _record_arguments,
         _imported("distalock.record.command"),
     ),

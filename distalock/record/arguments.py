@@ -55,10 +55,17 @@ def _prune(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--by", metavar="NAME", help="who decides it; goes on record; needed with --apply")
 
 
+def _hand_over(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("case", metavar="CASE", help="id of the case, as GET /cases lists it")
+    parser.add_argument("--out", type=named_path, required=True, metavar="FOLDER", help="a new or empty folder")
+
+
 _ACTIONS: Final[dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]]] = {
     "verify": ("check the chain of events, and every document that they name", _verify),
     "backup": ("copy record and images into a folder, while the gateway runs", _backup),
     "anchor": ("countersign the chain's head with a key of your own, and its time", _anchor),
+    "export": ("one case as a folder that a stranger can read and check", _hand_over),
+    "anonymise": ("the same without what identifies people (DICOM PS3.15 Annex E)", _hand_over),
     "prune": ("remove by rule what has been kept long enough; the chain stays verifiable", _prune),
     "restore": ("put a backup onto a machine that has no record", _restore),
 }

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+from services.ui_api.record.deidentify.case import NOTES, deidentified
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 
@@ -18,6 +19,8 @@ from services.ui_api.record.anchors import append_anchor, read_anchors, verify_w
 from services.ui_api.record.backup import back_up, restore
 from services.ui_api.record.database import existing_database, open_database, sole_gateway
 from services.ui_api.record.engines import cause_of, shown
+from services.ui_api.record.export.content import read_case
+from services.ui_api.record.export.folder import WrittenFolder, write_folder
 from services.ui_api.record.prune import (
     PruningPlan,
     delete_pruned_images,
@@ -116,6 +119,23 @@ def _restore(given: argparse.Namespace, settings: UiApiSettings) -> int:
     return EXIT_GOOD
 
 
+def _export(given: argparse.Namespace, settings: UiApiSettings) -> int:
+    case = read_case(existing_database(settings.record_url()), settings.images(), given.case)
+    return _written(write_folder(case, given.out), given.out)
+
+
+def _anonymise(given: argparse.Namespace, settings: UiApiSettings) -> int:
+    case = read_case(existing_database(settings.record_url()), settings.images(), given.case)
+    return _written(write_folder(deidentified(case), given.out, NOTES), given.out)
+
+
+def _written(written: WrittenFolder, folder: Path) -> int:
+    print(f"wrote {written.files} files; begin with {folder / 'README.md'}")
+    for sentence in written.missing:
+        print(sentence)
+    return EXIT_ATTENTION if written.missing else EXIT_GOOD
+
+
 def _prune(given: argparse.Namespace, settings: UiApiSettings) -> int:
     rules = RetentionRules(given.closed_days, given.frames_days)
     if not given.apply:
@@ -162,6 +182,8 @@ _ACTIONS: Final[dict[str, Callable[[argparse.Namespace, UiApiSettings], int]]] =
     "verify": _verify,
     "backup": _backup,
     "anchor": _anchor,
+    "export": _export,
+    "anonymise": _anonymise,
     "prune": _prune,
     "restore": _restore,
 }

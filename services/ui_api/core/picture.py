@@ -19,7 +19,22 @@ def jpeg_of(pixels: NDArray[np.float32]) -> bytes:
     pixels
         Grey values, shape (height, width); darker is denser.
     """
-    low, high = np.percentile(pixels[::_SAMPLED, ::_SAMPLED], _SHOWN_PERCENTILES)
-    grey = np.clip((pixels - low) * (255.0 / max(float(high - low), 1e-6)), 0.0, 255.0).astype(np.uint8)
+    grey = _stretched(pixels, np.percentile(pixels[::_SAMPLED, ::_SAMPLED], _SHOWN_PERCENTILES))
     _, encoded = cv2.imencode(".jpg", grey, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))
     return bytes(encoded.tobytes())
+
+
+def grey_8_bits(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Grey values stretched to 8 bits, shape (height, width)."""
+    return _stretched(pixels, np.percentile(pixels, _SHOWN_PERCENTILES))
+
+
+def png_of(grey: NDArray[np.uint8]) -> bytes:
+    """Grey values of 8 bits, shape (height, width), as a PNG."""
+    _, encoded = cv2.imencode(".png", grey)
+    return bytes(encoded.tobytes())
+
+
+def _stretched(pixels: NDArray[np.float32], ends: NDArray[np.float64]) -> NDArray[np.uint8]:
+    low, high = ends
+    return np.clip((pixels - low) * (255.0 / max(float(high - low), 1e-6)), 0.0, 255.0).astype(np.uint8)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageReceived
+from services.ui_api.core.picture import grey_8_bits, png_of
 from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, unknown
 from services.ui_api.record.images import stored_image
 from services.ui_api.record.record import CaseRecord
@@ -19,7 +20,6 @@ from shared.messages.base import decode
 from shared.messages.imaging import CalibrationMessage, FrameHeader
 
 FRAME_TIMEOUT_S = 2.0
-_SHOWN_PERCENTILES = (0.1, 99.9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class ImageHandler:
     def raw_png(self, sha256: str) -> bytes:
         """The image as received, with its grey values stretched to 8 bits."""
         self.find(sha256)
-        return _png(_to_8_bits(self._pixels(sha256)))
+        return png_of(grey_8_bits(self._pixels(sha256)))
 
     def corrected_png(self, sha256: str) -> bytes:
         """The image without distortion, un-mirrored when the calibration says that it is mirrored. For people only."""
@@ -90,8 +90,8 @@ class ImageHandler:
             pixels = pixels[:, ::-1]
         rows, columns = np.mgrid[0 : calibration.height_px, 0 : calibration.width_px].astype(np.float64)
         measured = calibration.distortion.distort(np.stack([columns, rows], axis=-1)).astype(np.float32)
-        shown = cv2.remap(_to_8_bits(pixels), measured[..., 0], measured[..., 1], cv2.INTER_LINEAR)
-        return _png(np.asarray(shown, dtype=np.uint8))
+        shown = cv2.remap(grey_8_bits(pixels), measured[..., 0], measured[..., 1], cv2.INTER_LINEAR)
+        return png_of(np.asarray(shown, dtype=np.uint8))
 
     def overlay_png(self, sha256: str) -> bytes:
         """What registration found, drawn on the image."""
@@ -110,14 +110,3 @@ class ImageHandler:
                 f"imaging did not hand out the pixels of image {sha256[:12]}: {error}; check that imaging runs",
             ) from None
         return decode(FrameHeader, answer.attachment).pixels(answer.payload)
-
-
-def _to_8_bits(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
-    low, high = np.percentile(pixels, _SHOWN_PERCENTILES)
-    span = max(float(high - low), 1e-6)
-    return np.asarray(np.clip((pixels - low) * (255.0 / span), 0.0, 255.0), dtype=np.uint8)
-
-
-def _png(pixels: NDArray[np.uint8]) -> bytes:
-    _, encoded = cv2.imencode(".png", pixels)
-    return bytes(encoded.tobytes())

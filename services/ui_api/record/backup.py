@@ -22,7 +22,7 @@ from sqlalchemy import Connection, Engine, Table, func, insert, select
 
 from services.ui_api.core.chain import ChainBroken, ChainIntact, check_chain
 from services.ui_api.record.database import existing_database, open_database, sole_gateway
-from services.ui_api.record.durable_files import as_one_file, copy_sqlite, settle, write_durably
+from services.ui_api.record.durable_files import as_one_file, copy_sqlite, require_empty, settle, write_durably
 from services.ui_api.record.engines import WRITES, engine_of, is_sqlite, shown
 from services.ui_api.record.images import INDEX_FILE, CopiedImages, copy_images, copy_index, images_named, store_id
 from services.ui_api.record.tables import ANSWERS, DOCUMENTS, DOCUMENTS_TO_PRUNE, EVENTS, PRUNINGS
@@ -65,7 +65,7 @@ def back_up(engine: Engine, image_dir: Path, folder: Path, made_at: datetime, so
     InputError
         When the folder is not empty, or the copy's chain does not hold.
     """
-    _require_empty(folder, "a backup")
+    require_empty(folder, "a backup")
     folder.mkdir(parents=True, exist_ok=True)
     _copy_record(engine, folder / RECORD_FILE)
     chain, named = _checked(folder / RECORD_FILE)
@@ -221,11 +221,6 @@ def _require_revision(source: Connection, target: Connection) -> None:
         raise InputError(
             f"the record's schema is of revision {have}, this version's of {need}; start this version's gateway once"
         )
-
-
-def _require_empty(folder: Path, wanted: str) -> None:
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder} is not an empty folder; {wanted} needs one of its own")
 
 
 def _require_no_record(url: str) -> None:

@@ -57,3 +57,9 @@ def settle(new: Path, file: Path) -> None:
         finally:
             os.close(descriptor)
         then()
+
+
+def require_empty(folder: Path, wanted: str) -> None:
+    """Refuse a folder with something in it, or a file, as the place for `wanted`; raises `InputError`."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder} is not an empty folder; {wanted} needs one of its own")
