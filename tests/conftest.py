@@ -13,6 +13,9 @@ from tests import kept
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
     os.environ.setdefault(_threads, "1")
 
+# The machine of a test may be as full as it likes; tests of that say what is full.
+os.environ.setdefault("DISTALOCK_ANNOUNCE_FREE_PERCENT", "0")
+
 # No deadlines: these machines are shared, and a slow example does not show an error of the code. Failing examples are
 # printed with what reproduces them.
 settings.register_profile("distalock", deadline=None, print_blob=True)

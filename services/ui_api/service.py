@@ -10,6 +10,7 @@ from services.ui_api.handlers.cases import CaseHandler
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.context import ContextHandler
+from services.ui_api.handlers.disk_space import DiskSpace
 from services.ui_api.handlers.feed import Feed
 from services.ui_api.handlers.images import ImageHandler
 from services.ui_api.handlers.inbox import WATCHED_SERVICES, Inbox
@@ -118,8 +119,7 @@ def _assemble(
         services=services,
         own_status=runtime.status,
         link_up=link_up,
-        state_dir=settings.state_dir,
-        least_free_mib=settings.least_free_mib,
+        settings=settings,
         clock=clock,
     )
     gateway = Gateway(
@@ -130,7 +130,7 @@ def _assemble(
         stop_recorder=recorder,
         leases=leases,
         commands=commands,
-        cases=CaseHandler(record, context.announce),
+        cases=CaseHandler(record, context.announce, DiskSpace(settings, settings.images(), services).lack),
         planning=PlanningHandler(bus, keys, record, view, commands),
         verifications=VerificationHandler(bus, keys, record),
         quality=QualityHandler(bus, keys, record),

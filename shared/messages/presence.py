@@ -27,4 +27,5 @@ class ServiceStatus(Message):
     version: str
     condition: Literal["starting", "ready", "degraded", "stopping"]
     detail: str = ""
+    impaired: tuple[str, ...] = Field((), description="Causes by name, such as `disk`; the sentences are in `detail`.")
     sent_at_ns: UnixNanoseconds

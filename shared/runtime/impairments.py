@@ -22,6 +22,8 @@ DROPPED_LINES_IMPAIR_S: Final = 60.0
 LEAST_FREE_HANDLES: Final = 16
 # Chosen: an image of 2048 x 2048 pixels in doubles is 32 MiB, and it is worked on in copies.
 LEAST_FREE_MEMORY_MIB: Final = 64.0
+# The cause under which services report that their disk fills.
+DISK: Final = "disk"
 _HANDLES: Final = Path("/proc/self/fd")
 _MEMORY_USED: Final = Path("/proc/self/statm")
 _MIB: Final = 2**20
@@ -46,7 +48,7 @@ def watched(runtime: Impaired, settings: ServiceSettings) -> Iterator[None]:
 
     def watch() -> None:
         while True:
-            runtime.status.impair("disk", nearly_full(settings.state_dir, settings.least_free_mib))
+            runtime.status.impair(DISK, lack_of_space(settings.state_dir, settings))
             runtime.status.impair("handles", nearly_out_of_handles())
             runtime.status.impair("memory", nearly_out_of_memory())
             runtime.status.impair("log", lines.sentence(time.monotonic()))
@@ -63,14 +65,42 @@ def watched(runtime: Impaired, settings: ServiceSettings) -> Iterator[None]:
         thread.join(1.0)
 
 
+def lack_of_space(folder: Path, settings: ServiceSettings) -> str | None:
+    """A sentence when the folder's disk is nearly full, or on its way there, else None."""
+    full = nearly_full(folder, settings.least_free_mib)
+    return full or filling(folder, settings.announce_free_percent, settings.announce_free_mib)
+
+
+def filling(folder: Path, announce_percent: float, announce_mib: float) -> str | None:
+    """A sentence when less than that share of the folder's disk is free, and less than that space, else None."""
+    try:
+        return _filling_of(_disk_of(folder), folder, announce_percent, announce_mib)
+    except OSError:
+        return None  # which is another finding
+
+
+def _filling_of(disk: os.statvfs_result, folder: Path, announce_percent: float, announce_mib: float) -> str | None:
+    free_mib, all_mib = (blocks * disk.f_frsize / _MIB for blocks in (disk.f_bavail, disk.f_blocks))
+    limit_mib = min(all_mib * announce_percent / 100.0, announce_mib)
+    if free_mib >= limit_mib:
+        return None
+    return (
+        f"the disk of {folder} fills: {free_mib:.0f} MiB of {all_mib:.0f} MiB are free (limit {limit_mib:.0f} MiB); "
+        "remove what has been kept long enough (distalock record prune), or move the state folder to a larger disk"
+    )
+
+
 def nearly_full(folder: Path, least_free_mib: float) -> str | None:
     """A sentence when the folder's disk has less space than that or cannot be asked, else None."""
     try:
-        existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-        disk = os.statvfs(existing)
+        disk = _disk_of(folder)
     except OSError as error:
         return f"the disk of {folder} cannot be asked for its free space ({error.strerror or error}); see to the disk"
     return _lack_of(disk, folder, least_free_mib)
+
+
+def _disk_of(folder: Path) -> os.statvfs_result:
+    return os.statvfs(next(place for place in (folder, *folder.absolute().parents) if place.exists()))
 
 
 def _lack_of(disk: os.statvfs_result, folder: Path, least_free_mib: float) -> str | None:

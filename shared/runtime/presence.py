@@ -75,6 +75,7 @@ class StatusReporter:
             version=self._version,
             condition="degraded" if self._impaired and own == "ready" else own,
             detail="; ".join(detail for detail in details if detail),
+            impaired=tuple(self._impaired),
             sent_at_ns=time.time_ns(),
         )
         self._publisher.put(encode(status))

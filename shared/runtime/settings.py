@@ -61,6 +61,12 @@ class ServiceSettings(BaseSettings):
     least_free_mib: Annotated[float, Field(ge=0.0)] = Field(
         64.0, description="Free space below which the state folder's disk counts as nearly full."
     )
+    announce_free_percent: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
+        10.0, description="Free share of the state folder's disk below which it is announced and no new case is opened."
+    )
+    announce_free_mib: Annotated[float, Field(ge=0.0)] = Field(
+        10240.0, description="Free space that is enough, whatever its share of a large disk."
+    )
 
     @classmethod
     def settings_customise_sources(

@@ -37,4 +37,5 @@ def png_of(grey: NDArray[np.uint8]) -> bytes:
 
 def _stretched(pixels: NDArray[np.float32], ends: NDArray[np.float64]) -> NDArray[np.uint8]:
     low, high = ends
-    return np.clip((pixels - low) * (255.0 / max(float(high - low), 1e-6)), 0.0, 255.0).astype(np.uint8)
+    stretched = (pixels - low) * (255.0 / max(float(high - low), 1e-6))
+    return np.asarray(np.clip(stretched, 0.0, 255.0), dtype=np.uint8)

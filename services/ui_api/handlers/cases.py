@@ -10,7 +10,7 @@ from services.ui_api.core.events import EventDraft
 from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
 from services.ui_api.handlers.head_calibration import calibrated_hexapod, is_head_calibration
 from services.ui_api.handlers.parts import JsonObject, PartFile, resolve_part
-from services.ui_api.handlers.refusals import conflict, invalid, unknown
+from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, invalid, unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.parts.catalogue import PartKind
@@ -45,11 +45,22 @@ class StepRequest:
 
 
 class CaseHandler:
-    """Decides about cases within a unit of work. `announce` tells the bus afterwards."""
+    """Decides about cases within a unit of work.
 
-    def __init__(self, record: CaseRecord, announce: Callable[[], None]) -> None:
+    Parameters
+    ----------
+    announce
+        Tells the bus afterwards.
+    lack_of_space
+        A sentence when the disks have no room for one more case.
+    """
+
+    def __init__(
+        self, record: CaseRecord, announce: Callable[[], None], lack_of_space: Callable[[], str | None]
+    ) -> None:
         self._record = record
         self._announce = announce
+        self._lack_of_space = lack_of_space
 
     def case(self, case_id: str) -> Case:
         """A case by its id; raises `Refused`."""
@@ -65,6 +76,8 @@ class CaseHandler:
             raise conflict(
                 "case_already_open", f"case {already.case_id} is open in this room; finish or abandon it first"
             )
+        if (lack := self._lack_of_space()) is not None:
+            raise Refused(RefusalKind.UNAVAILABLE, "disk_fills", f"no new case is opened: {lack}")
         setup = _new_setup(unit, request)
         case_id = f"case-{secrets.token_hex(5)}"
         unit.append(EventDraft(CaseOpened(setup), case_id, who))

@@ -6,7 +6,6 @@ A stop that is in force is no lack: every start begins with it.
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from threading import Lock
 from typing import Final
 
@@ -18,8 +17,9 @@ from services.ui_api.record.record import CaseRecord
 from shared.errors import RecordUnavailable
 from shared.messages.presence import ServiceName
 from shared.messages.robot import MotionState
-from shared.runtime.impairments import nearly_full
+from shared.runtime.impairments import filling, nearly_full
 from shared.runtime.presence import StatusReporter
+from shared.runtime.settings import ServiceSettings
 from shared.threads import described
 
 PROBE_LASTS_S: Final = 0.5
@@ -35,7 +35,7 @@ class Check:
     ----------
     code
         ``ok``, or what is wrong in a word: ``absent``, ``silent``, ``starting``, ``degraded``, ``stale``, ``fault``,
-        ``disconnected``, ``unavailable``, ``full``.
+        ``disconnected``, ``unavailable``, ``full``, ``filling``.
     remedy
         What to do; empty when the part is well.
     """
@@ -61,8 +61,7 @@ class ReadinessParts:
     services: ServiceHealth
     own_status: StatusReporter
     link_up: Callable[[], bool]
-    state_dir: Path
-    least_free_mib: float
+    settings: ServiceSettings
     clock: Clock
 
 
@@ -156,10 +155,12 @@ class Readiness:
         return Check("database", "ok", "a row was written and the newest event read")
 
     def _disk(self) -> Check:
-        sentence = nearly_full(self._parts.state_dir, self._parts.least_free_mib)
-        if sentence is not None:
+        settings, folder = self._parts.settings, self._parts.settings.state_dir
+        if (sentence := nearly_full(folder, settings.least_free_mib)) is not None:
             return Check("disk", "full", sentence, "free some space, or move the state folder to a larger disk")
-        return Check("disk", "ok", f"at least {self._parts.least_free_mib:g} MiB free")
+        if (sentence := filling(folder, settings.announce_free_percent, settings.announce_free_mib)) is not None:
+            return Check("disk", "filling", sentence, "no new case is opened until there is more space")
+        return Check("disk", "ok", f"{settings.announce_free_percent:g} % or {settings.announce_free_mib:g} MiB free")
 
 
 def _hanging() -> Check:

@@ -48,7 +48,7 @@ def _setup_rows(events: tuple[Json, ...]) -> list[tuple[str, ...]]:
     newest = setups[-1] if setups else {}
     if not isinstance(newest, dict):
         return []
-    rows = [(key.replace("_", " "), str(newest.get(key, ""))) for key in _SETUP]
+    rows: list[tuple[str, ...]] = [(key.replace("_", " "), str(newest.get(key, ""))) for key in _SETUP]
     for key in _PARTS:
         part = newest.get(key)
         if isinstance(part, dict):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from shared.runtime.impairments import _lack_of, nearly_full
+from shared.runtime.impairments import _filling_of, _lack_of, nearly_full
 
 
 def test_enough_space_impairs_nothing(tmp_path: Path) -> None:
@@ -49,6 +49,17 @@ def _disk(**changes: int) -> os.statvfs_result:
 def test_a_disk_that_takes_nothing_impairs(changes: dict[str, int], lack: str | None) -> None:
     sentence = _lack_of(_disk(**changes), Path("/state"), 64.0)
     assert (sentence is None) if lack is None else re.search(lack, str(sentence))
+
+
+@pytest.mark.parametrize(
+    ("free_mib", "all_mib", "limit_mib"),
+    [(9999, 100_000, 10_000), (10_000, 100_000, None), (10_239, 10**6, 10_240), (10_240, 10**6, None)],
+)
+def test_a_disk_that_fills_is_announced_at_a_tenth(free_mib: int, all_mib: int, limit_mib: int | None) -> None:
+    disk = _disk(f_bavail=256 * free_mib, f_blocks=256 * all_mib)
+    sentence = _filling_of(disk, Path("/state"), 10.0, 10_240.0)
+    expected = f"fills: {free_mib} MiB of {all_mib} MiB are free (limit {limit_mib} MiB); remove what has been kept"
+    assert (sentence is None) if limit_mib is None else expected in str(sentence)
 
 
 def _in_a_process_with(limit: str, function: str) -> str:

@@ -3,6 +3,7 @@
 import json
 import queue
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -12,7 +13,7 @@ from shared.messages.base import decode
 from shared.messages.cases import CaseContext
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.fakes import PATIENCE_S
-from tests.unit.services.ui_api.room import ROOM, Room, new_key
+from tests.unit.services.ui_api.room import ROOM, Room, new_key, open_room, wait_until
 
 
 def _contexts(room: Room) -> Callable[[], CaseContext]:
@@ -205,3 +206,25 @@ def test_a_refusal_is_remembered_with_its_key(room: Room) -> None:
     again = room.post("/cases", samples.case_body(), key="refused")
     assert (again.status_code, again.text) == (409, refused.text)
     assert again.headers["content-type"] == "application/problem+json"
+
+
+def test_no_case_is_opened_while_a_disk_fills(tmp_path: Path) -> None:
+    with open_room(tmp_path / "here", announce_free_percent=100.0, announce_free_mib=1e12) as room:
+        answer = room.post("/cases", samples.case_body())
+        assert (answer.status_code, answer.json()["code"]) == (503, "disk_fills")
+        assert "no new case is opened: the disk of" in answer.json()["detail"]
+
+
+def test_no_case_is_opened_while_imagings_disk_fills_and_an_open_one_goes_on(room: Room) -> None:
+    case_id = room.open_case()
+    room.imaging.status.impair("disk", "the disk of /elsewhere fills")
+    heard = room.gateway.services.heard["imaging"]
+    wait_until(lambda: heard.status is not None and heard.status.impaired == ("disk",))
+    assert room.image("one", case_id).case_id == case_id
+    assert room.post(f"/cases/{case_id}/steps", {"step": "abandoned"}).status_code == 201
+    refused = room.post("/cases", samples.case_body())
+    assert (refused.status_code, refused.json()["code"]) == (503, "disk_fills")
+    assert "imaging reports: the disk of /elsewhere fills" in refused.json()["detail"]
+    room.imaging.status.impair("disk", None)
+    wait_until(lambda: heard.status is not None and not heard.status.impaired)
+    room.open_case()

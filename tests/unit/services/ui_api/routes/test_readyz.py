@@ -121,6 +121,12 @@ def test_a_disk_that_is_nearly_full_is_not_ready(tmp_path: Path) -> None:
         assert "(limit 1e+12 MiB)" in str(checks["disk"]["measured"])
 
 
+def test_a_disk_that_fills_is_not_ready(tmp_path: Path) -> None:
+    with open_room(tmp_path, announce_free_percent=100.0, announce_free_mib=1e12) as room:
+        checks = wait_for(room, 503, lambda checks: failed(checks) <= {"disk", "gateway"})
+        assert checks["disk"]["code"] == "filling"
+
+
 def test_a_locked_record_is_not_ready_and_ready_again_when_it_is_free(tmp_path: Path) -> None:
     with open_room(tmp_path) as room:
         wait_for(room, 200)
