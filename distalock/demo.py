@@ -1,5 +1,6 @@
 """`distalock demo`: an installation with the virtual operating room, and the whole procedure through REST."""
 
+import os
 import sys
 import tempfile
 import threading
@@ -19,6 +20,7 @@ from distalock.procedure import Ending, Outcome, Procedure, Tell
 from distalock.rest_client import RestClient
 from distalock.room_client import RoomClient, TrueError
 from shared.errors import ConfigurationError, InputError
+from shared.runtime.settings import ANNOUNCE_VARIABLE
 
 EXIT_CODES: Final = {Ending.DRILLED: 0, Ending.MISSED: 1, Ending.REFUSED: 3}
 
@@ -68,6 +70,7 @@ def demonstrate(request: DemoRequest, tell: Tell) -> Outcome:
         When the installation falls silent.
     """
     with tempfile.TemporaryDirectory(prefix="distalock-demo-") as folder:
+        os.environ.setdefault(ANNOUNCE_VARIABLE, "0")  # one case in a folder that goes afterwards fills no disk
         installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=request.scenario_arguments)
         with installation.fleet(threading.Event()) as fleet:
             installation.write_directory(fleet.pids)

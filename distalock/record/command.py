@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from services.ui_api.record.deidentify.case import NOTES, deidentified
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 
@@ -18,6 +17,7 @@ from services.ui_api.core.retention import RetentionRules
 from services.ui_api.record.anchors import append_anchor, read_anchors, verify_with_anchors
 from services.ui_api.record.backup import back_up, restore
 from services.ui_api.record.database import existing_database, open_database, sole_gateway
+from services.ui_api.record.deidentify.case import NOTES, deidentified
 from services.ui_api.record.engines import cause_of, shown
 from services.ui_api.record.export.content import read_case
 from services.ui_api.record.export.folder import WrittenFolder, write_folder

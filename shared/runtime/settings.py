@@ -28,6 +28,7 @@ LogLevel = Literal["debug", "info", "warning", "error"]
 _SECTIONS: frozenset[str] = frozenset((*get_args(ServiceName), "simulation"))
 _PREFIX = "DISTALOCK_"
 CONFIG_VARIABLE = "DISTALOCK_CONFIG"
+ANNOUNCE_VARIABLE = "DISTALOCK_ANNOUNCE_FREE_PERCENT"
 
 
 class ServiceSettings(BaseSettings):

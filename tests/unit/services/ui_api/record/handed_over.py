@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
-from pydicom.uid import ExplicitVRLittleEndian, XRayAngiographicImageStorage
+from pydicom.uid import UID, ExplicitVRLittleEndian, XRayAngiographicImageStorage
 
 from services.ui_api.core.event_data import ImageReceived
 from services.ui_api.core.events import EventDraft
@@ -14,7 +14,7 @@ from services.ui_api.record.record import CaseRecord
 from shared.parts.files import sha256_of
 from tests.unit.services.ui_api.room import open_room
 
-UID = "1.2.826.0.1.3680043.8.498.7"
+ROOT = "1.2.826.0.1.3680043.8.498.7"
 ROWS, COLUMNS = 4, 6
 SMITH = "Smith"
 
@@ -23,12 +23,12 @@ def dicom_of_smith(number: int = 1, **more: object) -> bytes:
     """An image in whose header the patient's name stands wherever it could."""
     meta = FileMetaDataset()
     meta.MediaStorageSOPClassUID = XRayAngiographicImageStorage
-    meta.MediaStorageSOPInstanceUID = f"{UID}.{number}"
+    meta.MediaStorageSOPInstanceUID = UID(f"{ROOT}.{number}")
     meta.TransferSyntaxUID = ExplicitVRLittleEndian
     meta.SourceApplicationEntityTitle = "SMITHWARD"
     dataset = FileDataset("", {}, file_meta=meta, preamble=b"Smith".ljust(128))
-    dataset.SOPClassUID, dataset.SOPInstanceUID = XRayAngiographicImageStorage, f"{UID}.{number}"
-    dataset.StudyInstanceUID, dataset.SeriesInstanceUID = f"{UID}.10", f"{UID}.11"
+    dataset.SOPClassUID, dataset.SOPInstanceUID = XRayAngiographicImageStorage, f"{ROOT}.{number}"
+    dataset.StudyInstanceUID, dataset.SeriesInstanceUID = f"{ROOT}.10", f"{ROOT}.11"
     for keyword in ("PatientName", "ReferringPhysicianName", "OperatorsName", "PerformingPhysicianName"):
         setattr(dataset, keyword, "Smith^Anna")
     for keyword in (
@@ -79,5 +79,5 @@ def put_image(record: CaseRecord, images: Path, case_id: str, content: bytes) ->
     file = stored_paths(images, sha256)[0]
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_bytes(content)
-    received = ImageReceived(sha256, f"{UID}.1", record._clock_ns(), 1, None, "another-store", 1)
+    received = ImageReceived(sha256, f"{ROOT}.1", record._clock_ns(), 1, None, "another-store", 1)
     record.append(EventDraft(received, case_id, "imaging"))

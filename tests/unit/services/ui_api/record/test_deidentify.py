@@ -16,7 +16,7 @@ from services.ui_api.record.deidentify.pseudonyms import Pseudonyms
 from services.ui_api.record.deidentify.table import DICOM_RULES, RECORD_RULES, table_lines
 from services.ui_api.record.export.content import read_case
 from services.ui_api.record.export.folder import write_folder
-from tests.unit.services.ui_api.record.handed_over import COLUMNS, ROWS, UID, case_of_smith, dicom_of_smith
+from tests.unit.services.ui_api.record.handed_over import COLUMNS, ROOT, ROWS, case_of_smith, dicom_of_smith
 
 _PAGE = (Path(__file__).parents[5] / "docs" / "record.md").read_text(encoding="utf-8")
 
@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
     hashes = [image.sha256 for image in case.images]
     hashes += [document.sha256 for document in case.documents if document.media_type != "image/png"]  # kept as it is
     dates = [str(event["at"])[:10] for event in case.events] + [str(event["at_ns"])[:8] for event in case.events]
-    return out, [case_id, UID, "smith", "19620304", *hashes, *(h[:12] for h in hashes), *dates]
+    return out, [case_id, ROOT, "smith", "19620304", *hashes, *(h[:12] for h in hashes), *dates]
 
 
 def test_nothing_of_anybody_is_left(folder: tuple[Path, list[str]]) -> None:
