@@ -202,6 +202,7 @@ class RobotService:
             case=self._registration.view.case,
             inside=self._registration.view.inside,
             newest_state=self._ledger.newest_state,
+            first_since_stop=self._ledger.first_since_stop,
             quoted_published_s=quoted_s,
             used=self._permits.used,
         )

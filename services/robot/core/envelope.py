@@ -81,6 +81,11 @@ class CommandLedger:
         """Number of the newest published state; None before the first."""
         return self._published[-1][0] if self._published else None
 
+    @property
+    def first_since_stop(self) -> int:
+        """Number of the first state that was published after the last stop."""
+        return self._first_since_stop
+
     def published_s(self, sequence: int) -> float | None:
         """When a state was published; None when that is out of record, or never happened."""
         return next((at_s for number, at_s in reversed(self._published) if number == sequence), None)

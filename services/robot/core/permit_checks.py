@@ -107,6 +107,12 @@ def _expired(permit: Permit, now: PermitContext) -> str | None:
     return f"the permit quotes state {permit.after_state_sequence}, which {age}, the limit is {PERMITS.lifetime_s:g} s"
 
 
+def _before_stop(permit: Permit, now: PermitContext) -> str | None:
+    if permit.after_state_sequence >= now.first_since_stop:
+        return None
+    return f"the permit quotes state {permit.after_state_sequence}, and a stop has come since"
+
+
 def _used(permit: Permit, now: PermitContext) -> str | None:
     return f"permit {permit.nonce[:12]} was used before, it allows one motion" if now.used.holds(permit.nonce) else None
 
@@ -128,6 +134,7 @@ RULES: Final[tuple[PermitRule, ...]] = (
     PermitRule(RefusalCode.PERMIT_FOR_OTHER_HOLES, _other_holes),
     PermitRule(RefusalCode.PERMIT_STATE_UNKNOWN, _state_unknown),
     PermitRule(RefusalCode.PERMIT_EXPIRED, _expired),
+    PermitRule(RefusalCode.PERMIT_BEFORE_STOP, _before_stop),
     PermitRule(RefusalCode.PERMIT_USED, _used),
     PermitRule(RefusalCode.PERMIT_WITHOUT_CLEARANCE, _without_clearance),
     PermitRule(RefusalCode.SOMETHING_INSIDE, _something_inside),

@@ -108,6 +108,8 @@ class PermitContext:
         What is in the guide or the bone, as the gateway has published it: "wire in distal", ...
     newest_state
         Number of the newest state that the robot published; None before the first.
+    first_since_stop
+        Number of the first state that was published after the last stop.
     quoted_published_s
         When the robot published the state that the permit quotes; None when it has no record of it.
     """
@@ -118,6 +120,7 @@ class PermitContext:
     case: tuple[str | None, int] | None
     inside: tuple[str, ...]
     newest_state: int | None
+    first_since_stop: int
     quoted_published_s: float | None
     used: UsedPermits
 

@@ -39,6 +39,7 @@ class RefusalCode(StrEnum):
     PERMIT_FOR_OTHER_HOLES = "permit_for_other_holes"
     PERMIT_STATE_UNKNOWN = "permit_state_unknown"
     PERMIT_EXPIRED = "permit_expired"
+    PERMIT_BEFORE_STOP = "permit_before_stop"
     PERMIT_USED = "permit_used"
     PERMIT_WITHOUT_CLEARANCE = "permit_without_clearance"
     SOMETHING_INSIDE = "something_inside"

@@ -124,6 +124,7 @@ def _criteria_of_permits() -> tuple[RefusalCriterion, ...]:
             f"{PERMITS.lifetime_s:g} s on the robot's clock",
             _PERMIT_AGAIN,
         ),
+        row(code.PERMIT_BEFORE_STOP, "state that the permit quotes", "published after the last stop", _PERMIT_AGAIN),
         row(code.PERMIT_USED, "permit", "not used before", _PERMIT_AGAIN),
         row(
             code.PERMIT_WITHOUT_CLEARANCE,

@@ -48,7 +48,14 @@ class Operation:
 
 @dataclass(frozen=True, slots=True)
 class RobotSaying:
-    """The part of a robot state that tells how a command fared."""
+    """The part of a robot state that tells how a command fared.
+
+    Attributes
+    ----------
+    connected
+        Whether the controller is connected: it was stopped and locked then. Before, what an earlier run of the service
+        began may still go on.
+    """
 
     boot_epoch: str
     sequence: int
@@ -61,6 +68,7 @@ class RobotSaying:
     detail: str
     deviation_mm: float | None
     deviation_deg: float | None
+    connected: bool = True
 
 
 def progressed(operation: Operation, event: OperationProgressed) -> Operation:
@@ -95,7 +103,7 @@ def settle(operation: Operation, saying: RobotSaying) -> OperationProgressed | O
     """
     requested = operation.requested
     if saying.boot_epoch != requested.robot_boot_epoch:
-        return _robot_restarted(operation)
+        return _robot_restarted(operation) if saying.connected else None
     if saying.sequence <= requested.after_state_sequence:
         return None
     if saying.command_id == requested.operation_id:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from services.ui_api.core.case import STEPS_THAT_CHANGE_THE_SETUP, Case
 from services.ui_api.core.event_data import CaseOpened, CaseSetup, PartUse, SetupChanged, Step, StepRecorded
 from services.ui_api.core.events import EventDraft
+from services.ui_api.core.operations import VERBS_WITH_A_MOTION
 from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
 from services.ui_api.handlers.head_calibration import calibrated_hexapod, is_head_calibration
 from services.ui_api.handlers.parts import JsonObject, PartFile, resolve_part
@@ -98,6 +99,7 @@ class CaseHandler:
         """Record a step. One out of order needs a reason, because what was done is a fact all the same."""
         case = self.case(case_id)
         _require_hands_off(case, f"step '{request.step}' cannot be recorded")
+        self._require_no_motion(f"step '{request.step}' cannot be recorded")
         require_known_holes(case, request.hole_ids)
         in_order = request.step in allowed_steps(case.progress)
         if not in_order and not request.why:
@@ -112,6 +114,17 @@ class CaseHandler:
         if request.step in STEPS_THAT_CHANGE_THE_SETUP:
             unit.append(EventDraft(SetupChanged(case.revision + 1, case.setup), case_id, request.who, request.step))
         unit.after_commit(self._announce)
+
+    def _require_no_motion(self, consequence: str) -> None:
+        """Of a reference the case's stage says nothing."""
+        for operation in self._record.ledger.pending_operations():
+            requested = operation.requested
+            if requested.verb in VERBS_WITH_A_MOTION:
+                raise conflict(
+                    "robot_moving",
+                    f"operation {requested.operation_id} ({requested.verb}) is {operation.status}: {consequence} until "
+                    "it has ended, or was stopped",
+                )
 
 
 def require_known_holes(case: Case, hole_ids: tuple[str, ...]) -> None:

@@ -45,6 +45,8 @@ _log = structlog.stdlib.get_logger("distalock.ui_api")
 COMMAND_TIMEOUT_S = 0.5
 TIME_TO_LIVE_S = 1.0
 PlainVerb = Literal["reference", "acknowledge_stop", "reset"]
+# A run that refuses a command of an earlier one does not know what that one did: the message may have come twice.
+_REFUSED_BY_ANOTHER_RUN = "wrong_boot_epoch"
 _VERBS_THAT_END_WITH_THE_REPLY = frozenset({"acknowledge_stop", "reset"})
 
 
@@ -192,6 +194,9 @@ class CommandHandler:
             reply = decode(CommandReply, self._bus.query(key, waiting.payload, COMMAND_TIMEOUT_S).payload)
         except (BusError, MessageInvalid) as error:
             message = f"{error}; this does not mean that it was not carried out: the robot's state will tell"
+            return OperationProgressed(waiting.operation_id, OperationStatus.UNKNOWN, message)
+        if reply.verdict == "refused" and reply.code == _REFUSED_BY_ANOTHER_RUN:
+            message = "the robot service was restarted while the command was on its way; its state will tell"
             return OperationProgressed(waiting.operation_id, OperationStatus.UNKNOWN, message)
         if reply.verdict == "refused":
             return _never_began(waiting, OperationStatus.FAILED, reply.code or "refused_by_robot", reply.message)

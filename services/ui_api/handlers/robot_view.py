@@ -112,4 +112,5 @@ def saying_of(state: RobotState) -> RobotSaying:
         detail=state.detail,
         deviation_mm=state.deviation_mm,
         deviation_deg=state.deviation_deg,
+        connected=state.state is not MotionState.DISCONNECTED,
     )

@@ -41,6 +41,7 @@ CONTEXT = PermitContext(
     case=("case1", 2),
     inside=(),
     newest_state=9,
+    first_since_stop=6,
     quoted_published_s=NOW_S - 0.3,
     used=UsedPermits((("n0", NOW_S - 0.5),)),
 )
@@ -152,6 +153,11 @@ def test_a_permit_for_something_else_is_refused(
             replace(CONTEXT, now_s=NOW_S + 3.2),
             RefusalCode.PERMIT_EXPIRED,
             "quotes state 7, which is 3.50 s old, the limit is 2 s",
+        ),
+        (
+            replace(CONTEXT, first_since_stop=8),
+            RefusalCode.PERMIT_BEFORE_STOP,
+            "quotes state 7, and a stop has come since; ",
         ),
         (
             replace(CONTEXT, inside=("wire in distal", "screw in proximal")),

@@ -91,6 +91,10 @@ def test_another_command_in_its_place_means_that_the_end_was_not_seen() -> None:
     assert (ended.began, ended.code) == (True, "outcome_not_seen")
 
 
+def test_a_restarted_robot_ends_nothing_before_its_controller_was_stopped() -> None:
+    assert settle(_RUNNING, replace(_SAYING, boot_epoch="robot-2", sequence=0, connected=False)) is None
+
+
 def test_a_restarted_robot_ends_what_was_under_way_as_not_known() -> None:
     ended = settle(_RUNNING, replace(_SAYING, boot_epoch="robot-2", sequence=0))
     assert isinstance(ended, OperationEnded)

@@ -109,6 +109,15 @@ def test_whatever_is_in_the_bone_forbids_move_and_reference_until_it_is_out(
     assert room.post("/robot/reference").status_code == 202
 
 
+def test_nothing_is_reported_as_put_in_while_a_reference_is_pending(room: Room) -> None:
+    case_id = room.open_case()
+    operation_id = room.post("/robot/reference").json()["id"]
+    wires = {"step": "wires_inserted", "hole_ids": ["distal"], "why": "by hand"}
+    answer = room.post(f"/cases/{case_id}/steps", wires)
+    assert (answer.status_code, answer.json()["code"]) == (409, "robot_moving")
+    assert operation_id in answer.json()["detail"]
+
+
 def test_a_reference_carries_a_permit_that_the_record_keeps(room: Room) -> None:
     operation_id = room.post("/robot/reference", {"requested_by": "Dr B"}).json()["id"]
     wait_until(lambda: bool(room.robot.plain))
@@ -209,6 +218,23 @@ def test_a_refusal_by_the_robot_leaves_the_plan_usable(room: Room) -> None:
     assert (procedure["stage"], procedure["aim"]) == ("positioning", "approved")
     room.robot.answers_moves = accept
     room.wait_for_status(_move(room, case_id, plan), "running")
+
+
+def test_a_refusal_by_another_run_of_the_robot_service_proves_nothing(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    room.robot.answers_moves = lambda command: CommandReply(
+        command_id=command.envelope.command_id,
+        verdict="refused",
+        code="wrong_boot_epoch",
+        message="the command is for another boot",
+        state=MotionState.DISCONNECTED,
+    )
+    operation_id = _move(room, case_id, plan)
+    assert room.wait_for_status(operation_id, "unknown")["began"] is None
+    room.robot.say(MotionState.DISCONNECTED, boot_epoch="robot-2", command_id=None, outcome="none")
+    room.robot.say(MotionState.STOPPED, boot_epoch="robot-2", command_id=None, outcome="none")
+    ended = room.wait_for_status(operation_id, "failed")
+    assert (ended["code"], ended["began"]) == ("robot_restarted", True)
 
 
 def test_a_command_without_an_answer_is_unknown_until_the_robot_tells(room: Room) -> None:
