@@ -100,12 +100,19 @@ def no_deviation() -> JsonObject:
     return {"deviation_mm": None, "deviation_deg": None}
 
 
-def test_motion_without_approval_moves_nothing(planned: Planned) -> None:
+def test_without_approval_and_with_a_wire_in_the_bone_nothing_moves(planned: Planned) -> None:
     here = planned.true_pose()
     with pytest.raises(RequestRefused, match=r"(?i)approv") as refusal:
         planned.start_motion()
     print(refusal.value.problem_code, refusal.value)
     assert refusal.value.status in (403, 409)
+    planned.case.approve(planned.plan, SURGEON)
+    planned.case.record_step("wires_inserted", [planned.site.room.scenario().hole_ids[0]], why="before the move")
+    with pytest.raises(RequestRefused) as wired:
+        planned.start_motion()
+    with pytest.raises(RequestRefused) as reference:
+        planned.site.rest.post("/api/v1/robot/reference")
+    assert (wired.value.problem_code, reference.value.problem_code) == ("wires_in_place", "wires_in_place")
     assert planned.robot()["state"] == "locked"
     assert planned.true_pose() == here
 

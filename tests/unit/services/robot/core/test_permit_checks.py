@@ -14,6 +14,7 @@ from services.robot.core.permits import (
     Motion,
     Permit,
     PermitContext,
+    PermitRecord,
     SignatureFailure,
     UsedPermits,
 )
@@ -195,6 +196,11 @@ def test_used_permits_are_remembered_until_they_have_expired() -> None:
     assert not later.holds("n1")
     assert later.holds("n2")
     assert later.holds("n3")
+
+
+def test_before_the_first_command_nothing_was_taken_or_refused_and_a_reference_is_of_no_plan() -> None:
+    assert PermitRecord() == PermitRecord(taken_sha256=None, refused=0, refusal="")
+    assert AskedMotion(Motion.REFERENCE) == AskedMotion(Motion.REFERENCE, plan_sha256=None, hole_ids=())
 
 
 def test_every_rule_has_a_code_of_its_own_and_a_test_here() -> None:
