@@ -77,11 +77,14 @@ class Acknowledged:
         return [uid for uid in self.images if uid not in known]
 
     def unfinished_images(self, case: CaseClient) -> list[str]:
-        """Images of a case that are neither localised nor explained."""
+        """Images of a case that are neither localised nor explained.
+
+        A frame of running fluoroscopy is explained by being one: of a run, those are localised that guidance needs.
+        """
         return [
             str(one["sop_instance_uid"])
             for one in case.images()
-            if one["sop_instance_uid"] in self.images and one["localisation"] is None and one["skipped"] is None
+            if one["sop_instance_uid"] in self.images and one["localisation"] is None and not _is_explained(one)
         ]
 
 
@@ -97,6 +100,12 @@ class AcknowledgingClient(RestClient):
         answer = super().post(path, body, if_match)
         self._acknowledged.answers.append((path, answer))
         return answer
+
+
+def _is_explained(image: JsonObject) -> bool:
+    header = image["header"]
+    in_run = isinstance(header, dict) and header["run_interval_s"] is not None
+    return in_run or image["skipped"] is not None
 
 
 def _events(record: Path, kind: str) -> list[str]:

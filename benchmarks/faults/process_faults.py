@@ -62,7 +62,7 @@ def without_handles(name: str) -> _Injected:
     """No file and no connection can be opened any more; what is open stays open."""
 
     def inject(site: FaultSite) -> AbstractContextManager[None]:
-        pid = site.pids[name]
+        pid = site.pid(name)
         return limited(resource.RLIMIT_NOFILE, {pid: _first_free_handle(pid)})
 
     return inject
@@ -72,7 +72,7 @@ def without_memory(name: str) -> _Injected:
     """Not more memory than it has now, and a mebibyte."""
 
     def inject(site: FaultSite) -> AbstractContextManager[None]:
-        pid = site.pids[name]
+        pid = site.pid(name)
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[0])
         return limited(resource.RLIMIT_AS, {pid: pages * resource.getpagesize() + _MEMORY_LEFT_BYTES})
 

@@ -8,6 +8,8 @@ from distalock.rest_client import JsonObject, RestClient
 
 _POLL_S: Final = 0.05
 _READY_WITHIN_S: Final = 60.0
+# An image that is taken sooner is bound to no pose of the robot.
+_SETTLES_S: Final = 1.0
 _COMMANDS: Final = {
     "stopped": "acknowledge-stop",
     "unreferenced": "reference",
@@ -31,7 +33,7 @@ def make_robot_ready(rest: RestClient) -> None:
         When a command is refused.
     """
     deadline_s = time.monotonic() + _READY_WITHIN_S
-    last = ""
+    last: str | None = None
     while time.monotonic() < deadline_s:
         view = rest.get("/api/v1/robot")
         state = view["state"]
@@ -39,6 +41,7 @@ def make_robot_ready(rest: RestClient) -> None:
             time.sleep(_POLL_S)
             continue
         if state["state"] == "locked" and state["locked"] is True:
+            time.sleep(0.0 if last is None else _SETTLES_S)
             return
         command = _COMMANDS.get(str(state["state"]))
         if command is not None:

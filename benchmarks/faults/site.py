@@ -24,7 +24,10 @@ from services.ui_api.record.database import sqlite_url
 HARDWARE: Final = "virtual-or"
 PROCESSES: Final = tuple(s.name for s in Installation(Ports(), Path()).specs() if s.name != HARDWARE)
 # Processes that others start and watch over: who, and a word of the command line.
-CHILDREN: Final[Mapping[str, tuple[str, str]]] = {"guardian": ("robot", "guardian_process")}
+CHILDREN: Final[Mapping[str, tuple[str, str]]] = {
+    "guardian": ("robot", "guardian_process"),
+    "application": ("ui_api", "services.ui_api.application"),
+}
 _CONTROLLER_URL: Final = "DISTALOCK_ROBOT_CONTROLLER_URL"
 # Ten times what a pass needs, a storm of images included.
 _STATE_MIB, _RECORD_MIB = 768, 256
@@ -73,6 +76,11 @@ class FaultSite:
     def pids(self) -> Mapping[str, int]:
         """Process ids of the product by name."""
         return {name: pid for name, pid in self.room.fleet.pids.items() if name != HARDWARE}
+
+    @property
+    def all_pids(self) -> tuple[int, ...]:
+        """Process ids of the whole product."""
+        return tuple(self.pid(name) for name in (*PROCESSES, *CHILDREN))
 
     def pid(self, name: str) -> int:
         """Process id of a process of the product, also of one that another one has started."""

@@ -57,7 +57,7 @@ def disk_full(site: FaultSite) -> AbstractContextManager[None]:
 
 def disk_read_only(site: FaultSite) -> AbstractContextManager[None]:
     """Nothing can be written below the state folder, the record included."""
-    return read_only([site.state_dir, record_folder(site.state_dir)], list(site.pids.values()))
+    return read_only([site.state_dir, record_folder(site.state_dir)], site.all_pids)
 
 
 def _back_up(record: Path, copy: Path) -> None:

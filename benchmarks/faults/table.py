@@ -10,77 +10,53 @@ from benchmarks.faults.storage_faults import disk_full, disk_read_only, record_c
 
 _HOUR_S: Final = 3600.0
 _SECONDS: Final = 3.0
-# Whoever asks these, or asks through them, gets no answer while they are gone.
-_BETWEEN: Final = frozenset({"router", "ui_api"})
-# What has to be there to move, or to stop.
-_MOVING: Final = frozenset({"router", "robot", "ui_api", *CHILDREN})
+# Who answers requests: while it is gone, nobody does.
+_GATEWAY: Final = frozenset({"ui_api", "application"})
+_GUARDIAN: Final = "guardian"
+_ALL: Final = (*PROCESSES, *CHILDREN)
 
 
 def _answers(name: str) -> Answers:
-    return Answers.SILENT if name in _BETWEEN else Answers.REFUSES
+    return Answers.SILENT if name in _GATEWAY else Answers.REFUSES
 
 
-def _in_motion(name: str) -> InMotion:
-    return InMotion.STOPS if name in _MOVING else InMotion.MAY_FINISH
+def _ended_with(name: str) -> frozenset[str]:
+    """Who ends when a process ends: itself, and who has started it; the guardian is started again."""
+    parent = CHILDREN[name][0] if name in CHILDREN else name
+    return frozenset() if name == _GUARDIAN else frozenset({name, parent})
 
 
-def _readiness_when_exhausted(name: str) -> Readiness:
+def _gone(name: str) -> tuple[Fault, Fault]:
+    """Killed and hung. The robot service notices a guardian that is lost, and starts another one at once."""
+    readiness = Readiness.ANY if name == _GUARDIAN else Readiness.NEVER
+    return (
+        Fault(f"{name} killed", killed(name), readiness, InMotion.STOPS, _answers(name), _ended_with(name)),
+        Fault(f"{name} stopped", hung(name), readiness, InMotion.STOPS, _answers(name)),
+    )
+
+
+def _restarted(name: str) -> Fault:
+    return Fault(f"{name} restarted", restarted(name), Readiness.ANY, InMotion.STOPS, _answers(name))
+
+
+def _exhausted(name: str) -> tuple[Fault, ...]:
     """A router that takes nobody new goes on for those that it has: what `readyz` stands for is not broken."""
-    return Readiness.ANY if name == "router" else Readiness.NEVER
+    readiness = Readiness.ANY if name == "router" else Readiness.NEVER
+    return tuple(
+        Fault(f"{name} without {what}", inject(name), readiness, answers=_answers(name), may_end=_ended_with(name))
+        for what, inject in (("handles", without_handles), ("memory", without_memory))
+    )
 
 
-def _processes() -> tuple[Fault, ...]:
-    gone = [
-        Fault(f"{name} killed", killed(name), Readiness.NEVER, _in_motion(name), _answers(name)) for name in PROCESSES
-    ]
-    hanging = [
-        Fault(f"{name} stopped", hung(name), Readiness.NEVER, _in_motion(name), _answers(name)) for name in PROCESSES
-    ]
-    back = [
-        Fault(f"{name} restarted", restarted(name), Readiness.ANY, _in_motion(name), _answers(name))
-        for name in PROCESSES
-    ]
-    watched = [
-        Fault(f"{name} {what}", inject(name), Readiness.ANY, _in_motion(name), held_s=2.0)
-        for name in CHILDREN
-        for what, inject in (("killed", killed), ("stopped", hung))
-    ]
-    return (*gone, *hanging, *back, *watched)
-
-
-def _exhausted() -> tuple[Fault, ...]:
-    handles = [
-        Fault(
-            f"{name} without handles",
-            without_handles(name),
-            _readiness_when_exhausted(name),
-            answers=_answers(name),
-            may_end=frozenset({name}),
-        )
-        for name in PROCESSES
-    ]
-    memory = [
-        Fault(
-            f"{name} without memory",
-            without_memory(name),
-            _readiness_when_exhausted(name),
-            answers=_answers(name),
-            may_end=frozenset({name}),
-        )
-        for name in PROCESSES
-    ]
-    return (*handles, *memory)
-
-
-_STORAGE: Final = (
+FAULTS: Final = (
+    *(fault for name in _ALL for fault in _gone(name)),
+    *(_restarted(name) for name in PROCESSES),
+    *(fault for name in _ALL if name != _GUARDIAN for fault in _exhausted(name)),
     Fault("record locked", record_locked, Readiness.NEVER),
     Fault("record's disk full", record_full, Readiness.NEVER, needs_mounts=True),
     Fault("record corrupt", record_corrupt, Readiness.NEVER),
     Fault("disk full", disk_full, Readiness.NEVER, needs_mounts=True),
     Fault("disk read-only", disk_read_only, Readiness.NEVER, needs_mounts=True),
-)
-
-_OUTSIDE: Final = (
     Fault("controller silent", controller_silent(), Readiness.NEVER, InMotion.UNREACHABLE),
     Fault("line cut", line_cut, Readiness.NEVER, InMotion.UNREACHABLE),
     Fault("clock 3 s ahead", clock_stepped(_SECONDS), answers=Answers.GOES_ON, held_s=2.0),
@@ -90,5 +66,3 @@ _OUTSIDE: Final = (
     Fault("ports probed", ports_probed, answers=Answers.GOES_ON, held_s=3.0),
     Fault("image storm", image_storm, held_s=2.0),
 )
-
-FAULTS: Final = (*_processes(), *_exhausted(), *_STORAGE, *_OUTSIDE)
