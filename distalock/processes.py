@@ -12,13 +12,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import IO, Self
 
+from distalock.lifelines import Lifelines
 from distalock.reservations import reserved
 from shared.errors import ConfigurationError
 from shared.signals import PARENT_PIPE
@@ -76,13 +77,13 @@ class Fleet:
         self._running: list[tuple[ProcessSpec, subprocess.Popen[bytes]]] = []
         self._reservations = reservations
         self._held = ExitStack()
-        self._lifeline = -1
+        self._lifelines = Lifelines()
 
     def __enter__(self) -> Self:
         with ExitStack() as held:
             held.enter_context(reserved(self._reservations))
             held.enter_context(taken_folder(self._log_dir))
-            self._lifeline = held.enter_context(_pipe_that_ends_with_us())
+            held.enter_context(self._lifelines)
             self._held = held.pop_all()
         try:
             self._prepare()
@@ -176,13 +177,13 @@ class Fleet:
                     os.truncate(file, 0)
 
     def _start(self, spec: ProcessSpec) -> None:
-        environment = {LOG_FILE: str(self._log_file(spec.name)), PARENT_PIPE: str(self._lifeline)}
-        with self._output_file(spec.name).open("ab") as log:
+        with self._output_file(spec.name).open("ab") as log, self._lifelines.handed_over(spec.name) as lifeline:
+            environment = {LOG_FILE: str(self._log_file(spec.name)), PARENT_PIPE: str(lifeline)}
             # A session of its own: Ctrl-C reaches only us, and we stop the others in order.
             process = subprocess.Popen(
                 [sys.executable, "-m", spec.module, *spec.arguments],
                 env={**os.environ, **environment, **spec.environment},
-                pass_fds=(self._lifeline,),
+                pass_fds=(lifeline,),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -199,17 +200,6 @@ class Fleet:
                 waited = f"{spec.name} was not ready after {self._start_patience_s:.0f} s"
                 raise ConfigurationError(f"{waited}; see {self._output_file(spec.name)}")
             time.sleep(_POLL_S)
-
-
-@contextmanager
-def _pipe_that_ends_with_us() -> Iterator[int]:
-    """The end of a pipe that says that this process has ended, however it ended: nobody else holds the other end."""
-    reads, writes = os.pipe()
-    try:
-        yield reads
-    finally:
-        os.close(reads)
-        os.close(writes)
 
 
 def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:

@@ -1,6 +1,7 @@
 """How a process hears that it should end: SIGTERM and SIGINT, or the end of the process that started it.
 
-Both set an event that its main thread waits for.
+Both set an event that its main thread waits for. What started it may also give signs of life on the same pipe, so that
+it is missed when it hangs.
 """
 
 import os
@@ -8,6 +9,7 @@ import select
 import signal
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
@@ -21,8 +23,20 @@ from shared.threads import supervised_thread
 PARENT_PIPE: Final = "DISTALOCK_PARENT_PIPE"
 _NUMBERS = (signal.SIGTERM, signal.SIGINT)
 _LOOK_EVERY_MS: Final = 200
+_MOST_SIGNS: Final = 4096
 
 _log = structlog.get_logger("distalock.signals")
+
+
+class _Parent:
+    """What started this process: when it last gave a sign of life, on the monotonic clock."""
+
+    heard_s = float("-inf")
+
+
+def parent_silent_for_s() -> float:
+    """Time since what started this process gave a sign of life; infinite when it gives none."""
+    return time.monotonic() - _Parent.heard_s
 
 
 @contextmanager
@@ -75,7 +89,11 @@ def _set_when_parent_ends(stop: threading.Event, linger_s: float) -> Iterator[No
 
     def watch() -> None:
         while not leaving.is_set():
-            if pipe.poll(_LOOK_EVERY_MS):
+            if not pipe.poll(_LOOK_EVERY_MS):
+                continue
+            if os.read(int(number), _MOST_SIGNS):
+                _Parent.heard_s = time.monotonic()
+            else:
                 _log.warning("the process that started this one has ended; ending too", linger_s=linger_s)
                 leaving.wait(linger_s)
                 stop.set()

@@ -23,6 +23,7 @@ from shared.parts.files import read_part_file
 from shared.parts.hexapod_file import hexapod_from_json
 from shared.robot_states import MotionState
 from shared.runtime.lifecycle import Runtime, service_main
+from shared.signals import parent_silent_for_s
 
 
 @contextmanager
@@ -70,6 +71,7 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
         note_change=note_change,
         permit_verifier=permit_verifier,
         note_permit=note_permit,
+        silent_for_s={"what started the robot service": parent_silent_for_s},
     )
     with RobotService(bus, runtime.keys, parts) as service:
         yield service

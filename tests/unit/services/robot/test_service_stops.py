@@ -158,6 +158,25 @@ def test_a_service_whose_token_vanishes_in_motion_stops_it(room: Room, service: 
     assert f"{service} has gone" in room.wait(lambda s: s.state is MotionState.STOPPED).detail
 
 
+def test_what_started_the_service_is_missed_in_motion_when_it_hangs(room: Room) -> None:
+    heard_s = [time.monotonic()]
+    room.service.watch._others._silent_for_s["what started it"] = lambda: time.monotonic() - heard_s[0]
+    ended = threading.Event()
+
+    def hear() -> None:
+        while not ended.wait(0.02):
+            heard_s[0] = time.monotonic()
+            room.heartbeat()
+
+    hearing = threading.Thread(target=hear)
+    hearing.start()
+    room.begin_move()
+    room.let_states_pass()
+    ended.set()
+    hearing.join()
+    assert "what started it was silent" in room.wait(lambda s: s.state is MotionState.STOPPED).detail
+
+
 def test_a_service_that_was_not_there_when_the_motion_began_is_not_missed(room: Room) -> None:
     others = room.service.watch._others
     room.begin_move()
