@@ -12,7 +12,7 @@ from services.robot import message_mapping
 from services.robot.core.envelope import CommandLedger, Envelope, Repeat
 from services.robot.core.guard import PermittedMove, check_move, check_supervision
 from services.robot.core.guard_context import GuardContext, GuardLimits
-from services.robot.core.permits import AskedMotion, Motion, Permit, PermitContext
+from services.robot.core.permits import AskedMotion, Motion
 from services.robot.core.refusals import Refusal, RefusalCode
 from services.robot.core.status import UNDER_WAY, DriveStatus
 from services.robot.core.tuning import RATES
@@ -26,7 +26,6 @@ from shared.bus.port import Answer, Bus, Query
 from shared.errors import InputError
 from shared.geometry.hexapod import HexapodPart
 from shared.messages.base import decode, encode
-from shared.messages.permits import SignedPermit
 from shared.messages.robot import CommandReply, PlainCommand, StopCommand
 from shared.pki.permit_key import PermitVerifier
 from shared.threads import supervised_thread
@@ -79,7 +78,7 @@ class RobotService:
         self.watch = GatewayMonitor(bus, keys, parts.drive, deadline_s, parts.clock_s, others)
         self._lock = threading.Lock()
         self._ledger = CommandLedger(parts.boot_epoch)
-        self._permits = PermitRegister(parts.permit_verifier, parts.note_permit)
+        self._permits = PermitRegister(parts.permit_verifier, self._ledger, parts.clock_s, parts.note_permit)
         self._registration = RegistrationMonitor(parts.drive, self._lock, parts.clock_s)
         # Far more than fit into the lifetime of a plan.
         self._executed: deque[str] = deque(maxlen=1024)
@@ -184,29 +183,14 @@ class RobotService:
 
         heard = self._registration.view.heard_plan(request.plan_sha256)
         asked = AskedMotion(Motion.MOVE, request.plan_sha256, None if heard is None else heard.plan.hole_ids)
-        without_permit = self._take_permit(request.permit, asked)
+        without_permit = self._permits.take(request.permit, asked, self._registration.view)
         return without_permit or self._drive.begin_move(request.envelope.command_id, guard)
 
     def _begin_reference(self, command: PlainCommand) -> Refusal | None:
-        without_permit = self._take_permit(command.permit, AskedMotion(Motion.REFERENCE))
+        asked = AskedMotion(Motion.REFERENCE)
+        without_permit = self._permits.take(command.permit, asked, self._registration.view)
         unwatched = without_permit or check_supervision(self._guard_context(self._drive.status))
         return unwatched or self._drive.begin_reference(command.envelope.command_id)
-
-    def _take_permit(self, signed: SignedPermit | None, asked: AskedMotion) -> Refusal | None:
-        permit = self._permits.read(signed)
-        quoted_s = self._ledger.published_s(permit.after_state_sequence) if isinstance(permit, Permit) else None
-        now = PermitContext(
-            asked=asked,
-            boot_epoch=self._parts.boot_epoch,
-            now_s=self._parts.clock_s(),
-            case=self._registration.view.case,
-            inside=self._registration.view.inside,
-            newest_state=self._ledger.newest_state,
-            first_since_stop=self._ledger.first_since_stop,
-            quoted_published_s=quoted_s,
-            used=self._permits.used,
-        )
-        return self._permits.take(signed, permit, now)
 
     def _guard_context(self, status: DriveStatus) -> GuardContext:
         now_s = self._parts.clock_s()

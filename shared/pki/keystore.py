@@ -11,8 +11,6 @@ Folders can be entered and keys be read by their owner only. Each service has a 
 gets that one and no other.
 """
 
-import os
-import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -34,6 +32,7 @@ from shared.pki.authority import (
     new_authority,
 )
 from shared.pki.permit_key import PERMIT_CERTIFICATE_FILE, PERMIT_KEY_FILE
+from shared.pki.private_files import private_folder, read_file, write_private
 
 ROUTER: Final = "router"
 PERMIT: Final = "permit"
@@ -146,9 +145,9 @@ class Keystore:
     def rotate(self, now: datetime, host_names: Sequence[str] = ()) -> tuple[str, ...]:
         """Make a new authority and all certificates: none of before is accepted any more; see `ensure`."""
         authority = new_authority(now)
-        folder = _private_folder(self.folder / _AUTHORITY)
-        _write_private(folder / KEY_FILE, authority.key_pem)
-        _write_private(folder / AUTHORITY_FILE, authority.certificate_pem)
+        folder = private_folder(self.folder / _AUTHORITY)
+        write_private(folder / KEY_FILE, authority.key_pem)
+        write_private(folder / AUTHORITY_FILE, authority.certificate_pem)
         return self.issue(tuple(self.holders), now, host_names)
 
     def entries(self, now: datetime) -> tuple[Entry, ...]:
@@ -170,9 +169,9 @@ class Keystore:
         if not all(file.exists() for file in (files.authority, files.certificate, files.key)):
             return Entry(name, Standing.MISSING, None)
         require_private(files.key)
-        identity = Identity(_read(files.key), _read(files.certificate))
+        identity = Identity(read_file(files.key), read_file(files.certificate))
         facts = CertificateFacts.of(identity.certificate_pem)
-        return Entry(name, self._standing(identity, facts, _read(files.authority), now), facts)
+        return Entry(name, self._standing(identity, facts, read_file(files.authority), now), facts)
 
     def _files(self, name: str) -> TlsFiles:
         """Where the key and the certificate of a name lie: of permits, the gateway signs and the robot verifies."""
@@ -197,7 +196,7 @@ class Keystore:
     def _host_names(self, name: str) -> tuple[str, ...]:
         """Under which names a server is reached: those that its certificate states, when it has one."""
         file = self._files(name).certificate
-        return CertificateFacts.of(_read(file)).host_names if file.exists() else self.holders[name].host_names
+        return CertificateFacts.of(read_file(file)).host_names if file.exists() else self.holders[name].host_names
 
     def _authority(self) -> Identity:
         key = self.folder / _AUTHORITY / KEY_FILE
@@ -207,7 +206,7 @@ class Keystore:
                 "(distalock pki rotate)"
             )
         require_private(key)
-        authority = Identity(_read(key), self._authority_certificate())
+        authority = Identity(read_file(key), self._authority_certificate())
         if not belong_together(authority):
             raise ConfigurationError(
                 f"{key} is not the key of the authority's certificate; make a new authority (distalock pki rotate)"
@@ -218,7 +217,7 @@ class Keystore:
         file = self.folder / _AUTHORITY / AUTHORITY_FILE
         if not file.exists():
             raise ConfigurationError(f"there is no authority in {self.folder}; make one (distalock pki init)")
-        return _read(file)
+        return read_file(file)
 
     def _write(self, name: str, identity: Identity, authority_pem: bytes) -> None:
         files = self._files(name)
@@ -227,34 +226,5 @@ class Keystore:
             (files.certificate, identity.certificate_pem),
             (files.authority, authority_pem),
         ):
-            _private_folder(file.parent)
-            _write_private(file, content)
-
-
-def _read(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise ConfigurationError(f"{file} cannot be read: {error.strerror or error}") from None
-
-
-def _private_folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        folder.chmod(0o700)
-    except OSError as error:
-        raise ConfigurationError(f"{folder} cannot be written: {error.strerror or error}") from None
-    return folder
-
-
-def _write_private(file: Path, content: bytes) -> None:
-    """Replace a file as a whole; nobody but the owner can read it at any moment."""
-    new = file.with_name(f".{file.name}.{secrets.token_hex(4)}")
-    try:
-        with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as handle:
-            handle.write(content)
-            handle.flush()
-            os.fsync(handle.fileno())
-        new.replace(file)
-    except OSError as error:
-        raise ConfigurationError(f"{file} cannot be written: {error.strerror or error}") from None
+            private_folder(file.parent)
+            write_private(file, content)

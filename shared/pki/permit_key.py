@@ -20,6 +20,7 @@ from shared.errors import ConfigurationError
 from shared.messages.base import encode
 from shared.messages.permits import Permit, SignedPermit
 from shared.pki.authority import CertificateFacts, Use, is_for, is_issued_by
+from shared.pki.private_files import read_file
 
 PERMIT_KEY_FILE: Final = "permit_key.pem"
 PERMIT_CERTIFICATE_FILE: Final = "permit_certificate.pem"
@@ -40,11 +41,9 @@ class PermitSigner:
             raise ConfigurationError(f"{file} is missing: without it no permit to move can be signed; {_REMEDY}")
         require_private(file)
         try:
-            key = serialization.load_pem_private_key(file.read_bytes(), password=None)
+            key = serialization.load_pem_private_key(read_file(file), password=None)
         except (ValueError, TypeError):
             raise ConfigurationError(f"{file} is not an unencrypted private key in PEM; {_REMEDY}") from None
-        except OSError as error:
-            raise ConfigurationError(f"{file} cannot be read: {error.strerror or error}") from None
         if not isinstance(key, ed25519.Ed25519PrivateKey):
             raise ConfigurationError(f"{file} is not an Ed25519 key; {_REMEDY}")
         return cls(key)
@@ -111,7 +110,4 @@ def _key_sha256(key: ed25519.Ed25519PublicKey) -> str:
 def _read(file: Path) -> bytes:
     if not file.is_file():
         raise ConfigurationError(f"{file} is missing: without it no permit to move can be verified; {_REMEDY}")
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise ConfigurationError(f"{file} cannot be read: {error.strerror or error}") from None
+    return read_file(file)

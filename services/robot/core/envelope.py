@@ -63,7 +63,7 @@ class CommandLedger:
     """
 
     def __init__(self, boot_epoch: str) -> None:
-        self._boot_epoch = boot_epoch
+        self.boot_epoch = boot_epoch
         self._records: OrderedDict[str, _Record] = OrderedDict()
         self._newest_sequence: OrderedDict[str, int] = OrderedDict()
         self._published: deque[tuple[int, float]] = deque(maxlen=REMEMBERED_STATES)
@@ -106,11 +106,11 @@ class CommandLedger:
         self._records[command_id].answer = answer
 
     def _refusal(self, envelope: Envelope, now_s: float) -> Refusal | None:
-        if envelope.robot_boot_epoch != self._boot_epoch:
+        if envelope.robot_boot_epoch != self.boot_epoch:
             return refusal(
                 RefusalCode.WRONG_BOOT_EPOCH,
                 f"the command is for boot '{envelope.robot_boot_epoch}' of the robot service, this is boot "
-                f"'{self._boot_epoch}'",
+                f"'{self.boot_epoch}'",
             )
         newest = self._newest_sequence.get(envelope.client, -1)
         if envelope.client_sequence <= newest:

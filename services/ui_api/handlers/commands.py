@@ -4,7 +4,7 @@ import itertools
 import secrets
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import structlog
@@ -20,7 +20,8 @@ from services.ui_api.core.robot_event_data import (
 )
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.leases import Leases
-from services.ui_api.handlers.permits import ApprovedPlan, PermitHandler
+from services.ui_api.handlers.operation_requests import Move, requested_operation, with_permit
+from services.ui_api.handlers.permits import PermitHandler
 from services.ui_api.handlers.refusals import conflict
 from services.ui_api.handlers.robot_view import RobotView, saying_of
 from services.ui_api.handlers.stop import StopHandler
@@ -30,7 +31,6 @@ from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.errors import BusError, RecordUnavailable
 from shared.messages.base import MessageInvalid, decode, encode
-from shared.messages.permits import SignedPermit
 from shared.messages.robot import (
     CommandEnvelope,
     CommandReply,
@@ -48,15 +48,6 @@ PlainVerb = Literal["reference", "acknowledge_stop", "reset"]
 # A run that refuses a command of an earlier one does not know what that one did: the message may have come twice.
 _REFUSED_BY_ANOTHER_RUN = "wrong_boot_epoch"
 _VERBS_THAT_END_WITH_THE_REPLY = frozenset({"acknowledge_stop", "reset"})
-
-
-@dataclass(frozen=True, slots=True)
-class Move:
-    """What a motion command carries beside its envelope."""
-
-    plan_number: int
-    plan: ApprovedPlan
-    hold_to_move: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +92,7 @@ class CommandHandler:
         envelope = self._envelope(state)
         permit = self._permits.for_move(unit, state, move.plan)
         command = MoveCommand(envelope=envelope, plan_sha256=move.plan.sha256, permit=permit)
-        requested = _with_permit(_requested(envelope, "move", state, move), permit, move.plan.approver)
+        requested = with_permit(requested_operation(envelope, "move", state, move), permit, move.plan.approver)
         return self._begin(unit, EventDraft(requested, case_id, who), encode(command))
 
     def begin_plain(self, unit: UnitOfWork, verb: PlainVerb, who: str) -> Operation:
@@ -110,10 +101,10 @@ class CommandHandler:
             self._refuse_while_pending()
         state = self._view.current()
         envelope = self._envelope(state)
-        requested, permit = _requested(envelope, verb, state, None), None
+        requested, permit = requested_operation(envelope, verb, state, None), None
         if verb in VERBS_WITH_A_MOTION:
             permit = self._permits.for_reference(unit, state, who)
-            requested = _with_permit(requested, permit, who)
+            requested = with_permit(requested, permit, who)
         case = self._record.ledger.open_case()
         draft = EventDraft(requested, case.case_id if case else None, who)
         return self._begin(unit, draft, encode(PlainCommand(verb=verb, envelope=envelope, permit=permit)))
@@ -223,31 +214,3 @@ def _says_nothing_new(operation: Operation, data: OperationProgressed) -> bool:
 
 def _never_began(waiting: _Waiting, status: OperationStatus, code: str, message: str) -> OperationEnded:
     return OperationEnded(waiting.operation_id, status, began=False, code=code, message=message)
-
-
-def _with_permit(requested: OperationRequested, permit: SignedPermit, approver: str) -> OperationRequested:
-    return replace(
-        requested,
-        approver=approver,
-        permit_sha256=permit.permit_sha256,
-        permit_signature=permit.signature,
-        permit_key_sha256=permit.key_sha256,
-    )
-
-
-def _requested(
-    envelope: CommandEnvelope, verb: CommandVerb, state: RobotState, move: Move | None
-) -> OperationRequested:
-    return OperationRequested(
-        operation_id=envelope.command_id,
-        verb=verb,
-        plan_number=move.plan_number if move else None,
-        plan_sha256=move.plan.sha256 if move else None,
-        hold_to_move=move.hold_to_move if move else False,
-        robot_boot_epoch=envelope.robot_boot_epoch,
-        after_state_sequence=envelope.after_state_sequence,
-        state_sent_at_ns=state.sent_at_ns,
-        previous_command_id=state.command_id,
-        time_to_live_s=envelope.time_to_live_s,
-        state_clock_s=state.clock_s,
-    )

@@ -8,7 +8,8 @@ from services.ui_api.core.events import EventDraft
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.procedure import Stage
 from services.ui_api.handlers.cases import require_known_holes
-from services.ui_api.handlers.commands import CommandHandler, Move
+from services.ui_api.handlers.commands import CommandHandler
+from services.ui_api.handlers.operation_requests import Move
 from services.ui_api.handlers.permits import ApprovedPlan, require_nothing_inside
 from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, unknown
 from services.ui_api.handlers.robot_view import RobotView
