@@ -9,6 +9,7 @@ from fastapi import FastAPI
 
 from shared.threads import supervised_thread
 
+# Chosen: requests under way end within it; then their connections are closed.
 _LEAVE_WITHIN_S = 3
 
 

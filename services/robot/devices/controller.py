@@ -31,6 +31,7 @@ class ReplyGarbled(DeviceError):
     code = "reply_garbled"
 
 
+# Chosen: what fits into one line of a message.
 _SHOWN = 80
 
 

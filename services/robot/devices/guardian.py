@@ -20,6 +20,7 @@ from services.robot.devices.guardian_process import ARM, DISARM, KEEP_ALIVE, REA
 from shared.errors import DeviceError
 
 _SCRIPT = Path(guardian_process.__file__)
+# Chosen: answers of one byte each, in one read; far more than are ever under way.
 _MOST_ANSWERS = 4096
 # It waits for nothing when its other end is closed, but for its three rounds when the robot was not locked.
 _ENDS_WITHIN_S = 1.0

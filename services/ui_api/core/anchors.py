@@ -13,6 +13,7 @@ from typing import Final
 
 from services.ui_api.core.chain import GENESIS_SHA256, ChainBroken, ChainIntact
 
+# What the first anchor names as the one before it.
 NO_ANCHOR_SHA256: Final = "0" * 64
 HASH_ALGORITHM: Final = "sha256"
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from services.ui_api.core.pruning import PrunedEntries
 
+# What the first event names as the one before it.
 GENESIS_SHA256 = "0" * 64
 
 

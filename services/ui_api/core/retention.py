@@ -8,7 +8,7 @@ from typing import Final
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageReceived
 
-DAY_NS: Final = 24 * 3600 * 10**9
+DAY_NS: Final = 24 * 3600 * 10**9  # of the units
 # 10 years: what the German Radiation Protection Act (section 85) demands for X-ray examinations of adults.
 CLOSED_DAYS: Final = 3653
 # Chosen: long enough to look at a procedure again while it is remembered.

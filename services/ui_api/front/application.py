@@ -32,6 +32,7 @@ from shared.threads import supervised_thread
 _log = structlog.stdlib.get_logger("distalock.ui_api")
 
 _MODULE: Final = "services.ui_api.application"
+# Chosen: as many as the front has connections; the kernel caps it (`somaxconn`).
 _BACKLOG: Final = 1024
 # The application's own connections to clients get 3 s, its record 5 s.
 _LEAVES_WITHIN_S: Final = 7.0

@@ -9,6 +9,7 @@ import socket
 from pathlib import Path
 from typing import Final
 
+# Chosen: bounds on memory and on what the loop does in one go (decision 22).
 PIECE_BYTES: Final = 64 * 1024
 _MOST_HEAD_BYTES: Final = 64 * 1024
 _HEAD_END: Final = b"\r\n\r\n"

@@ -4,6 +4,7 @@ import socket
 
 from shared.errors import ConfigurationError
 
+# Chosen: a burst of a console's and its viewers' connections; the kernel caps it (`somaxconn`).
 _BACKLOG = 1024
 
 

@@ -36,6 +36,7 @@ from shared.threads import supervised_thread
 
 EVERY_S: Final = 2.0
 _TIMEOUT_S: Final = 1.0
+# Chosen: how long a round of asking waits for what it found to be recorded, and how many images it asks for at once.
 _RECORDED_WITHIN_S: Final = 10.0
 _MOST_AT_ONCE: Final = 16
 _CASES_WATCHED: Final = 2

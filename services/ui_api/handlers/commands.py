@@ -42,6 +42,7 @@ from shared.threads import described, supervised
 
 _log = structlog.stdlib.get_logger("distalock.ui_api")
 
+# Chosen: the robot answers within milliseconds, and whoever asked for a motion still looks at it.
 COMMAND_TIMEOUT_S = 0.5
 TIME_TO_LIVE_S = 1.0
 PlainVerb = Literal["reference", "acknowledge_stop", "reset"]

@@ -40,6 +40,7 @@ from shared.runtime.logging import Log
 from shared.threads import report_error, supervised_thread
 
 WATCHED_SERVICES: tuple[ServiceName, ...] = ("imaging", "registration", "robot")
+# Chosen: a bound on memory; images beyond it are asked for again by their numbers.
 _QUEUE_SIZE = 4096
 # How long the thread waits for work before any run of images: nothing depends on it.
 _IDLE_S = 0.5

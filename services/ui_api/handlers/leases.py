@@ -8,6 +8,7 @@ from functools import partial
 from services.ui_api.handlers.clock import Clock
 from shared.threads import supervised_thread
 
+# Chosen: a bound on memory, more than a day's motions.
 _MOST_LAPSED = 1024
 
 

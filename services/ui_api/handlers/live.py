@@ -24,6 +24,7 @@ from shared.threads import supervised_thread
 
 _log = structlog.stdlib.get_logger("distalock.ui_api")
 
+# Chosen: an encoder that ends at once is not started in a tight loop.
 _AGAIN_AFTER_S: Final = 0.5
 # The encoder answers or is given up before that.
 _LEAVE_WITHIN_S: Final = 1.0

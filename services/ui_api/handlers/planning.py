@@ -21,6 +21,7 @@ from shared.messages.base import decode, encode
 from shared.messages.registration import Plan, PlanReply, PlanRequest
 from shared.messages.robot import MotionState, StopLatch
 
+# Chosen: a plan may wait for the image that is being localised, which takes seconds on a busy machine.
 PLAN_TIMEOUT_S = 10.0
 _STAGES_FOR_MOVES = frozenset({Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED})
 

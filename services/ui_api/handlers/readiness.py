@@ -22,6 +22,7 @@ from shared.runtime.presence import StatusReporter
 from shared.runtime.settings import ServiceSettings
 from shared.threads import described
 
+# Chosen: many who ask cost one probe; still far below what a person or a container's health check notices.
 PROBE_LASTS_S: Final = 0.5
 PROBE_WITHIN_S: Final = 2.0
 _NOT_READY: Final = frozenset({MotionState.FAULT, MotionState.DISCONNECTED})

@@ -17,6 +17,7 @@ from shared.threads import supervised_thread
 
 _log = structlog.stdlib.get_logger("distalock.ui_api")
 
+# Chosen: four attempts a second are no load; leaving waits for a record that is busy, not for one that is gone.
 _AGAIN_AFTER_S: Final = 0.25
 _LEAVE_WITHIN_S: Final = 5.0
 

@@ -11,6 +11,7 @@ from shared.bus.port import Bus
 from shared.messages.base import decode, encode
 from shared.messages.registration import Verification, VerificationReply, VerificationRequest
 
+# Chosen: wires in several images take seconds, on a busy machine several times that.
 VERIFICATION_TIMEOUT_S = 60.0
 
 

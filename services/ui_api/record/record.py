@@ -24,6 +24,7 @@ from services.ui_api.record.unit_of_work import Answer, RememberedAnswer, UnitOf
 from shared.errors import ConfigurationError, DistalockError, InputError, RecordUnavailable
 from shared.threads import described, report_error
 
+# Chosen: events read in one go; bounds the memory, and the time for which the database is held.
 PAGE = 500
 # A client repeats a request within seconds; a day leaves room for one that was switched off over night.
 ANSWERS_LAST_NS: Final = 24 * 3600 * 10**9

@@ -6,6 +6,7 @@ from typing import Final
 from fastapi import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+# Chosen: several times the largest part file; images do not come by this way.
 LARGEST_BODY_BYTES: Final = 4 * 1024 * 1024
 BODY_WITHIN_S: Final = 10.0
 """For a whole body: a part file of 200 kB needs 20 kB/s."""

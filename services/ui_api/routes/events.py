@@ -13,6 +13,7 @@ from services.ui_api.routes.views import EventView
 from services.ui_api.service import Gateway
 
 router = APIRouter(tags=["events"])
+# Chosen: below the 30 s after which proxies close what says nothing.
 PING_S = 10.0
 LastEventId = Annotated[
     str | None, Header(alias="Last-Event-ID", pattern=r"^\d{1,18}$", description="Id of the last event received.")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 _ROOT = Path(__file__).parents[3]
-_FOLDERS = ("services/imaging", "services/registration", "shared")
+_FOLDERS = ("services", "shared")
 # Declarations whose fields carry unit, effect and origin.
 _DECLARED = ("tuning.py", "settings.py")
 _FREE = (0, 1, 2)

@@ -2,6 +2,7 @@
 
 from services.robot.core.controller_feedback import ControllerError, ErrorKind
 
+# GCS 2.0 (docs/gcs.md): stopped by command; the controller's stop button pressed, and released again.
 _STOPPED_BY_COMMAND, _STOP_BUTTON, _STOP_BUTTON_RELEASED = 10, 500, 501
 _KINDS = {
     _STOPPED_BY_COMMAND: ErrorKind.STOPPED_BY_COMMAND,

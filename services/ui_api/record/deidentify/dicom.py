@@ -15,6 +15,7 @@ _KEPT: Final = names_of(DICOM_RULES, Action.KEEP)
 _EMPTY: Final = names_of(DICOM_RULES, Action.EMPTY)
 _UIDS: Final = names_of(DICOM_RULES, Action.REPLACE_UID)
 _METHOD: Final = "distalock: PS3.15 E Basic Profile, only listed attributes kept"
+# What the name says.
 _BITS_OF_TWO_BYTES: Final = 16
 
 

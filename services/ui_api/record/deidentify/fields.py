@@ -13,6 +13,7 @@ _NAMED: Final = names_of(RECORD_RULES, Action.PSEUDONYM)
 _UIDS: Final = names_of(RECORD_RULES, Action.REPLACE_UID)
 _OF_THE_CHAIN: Final = frozenset({"sha256", "previous_sha256"})
 REMOVED: Final = ""
+# Chosen: above the length of any procedure; what lies farther apart is no interval.
 _LONGEST_NS: Final = 30 * 24 * 3600 * 10**9
 
 
