@@ -85,7 +85,7 @@ def _chosen(given: argparse.Namespace) -> list[Pass]:
         print(f"not tried, for this machine gives nobody mounts of his own: {', '.join(missing)}")
     all_passes = passes(tried, given.seed)
     if given.tenth:
-        all_passes = all_passes[: -(-len(all_passes) // _TENTH)]
+        all_passes = all_passes[: max(round(len(all_passes) / _TENTH), 1)]
     wanted = [
         tuple(p for p in each if _is_wanted(p.fault.name, given.fault) and _is_wanted(p.step, given.step))
         for each in all_passes
