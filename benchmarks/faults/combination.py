@@ -8,20 +8,12 @@ from typing import Final
 import httpx
 
 from benchmarks.faults.acknowledged import AcknowledgingClient
-from benchmarks.faults.declaration import (
-    NOTICED_WITHIN_S,
-    SAFE_WITHIN_MM,
-    SAFE_WITHIN_S,
-    Answers,
-    Fault,
-    InMotion,
-    Readiness,
-)
-from benchmarks.faults.patient import NO_ANSWER, PatientProcedure, Step
+from benchmarks.faults.declaration import Fault, InMotion
+from benchmarks.faults.judgement import wrong_in_answers, wrong_in_motion, wrong_in_readiness
+from benchmarks.faults.patient import PatientProcedure, Step
 from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
-from benchmarks.faults.site import FaultSite, Hexapod
+from benchmarks.faults.site import FaultSite
 from benchmarks.faults.watch import (
-    Motion,
     ReadinessWatch,
     ReadyAnswer,
     SafeSince,
@@ -42,8 +34,6 @@ _ATTEMPT_WITHIN_S: Final = 10.0
 _IMAGES_WITHIN_S: Final = 120.0
 _LOCKED_WITHIN_S: Final = 15.0
 _POLL_S: Final = 0.1
-# What the encoders' and the brake's play allow.
-_STILL_MM: Final = 1e-3
 _ROBOT, _ROBOT_STATE = "robot", "robot_state"
 
 
@@ -106,12 +96,13 @@ class Combination:
         with watch.asking(), self.fault.injected(self.site):
             injected_s = time.monotonic()
             motion = motion_since(self.site, before, self._safe_since_s())
-            self._check_motion(motion, before)
+            was_locked = before.safe_since_s is not None
+            self.wrong += wrong_in_motion(self.fault, self.step, motion, was_locked=was_locked)
             self._ask_for_the_next_thing()
             time.sleep(max(injected_s + self.fault.lasts_s - time.monotonic(), 0.0))
             lifted_s = time.monotonic()
         noticed_s = watch.last_ready_s(injected_s, lifted_s)
-        self._check_readiness(noticed_s)
+        self.wrong += wrong_in_readiness(self.fault, noticed_s)
         self._wait_until_ready(watch)
         ready_s = time.monotonic() - lifted_s
         self._check_robot()
@@ -132,33 +123,12 @@ class Combination:
         unreachable = self.step is Step.MOVING and self.fault.in_motion is InMotion.UNREACHABLE
         return at_rest_since_s if unreachable else locked_since_s
 
-    def _check_motion(self, motion: Motion, before: Hexapod) -> None:
-        if motion.safe_s is None:
-            self.wrong.append("the robot was not at rest and locked after 15 s")
-        elif self.step is not Step.MOVING and (before.safe_since_s is None or motion.safe_s > 0.0):
-            self.wrong.append(f"the robot, which was to stay locked, was not; it was {motion.safe_s:.2f} s later")
-        elif self.step is not Step.MOVING and motion.travel_mm > _STILL_MM:
-            self.wrong.append(f"the robot, which was locked, moved by {motion.travel_mm:.3f} mm")
-        elif self.step is Step.MOVING and self.fault.in_motion is InMotion.STOPS:
-            if motion.safe_s > SAFE_WITHIN_S:
-                self.wrong.append(f"at rest and locked after {motion.safe_s:.2f} s (limit {SAFE_WITHIN_S:g} s)")
-            if motion.travel_mm > SAFE_WITHIN_MM:
-                self.wrong.append(f"went on for {motion.travel_mm:.2f} mm (limit {SAFE_WITHIN_MM:g} mm)")
-
     def _ask_for_the_next_thing(self) -> None:
         said = self.procedure.said
         url = self.site.room.installation.ports.rest_url
         with AcknowledgingClient(url, self.site.acknowledged, _ATTEMPT_WITHIN_S) as impatient:
             self.procedure.try_during_fault(impatient)
-        silent = [sentence for sentence in said if NO_ANSWER in sentence]
-        if self.fault.answers is Answers.REFUSES and silent:
-            self.wrong.append(f"while it lasted: {silent[0]}")
-        if self.fault.answers is Answers.GOES_ON and said:
-            self.wrong.append(f"while it lasted, the procedure did not go on: {said[0]}")
-
-    def _check_readiness(self, noticed_s: float | None) -> None:
-        if self.fault.readiness is Readiness.NEVER and noticed_s is not None and noticed_s > NOTICED_WITHIN_S:
-            self.wrong.append(f"readyz said yes {noticed_s:.1f} s after it had come (limit {NOTICED_WITHIN_S:g} s)")
+        self.wrong += wrong_in_answers(self.fault, said)
 
     def _wait_until_ready(self, watch: ReadinessWatch) -> None:
         """Until `readyz` says yes; processes that end meanwhile are started again, as their supervisor would."""
