@@ -66,8 +66,8 @@ class ImageHandler:
         raise Refused(
             RefusalKind.UNAVAILABLE,
             "image_file_unreachable",
-            f"the file of image {sha256[:12]} is not in {self._image_dir}; set image_dir to the folder in which "
-            "imaging stores its files",
+            f"the file of image {sha256[:12]} is not in {self._image_dir}: it was removed by rule, which an event "
+            "images_pruned then says, or image_dir is not the folder in which imaging stores its files",
         )
 
     def raw_png(self, sha256: str) -> bytes:

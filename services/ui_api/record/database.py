@@ -144,7 +144,7 @@ def existing_database(url: str) -> Engine:
     if is_sqlite(engine):
         file = engine.url.database
         if file and not Path(file).is_file():
-            raise ConfigurationError(f"there is no case record at {file}; choose its folder with --state-dir")
+            raise ConfigurationError(f"there is no case record at {file}; choose its folder with --state")
         return engine
     try:
         with ExitStack() as unusable:

@@ -84,7 +84,7 @@ def _postgresql(url: URL, pool: type[Pool] | None) -> Engine:
         )
     except ImportError:
         raise ConfigurationError(
-            f"database URL {shown(url)!r} needs the driver psycopg; install distalock[postgresql]"
+            f"database URL {shown(url)!r} needs the driver psycopg; install distalock[ui-api]"
         ) from None
     event.listen(engine, "begin", _begin_postgresql)
     return engine

@@ -12,6 +12,7 @@ from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import Event, EventDraft
 from services.ui_api.record.database import open_database
 from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.unit_of_work import Answer
 from services.ui_api.record.verify import verify_record
 from shared.errors import RecordUnavailable
 from tests.postgresql import Server
@@ -26,10 +27,20 @@ def record(postgresql: Server, migrated: str) -> Iterator[CaseRecord]:
     opened.close()
 
 
-def _append_until_killed(record: CaseRecord, server: Server) -> None:
+def _append_until_killed(record: CaseRecord, server: Server, point: int) -> None:
+    """The server goes before the first statement, or after so many."""
     with record.write() as unit:
-        unit.append(_EVENT)
-        server.end(signal.SIGQUIT)
+        steps = (
+            lambda: unit.append(_EVENT),
+            lambda: unit.put_document(b"[]"),
+            lambda: unit.remember("key", "a" * 64, Answer(201, "{}", {})),
+        )
+        for number, step in enumerate(steps):
+            if number == point:
+                server.end(signal.SIGQUIT)
+            step()
+        if point == len(steps):
+            server.end(signal.SIGQUIT)
 
 
 def test_a_gateway_goes_on_when_the_server_is_back(postgresql: Server, record: CaseRecord) -> None:
@@ -47,19 +58,20 @@ def test_a_gateway_goes_on_when_the_server_is_back(postgresql: Server, record: C
     assert len(record.events_after(0)) == 2
 
 
-@pytest.mark.parametrize("written", [0, 1, 5])
-def test_a_killed_server_keeps_every_acknowledged_event(postgresql: Server, record: CaseRecord, written: int) -> None:
-    """The server is killed in the middle of the transaction after so many acknowledged ones."""
-    for _ in range(written):
+@pytest.mark.parametrize("point", range(4))
+def test_a_killed_server_keeps_every_acknowledged_event(postgresql: Server, record: CaseRecord, point: int) -> None:
+    """At each point of a unit of work that writes an event, a document and an answer."""
+    for _ in range(3):
         record.append(_EVENT)
     try:
         with pytest.raises(RecordUnavailable):
-            _append_until_killed(record, postgresql)
+            _append_until_killed(record, postgresql, point)
     finally:
         postgresql.start()
     record.append(_EVENT)
-    assert verify_record(record._engine) == ChainIntact(written + 1, record._head_sha256)
-    assert record.ledger.head_sequence == written + 1
+    assert verify_record(record._engine) == ChainIntact(4, record._head_sha256)
+    assert record.ledger.head_sequence == 4
+    assert record.remembered("key") is None
 
 
 def test_what_was_committed_without_a_word_is_taken_in(record: CaseRecord) -> None:
