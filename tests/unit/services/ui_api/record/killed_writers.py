@@ -62,14 +62,13 @@ def main(url: str) -> int:
         engine = existing_database(url)
         verdict = verify_record(engine)
         engine.dispose()
-        intact = isinstance(verdict, ChainIntact) and verdict.entries >= acknowledged
+        entries = verdict.entries if isinstance(verdict, ChainIntact) else -1
         ended = "killed" if os.WIFSIGNALED(status) else "ended"
-        sys.stdout.write(
-            f"point {point}: {ended}, {'intact' if intact else f'{acknowledged} acknowledged, {verdict}'}\n"
-        )
-        if not intact or ended == "ended":
-            return 0 if intact and os.waitstatus_to_exitcode(status) == 0 else 1
-        acknowledged = verdict.entries
+        finding = "intact" if entries >= acknowledged else f"{acknowledged} acknowledged, {verdict}"
+        sys.stdout.write(f"point {point}: {ended}, {finding}\n")
+        if entries < acknowledged or ended == "ended":
+            return 0 if entries >= acknowledged and os.waitstatus_to_exitcode(status) == 0 else 1
+        acknowledged = entries
     return 1
 
 

@@ -1,7 +1,8 @@
 """PostgreSQL killed, restarted, or gone in the middle of a commit: what was acknowledged is there, and work goes on."""
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import pytest
 from sqlalchemy import Connection, event
@@ -30,10 +31,10 @@ def record(postgresql: Server, migrated: str) -> Iterator[CaseRecord]:
 def _append_until_killed(record: CaseRecord, server: Server, point: int) -> None:
     """The server goes before the first statement, or after so many."""
     with record.write() as unit:
-        steps = (
-            lambda: unit.append(_EVENT),
-            lambda: unit.put_document(b"[]"),
-            lambda: unit.remember("key", "a" * 64, Answer(201, "{}", {})),
+        steps: tuple[Callable[[], object], ...] = (
+            partial(unit.append, _EVENT),
+            partial(unit.put_document, b"[]"),
+            partial(unit.remember, "key", "a" * 64, Answer(201, "{}", {})),
         )
         for number, step in enumerate(steps):
             if number == point:
