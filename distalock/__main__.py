@@ -205,6 +205,12 @@ def _calibrate_arguments(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _parts_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.parts_arguments import add_arguments
+
+    add_arguments(parser)
+
+
 def _pki_arguments(parser: argparse.ArgumentParser) -> None:
     from distalock.pki_arguments import add_arguments
 
@@ -272,6 +278,12 @@ COMMANDS = (
         "keys and certificates of an installation: make, show, renew, make all anew",
         _pki_arguments,
         _imported("distalock.pki"),
+    ),
+    Command(
+        "parts",
+        "which part files an installation may use: approve, list",
+        _parts_arguments,
+        _imported("distalock.parts"),
     ),
     Command(
         "record",

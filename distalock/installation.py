@@ -18,6 +18,7 @@ from shared.runtime.settings import ServiceSettings, load_settings
 _LOOPBACK = "127.0.0.1"
 _DICOM_HOST = "DISTALOCK_IMAGING_DICOM_HOST"
 _REST_HOST = "DISTALOCK_UI_API_HOST"
+_UNAPPROVED_PARTS = "DISTALOCK_UI_API_UNAPPROVED_PARTS"
 _OWN_CERTIFICATE = "DISTALOCK_UI_API_HTTPS_CERTIFICATE"
 # Addresses to listen on that mean every address of this machine; none to call.
 _EVERY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - not bound here
@@ -102,6 +103,11 @@ class Installation:
         """Whether the virtual operating room stands where the hospital's hardware would stand."""
         return self.controller_url is None
 
+    @property
+    def takes_unapproved_parts(self) -> bool:
+        """Whether part files need no approval: in a simulation, unless the gateway's setting says otherwise."""
+        return self.simulated and _UNAPPROVED_PARTS not in os.environ
+
     def require_free_ports(self) -> None:
         """Refuse ports in use before anything starts; raises `ConfigurationError`."""
         for name, used_for in self._listening():
@@ -145,6 +151,8 @@ class Installation:
             "DISTALOCK_ROBOT_CONTROLLER_URL": self.controller_url or f"socket://127.0.0.1:{self.ports.gcs}",
             "DISTALOCK_UI_API_PORT": str(self.ports.rest),
             **({"DISTALOCK_UI_API_HTTPS": "true"} if self.https else {}),
+            # In a simulation nobody is at risk, and programs try parts of their own.
+            **({_UNAPPROVED_PARTS: "true"} if self.takes_unapproved_parts else {}),
         }
 
     def _router_arguments(self) -> tuple[str, ...]:

@@ -70,6 +70,8 @@ def _announce(installation: Installation, console: Console) -> None:
     console.print(f"DICOM C-STORE     {installation.dicom_address}", highlight=False)
     if installation.simulated:
         console.print(f"SIMULATION        virtual operating room, control at {ports.control_url}", highlight=False)
+    if installation.takes_unapproved_parts:
+        console.print("part files        taken without approval, because this is a simulation", highlight=False)
     if installation.plain_bus:
         console.print(f"[bold]WARNING[/bold]           {PLAIN_BUS_WARNING}", highlight=False)
     console.print(f"state and logs    {installation.state_dir}", highlight=False)

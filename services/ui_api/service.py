@@ -130,7 +130,12 @@ def _assemble(
         stop_recorder=recorder,
         leases=leases,
         commands=commands,
-        cases=CaseHandler(record, context.announce, DiskSpace(settings, settings.images(), services).lack),
+        cases=CaseHandler(
+            record,
+            context.announce,
+            DiskSpace(settings, settings.images(), services).lack,
+            settings.part_is_approved,
+        ),
         planning=PlanningHandler(bus, keys, record, view, commands),
         verifications=VerificationHandler(bus, keys, record),
         quality=QualityHandler(bus, keys, record),

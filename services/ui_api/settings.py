@@ -9,6 +9,7 @@ from services.ui_api.record.location import sqlite_url
 from shared.bus.tls import PKI_FOLDER, TlsFiles
 from shared.errors import ConfigurationError
 from shared.hosts import is_loopback
+from shared.parts.approvals import PartApprovals
 from shared.pki.permit_key import PERMIT_KEY_FILE, PermitSigner
 from shared.runtime.settings import ServiceSettings
 
@@ -37,6 +38,9 @@ class UiApiSettings(ServiceSettings):
     allowed_hosts: tuple[HostName, ...] = Field(
         (), description="Names under which browsers may call this machine, besides its addresses and localhost."
     )
+    unapproved_parts: bool = Field(
+        default=False, description="Take part files that no administrator has approved, as a simulation may."
+    )
     database_url: str | None = Field(None, description="Case record; default: a SQLite file in the state folder.")
     image_dir: Path | None = Field(None, description="Where imaging stores its files; default: images in state_dir.")
     permit_key: Path | None = Field(
@@ -57,6 +61,10 @@ class UiApiSettings(ServiceSettings):
     def permit_signer(self) -> PermitSigner:
         """Signs permits to move; raises `ConfigurationError`."""
         return PermitSigner.from_file(self.permit_key or self.state_dir / PKI_FOLDER / self.section / PERMIT_KEY_FILE)
+
+    def part_is_approved(self, sha256: str) -> bool:
+        """Whether a part file may be used; raises `ConfigurationError` when the approvals cannot be read."""
+        return self.unapproved_parts or PartApprovals(self.state_dir).holds(sha256)
 
     def https_files(self) -> TlsFiles | None:
         """Key and certificate for HTTPS; None for HTTP.

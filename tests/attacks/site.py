@@ -1,5 +1,6 @@
 """The system under attack: one installation with certificates, a referenced robot, and an approved plan to move by."""
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -41,6 +42,7 @@ class Site:
     control: RestClient
     case: CaseClient
     plan: Plan
+    hole_ids: tuple[str, ...]
     scratch: Path
 
     @property
@@ -129,6 +131,7 @@ def running_site(folder: Path) -> Iterator[Site]:
     """Start everything, and lead a case up to the approved plan; nothing has moved yet."""
     state, scratch = folder / "state", folder / "scratch"
     scratch.mkdir(parents=True)
+    os.environ["DISTALOCK_UI_API_UNAPPROVED_PARTS"] = "false"  # as beside a real controller
     installation = Installation(Ports.any_free(), state, scenario_arguments=("--seed", str(SEED)))
     with (
         installation.fleet(threading.Event(), START_WITHIN_S) as fleet,
@@ -139,7 +142,8 @@ def running_site(folder: Path) -> Iterator[Site]:
         case = CaseClient.opened(rest, room.scenario().set_up)
         for operation in case.make_robot_ready():
             assert operation.status == "succeeded", operation.detail
-        yield Site(fleet, installation, rest, control, case, approved_plan(case, room), scratch)
+        hole_ids = tuple(room.scenario().hole_ids)
+        yield Site(fleet, installation, rest, control, case, approved_plan(case, room), hole_ids, scratch)
 
 
 def approved_plan(case: CaseClient, room: RoomClient) -> Plan:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from tests.attacks import commands, imaging_port, links, listeners, roles, streams, web
+from tests.attacks import commands, imaging_port, links, listeners, pages, parts, permits, roles, streams, web
 from tests.attacks.attack import Attack
 
 # Tried while the approved plan could move the robot at once.
@@ -12,11 +12,15 @@ BEFORE_THE_MOVE: Final[tuple[Attack, ...]] = (
     *listeners.ATTACKS,
     *roles.ATTACKS,
     *commands.ATTACKS,
+    *permits.ATTACKS,
     *streams.ATTACKS,
+    *pages.ATTACKS,
     *web.ATTACKS,
+    *parts.ATTACKS,
 )
 # These bring images, stops and a restart, after which no plan of before moves anything.
 AFTER_THE_MOVE: Final[tuple[Attack, ...]] = (
+    *permits.AFTER_THE_MOVE,
     *imaging_port.ATTACKS,
     streams.FORGED_EPOCH,
     web.STOP_FLOOD,

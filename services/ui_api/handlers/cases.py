@@ -10,7 +10,7 @@ from services.ui_api.core.events import EventDraft
 from services.ui_api.core.operations import VERBS_WITH_A_MOTION
 from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
 from services.ui_api.handlers.head_calibration import calibrated_hexapod, is_head_calibration
-from services.ui_api.handlers.parts import JsonObject, PartFile, resolve_part
+from services.ui_api.handlers.parts import JsonObject, PartFile, require_approved, resolve_part
 from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, invalid, unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
@@ -54,14 +54,21 @@ class CaseHandler:
         Tells the bus afterwards.
     lack_of_space
         A sentence when the disks have no room for one more case.
+    is_approved
+        Whether the part file with this hash may be used.
     """
 
     def __init__(
-        self, record: CaseRecord, announce: Callable[[], None], lack_of_space: Callable[[], str | None]
+        self,
+        record: CaseRecord,
+        announce: Callable[[], None],
+        lack_of_space: Callable[[], str | None],
+        is_approved: Callable[[str], bool],
     ) -> None:
         self._record = record
         self._announce = announce
         self._lack_of_space = lack_of_space
+        self._is_approved = is_approved
 
     def case(self, case_id: str) -> Case:
         """A case by its id; raises `Refused`."""
@@ -79,6 +86,7 @@ class CaseHandler:
             )
         if (lack := self._lack_of_space()) is not None:
             raise Refused(RefusalKind.UNAVAILABLE, "disk_fills", f"no new case is opened: {lack}")
+        self._require_approved(request)
         setup = _new_setup(unit, request)
         case_id = f"case-{secrets.token_hex(5)}"
         unit.append(EventDraft(CaseOpened(setup), case_id, who))
@@ -89,6 +97,7 @@ class CaseHandler:
         """Change the set-up of an open case: its revision counts up, and older results become stale."""
         case = self.case(case_id)
         _require_hands_off(case, "its set-up cannot be changed")
+        self._require_approved(request)
         setup = _changed_setup(unit, case.setup, request)
         if setup == case.setup:
             return
@@ -125,6 +134,18 @@ class CaseHandler:
                     f"operation {requested.operation_id} ({requested.verb}) is {operation.status}: {consequence} until "
                     "it has ended, or was stopped",
                 )
+
+    def _require_approved(self, request: SetupRequest) -> None:
+        given = {
+            "ring": request.ring,
+            "guide": request.guide,
+            "nail": request.nail,
+            "hexapod": request.hexapod,
+            "guide calibration": request.guide_calibration,
+        }
+        for kind, part in given.items():
+            if part is not None:
+                require_approved(kind, part, self._is_approved)
 
 
 def require_known_holes(case: Case, hole_ids: tuple[str, ...]) -> None:

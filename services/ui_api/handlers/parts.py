@@ -1,18 +1,20 @@
 """Part files for a case: from the shipped catalogue by name, or inline; validated before anything is stored."""
 
-import json
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from services.ui_api.core.event_data import PartUse
 from services.ui_api.handlers.refusals import invalid
 from shared.errors import PartFileInvalid
+from shared.parts.approvals import canonical_part
 from shared.parts.catalogue import PartKind, catalogue_entry, catalogue_names, schema_of
 from shared.parts.files import guide_from_json, nail_from_json, ring_from_json, sha256_of
 from shared.parts.hexapod_file import hexapod_from_json
 
 JsonObject = Mapping[str, object]
 INLINE = "inline"
+_log = logging.getLogger("distalock.ui_api")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +71,31 @@ def resolve_part(kind: PartKind, given: str | JsonObject) -> PartFile:
     return PartFile(PartUse(name, sha256_of(content), hole_ids), content)
 
 
-def _inline(kind: PartKind, given: JsonObject) -> bytes:
+def require_approved(kind: str, given: str | JsonObject, is_approved: Callable[[str], bool]) -> None:
+    """Refuse a file that no administrator has approved; a part of the catalogue comes with the package.
+
+    Raises
+    ------
+    Refused
+        With the file's hash and the remedy.
+    PartFileInvalid
+        When the file holds half a character.
+    """
+    if isinstance(given, str):
+        return
+    sha256 = sha256_of(_inline(kind, given))
+    if not is_approved(sha256):
+        _log.warning("part_not_approved: %s file with hash %s", kind, sha256)
+        raise invalid(
+            "part_not_approved",
+            f"the {kind} file with hash {sha256} is not approved for this installation; have an administrator look at "
+            "it and approve it once (distalock parts approve FILE --by NAME)",
+        )
+
+
+def _inline(kind: str, given: JsonObject) -> bytes:
     try:
-        return json.dumps(given, ensure_ascii=False, separators=(",", ":")).encode()
+        return canonical_part(given)
     except UnicodeEncodeError as error:
         half = error.object[error.start]
         raise PartFileInvalid(f"{kind} '{INLINE}': {half!a} is half a character (a lone surrogate), not text") from None

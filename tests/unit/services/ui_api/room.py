@@ -102,7 +102,10 @@ class Room:
 def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
     """A gateway among its fakes, on a state folder that may have been used before."""
     router, keys = MemoryRouter(), Keys(ROOM)
-    unhurried = {"robot_state_stale_after_s": 10.0}  # the fake robot speaks only when told to
+    unhurried: dict[str, object] = {
+        "robot_state_stale_after_s": 10.0,
+        "unapproved_parts": True,
+    }  # the fake robot speaks only when told to
     write_permit_key(state_dir)
     chosen = UiApiSettings(room=ROOM, state_dir=state_dir, **(unhurried | settings))  # type: ignore[arg-type]  # pydantic checks it
     with ExitStack() as stack:

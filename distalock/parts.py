@@ -1,0 +1,81 @@
+"""`distalock parts`: which part files an installation may use besides those of the catalogue."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from pydantic import ValidationError
+
+from distalock.arguments import EXIT_BAD_INPUT
+from shared.errors import ConfigurationError, InputError, PartFileInvalid
+from shared.parts.approvals import Approval, PartApprovals, approval_of, canonical_part
+from shared.parts.catalogue import catalogue
+from shared.parts.files import guide_from_json, nail_from_json, read_part_file, ring_from_json, sha256_of
+from shared.parts.guide_calibration_file import guide_calibration_from_json
+from shared.parts.hexapod_file import hexapod_from_json
+
+_READERS: Final[Mapping[str, Callable[[bytes], object]]] = {
+    "distalock/ring/1": ring_from_json,
+    "distalock/guide/1": guide_from_json,
+    "distalock/nail/1": nail_from_json,
+    "distalock/hexapod/1": hexapod_from_json,
+    "distalock/guide-calibration/1": guide_calibration_from_json,
+}
+
+
+def run(given: argparse.Namespace) -> int:
+    """Run the action; 0 when it is done."""
+    approvals = PartApprovals(given.state)
+    try:
+        if given.action == "list":
+            return _list(approvals)
+        for approval in [checked_approval(file, given.by) for file in given.files]:
+            _approve(approvals, approval)
+    except (ConfigurationError, InputError) as error:
+        print(f"distalock parts: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    return 0
+
+
+def checked_approval(file: Path, who: str) -> Approval:
+    """The approval of a file that can be read.
+
+    Raises
+    ------
+    PartFileInvalid
+        When it is no part file, or who approves it has no name.
+    """
+    try:
+        part = json.loads(read_part_file(file))
+    except ValueError:
+        raise PartFileInvalid(f"{file}: not JSON; name a part file") from None
+    schema = str(part.get("schema")) if isinstance(part, dict) else ""
+    if schema not in _READERS:
+        raise PartFileInvalid(f"{file}: its schema is {schema!r}, expected one of {', '.join(_READERS)}")
+    content = canonical_part(part)
+    _READERS[schema](content)
+    try:
+        return approval_of(part, sha256_of(content), file.name, who, datetime.now(UTC))
+    except ValidationError as error:
+        raise PartFileInvalid(f"{file}: {error.errors()[0]['msg']}; give --by the name of who approves it") from None
+
+
+def _approve(approvals: PartApprovals, approval: Approval) -> None:
+    known = approvals.holds(approval.sha256)
+    if not known:
+        approvals.add(approval)
+    print(f"{approval.sha256}  {approval.file_name}  {'was approved before' if known else 'approved'}")
+
+
+def _list(approvals: PartApprovals) -> int:
+    for entry in catalogue():
+        print(f"{entry.sha256}  {entry.name}  comes with the package")
+    for one in approvals.all():
+        print(
+            f"{one.sha256}  {one.file_name}  {one.schema_name}, {one.approved_at:%Y-%m-%d %H:%M} by {one.approved_by}"
+        )
+    return 0
