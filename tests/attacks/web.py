@@ -183,7 +183,14 @@ ATTACKS: Final = (
         None,
         request_to("POST", "/cases", {"Content-Encoding": "gzip"}, bytes.fromhex("1f8b0800000000000003")),
     ),
-    Attack("slow head", PORT, "a request whose head never ends", CLOSED, gateway_log("head_too_slow"), _slow_head),
+    Attack(
+        "slow head",
+        PORT,
+        "a request whose head never ends",
+        CLOSED,
+        Record("ui_api-front", "head_too_slow"),
+        _slow_head,
+    ),
     Attack("slow upload", PORT, "a body of one byte every half second", "body_too_slow", None, _slow_upload),
     Attack(
         "unapproved plan",

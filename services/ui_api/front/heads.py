@@ -11,6 +11,7 @@ STOP_PATH: Final = "/api/v1/robot/stop"
 # They hold for one connection only, or are this process's own to say.
 _OF_ONE_CONNECTION: Final = frozenset((b"connection", b"keep-alive", b"proxy-connection", b"te", b"expect"))
 _OF_THE_FRONT: Final = frozenset((b"x-forwarded-for", b"x-forwarded-proto", b"forwarded"))
+_FRAMING: Final = frozenset((b"content-length", b"transfer-encoding"))
 _END: Final = b"\r\n\r\n"
 _CHUNKED_END: Final = b"0\r\n\r\n"
 _NO_BODY: Final = frozenset((204, 304))
@@ -35,8 +36,18 @@ def is_upgrade(request: h11.Request) -> bool:
 
 
 def stays_open(request: h11.Request) -> bool:
-    """Whether the client wants its connection kept for more requests."""
-    return request.http_version == b"1.1" and b"close" not in _connection_tokens(request)
+    """Whether the connection is kept for more requests.
+
+    Not when the client says otherwise, and not when the request states its length twice: somebody else on the way may
+    have taken the rest for its body, and what comes next would be a request that nobody sent.
+    """
+    wanted = request.http_version == b"1.1" and b"close" not in _connection_tokens(request)
+    return wanted and not states_length_twice(request)
+
+
+def states_length_twice(request: h11.Request) -> bool:
+    """Whether two readers may disagree where a request ends; its application refuses it (`request_policy`)."""
+    return sum(name in _FRAMING for name, _ in request.headers) > 1
 
 
 def is_chunked(request: h11.Request) -> bool:

@@ -47,6 +47,23 @@ def test_requests_follow_one_another_on_one_connection() -> None:
         assert [answer_of(client)[-2:] for _ in range(2)] == [b"{}", b"{}"]
 
 
+def test_what_follows_a_request_that_states_its_length_twice_is_not_taken_for_a_request() -> None:
+    asked: list[bytes] = []
+
+    def counting(connection: socket.socket) -> None:
+        asked.append(connection.recv(65536))
+        connection.sendall(OK)
+
+    twice = b"POST /x HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+    with front(counting) as rig, rig.connect() as client:
+        client.sendall(twice + GET)
+        received = b""
+        while content := client.recv(65536):
+            received += content
+    assert received.count(b"HTTP/1.1 200") == len(asked) == 1
+    assert b"connection: close" in received
+
+
 def test_a_stop_goes_out_and_is_answered_while_the_application_hangs() -> None:
     hanging = Hanging()
     with front(hanging, Limits(connections=100, relays=30)) as rig:
