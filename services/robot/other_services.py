@@ -37,12 +37,12 @@ class OtherServices:
         self._drive = drive
         self._silent_for_s = dict(silent_for_s)
         self._present: frozenset[str] | None = None
-        presence = bus.presence()
+        self._presence = bus.presence()
         for service in OTHERS:
             watchdog = Watchdog(RATES.other_service_deadline_s, clock_s)
             self._silent_for_s[service] = watchdog.silent_for_s
             bus.subscribe(keys.heartbeat(service), _feeding(watchdog))
-            presence.watch_alive(keys.alive(service), self._losing(service))
+            self._presence.watch_alive(keys.alive(service), self._losing(service))
 
     def check(self) -> None:
         """Check once."""
@@ -63,7 +63,8 @@ class OtherServices:
     def _losing(self, service: ServiceName) -> Callable[[str, bool], None]:
         def on_alive(key: str, alive: bool) -> None:  # noqa: FBT001 - the signature is the bus's
             del key
-            if not alive:
+            # With the link all tokens vanish: then the link is what was lost, and the gateway's monitor says so.
+            if not alive and self._presence.link_up():
                 self._drive.supervision_lost(f"{service} has gone (its token vanished); restart it and acknowledge")
 
         return on_alive

@@ -93,11 +93,11 @@ class Rates:
         0.1, "s", "longest pause between two published states at rest", derived("one round of feedback")
     )
     other_service_deadline_s: float = tuned(
-        0.35,
+        0.4,
         "s",
         "longest silence in motion of a service that was heard when it began (imaging, registration), and of "
         "`distalock up`",
-        derived("seven signs of life at 20 Hz; 0.7 mm at 2 mm/s, and with the stop less than 0.5 s"),
+        derived("eight signs of life at 20 Hz; 0.8 mm at 2 mm/s, and with the stop less than 0.5 s"),
     )
     gateway_check_s: float = tuned(
         0.02, "s", "pause between checks of the gateway's heartbeat", derived("a tenth of its deadline of 0.2 s")

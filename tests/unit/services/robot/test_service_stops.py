@@ -147,7 +147,7 @@ def test_a_service_that_falls_silent_in_motion_stops_it(room: Room, service: Ser
     ended.set()
     beating.join()
     state = room.wait(lambda s: s.state is MotionState.STOPPED)
-    assert state.detail == f"{service} was silent for more than 0.35 s; see to it and acknowledge"
+    assert state.detail == f"{service} was silent for more than 0.4 s; see to it and acknowledge"
 
 
 @pytest.mark.parametrize("service", ["imaging", "registration"])
