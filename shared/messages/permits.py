@@ -10,7 +10,7 @@ from pydantic import Field
 
 from shared.messages.base import Identifier, Message, Sha256, WireModel
 
-# A permit has some 500 characters; names and holes may be long.
+# A permit has some 360 characters; names and holes may be long.
 MOST_PERMIT_CHARACTERS = 4096
 
 
