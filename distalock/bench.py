@@ -163,6 +163,9 @@ BENCHMARKS: Final = {
     "stop_latency": Benchmark(
         "robot.stop_latency", "robot-stop", "from a stop over REST to the stop byte on the controller's wire"
     ),
+    "process_loss": Benchmark(
+        "faults.process_loss", "robot-process-loss", "each process killed and stopped in motion: time to rest, way"
+    ),
     "slow_line": Benchmark(
         "robot.slow_line", "robot-slow-line", "a stop on a serial line of 115,200 baud: first byte, and locked"
     ),
