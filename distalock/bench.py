@@ -181,6 +181,9 @@ BENCHMARKS: Final = {
     "bus": Benchmark(
         "bus.bus", "bus", "frames of 2 MB and commands under mutual TLS and access control, beside bare Zenoh"
     ),
+    "start": Benchmark(
+        "bus.start", "start", "starts of `up --simulate` with certificates beside starts without, until it is ready"
+    ),
     "verification": Benchmark(
         "accuracy.verification",
         "verification",

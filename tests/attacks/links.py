@@ -1,8 +1,7 @@
 """Attacks on the links: who gets one at the router, and whom a service takes for the router."""
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
@@ -10,7 +9,6 @@ from typing import Final
 import zenoh
 
 from shared.bus.access import SERVICES
-from shared.bus.router import DEFAULT_CONFIG, Protection, router_config, running_router
 from shared.bus.settings import BusSettings
 from shared.bus.tls import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, TlsFiles
 from shared.bus.zenoh_bus import client_config
@@ -18,11 +16,10 @@ from shared.errors import BusUnavailable
 from shared.pki.authority import CERTIFICATE_VALID, Identity, Use, issue, new_authority
 from shared.pki.keystore import ROUTER, Keystore
 from tests.attacks.attack import Attack, Record
-from tests.attacks.site import ROOM, Site, silence
-from tests.contract.bus.rooms import free_port
+from tests.attacks.peers import NOTHING_PASSES, listen_to_all, overheard_or_forged, peer_past_the_router, router_with
+from tests.attacks.site import Site
 
 NO_LINK: Final = "no link"
-NOTHING_PASSES: Final = "nothing passes"
 Forgery = Callable[[Identity], Identity]
 _NOW: Final = datetime.now(UTC)
 _LONG_AGO: Final = _NOW - CERTIFICATE_VALID - timedelta(days=1)
@@ -88,29 +85,12 @@ def _unknown_name(site: Site) -> str:
         return overheard_or_forged(site, stranger._session)
 
 
-def overheard_or_forged(site: Site, stranger: zenoh.Session) -> str:
-    """Listen to everything, and speak as the robot; what came of it."""
-    forged = b"forged"
-    overheard: list[zenoh.Sample] = []
-    taken: list[bytes] = []
-    with site.open_as("ui_api") as gateway, stranger.declare_subscriber("**", overheard.append):
-        gateway.subscribe(site.keys.robot_state, lambda sample: taken.append(sample.payload))
-        stranger.put(site.keys.robot_state, forged)
-        silence()
-    # A session hears what it says itself without the router.
-    if any(sample.payload.to_bytes() != forged for sample in overheard):
-        return "it listened"
-    if not taken:
-        return "the robot's own states did not come"
-    return "it was heard" if forged in taken else NOTHING_PASSES
-
-
 def _revoked(site: Site) -> str:
     """The keys of before a rotation, at a router with those of after it."""
     old = _written_copy(site, "robot")
     rotated = Keystore(site.scratch / "rotated")
     rotated.rotate(datetime.now(UTC))
-    with _router_with(TlsFiles.in_folder(rotated.folder_of(ROUTER))) as endpoint:
+    with router_with(TlsFiles.in_folder(rotated.folder_of(ROUTER))) as endpoint:
         trusting = TlsFiles(rotated.folder_of("robot") / AUTHORITY_FILE, old.certificate, old.key)
         refused = _link_with(site, trusting, endpoint)
         renewed = _link_with(site, TlsFiles.in_folder(rotated.folder_of("robot")), endpoint)
@@ -123,43 +103,13 @@ def _written_copy(site: Site, name: str) -> TlsFiles:
     return _written(site.scratch / f"old-{name}", identity, files.authority.read_bytes())
 
 
-@contextmanager
-def _router_with(files: TlsFiles) -> Iterator[str]:
-    """A router that runs with somebody's files; its endpoint."""
-    endpoint = f"tls/127.0.0.1:{free_port()}"
-    with running_router(router_config(DEFAULT_CONFIG, [endpoint], Protection(files, ROOM))):
-        yield endpoint
-
-
 def _impostor(site: Site) -> str:
     """Each service's key plays the router; the robot's session must believe none."""
     for name in SERVICES:
-        with _router_with(site.files_of(name)) as endpoint:
+        with router_with(site.files_of(name)) as endpoint:
             if (seen := _link_with(site, site.files_of("robot"), endpoint)) != NO_LINK:
                 return f"{name}: {seen}"
     return NO_LINK
-
-
-def _peer(site: Site) -> str:
-    """It has a service's own certificate, listens, invites everybody, and still is that service at the router."""
-    config = client_config(BusSettings(site.endpoint, tls=site.files_of("imaging")))
-    values: dict[str, object] = {
-        "mode": "peer",
-        "listen/endpoints": [f"tcp/127.0.0.1:{free_port()}"],
-        "scouting/multicast/enabled": True,
-        "scouting/gossip/enabled": True,
-        "scouting/gossip/multihop": True,
-    }
-    for key, value in values.items():
-        config.insert_json5(key, json.dumps(value))
-    with zenoh.open(config) as peer:
-        silence()
-        return overheard_or_forged(site, peer)
-
-
-def _listen_to_all(site: Site) -> str:
-    with site.open_as("imaging") as bus:
-        return overheard_or_forged(site, bus._session)
 
 
 _BAD_CERTIFICATE: Final = Record("router", "zenoh_link_tls")
@@ -246,7 +196,7 @@ ATTACKS: Final = (
         "listen and invite everybody; speak as the robot",
         NOTHING_PASSES,
         None,
-        _peer,
+        peer_past_the_router,
     ),
     Attack(
         "listen to everything",
@@ -254,6 +204,6 @@ ATTACKS: Final = (
         "subscribe to `**`; speak as the robot",
         NOTHING_PASSES,
         None,
-        _listen_to_all,
+        listen_to_all,
     ),
 )

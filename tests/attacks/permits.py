@@ -1,148 +1,28 @@
-"""Attacks with the gateway's stolen key on permits: claimed, altered, forged, for something else, late, used before.
+"""The attacks on permits as a table: claimed, altered, forged, for something else, late, used before."""
 
-What the attacker changes is the one thing that is wrong: the same permit without the change would move the robot.
-"""
-
-import hashlib
-import secrets
-import time
-import uuid
 from collections.abc import Callable
 from typing import Final
 
-from cryptography.hazmat.primitives.asymmetric import ed25519
-
-from shared.messages.base import decode, encode
-from shared.messages.permits import Permit, SignedPermit
-from shared.messages.registration import Plan
-from shared.messages.robot import Approval, MoveCommand, MoveCommand1, PlainCommand
-from shared.pki.permit_key import PERMIT_KEY_FILE, PermitSigner
 from tests.attacks.attack import Attack, Record
-from tests.attacks.commands import Thief, as_thief
-from tests.attacks.site import Site, wait_until
-
-_ANOTHER_SHA256: Final = "0" * 64
-_LONGER_THAN_A_PERMIT_LASTS_S: Final = 2.5
-
-
-def _good(thief: Thief, **changes: object) -> Permit:
-    """The permit that the gateway would sign now for the approved plan, but for the changes."""
-    case = thief.site.rest.get(f"/api/v1/cases/{thief.site.case.id}")
-    content: dict[str, object] = {
-        "motion": "move",
-        "plan_sha256": thief.site.plan.sha256,
-        "hole_ids": thief.site.hole_ids,
-        "case_id": thief.site.case.id,
-        "case_revision": case["revision"],
-        "robot_boot_epoch": thief.state.boot_epoch,
-        "after_state_sequence": thief.site.robot_state(thief.bus).sequence,
-        "approver": "surgeon",
-        "nothing_inside": True,
-        "nonce": uuid.uuid4().hex,
-    }
-    return Permit.model_validate(content | changes)
-
-
-def _signer(site: Site) -> PermitSigner:
-    return PermitSigner.from_file(site.keystore.folder_of("ui_api") / PERMIT_KEY_FILE)
-
-
-def _ask(thief: Thief, permit: SignedPermit, plan_sha256: str = "") -> str:
-    """Ask for the approved move, or for another plan's, under a permit."""
-    command = MoveCommand(envelope=thief.envelope(), plan_sha256=plan_sha256 or thief.site.plan.sha256, permit=permit)
-    return thief.ask("move", encode(command))
-
-
-def _with(**changes: object) -> Callable[[Site], str]:
-    """A permit with the gateway's own signature that allows something else."""
-    return as_thief(lambda thief: _ask(thief, _signer(thief.site).sign(_good(thief, **changes))))
-
-
-def _claimed(thief: Thief) -> str:
-    """A move as before permits: with a plan, and the claim that it was approved."""
-    approval = Approval(plan_sha256=thief.site.plan.sha256, approved_by="surgeon", approved_at_ns=time.time_ns())
-    command = MoveCommand1(envelope=thief.envelope(), plan_json="{}", approval=approval)
-    return thief.ask("move", encode(command))
-
-
-def _altered(thief: Thief) -> str:
-    signed = _signer(thief.site).sign(_good(thief))
-    return _ask(thief, signed.model_copy(update={"permit_json": signed.permit_json.replace("surgeon", "nobody")}))
-
-
-def _forged(thief: Thief) -> str:
-    signed = _signer(thief.site).sign(_good(thief))
-    return _ask(thief, signed.model_copy(update={"signature": secrets.token_hex(64)}))
-
-
-def _rewritten(thief: Thief) -> str:
-    """Another text with its own hash under the signature of the first."""
-    signer = _signer(thief.site)
-    other = encode(_good(thief, approver="nobody"))
-    changes = {"permit_json": other.decode(), "permit_sha256": hashlib.sha256(other).hexdigest()}
-    return _ask(thief, signer.sign(_good(thief)).model_copy(update=changes))
-
-
-def _of_another_key(thief: Thief) -> str:
-    return _ask(thief, PermitSigner(ed25519.Ed25519PrivateKey.generate()).sign(_good(thief)))
-
-
-def _late(thief: Thief) -> str:
-    signed = _signer(thief.site).sign(_good(thief))
-    time.sleep(_LONGER_THAN_A_PERMIT_LASTS_S)
-    return _ask(thief, signed)
-
-
-def _twice(thief: Thief) -> str:
-    """A permit that was taken, although the robot did not know its plan, does not come again."""
-    signed = _signer(thief.site).sign(_good(thief, plan_sha256=_ANOTHER_SHA256))
-    first = _ask(thief, signed, _ANOTHER_SHA256)
-    return _ask(thief, signed, _ANOTHER_SHA256) if first == "plan_unknown" else f"first {first}"
-
-
-def _unknown_plan(thief: Thief) -> str:
-    signed = _signer(thief.site).sign(_good(thief, plan_sha256=_ANOTHER_SHA256))
-    return _ask(thief, signed, _ANOTHER_SHA256)
-
-
-def _forged_plan(thief: Thief) -> str:
-    """The approved plan with another target, published as registration and permitted as the gateway."""
-    plan = _published_plan(thief)
-    target = plan.target_pose.model_copy(update={"x_mm": plan.target_pose.x_mm + 2.0})
-    forged = encode(plan.model_copy(update={"target_pose": target}))
-    sha256 = hashlib.sha256(forged).hexdigest()
-    with thief.site.open_as("registration") as registration:
-        registration.publisher(thief.site.keys.plan).put(forged)
-        time.sleep(0.2)
-        return _ask(thief, _signer(thief.site).sign(_good(thief, plan_sha256=sha256)), sha256)
-
-
-def _published_plan(thief: Thief) -> Plan:
-    heard: list[Plan] = []
-    with thief.site.open_as("robot") as robot:
-        robot.subscribe_retained(thief.site.keys.plan, lambda sample: heard.append(decode(Plan, sample.payload)))
-        wait_until(lambda: bool(heard), "the plan")
-    return heard[-1]
-
-
-def _reference(thief: Thief) -> str:
-    return thief.ask("reference", encode(PlainCommand(verb="reference", envelope=thief.envelope())))
-
-
-def _executed(thief: Thief) -> str:
-    """The plan that has been carried out, with a new permit."""
-    return _ask(thief, _signer(thief.site).sign(_good(thief)))
-
-
-def _wire(thief: Thief) -> str:
-    """The permit says that nothing is inside, the case that a wire is."""
-    case = thief.site.case
-    case.record_step("wires_inserted", thief.site.hole_ids, "an attack is tried")
-    try:
-        return _ask(thief, _signer(thief.site).sign(_good(thief)))
-    finally:
-        case.record_step("wires_removed", thief.site.hole_ids, "an attack is over")
-
+from tests.attacks.commands import as_thief
+from tests.attacks.permit_forgeries import (
+    ANOTHER_SHA256,
+    LONGER_THAN_A_PERMIT_LASTS_S,
+    altered,
+    claimed,
+    executed,
+    forged,
+    forged_plan,
+    late,
+    of_another_key,
+    permit_with,
+    reference,
+    rewritten,
+    twice,
+    unknown_plan,
+    wire,
+)
+from tests.attacks.site import Site
 
 _BUS_KEY: Final = "the gateway's key of the bus"
 _OVERHEARD: Final = f"{_BUS_KEY}, and a permit that it signed"
@@ -160,102 +40,102 @@ ATTACKS: Final = (
         _BUS_KEY,
         "a move of version 1, which claims an approval",
         "permit_missing",
-        as_thief(_claimed),
+        as_thief(claimed),
     ),
-    _attack("reference without a permit", _BUS_KEY, "ask for a reference", "permit_missing", as_thief(_reference)),
-    _attack("altered permit", _OVERHEARD, "change the approver in it", "permit_altered", as_thief(_altered)),
+    _attack("reference without a permit", _BUS_KEY, "ask for a reference", "permit_missing", as_thief(reference)),
+    _attack("altered permit", _OVERHEARD, "change the approver in it", "permit_altered", as_thief(altered)),
     _attack(
         "rewritten permit",
         _OVERHEARD,
         "change the approver, and the hash with it",
         "permit_forged",
-        as_thief(_rewritten),
+        as_thief(rewritten),
     ),
-    _attack("forged permit", _BUS_KEY, "a signature of random bytes", "permit_forged", as_thief(_forged)),
+    _attack("forged permit", _BUS_KEY, "a signature of random bytes", "permit_forged", as_thief(forged)),
     _attack(
         "permit of another key",
         _BUS_KEY,
         "sign a permit with a key of their own",
         "permit_of_another_key",
-        as_thief(_of_another_key),
+        as_thief(of_another_key),
     ),
     _attack(
         "permit for another motion",
         _OVERHEARD,
         "move with a permit for a reference",
         "permit_for_another_motion",
-        _with(motion="reference", plan_sha256=None, hole_ids=()),
+        permit_with(motion="reference", plan_sha256=None, hole_ids=()),
     ),
     _attack(
         "permit of another boot",
         _OVERHEARD,
         "move with a permit of before a restart",
         "permit_of_another_boot",
-        _with(robot_boot_epoch="0" * 16),
+        permit_with(robot_boot_epoch="0" * 16),
     ),
     _attack(
         "permit of another case",
         _OVERHEARD,
         "move with a permit of another case",
         "permit_of_another_case",
-        _with(case_id="case-0"),
+        permit_with(case_id="case-0"),
     ),
     _attack(
         "permit of another revision",
         _OVERHEARD,
         "move with a permit of before the set-up changed",
         "permit_of_another_revision",
-        _with(case_revision=0),
+        permit_with(case_revision=0),
     ),
     _attack(
         "permit for another plan",
         _OVERHEARD,
         "move with a permit for another plan",
         "permit_for_another_plan",
-        _with(plan_sha256=_ANOTHER_SHA256),
+        permit_with(plan_sha256=ANOTHER_SHA256),
     ),
     _attack(
         "permit for other holes",
         _OVERHEARD,
         "move with a permit for another hole",
         "permit_for_other_holes",
-        _with(hole_ids=("another",)),
+        permit_with(hole_ids=("another",)),
     ),
     _attack(
         "permit from the future",
         _BOTH_KEYS,
         "a permit that quotes a state from the future",
         "permit_state_unknown",
-        _with(after_state_sequence=10**9),
+        permit_with(after_state_sequence=10**9),
     ),
     _attack(
         "late permit",
         _OVERHEARD,
-        f"hold it back for {_LONGER_THAN_A_PERMIT_LASTS_S:g} s",
+        f"hold it back for {LONGER_THAN_A_PERMIT_LASTS_S:g} s",
         "permit_expired",
-        as_thief(_late),
+        as_thief(late),
     ),
-    _attack("used permit", _OVERHEARD, "use it a second time", "permit_used", as_thief(_twice)),
+    _attack("used permit", _OVERHEARD, "use it a second time", "permit_used", as_thief(twice)),
     _attack(
         "permit without clearance",
         _OVERHEARD,
         "move with one that does not say that the bone is free",
         "permit_without_clearance",
-        _with(nothing_inside=False),
+        permit_with(nothing_inside=False),
     ),
     _attack(
         "unpublished plan",
         _BOTH_KEYS,
         "permit a plan that registration has not published",
         "plan_unknown",
-        as_thief(_unknown_plan),
+        as_thief(unknown_plan),
     ),
     _attack(
         "forged plan",
         _EVERY_KEY,
         "publish the plan with its target 2 mm off, and permit it",
         "target_inconsistent",
-        as_thief(_forged_plan),
+        as_thief(forged_plan),
     ),
 )
 
@@ -265,13 +145,13 @@ AFTER_THE_MOVE: Final = (
         _BOTH_KEYS,
         "permit the plan that was carried out once more",
         "plan_already_executed",
-        as_thief(_executed),
+        as_thief(executed),
     ),
     _attack(
         "wire in the bone",
         _BOTH_KEYS,
         "permit a move although a wire is reported in place",
         "something_inside",
-        as_thief(_wire),
+        as_thief(wire),
     ),
 )
