@@ -1,6 +1,7 @@
 """`distalock record ACTION`: what was asked for, on the record of one installation."""
 
 import argparse
+import sqlite3
 import sys
 import time
 from collections.abc import Callable
@@ -50,8 +51,8 @@ def run(given: argparse.Namespace) -> int:
         return _refused(given.action, str(error))
     except OSError as error:
         return _refused(given.action, f"{error.filename}: {error.strerror or error}")
-    except (DBAPIError, UnicodeDecodeError) as error:  # a damaged schema need not be text
-        return _refused(given.action, f"case record {shown(settings.record_url())}: cannot be read: {cause_of(error)}")
+    except (DBAPIError, sqlite3.Error, UnicodeDecodeError) as error:  # a damaged schema need not be text
+        return _refused(given.action, f"case record {shown(settings.record_url())}: cannot be used: {cause_of(error)}")
 
 
 def _refused(action: str, why: str) -> int:

@@ -25,6 +25,7 @@ from services.ui_api.record.images import INDEX_FILE, images_named, stored_image
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.tables import DOCUMENTS
 from services.ui_api.record.verify import entries
+from shared.errors import InputError
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +157,12 @@ def _forget_calibrations(index: Path, images: Iterable[str]) -> None:
     """Imaging keeps what came of an image beside its number; the number stays, for numbers have no gap."""
     if not index.is_file():
         return
-    with closing(sqlite3.connect(index, isolation_level=None)) as connection:
-        for sha256 in images:
-            connection.execute("UPDATE images SET calibration = NULL WHERE sha256 = ?", (sha256,))
+    try:
+        with closing(sqlite3.connect(index, isolation_level=None)) as connection:
+            for sha256 in images:
+                connection.execute("UPDATE images SET calibration = NULL WHERE sha256 = ?", (sha256,))
+    except sqlite3.Error as error:
+        raise InputError(
+            f"the files of images are deleted; their calibrations stay in the index {index}, which cannot be written: "
+            f"{error}; end imaging, or see to the file"
+        ) from None

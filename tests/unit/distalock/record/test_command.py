@@ -13,6 +13,7 @@ from services.ui_api.core.events import EventDraft
 from services.ui_api.record.database import open_database, sole_gateway, sqlite_url
 from services.ui_api.record.record import CaseRecord
 from tests.unit.services.ui_api.record.filled import fill, record_of
+from tests.unit.services.ui_api.record.handed_over import put_image
 
 _FILE = "case-record.sqlite"
 
@@ -50,7 +51,7 @@ def test_verify_says_when_there_is_nothing_to_verify(tmp_path: Path, capsys: pyt
     assert "distalock record verify: there is no case record at" in capsys.readouterr().err
     (tmp_path / _FILE).write_bytes(b"no database at all" * 100)
     assert _run("verify", state=tmp_path) == 2
-    assert "cannot be read: file is not a database" in capsys.readouterr().err
+    assert "cannot be used: file is not a database" in capsys.readouterr().err
 
 
 def test_verify_says_when_a_record_cannot_be_read(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -60,7 +61,7 @@ def test_verify_says_when_a_record_cannot_be_read(state: Path, capsys: pytest.Ca
     file.write_bytes(file.read_bytes().replace(b"CREATE TABLE documents", b"CREATE \xff\xfe\xfdLE documents"))
     assert _run("verify", state=state) == 2
     said = capsys.readouterr().err
-    assert "cannot be read" in said
+    assert "cannot be used" in said
     assert len(said.splitlines()) == 1
 
 
@@ -142,3 +143,17 @@ def test_nothing_is_pruned_while_a_gateway_runs(state: Path, capsys: pytest.Capt
     with sole_gateway(sqlite_url(state)):
         assert _run("prune", "--apply", "--by", "Dr B", state=state) == 2
     assert "is held by another gateway that runs now" in capsys.readouterr().err
+
+
+def test_an_index_of_images_that_is_none_is_one_sentence(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record = record_of(open_database(sqlite_url(state)))
+    fill(record)
+    put_image(record, state / "images", "case-1", b"an image")
+    record.append(EventDraft(StepRecorded(Step.ABANDONED, (), True, ""), "case-1", "Dr A"))
+    record.close()
+    (state / "images" / "index.sqlite").write_bytes(b"no database at all" * 100)
+    assert _run("prune", "--apply", "--by", "Dr B", state=state) == 2
+    said = capsys.readouterr().err
+    assert "which cannot be written: file is not a database; end imaging" in said
+    assert len(said.splitlines()) == 1
+    assert _run("verify", state=state) == 0
