@@ -48,12 +48,15 @@ def hung(name: str) -> _Injected:
 
 
 def restarted(name: str) -> _Injected:
-    """SIGTERM, and started again at once."""
+    """SIGTERM, and started again when the fault goes."""
 
     @contextmanager
     def inject(site: FaultSite) -> Iterator[None]:
-        site.room.fleet.restart(name)
-        yield
+        site.room.fleet.end(name)
+        try:
+            yield
+        finally:
+            site.room.fleet.restart(name)
 
     return inject
 
