@@ -5,7 +5,7 @@ import random
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -85,8 +85,12 @@ class StopRig:
         Sessions with the certificates of these services.
     signer
         Signs permits with the gateway's key.
+    pids
+        Of the processes that were started, by name.
     """
 
+    installation: Installation
+    pids: Mapping[str, int]
     controller: ListeningController
     registration: Bus
     gateway: Bus
@@ -230,13 +234,13 @@ def stop_rig() -> Iterator[StopRig]:
     with tempfile.TemporaryDirectory() as folder, tcp_server(controller) as gcs_port:
         installation = Installation(ports, Path(folder), f"socket://127.0.0.1:{gcs_port}")
         with (
-            _robot_and_gateway(installation),
+            _robot_and_gateway(installation) as fleet,
             _session(installation, "registration") as registration,
             _session(installation, "ui_api") as gateway,
             RestClient(ports.rest_url) as rest,
         ):
             signer = PermitSigner.from_file(installation.state_dir / PKI_FOLDER / "ui_api" / PERMIT_KEY_FILE)
-            rig = StopRig(controller, registration, gateway, rest, signer)
+            rig = StopRig(installation, fleet.pids, controller, registration, gateway, rest, signer)
             rig.listen()
             rest.post("/api/v1/cases", SET_UP)
             confirming = threading.Thread(target=_confirm_epoch, args=(registration, rig.epoch, ended), daemon=True)

@@ -1,12 +1,14 @@
 """The gateway's application: everything but the stop and the heartbeat. The front starts it; see `front`."""
 
 import argparse
+import os
 import socket
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from fastapi import FastAPI
 
@@ -24,6 +26,9 @@ from shared.arguments import OneLineParser
 from shared.bus.port import Bus
 from shared.runtime.lifecycle import Runtime, reporting, run_service
 from shared.runtime.settings import ServiceSettings, load_settings
+
+# Than the front, the robot and the router, on a machine that has not enough of processors for all.
+_LESS_URGENT: Final = 5
 
 
 class FrontRecording:
@@ -54,6 +59,7 @@ def main(arguments: list[str]) -> int:
     """Exit code: as of every service."""
     given = _parser().parse_args(arguments)
     raised_handle_limit()
+    os.nice(_LESS_URGENT)
     settings = load_settings(UiApiSettings, state_dir=given.state_dir)
     with socket.socket(fileno=given.link) as line, socket.socket(fileno=given.listening) as listening:
         return _run(settings, line, listening, given.boot_epoch)

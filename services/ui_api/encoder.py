@@ -21,7 +21,8 @@ REQUEST: Final = struct.Struct("<II")
 # Length of the picture that follows, in bytes.
 REPLY: Final = struct.Struct("<I")
 BYTES_PER_PIXEL: Final = 4
-_LESS_URGENT: Final = 10
+# Beside the application's own 5.
+_LESS_URGENT: Final = 5
 
 
 def main() -> int:

@@ -11,6 +11,7 @@ from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.context import ContextHandler
 from services.ui_api.handlers.disk_space import DiskSpace
+from services.ui_api.handlers.event_tail import EventTail
 from services.ui_api.handlers.feed import Feed
 from services.ui_api.handlers.images import ImageHandler
 from services.ui_api.handlers.inbox import WATCHED_SERVICES, Inbox
@@ -55,6 +56,7 @@ class Gateway:
     images: ImageHandler
     inbox: Inbox
     feed: Feed
+    tail: EventTail
     live: LiveHandler
     clock: Clock
     link_up: Callable[[], bool]
@@ -108,6 +110,8 @@ def _assemble(
     commands = CommandHandler(bus, keys, record, view, stops, leases, clock, permits)
     context = ContextHandler(bus, keys, record)
     feed = Feed()
+    tail = EventTail(record.ledger.head_sequence)
+    record.listen(tail.take)  # before the streams are woken, which read it
     record.listen(lambda _: feed.wake())
     inbox = Inbox(bus, keys, record, view, commands, runtime.log, settings.run_calibrations)
     services = ServiceHealth(bus, keys, clock, WATCHED_SERVICES)
@@ -142,6 +146,7 @@ def _assemble(
         images=ImageHandler(bus, keys, record, settings.images()),
         inbox=inbox,
         feed=feed,
+        tail=tail,
         live=LiveHandler(bus, keys, clock, PictureEncoder()),
         clock=clock,
         link_up=link_up,

@@ -18,8 +18,10 @@ from services.ui_api.front.stops import FrontStops, Stop
 _log = logging.getLogger("distalock.ui_api")
 
 RECORD_WITHIN_S: Final = 2.0
-# For a whole head, from the connection's beginning or from the answer before it.
+# For a whole head, from its first byte.
 HEAD_WITHIN_S: Final = 5.0
+# For that first byte: a connection that is idle longer is closed, and sooner when others need its place.
+IDLE_FOR_S: Final = 60.0
 _MOST_HEAD_BYTES: Final = 32 * 1024
 _MOST_AHEAD_BYTES: Final = 64 * 1024
 # A body that a stop brings along is read and forgotten; what is longer costs the connection.
@@ -44,6 +46,7 @@ class FrontParts:
     address: Path
     scheme: str
     head_within_s: float = HEAD_WITHIN_S
+    idle_for_s: float = IDLE_FOR_S
 
 
 class Connection:
@@ -54,7 +57,7 @@ class Connection:
         self._place = Place(writer.transport.abort)
         self._parser = h11.Connection(h11.SERVER, max_incomplete_event_size=_MOST_HEAD_BYTES)
         self._ahead: Stop | None = None
-        self._answered = 0
+        self._in_head = False
         peer = writer.get_extra_info("peername")
         self._peer = str(peer[0]) if peer else "unknown"
 
@@ -67,7 +70,6 @@ class Connection:
                 admission.busy(self._place)
                 if not await self._answer(request):
                     return
-                self._answered += 1
                 self._begin_anew()
                 admission.idle(self._place)
         except h11.RemoteProtocolError as error:
@@ -88,17 +90,18 @@ class Connection:
             admission.leave(self._place)
             self._writer.close()
 
-    @property
-    def _in_head(self) -> bool:
-        """Whether a client has begun a request, or has connected and asked for nothing; otherwise it is only idle."""
-        return self._answered == 0 or bool(self._parser.trailing_data[0])
-
     async def _next_request(self) -> h11.Request | None:
         """The head of the next request; None when the client has left."""
+        if not self._parser.trailing_data[0]:
+            async with asyncio.timeout(self._parts.idle_for_s):
+                if not await self._received():
+                    return None
+        self._in_head = True
         async with asyncio.timeout(self._parts.head_within_s):
             while (event := self._parser.next_event()) is h11.NEED_DATA:
                 if not await self._received():
                     return None
+        self._in_head = False
         return event if isinstance(event, h11.Request) else None
 
     async def _received(self) -> bool:

@@ -7,7 +7,8 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
-from services.ui_api.record.record import PAGE
+from services.ui_api.handlers.event_tail import News, TailEvent
+from services.ui_api.record.record import PAGE, CaseRecord
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.views import EventView
 from services.ui_api.service import Gateway
@@ -49,7 +50,7 @@ async def _stream(gateway: Gateway, start: int, case_id: str | None) -> AsyncIte
     """Read the log from `start`, wait until it grows, and go on, until the gateway closes or the client leaves."""
     loop = asyncio.get_running_loop()
     grown = asyncio.Event()
-    sent = start
+    place = start
 
     def wake() -> None:
         loop.call_soon_threadsafe(grown.set)
@@ -57,9 +58,25 @@ async def _stream(gateway: Gateway, start: int, case_id: str | None) -> AsyncIte
     with gateway.feed.listening(wake):
         while not gateway.feed.closed:
             grown.clear()
-            events = await asyncio.to_thread(gateway.record.events_after, sent, case_id)
-            for event in events:
-                sent = event.sequence
-                yield ServerSentEvent(EventView.json_of(event), event=event.kind, id=str(event.sequence))
-            if len(events) < PAGE:
+            news = gateway.tail.after(place)
+            if news is None:  # the client is far behind: it catches up from the database
+                news = await asyncio.to_thread(_page, gateway.record, place, case_id)
+            for one in news.events:
+                if case_id in (None, one.event.case_id):
+                    yield _sent(one)
+            place = news.through
+            if place >= gateway.record.ledger.head_sequence:
                 await grown.wait()
+
+
+def _page(record: CaseRecord, place: int, case_id: str | None) -> News:
+    """A page of the log: up to its last event, or to the log's end as it was before, if the page is not full."""
+    end = record.ledger.head_sequence
+    events = record.events_after(place, case_id)
+    last = events[-1].sequence if events else place
+    return News(tuple(TailEvent(event) for event in events), last if len(events) == PAGE else max(last, end))
+
+
+def _sent(one: TailEvent) -> ServerSentEvent:
+    event = one.event
+    return ServerSentEvent(one.rendered(EventView.json_of), event=event.kind, id=str(event.sequence))

@@ -46,7 +46,7 @@ class FrontRig:
         ours, self.its_end = (stack.enter_context(end) for end in socket.socketpair())
         outer = stack.enter_context(listening_socket("127.0.0.1", 0))
         self.address = outer.getsockname()
-        parts = FrontParts(self.stops, self.admission, place, "http", head_within_s)
+        parts = FrontParts(self.stops, self.admission, place, "http", head_within_s, head_within_s)
         server = FrontServer(parts, self.link)
         threading.Thread(target=self._serve, args=(inner, application), daemon=True).start()
         stack.enter_context(serving_front(server, outer, ours))
