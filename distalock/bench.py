@@ -161,7 +161,12 @@ BENCHMARKS: Final = {
         "robot.faults", "robot-faults", "random faults, commands and events on the whole robot service"
     ),
     "stop_latency": Benchmark(
-        "robot.stop_latency", "robot-stop", "from a stop over REST to the stop byte on the controller's wire"
+        "robot.stop_latency",
+        "robot-stop",
+        "from a stop over REST to the stop byte on the controller's wire, alone and under two loads",
+    ),
+    "soak": Benchmark(
+        "robot.soak", "soak", "all clients at once for an hour: memory, handles, threads, queues, and stops"
     ),
     "process_loss": Benchmark(
         "faults.process_loss", "robot-process-loss", "each process killed and stopped in motion: time to rest, way"

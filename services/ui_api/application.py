@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -61,17 +62,30 @@ def main(arguments: list[str]) -> int:
     raised_handle_limit()
     os.nice(_LESS_URGENT)
     settings = load_settings(UiApiSettings, state_dir=given.state_dir)
-    with socket.socket(fileno=given.link) as line, socket.socket(fileno=given.listening) as listening:
-        return _run(settings, line, listening, given.boot_epoch)
+    with (
+        socket.socket(fileno=given.link) as line,
+        socket.socket(fileno=given.listening) as listening,
+        socket.socket(fileno=given.streams) as handed_on,
+    ):
+        return _run(settings, Inherited(line, listening, handed_on), given.boot_epoch)
 
 
-def _run(settings: UiApiSettings, line: socket.socket, listening: socket.socket, boot_epoch: str) -> int:
+@dataclass(frozen=True, slots=True)
+class Inherited:
+    """Sockets that the front has handed over: the link, where requests come in, and where connections do."""
+
+    line: socket.socket
+    listening: socket.socket
+    handed_on: socket.socket
+
+
+def _run(settings: UiApiSettings, inherited: Inherited, boot_epoch: str) -> int:
     links: list[FrontLink] = []
 
     @contextmanager
     def showing(_: Bus, runtime: Runtime, settings: ServiceSettings) -> Iterator[None]:
         """Heartbeats go to the front, which sends the gateway's own on the bus."""
-        links.append(FrontLink(line, runtime.stop.set))
+        links.append(FrontLink(inherited.line, runtime.stop.set))
         with reporting(runtime, settings), links[0].beating():
             yield
 
@@ -82,7 +96,8 @@ def _run(settings: UiApiSettings, line: socket.socket, listening: socket.socket,
 
         with open_gateway(bus, runtime, settings, Clock()) as gateway:
             app = make_app(gateway, settings.allowed_hosts)
-            with serving(app, listening, early_end):
+            with serving(app, inherited.listening, early_end, inherited.handed_on) as server:
+                links[0].streams = lambda: server.streams
                 links[0].listen(FrontRecording(gateway, app))
                 yield
                 gateway.feed.close()  # event streams end now, or the server would wait for them
@@ -94,6 +109,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(prog="python -m services.ui_api.application", description=__doc__)
     parser.add_argument("--link", type=int, required=True, help="inherited socket: the link to the front")
     parser.add_argument("--listening", type=int, required=True, help="inherited socket: where requests come in")
+    parser.add_argument(
+        "--streams", type=int, required=True, help="inherited socket: where connections are handed over"
+    )
     parser.add_argument("--boot-epoch", required=True, help="the gateway's run, which both processes name")
     parser.add_argument("--state-dir", type=Path, help="folder for the case record and the images")
     return parser

@@ -55,15 +55,16 @@ class FrontLink:
     def __init__(self, line: socket.socket, on_end: Callable[[], None]) -> None:
         self._line, self._on_end = line, on_end
         self._sending = threading.Lock()
+        self.streams: Callable[[], int] = lambda: 0
 
     @contextmanager
     def beating(self) -> Iterator[None]:
-        """Tell the front that this process lives, for as long as the context lasts."""
+        """Tell the front that this process lives, and how many streams it has, for as long as the context lasts."""
         ended = threading.Event()
 
         def beat() -> None:
             while not ended.wait(BEAT_S):
-                self.send(Beat())
+                self.send(Beat(streams=self.streams()))
 
         thread = supervised_thread("application beat", beat)
         thread.start()

@@ -43,15 +43,17 @@ class FrontFigures(_Line):
     kind: Literal["figures"] = "figures"
     connections: int
     relays: int
+    streams: int
     stops: int
     closed_idle: int
     refused: int
 
 
 class Beat(_Line):
-    """The application is alive."""
+    """The application is alive; so many connections that were handed to it stream."""
 
     kind: Literal["beat"] = "beat"
+    streams: int = 0
 
 
 class Listening(_Line):

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import uvicorn
 from fastapi import FastAPI
 
+from services.ui_api.handed_server import HandedServer
 from shared.threads import supervised_thread
 
 # Chosen: requests under way end within it; then their connections are closed.
@@ -14,13 +15,20 @@ _LEAVE_WITHIN_S = 3
 
 
 @contextmanager
-def serving(app: FastAPI, listening: socket.socket, on_early_end: Callable[[], None]) -> Iterator[None]:
+def serving(
+    app: FastAPI,
+    listening: socket.socket,
+    on_early_end: Callable[[], None],
+    handed_on: socket.socket | None = None,
+) -> Iterator[HandedServer]:
     """Serve an application for as long as the context lasts; the socket is closed on leaving.
 
     Parameters
     ----------
     on_early_end
         Called, on the server's thread, when the server ends by itself.
+    handed_on
+        Where the front hands over connections that stream.
     """
     config = uvicorn.Config(
         app,
@@ -32,7 +40,7 @@ def serving(app: FastAPI, listening: socket.socket, on_early_end: Callable[[], N
         http="h11",  # as strict as the front, which has read the request before
         server_header=False,
     )
-    server = uvicorn.Server(config)
+    server = HandedServer(config, handed_on)
 
     def serve() -> None:
         server.run(sockets=[listening])
@@ -42,7 +50,7 @@ def serving(app: FastAPI, listening: socket.socket, on_early_end: Callable[[], N
     thread = supervised_thread("http", serve)
     thread.start()
     try:
-        yield
+        yield server
     finally:
         server.should_exit = True
         thread.join(_LEAVE_WITHIN_S + 2.0)

@@ -71,6 +71,8 @@ SEEN_OTHERWISE = {
     ("services/ui_api/front/server.py", "create_task"): "in a group: what it raises ends the front's loop with a fault",
     ("services/ui_api/front/stops.py", "add_done_callback"): "hands a message over; the stop was sent before",
     ("services/ui_api/front_link.py", "add_done_callback"): "sends a message and nothing else",
+    ("services/ui_api/handed_server.py", "create_task"): "reports what it raises",
+    ("services/ui_api/handed_server.py", "add_done_callback"): "forgets the task and nothing else",
     ("services/ui_api/handlers/commands.py", "ThreadPoolExecutor"): "its work is supervised",
     ("services/ui_api/handlers/readiness.py", "ThreadPoolExecutor"): "readyz looks at every result",
     ("services/ui_api/routes/live.py", "create_task"): "the viewer's own task; it ends with the viewer",

@@ -48,13 +48,20 @@ class Place:
 
 
 class Admission:
-    """Counts connections and relayed requests, and knows which connections are idle."""
+    """Counts connections and relayed requests, and knows which connections are idle.
+
+    Attributes
+    ----------
+    streams
+        Connections that were handed on to the application and stream, as it counts them.
+    """
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
         self._places: set[Place] = set()
         self._idle: OrderedDict[Place, None] = OrderedDict()
         self.relays = 0
+        self.streams = 0
         self.closed_idle = 0
         self.refused = 0
 
@@ -88,9 +95,17 @@ class Admission:
         """Note that a connection has sent a request: it is not closed for another one's sake."""
         self._idle.pop(place, None)
 
+    def note_streams(self, count: int) -> None:
+        """Take over the application's own count."""
+        self.streams = count
+
+    def has_place_for_stream(self) -> bool:
+        """Whether the application may be handed one more connection that streams."""
+        return self.streams + self.relays < self.limits.relays
+
     def take_relay(self) -> bool:
         """Whether one more request may go to the application; `end_relay` gives its place back."""
-        if self.relays >= self.limits.relays:
+        if self.streams + self.relays >= self.limits.relays:
             self.refused += 1
             return False
         self.relays += 1

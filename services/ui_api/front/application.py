@@ -45,10 +45,13 @@ class ApplicationLink:
     ----------
     on_recorded
         Called with a stop's number when it is on record.
+    on_streams
+        Called with the number of connections that stream in the application.
     """
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self.on_recorded: Callable[[int], None] = lambda _: None
+        self.on_streams: Callable[[int], None] = lambda _: None
         self._watchdog = Watchdog(BEATS_WITHIN_S, clock_s)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._writer: asyncio.StreamWriter | None = None
@@ -97,8 +100,9 @@ class ApplicationLink:
 
     def _take(self, message: FromApplication) -> None:
         match message:
-            case Beat():
+            case Beat(streams=streams):
                 self._watchdog.feed()
+                self.on_streams(streams)
             case Listening():
                 self.listening = True
             case StopRecorded(number=number):
@@ -107,10 +111,11 @@ class ApplicationLink:
 
 @dataclass(slots=True)
 class ApplicationProcess:
-    """The process, its end of the link, and where it takes requests."""
+    """The process, its link, the socket that connections are handed over, and where it takes requests."""
 
     process: "subprocess.Popen[bytes]"
     line: socket.socket
+    streams: socket.socket
     address: Path
     leaving: threading.Event = field(default_factory=threading.Event)
 
@@ -146,16 +151,17 @@ def running_application(
     """
     with tempfile.TemporaryDirectory(prefix="distalock-") as folder:
         address = Path(folder) / "application.sock"
-        ours, its = socket.socketpair()
-        with ours, its, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
+        (ours, its), (giving, taking) = socket.socketpair(), socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with ours, its, giving, taking, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
             listening.bind(str(address))
             listening.listen(_BACKLOG)
-            handed_on = (its.fileno(), listening.fileno())
-            command = [sys.executable, "-m", module, "--link", str(handed_on[0]), "--listening", str(handed_on[1])]
-            process = subprocess.Popen([*command, *arguments], pass_fds=handed_on)  # noqa: S603 - our own module
-            its.close()
-            listening.close()
-            application = ApplicationProcess(process, ours, address)
+            handed_on = {"--link": its.fileno(), "--streams": taking.fileno(), "--listening": listening.fileno()}
+            options = [word for option, handle in handed_on.items() for word in (option, str(handle))]
+            command = [sys.executable, "-m", module, *options, *arguments]
+            process = subprocess.Popen(command, pass_fds=tuple(handed_on.values()))  # noqa: S603 - our own module
+            for handle in (its, taking, listening):
+                handle.close()
+            application = ApplicationProcess(process, ours, giving, address)
             supervised_thread("application", lambda: application.watch(on_end)).start()
             try:
                 yield application

@@ -11,7 +11,8 @@ import h11
 from services.ui_api.front.admission import Admission, Place
 from services.ui_api.front.answers import Asked, problem_answer, stop_answer
 from services.ui_api.front.application_socket import PIECE_BYTES, ApplicationGone
-from services.ui_api.front.heads import is_stop, path_of, stays_open
+from services.ui_api.front.handover import Handover
+from services.ui_api.front.heads import forwarded, is_stop, is_stream, path_of, stays_open
 from services.ui_api.front.relay import Client, Relay
 from services.ui_api.front.stops import FrontStops, Stop
 
@@ -39,12 +40,15 @@ class FrontParts:
         The application's socket.
     scheme
         ``http``, or ``https`` where TLS ends here.
+    handover
+        Takes connections that stream; None where TLS ends here, whose keys do not go along: then they are relayed.
     """
 
     stops: FrontStops
     admission: Admission
     address: Path
     scheme: str
+    handover: Handover | None = None
     head_within_s: float = HEAD_WITHIN_S
     idle_for_s: float = IDLE_FOR_S
 
@@ -136,6 +140,8 @@ class Connection:
         """Answer a request; whether the connection can take another one."""
         if is_stop(request):
             return await self._stop(request)
+        if self._parts.handover is not None and is_stream(request) and self._handed_over(self._parts.handover, request):
+            return False
         if not self._parts.admission.take_relay():
             most = self._parts.admission.limits.relays
             detail = f"the gateway works on {most} requests at once, which is its limit; try again, or end some"
@@ -153,6 +159,20 @@ class Connection:
         except ApplicationGone as error:
             detail = f"the gateway's application does not answer ({error or 'it starts, or has ended'}); try again"
             return self._refuse(request, "application_unavailable", detail)
+
+    def _handed_over(self, handover: Handover, request: h11.Request) -> bool:
+        """Let the application have the connection; False when it cannot: then the stream is relayed, or refused."""
+        if not self._parts.admission.has_place_for_stream():
+            return False
+        while self._parser.next_event() not in (h11.NEED_DATA, h11.PAUSED):
+            pass  # the end of a request that has no body
+        if self._parser.trailing_data[0]:
+            return False  # what comes behind may be a stop
+        content = forwarded(request, self._peer, self._parts.scheme)
+        if not handover.give(self._writer.get_extra_info("socket"), content):
+            return False
+        self._writer.transport.abort()  # this process's handle alone
+        return True
 
     def _refuse(self, request: h11.Request, code: str, detail: str) -> bool:
         """Answer 503, and end the connection: its body need not be read."""

@@ -9,6 +9,7 @@ from typing import Final
 from services.ui_api.front.admission import Admission, Limits, raised_handle_limit
 from services.ui_api.front.application import ApplicationLink, running_application
 from services.ui_api.front.connection import FrontParts
+from services.ui_api.front.handover import Handover
 from services.ui_api.front.server import FrontServer, serving_front
 from services.ui_api.front.stops import FrontStops
 from services.ui_api.handlers.stop import StopHandler
@@ -59,7 +60,10 @@ class _Gateway:
         arguments = ("--boot-epoch", runtime.boot_epoch, "--state-dir", str(self._settings.state_dir))
         with running_application(arguments, lambda code: self._on_end(code, runtime)) as application:
             scheme = "http" if self._https is None else "https"
-            parts = FrontParts(stops, Admission(Limits.of(self._handles)), application.address, scheme)
+            handover = Handover(application.streams) if self._https is None else None
+            admission = Admission(Limits.of(self._handles))
+            self._link.on_streams = admission.note_streams
+            parts = FrontParts(stops, admission, application.address, scheme, handover)
             with serving_front(FrontServer(parts, self._link, self._https), self._listening, application.line):
                 self._announce(runtime)
                 yield

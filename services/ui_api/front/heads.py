@@ -12,6 +12,7 @@ STOP_PATH: Final = "/api/v1/robot/stop"
 _OF_ONE_CONNECTION: Final = frozenset((b"connection", b"keep-alive", b"proxy-connection", b"te", b"expect"))
 _OF_THE_FRONT: Final = frozenset((b"x-forwarded-for", b"x-forwarded-proto", b"forwarded"))
 _FRAMING: Final = frozenset((b"content-length", b"transfer-encoding"))
+_EVENTS: Final = "/events"
 _END: Final = b"\r\n\r\n"
 _CHUNKED_END: Final = b"0\r\n\r\n"
 _NO_BODY: Final = frozenset((204, 304))
@@ -33,6 +34,11 @@ def path_of(request: h11.Request) -> str:
 def is_upgrade(request: h11.Request) -> bool:
     """Whether the client wants to go on with another protocol: with a WebSocket."""
     return any(name == b"upgrade" for name, _ in request.headers)
+
+
+def is_stream(request: h11.Request) -> bool:
+    """Whether the answer goes on and on: a WebSocket, or an event stream."""
+    return is_upgrade(request) or (request.method == b"GET" and path_of(request).endswith(_EVENTS))
 
 
 def stays_open(request: h11.Request) -> bool:

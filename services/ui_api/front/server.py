@@ -88,6 +88,7 @@ class FrontServer:
                 FrontFigures(
                     connections=admission.connections,
                     relays=admission.relays,
+                    streams=admission.streams,
                     stops=len(self._parts.stops),
                     closed_idle=admission.closed_idle,
                     refused=admission.refused,

@@ -33,11 +33,12 @@ class Metrics:
         self._dropped_lines = Gauge(
             "distalock_log_lines_dropped", "Log lines that could not be written.", registry=self.registry
         )
-        self.front = FrontFigures(connections=0, relays=0, stops=0, closed_idle=0, refused=0)
+        self.front = FrontFigures(connections=0, relays=0, streams=0, stops=0, closed_idle=0, refused=0)
         self._front = Gauge(
             "distalock_front",
             "The process that owns the port, a second ago at most: open connections, requests that the application "
-            "works on, stops not on record yet; since its start: connections closed to make room, requests refused.",
+            "works on, streams handed to it, stops not on record yet; since its start: connections closed to make "
+            "room, requests refused.",
             ("figure",),
             registry=self.registry,
         )

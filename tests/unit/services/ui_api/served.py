@@ -12,6 +12,7 @@ from services.ui_api.application import FrontRecording
 from services.ui_api.front.admission import Admission, Limits
 from services.ui_api.front.application import ApplicationLink
 from services.ui_api.front.connection import FrontParts
+from services.ui_api.front.handover import Handover
 from services.ui_api.front.port import listening_socket
 from services.ui_api.front.server import FrontServer, serving_front
 from services.ui_api.front.stops import FrontStops
@@ -38,8 +39,9 @@ def served(gateway: Gateway, router: MemoryRouter, keys: Keys, https: ssl.SSLCon
         stops = FrontStops(StopSender(StopHandler(stack.enter_context(router.open()), keys, "front").stop), link.tell)
         link.on_recorded = stops.note_recorded
         outer = stack.enter_context(listening_socket("127.0.0.1", 0))
-        parts = FrontParts(stops, Admission(ROOMY), address, scheme)
-        stack.enter_context(serving(app, inner, lambda: None))
+        giving, taking = (stack.enter_context(end) for end in socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+        parts = FrontParts(stops, Admission(ROOMY), address, scheme, Handover(giving) if https is None else None)
+        stack.enter_context(serving(app, inner, lambda: None, taking))
         stack.enter_context(serving_front(FrontServer(parts, link, https), outer, ours))
         application = FrontLink(its, lambda: None)
         stack.enter_context(application.beating())

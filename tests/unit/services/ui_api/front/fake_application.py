@@ -11,6 +11,7 @@ from services.ui_api.link_messages import FROM_FRONT, Listening, StopEnded, Stop
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--link", type=int, required=True)
+    parser.add_argument("--streams", type=int, required=True)
     parser.add_argument("--listening", type=int, required=True)
     given = parser.parse_args()
     with socket.socket(fileno=given.link) as line:

@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from services.ui_api.front.admission import Admission, Limits
 from services.ui_api.front.application import ApplicationLink
 from services.ui_api.front.connection import FrontParts
+from services.ui_api.front.handover import Handover
 from services.ui_api.front.port import listening_socket
 from services.ui_api.front.server import FrontServer, serving_front
 from services.ui_api.front.stops import FrontStops
@@ -34,7 +35,14 @@ class FrontRig:
         Of the public port.
     """
 
-    def __init__(self, stack: ExitStack, application: Application, limits: Limits, head_within_s: float) -> None:
+    def __init__(
+        self,
+        stack: ExitStack,
+        application: Application,
+        limits: Limits,
+        head_within_s: float,
+        handover: Handover | None,
+    ) -> None:
         self.stopped = threading.Semaphore(0)
         self.robot_answers = threading.Event()
         self.robot_answers.set()
@@ -46,7 +54,7 @@ class FrontRig:
         ours, self.its_end = (stack.enter_context(end) for end in socket.socketpair())
         outer = stack.enter_context(listening_socket("127.0.0.1", 0))
         self.address = outer.getsockname()
-        parts = FrontParts(self.stops, self.admission, place, "http", head_within_s, head_within_s)
+        parts = FrontParts(self.stops, self.admission, place, "http", handover, head_within_s, head_within_s)
         server = FrontServer(parts, self.link)
         threading.Thread(target=self._serve, args=(inner, application), daemon=True).start()
         stack.enter_context(serving_front(server, outer, ours))
@@ -110,7 +118,8 @@ def front(
     application: Application,
     limits: Limits = Limits(connections=100, relays=50),  # noqa: B008 - frozen
     head_within_s: float = PATIENCE_S,
+    handover: Handover | None = None,
 ) -> Iterator[FrontRig]:
     """A front on a free port for as long as the context lasts."""
     with ExitStack() as stack:
-        yield FrontRig(stack, application, limits, head_within_s)
+        yield FrontRig(stack, application, limits, head_within_s, handover)

@@ -8,10 +8,12 @@ import pytest
 
 from services.ui_api.front.admission import Limits
 from services.ui_api.front.answers import Asked, problem_answer
+from services.ui_api.front.handover import Handover
 from services.ui_api.routes.motion_views import StopView
 from services.ui_api.routes.problems import Problem
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.front.rig import GET, STOP, answer_of, front
+from tests.unit.services.ui_api.room import wait_until
 
 OK = b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\nconnection: close\r\n\r\n{}"
 
@@ -240,3 +242,28 @@ def test_a_problem_of_the_front_is_one_of_the_openapi_file() -> None:
     assert problem.title == "Gateway Timeout"
     assert b"connection: close" not in answer
     assert b"\r\nstrict-transport-security: " in answer, "as every answer of the application"
+
+
+def test_a_connection_that_streams_is_handed_to_the_application_with_what_was_read_of_it() -> None:
+    events = b"GET /api/v1/events HTTP/1.1\r\nhost: g\r\n\r\n"
+    giving, taking = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with giving, taking, front(answers, handover=Handover(giving)) as rig, rig.connect() as client:
+        client.sendall(events)
+        taking.settimeout(PATIENCE_S)
+        content, handles, _, _ = socket.recv_fds(taking, 65536, 1)
+        assert content.startswith(b"GET /api/v1/events HTTP/1.1\r\n")
+        assert b"x-forwarded-for: 127.0.0.1" in content
+        with socket.socket(fileno=handles[0]) as connection:
+            wait_until(lambda: rig.admission.connections == 0)
+            connection.sendall(b"from the application itself")
+            assert client.recv(65536) == b"from the application itself"
+
+
+def test_more_streams_than_the_bound_are_refused() -> None:
+    events = b"GET /api/v1/events HTTP/1.1\r\nhost: g\r\n\r\n"
+    giving, taking = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with giving, taking, front(answers, Limits(connections=20, relays=3), handover=Handover(giving)) as rig:
+        rig.admission.note_streams(3)  # as the application counts them
+        with rig.connect() as client:
+            client.sendall(events)
+            assert Problem.model_validate_json(answer_of(client).partition(b"\r\n\r\n")[2]).code == "gateway_busy"
