@@ -8,6 +8,7 @@ import uvicorn
 
 from shared.threads import report_error
 
+# As the front sends at most: see `front.handover`.
 _MOST_BYTES: Final = 64 * 1024
 
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from services.ui_api.core.events import Event
 
+# Chosen: half a minute of fluoroscopy; who is further behind reads the database.
 _KEPT: Final = 1024
 
 
