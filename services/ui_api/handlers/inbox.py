@@ -93,7 +93,7 @@ class Inbox:
     def start(self) -> None:
         """Begin to listen and to record."""
         self._thread.start()
-        self._bus.subscribe(self._keys.frame, lambda s: self._put(lambda: self._frame(s.attachment)))
+        self._bus.subscribe(self._keys.frame, self._frame_later)
         for key, handle in ((self._keys.calibration, self._calibration), (self._keys.localisation, self._localisation)):
             self._bus.subscribe_retained(key, self._recorded_later(handle))
         self._bus.subscribe_retained(self._keys.robot_state, self._robot_state)
@@ -155,6 +155,11 @@ class Inbox:
         """Record what is left of a run of fluoroscopy: its newest frames."""
         for payload in self._run.end():
             self._record_calibration(decode(CalibrationMessage, payload), payload)
+
+    def _frame_later(self, sample: Sample) -> None:
+        """What waits keeps the header and not the pixels: a queue that grows for a while would hold gigabytes."""
+        attachment = sample.attachment
+        self._put(lambda: self._frame(attachment))
 
     def _recorded_later(self, handle: Callable[[bytes], None]) -> Callable[[Sample], None]:
         return lambda sample: self._put(lambda: handle(sample.payload))
