@@ -138,7 +138,7 @@ class Combination:
                 if name not in (*self.fault.may_end, _ROBOT):
                     self.wrong.append(f"{name} ended by itself: {self.site.room.fleet.last_words(name)}")
                 self.site.room.fleet.restart(name)
-            if answer.failed.keys() == {_ROBOT_STATE}:
+            if _ROBOT_STATE in answer.failed and answer.failed.keys() <= {_ROBOT, _ROBOT_STATE}:
                 self._reset_robot(answer)
             if time.monotonic() > deadline_s:
                 raise NotReadyAgain(f"not ready {READY_WITHIN_S:g} s after the fault had gone: {answer.detail}")
