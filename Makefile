@@ -17,7 +17,7 @@ T ?= tests/unit
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
 
-.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit attacks mutation faults bench lock \
+.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit attacks model-check mutation faults bench lock \
 	generated wheel-check clean
 
 help:
@@ -26,6 +26,7 @@ help:
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
 	@echo "make attacks  tries to get past the controls of a running system, and rewrites docs/attacks.md"
+	@echo "make model-check  every order of events between robot service and gateway, and what each seeded mutation breaks"
 	@echo "make mutation  which changes of the safety modules the unit tests notice; one module with M=guard"
 	@echo "make faults  every fault at every step of the procedure; a tenth of them with ARGS=\"--tenth --seed 1\""
 	@echo "make bench   the full statistics; results go to docs/"
@@ -65,7 +66,7 @@ lint: setup
 	@$(BIN)/mypy
 
 tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) tests/accuracy tests/property tests/unit
+	$(PYTEST) $(PARALLEL) tests/accuracy tests/model tests/property tests/unit
 
 contract-tests: $(COMPILED)
 	$(PYTEST) tests/contract
@@ -82,6 +83,9 @@ unit: $(COMPILED)
 
 attacks: $(COMPILED)
 	$(BIN)/python -m tests.attacks $(ATTACK)
+
+model-check: $(COMPILED)
+	$(BIN)/python -m tests.model $(ARGS)
 
 # mutmut is installed for this purpose only.
 mutation: $(COMPILED)

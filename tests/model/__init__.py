@@ -1,0 +1,1 @@
+"""Model check: every order of events in which robot service and gateway can meet, searched over the code that runs."""
