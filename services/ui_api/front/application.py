@@ -58,10 +58,17 @@ class ApplicationLink:
         self._early: list[FromFront] = []
         self._lock = threading.Lock()
         self._alive = False
+        self._leaving = False
         self.listening = False
+
+    def leave(self) -> None:
+        """The gateway leaves: from now on there is no sign of life of it, so that a motion ends at once."""
+        self._leaving = True
 
     def is_alive(self) -> bool:
         """Whether the application has been heard a moment ago: the gateway's heartbeats depend on it."""
+        if self._leaving:
+            return False
         alive = not self._watchdog.expired()
         if alive is not self._alive:
             self._alive = alive

@@ -67,7 +67,8 @@ class _Gateway:
             with serving_front(FrontServer(parts, self._link, self._https), self._listening, application.line):
                 self._announce(runtime)
                 yield
-                application.end()  # first: requests under way are still answered, and stops go out
+                self._link.leave()  # before the application, which may take seconds: nothing moves meanwhile
+                application.end()  # before the port: requests under way are still answered, and stops go out
 
     def _announce(self, runtime: Runtime) -> None:
         runtime.log.info("listening", address=self._listening.getsockname(), https=self._https is not None)

@@ -78,4 +78,7 @@ def test_an_application_is_alive_for_as_long_after_a_beat_as_the_robots_deadline
     assert link.is_alive()
     now_s[0] += 0.01
     assert not link.is_alive()
+    link._watchdog.feed()
+    link.leave()
+    assert not link.is_alive(), "a gateway that leaves may take seconds: no motion goes on meanwhile"
     assert BEATS_WITHIN_S + 0.2 <= 0.5, "with the robot's own deadline"
