@@ -7,10 +7,9 @@ from tests.model.mutation import Mutation
 _LATE: Final = "late, lost and repeated commands"
 _FAILS: Final = "a controller that fails"
 _WIRES: Final = "wires"
-_WIRES_GATEWAY: Final = "wires, and a gateway that ends"
+_WIRES_DISK: Final = "wires, and a full disk"
 _WIRES_ROBOT: Final = "wires, and a robot service that ends"
 _THIEF: Final = "another client"
-_THIEF_FAILS: Final = "another client, and a controller that fails"
 _TABLE: Final = "services.robot.core.motion:_table"
 _LEDGER: Final = "services.robot.core.envelope:CommandLedger"
 _RULES: Final = "services.robot.core.permit_checks"
@@ -103,6 +102,27 @@ MUTATIONS: Final = (
         "permit.after_state_sequence >= now.first_since_stop",
         "True",
         _THIEF,
+    ),
+    Mutation(
+        "permits are taken again",
+        f"{_RULES}:_used",
+        "if now.used.holds(permit.nonce) else None",
+        "if False else None",
+        _THIEF,
+    ),
+    Mutation(
+        "nonces are not recorded",
+        "services.robot.core.permits:UsedPermits.with_taken",
+        "(*alive, (nonce, quoted_published_s))",
+        "alive",
+        _THIEF,
+    ),
+    Mutation(
+        "commands are handed over before they are on record",
+        f"{_COMMANDS}._begin",
+        "unit.after_commit(lambda: self._hand_over(waiting))",
+        "self._hand_over(waiting)",
+        _WIRES_DISK,
     ),
     Mutation(
         "forged signatures are taken",

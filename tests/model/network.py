@@ -71,21 +71,25 @@ def _arrives(services: Services, world: World, one: OnItsWay) -> Iterator[Step[W
 def _delivered(services: Services, world: World, one: OnItsWay, ran: Ran) -> Step[World]:
     packet = one.packet
     label = f"{packet.verb} arrives at the robot" + (" from the other client" if packet.client == THIEF else "")
+    if ran.taken:
+        world = _with_spent(services, world, set(ran.taken))
     if ran.memory.status.state is up(world).status.state:
         return services.after_robot(world, ran, label, helps=True)
     broken = _broken_by_effect(one, ran)
     if packet.verb == "acknowledge_stop":
         world = world._replace(stop_holds=False)
-    nonces = {permit.nonce for permit in packet.permits}
-    if ran.memory.status.state in _MOTIONS:
-        network = (
-            replace(other, spent=other.spent or bool(nonces & {p.nonce for p in other.packet.permits}))
-            for other in world.network.value
-        )
-        world = world._replace(network=services.boxes(tuple(network)))
     # What was published just before may reach the gateway after the answer.
     overtaken = services.published(world) if world.gateway.value.pending else None
     return services.after_robot(world, ran, label, broken, overtaken, helps=True)
+
+
+def _with_spent(services: Services, world: World, nonces: set[str]) -> World:
+    """A permit that was taken is used, whatever came of the motion."""
+    network = (
+        replace(one, spent=one.spent or any(permit.nonce in nonces for permit in one.packet.permits))
+        for one in world.network.value
+    )
+    return world._replace(network=services.boxes(tuple(network)))
 
 
 def _broken_by_effect(one: OnItsWay, ran: Ran) -> list[str]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from services.robot.core.motion import Effect
 from services.robot.core.status import DriveStatus
 from services.robot.core.supervision import MoveUnderWay
-from shared.messages.robot import RobotState
 from tests.model.labels import NOW_S
 from tests.model.plans import PlanName
 from tests.model.plant import Doing, Plant
@@ -62,14 +61,24 @@ class RobotMemory:
 
 @dataclass(frozen=True, slots=True)
 class Ran:
-    """What came of an event."""
+    """What came of an event.
+
+    Attributes
+    ----------
+    began
+        Motions that the hexapod began.
+    taken
+        Permits that were taken.
+    stopped
+        Whether the hexapod was stopped.
+    """
 
     memory: RobotMemory
     plant: Plant
     reply: Reply | None
     began: tuple[Doing, ...]
+    taken: tuple[str, ...]
     stopped: bool
-    state: RobotState | None = None
 
 
 def plain_status(status: DriveStatus) -> DriveStatus:

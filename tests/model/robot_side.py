@@ -4,8 +4,9 @@ from collections import OrderedDict, deque
 from dataclasses import replace
 
 from services.robot.core.envelope import _Record
-from services.robot.core.permits import PermitRecord, UsedPermits
+from services.robot.core.permits import Permit, PermitRecord, UsedPermits
 from services.robot.core.plans import EpochReport, HeardPlan, RegistrationView
+from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
 from services.robot.core.tuning import SUPERVISION
 from services.robot.drive.drive import Drive
@@ -33,6 +34,7 @@ class RobotSide:
     def __init__(self) -> None:
         self._bus = SilentBus()
         self._plant = PlantController()
+        self._taken: list[str] = []
         self._drive = Drive(self._connect, SUPERVISION.read_back, lambda: NOW_S, 1.0, _crashed)
         parts = RobotParts(
             hexapod=HEXAPOD,
@@ -42,7 +44,7 @@ class RobotSide:
             clock_s=lambda: NOW_S,
             note_change=lambda _: None,
             permit_verifier=VERIFIER,
-            note_permit=lambda *_: None,
+            note_permit=self._note_permit,
         )
         self._service = RobotService(self._bus, KEYS, parts)
         self._service.listen()
@@ -52,6 +54,10 @@ class RobotSide:
         """As a dialect does: stopped and locked before anything is asked."""
         self._plant.stop_now()
         return self._plant
+
+    def _note_permit(self, outcome: Permit | Refusal, sha256: str) -> None:  # noqa: ARG002 - the service's
+        if isinstance(outcome, Permit):
+            self._taken.append(outcome.nonce)
 
     def started(self, plan: PlanName, *, inside: bool) -> RobotMemory:
         """The service right after its start, when it has heard what others keep for those who come late."""
@@ -123,6 +129,7 @@ class RobotSide:
     def _load(self, memory: RobotMemory, plant: Plant) -> None:
         service, motion, watch = self._service, self._drive._motion, self._service.watch
         self._plant.load(plant)
+        self._taken.clear()
         motion._status, motion._pending, motion._closing = memory.status, memory.pending, False
         motion._controller = self._plant if memory.connected else None
         ledger = service._ledger
@@ -166,7 +173,14 @@ class RobotSide:
             forgets_stop=before.forgets_stop or (self._plant.stops > 0 and motion._status.stops == 0),
             heard=None if watch._watchdog.expired() else watch._boot_epoch,
         )
-        return Ran(after, self._plant.plant, _reply(payload), tuple(self._plant.began), self._plant.stops > 0)
+        return Ran(
+            memory=after,
+            plant=self._plant.plant,
+            reply=_reply(payload),
+            began=tuple(self._plant.began),
+            taken=tuple(self._taken),
+            stopped=self._plant.stops > 0,
+        )
 
 
 def _bytes(slot: str, reply: Reply | None) -> bytes | None:

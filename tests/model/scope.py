@@ -57,8 +57,8 @@ SCOPES: Final = (
     Scope("late, lost and repeated commands", moves=True, time=True, silence=True),
     Scope("a controller that fails", controller_fails=True, time=True),
     Scope("another client", thief=True, time=True),
-    Scope("another client, and a controller that fails", thief=True, controller_fails=True),
     Scope("wires", wires=True, time=True),
-    Scope("wires, and a gateway that ends", wires=True, moves=True, gateway_ends=True, disk_fills=True),
+    Scope("wires, and a full disk", wires=True, disk_fills=True),
+    Scope("wires, and a gateway that ends", wires=True, moves=True, gateway_ends=True),
     Scope("wires, and a robot service that ends", wires=True, robot_ends=True),
 )

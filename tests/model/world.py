@@ -55,7 +55,7 @@ class OnItsWay:
     given_up
         Whether the gateway has recorded that it was never carried out.
     spent
-        Whether its permit has allowed a motion already.
+        Whether its permit was taken before, whatever came of the motion.
     """
 
     packet: Packet
