@@ -66,7 +66,9 @@ def _run(given: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def _try_all(left: Sequence[Pass], given: argparse.Namespace, found: dict[str, Finding], store: RowFile[Finding]) -> None:
+def _try_all(
+    left: Sequence[Pass], given: argparse.Namespace, found: dict[str, Finding], store: RowFile[Finding]
+) -> None:
     """Try passes, several installations at once; each finding is kept and printed as soon as it is known."""
     waiting, lock, made_of = iter(left), threading.Lock(), revision(MEASURED) or "unknown"
 
