@@ -1,5 +1,6 @@
 """Attacks on the REST interface: requests that are ambiguous, large, slow or deep, floods, forged approvals."""
 
+import contextlib
 import socket
 import time
 import uuid
@@ -92,10 +93,20 @@ def _slow_upload(site: Site) -> str:
         while time.monotonic() < deadline_s:
             try:
                 connection.sendall(b" ")
-                return "body_too_slow" if b'"code":"body_too_slow"' in connection.recv(65536) else "answered"
+                answer = connection.recv(65536)
             except TimeoutError:
                 continue
+            return "body_too_slow" if b'"code":"body_too_slow"' in answer + _rest(connection) else "answered"
     return "waited for"
+
+
+def _rest(connection: socket.socket) -> bytes:
+    """What is left of an answer that comes in pieces, until the other side closes or says no more."""
+    rest = b""
+    with contextlib.suppress(OSError):
+        while piece := connection.recv(65536):
+            rest += piece
+    return rest
 
 
 def _stop_flood(site: Site) -> str:

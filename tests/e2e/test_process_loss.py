@@ -18,7 +18,7 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield site
 
 
-@pytest.mark.parametrize(("process", "number"), product(SERVICES, SIGNALS))
+@pytest.mark.parametrize(("process", "number"), list(product(SERVICES, SIGNALS)))
 def test_a_process_that_is_lost_in_motion_leaves_the_robot_locked(
     services: Site, process: str, number: signal.Signals
 ) -> None:
