@@ -62,8 +62,8 @@ def robot_by_itself(services: Services, world: World) -> Iterator[Step[World]]:
     if services.scope.controller_fails and robot.connected:
         ran = boxes.once(("fail", world.robot, world.plant), lambda: services.robot.fail(robot, plant))
         yield services.after_robot(world, ran, "the controller loses power")
-    if services.scope.robot_ends and robot.connected:
-        killed = world._replace(robot=boxes(None), notice=boxes(None))
+    if world.robot_ends and robot.connected:
+        killed = world._replace(robot=boxes(None), notice=boxes(None), robot_ends=False)
         yield Step("the robot service is killed", services.tidied(killed))
 
 

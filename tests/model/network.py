@@ -42,8 +42,11 @@ def sent(services: Services, world: World, acted: Acted) -> Iterator[Step[World]
     if acted.sent is None:
         yield services.after_gateway(world, acted, "the gateway does not send the command", helps=True)
         return
+    recorded = {o.requested.operation_id for o in world.gateway.value.operations}
+    broken = () if acted.sent.slot in recorded else (Property.RECORDED,)
     for after, lost in _with(services, world, acted.sent):
-        yield services.after_gateway(after, acted, f"the gateway sends {acted.sent.verb}{lost}", helps=True)
+        step = services.after_gateway(after, acted, f"the gateway sends {acted.sent.verb}{lost}", helps=True)
+        yield replace(step, broken=step.broken + broken)
 
 
 def _with(services: Services, world: World, packet: Packet) -> Iterator[tuple[World, str]]:

@@ -16,6 +16,7 @@ class Property(StrEnum):
     INSIDE = "inside"
     ONCE = "once"
     LATE = "late"
+    RECORDED = "recorded"
     GIVEN_UP = "given up"
     STOPPABLE = "stoppable"
     WAY_OUT = "way out"
@@ -48,6 +49,7 @@ STATEMENTS = {
         "No command has an effect later than its time to live allows, or in another run of the robot service",
         "□(effect(c) ⇒ age(c) ≤ ttl(c) ∧ boot(c) = boot)",
     ),
+    Property.RECORDED: Statement("The gateway sends no command that is not on record", "□(sent(id) ⇒ recorded(id))"),
     Property.GIVEN_UP: Statement(
         "What the gateway has recorded as not carried out is not carried out, before or after",
         "□(given_up(id) ⇒ □¬begun(id))",

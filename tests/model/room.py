@@ -44,6 +44,7 @@ def _starts(services: Services) -> tuple[World, ...]:
             notice=boxes(None),
             stop_holds=True,
             inside=False,
+            robot_ends=services.scope.robot_ends,
         )
         for is_referenced in (True, False)
     )

@@ -27,7 +27,7 @@ class Scope:
     wires
         Whether wires are put in and taken out.
     gateway_ends, robot_ends
-        Whether the gateway, or the robot service, is killed and started again.
+        Whether the gateway is killed and started again, as often as it likes, and the robot service, once.
     controller_fails
         Whether the controller loses power, and with it its reference; a reset then connects anew.
     disk_fills

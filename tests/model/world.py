@@ -79,6 +79,8 @@ class World(NamedTuple):
         Whether a stop has come, or a start, that nobody has acknowledged since.
     inside
         Whether a wire is in guide and bone.
+    robot_ends
+        Whether the robot service can still be killed: once, or the search would not end in two minutes.
     """
 
     robot: Box[RobotMemory | None]
@@ -88,3 +90,4 @@ class World(NamedTuple):
     notice: Box[Notice | None]
     stop_holds: bool
     inside: bool
+    robot_ends: bool
