@@ -1,12 +1,15 @@
-"""Each process killed and stopped in motion: at rest and locked within half a second and a millimetre."""
+"""Processes killed and stopped in motion: at rest and locked within half a second and a millimetre.
+
+Here are the two whose loss only the guardian, or only those that it has started, notice; `distalock bench process_loss`
+tries all.
+"""
 
 import signal
 from collections.abc import Iterator
-from itertools import product
 
 import pytest
 
-from benchmarks.faults.process_loss import INSTALLATION, SERVICES, SIGNALS, Site, lose, services_site, up_site
+from benchmarks.faults.process_loss import INSTALLATION, SIGNALS, Site, lose, services_site, up_site
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
 
@@ -18,20 +21,17 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield site
 
 
-@pytest.mark.parametrize(("process", "number"), list(product(SERVICES, SIGNALS)))
-def test_a_process_that_is_lost_in_motion_leaves_the_robot_locked(
-    services: Site, process: str, number: signal.Signals
-) -> None:
-    loss = lose(services, process, number)
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_robot_service_that_is_lost_in_motion_leaves_the_robot_locked(services: Site, number: signal.Signals) -> None:
+    loss = lose(services, "robot", number)
     print(loss)
     assert loss.within_limits, loss
 
 
-def test_an_installation_that_hangs_and_is_killed_in_motion_leaves_the_robot_locked(
+def test_an_installation_that_hangs_in_motion_leaves_the_robot_locked(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     with up_site(tmp_path_factory.mktemp("up")) as site:
-        for number in (signal.SIGSTOP, signal.SIGKILL):
-            loss = lose(site, INSTALLATION, number)
-            print(loss)
-            assert loss.within_limits, loss
+        loss = lose(site, INSTALLATION, signal.SIGSTOP)
+        print(loss)
+        assert loss.within_limits, loss
