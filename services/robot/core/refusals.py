@@ -52,7 +52,12 @@ _PERMIT_AGAIN = "ask the gateway again: it makes a permit for each command"
 
 
 def _criteria() -> tuple[RefusalCriterion, ...]:
-    return (*_criteria_of_commands(), *_criteria_of_permits(), *_criteria_of_the_guard())
+    return (
+        *_criteria_of_commands(),
+        *_criteria_of_permits(),
+        *_criteria_of_the_guard_on_supervision_and_plan(),
+        *_criteria_of_the_guard_on_robot_and_path(),
+    )
 
 
 def _criteria_of_commands() -> tuple[RefusalCriterion, ...]:
@@ -141,7 +146,7 @@ def _criteria_of_permits() -> tuple[RefusalCriterion, ...]:
     )
 
 
-def _criteria_of_the_guard() -> tuple[RefusalCriterion, ...]:
+def _criteria_of_the_guard_on_supervision_and_plan() -> tuple[RefusalCriterion, ...]:
     code, row = RefusalCode, RefusalCriterion
     return (
         # The guard: supervision
@@ -171,6 +176,12 @@ def _criteria_of_the_guard() -> tuple[RefusalCriterion, ...]:
         row(code.PLAN_EXPIRED, "age of the plan", "600 s (`plan_lifetime_s`)", _PLAN_AGAIN),
         row(code.PLAN_BEFORE_RECONNECTION, "time of the plan", "after the controller was connected", _PLAN_AGAIN),
         row(code.PLAN_OF_ANOTHER_CASE, "case and revision of the plan", "those of the open case", _PLAN_AGAIN),
+    )
+
+
+def _criteria_of_the_guard_on_robot_and_path() -> tuple[RefusalCriterion, ...]:
+    code, row = RefusalCode, RefusalCriterion
+    return (
         # The guard: the robot itself
         row(
             code.PLAN_FOR_ANOTHER_ROBOT,

@@ -77,7 +77,7 @@ class ApplicationLink:
         return alive
 
     def tell(self, message: FromFront) -> None:
-        """Send a message, from any thread; never waits. What is told before the link is there, is sent then."""
+        """Send a message, from any thread; never waits. What is given before the link is there, is sent then."""
         with self._lock:
             if self._loop is None:
                 self._early.append(message)

@@ -62,7 +62,7 @@ def plan_pruning(engine: Engine, ledger: Ledger, rules: RetentionRules, now_ns: 
 
 
 def prune(record: CaseRecord, plan: PruningPlan, who: str) -> None:
-    """Carry out a plan, one case at a time: each with the event that tells of it, or not at all."""
+    """Carry out a plan, one case at a time: each with the event that records it, or not at all."""
     for case in plan.cases:
         with record.write() as unit:
             announcement = unit.append(EventDraft(case, None, who, case.rule))

@@ -26,7 +26,7 @@ DOCUMENTS = Table(
     Column("content", LargeBinary, nullable=False),
 )
 
-# What may be pruned, each with the event that tells of it; the triggers of the migrations look here.
+# What may be pruned, each with the event that records it; the triggers of the migrations look here.
 PRUNINGS = Table(
     "prunings",
     METADATA,

@@ -77,7 +77,7 @@ class UnitOfWork:
         )
 
     def erase_case(self, case_id: str, announcement: Event, documents: Collection[str]) -> None:
-        """Empty all events of a case, and delete documents, after the event that tells of it was appended.
+        """Empty all events of a case, and delete documents, after the event that records it was appended.
 
         The database allows it because it is declared first (`migrations.versions.r0003_append_only`).
         """

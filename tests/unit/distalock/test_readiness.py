@@ -11,7 +11,7 @@ from distalock.readiness import GatewayReady, Server, why_not_ready
 
 
 class Gateway(ThreadingHTTPServer):
-    """Answers as it is told; with no code that is not well, it is ready."""
+    """Answers as it is set; with no code that is not well, it is ready."""
 
     codes: tuple[str, ...] = ()
 

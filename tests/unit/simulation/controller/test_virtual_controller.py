@@ -6,7 +6,7 @@ from simulation.controller.virtual_controller import VirtualController
 
 
 class Clock:
-    """Time that goes on when it is told."""
+    """Time that goes on when a test says so."""
 
     now_s = 100.0
 

@@ -1,7 +1,7 @@
 """Both databases refuse changes of what was recorded; what is pruned must be declared first.
 
 An event's content may become empty, its hashes staying, when `prunings` names its case; a document may go when
-`documents_to_prune` names it. Both name the event that tells of it, and both are themselves append-only.
+`documents_to_prune` names it. Both name the event that records it, and both are themselves append-only.
 """
 
 import sqlalchemy as sa

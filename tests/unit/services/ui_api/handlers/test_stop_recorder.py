@@ -17,7 +17,7 @@ STOPPED = StopOutcome(confirmed=True, state=MotionState.STOPPED, message="")
 
 
 class FullDisk(CaseRecord):
-    """A record that takes nothing until it is told to."""
+    """A record that takes nothing until a test lets it."""
 
     full = True
     refused = threading.Event()
