@@ -14,7 +14,7 @@ from services.registration.core.tuning import NAIL_PRIORS
 from simulation.render.image import ImageFaults, Noise, exposed, view_of
 from simulation.world.poses import starting_state
 
-SEEDS = range(7000, 7006)
+SEEDS = range(7000, 7004)
 
 
 @pytest.mark.slow
@@ -24,13 +24,13 @@ def test_random_scenes_are_localised_or_refused_but_never_wrong() -> None:
     assert found.wrong == 0
     assert found.ended_wrong == 0
     assert found.accepted == len(SEEDS)
-    # measured: median 0.051 and largest 0.077 mm, median 0.075 and largest 0.116 degrees, normalised 1.09 and 0.64
-    assert found.entry_mm[0] < 0.076
-    assert found.entry_mm[2] < 0.116
-    assert found.axis_deg[0] < 0.113
-    assert found.axis_deg[2] < 0.175
-    assert 0.72 < found.normalised_entry < 1.64
-    assert 0.42 < found.normalised_axis < 0.97
+    # measured: median 0.047 and largest 0.061 mm, median 0.100 and largest 0.117 degrees, normalised 0.93 and 0.74
+    assert found.entry_mm[0] < 0.071
+    assert found.entry_mm[2] < 0.092
+    assert found.axis_deg[0] < 0.15
+    assert found.axis_deg[2] < 0.176
+    assert 0.62 < found.normalised_entry < 1.39
+    assert 0.49 < found.normalised_axis < 1.11
 
 
 # Two balls lie over a hole in each: one search ended 11° off, and one on a slope.

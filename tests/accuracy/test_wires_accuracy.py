@@ -18,7 +18,8 @@ from tests.unit.services.registration.core.wires.wire_scene import (
 )
 from tests.unit.services.registration.xray_scene import nail_part, posed_guide
 
-SEEDS = range(100, 104)
+# A pair takes three times as long as one image.
+SEEDS = {"pair": range(100, 102), "lateral": range(100, 104)}
 
 
 def true_offsets_mm(wires: Wired, hole_id: str) -> NDArray[np.float64]:
@@ -49,7 +50,7 @@ def lateral_view(rng: np.random.Generator, wires: Wired, tip_mm: float) -> Regis
 def errors(kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Errors of the entry offset, as distances, and their predicted rms, for all wires of all seeds."""
     distances, predicted = [], []
-    for seed in SEEDS:
+    for seed in SEEDS[kind]:
         rng = np.random.default_rng(seed)
         wires, tip_mm = random_wires(rng), float(rng.uniform(106.0, 132.0))
         views = [believed(rng, lateral_view(rng, wires, tip_mm))]
@@ -63,11 +64,11 @@ def errors(kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return np.array(distances), np.array(predicted)
 
 
-# measured: medians 0.093 and 0.324 mm, largest 0.329 and 0.868 mm; normalised rms 1.08 and 0.71, largest 2.13 and 1.19
+# measured: medians 0.093 and 0.324 mm, largest 0.210 and 0.868 mm; normalised rms 1.14 and 0.71, largest 2.13 and 1.19
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "median_mm", "largest_mm", "normalised_rms", "normalised_largest"),
-    [("pair", 0.14, 0.49, (0.72, 1.61), 3.2), ("lateral", 0.49, 1.30, (0.47, 1.07), 1.8)],
+    [("pair", 0.14, 0.32, (0.76, 1.71), 3.2), ("lateral", 0.49, 1.30, (0.47, 1.07), 1.8)],
 )
 def test_errors_are_as_large_as_predicted(
     kind: str, median_mm: float, largest_mm: float, normalised_rms: tuple[float, float], normalised_largest: float
@@ -76,10 +77,10 @@ def test_errors_are_as_large_as_predicted(
     normalised = distances / predicted
     rms = float(np.sqrt(np.mean(normalised**2)))
     print(
-        f"{kind}: seeds {SEEDS}, {len(distances)} wires, median {np.median(distances):.3f} mm, "
+        f"{kind}: seeds {SEEDS[kind]}, {len(distances)} wires, median {np.median(distances):.3f} mm, "
         f"largest {distances.max():.3f} mm, normalised rms {rms:.2f}, largest {normalised.max():.2f}"
     )
-    assert len(distances) == 2 * len(SEEDS)
+    assert len(distances) == 2 * len(SEEDS[kind])
     assert np.median(distances) < median_mm
     assert distances.max() < largest_mm
     assert normalised_rms[0] < rms < normalised_rms[1]

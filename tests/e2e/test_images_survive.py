@@ -72,10 +72,7 @@ def require_all_finished(site: Shooting) -> None:
 
 
 # Without imaging nothing is acknowledged.
-@pytest.mark.parametrize(
-    ("service", "shots_while_down"),
-    [("imaging", 0), ("registration", 0), ("registration", 2), ("ui_api", 0), ("ui_api", 2)],
-)
+@pytest.mark.parametrize(("service", "shots_while_down"), [("imaging", 0), ("registration", 2), ("ui_api", 2)])
 def test_a_killed_process_loses_no_acknowledged_image(site: Shooting, service: str, shots_while_down: int) -> None:
     for _ in range(2):
         site.shoot()

@@ -8,11 +8,11 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 def test_no_sequence_of_faults_leads_to_an_unpermitted_motion_or_ends_unlocked() -> None:
-    seeds = range(20_000, 20_000 + faults.SEQUENCES // 80)
+    seeds = range(20_000, 20_000 + faults.SEQUENCES // 200)
     results = faults.results(seeds)
     print(f"seeds {seeds}: {sum(r.moves for r in results)} moves")
     assert [r for r in results if r.wrong] == []
-    assert sum(r.moves for r in results) > 102  # measured: 153
+    assert sum(r.moves for r in results) > 41  # measured: 62
     assert {r.final_state for r in results} == {"stopped", "fault"}
 
 

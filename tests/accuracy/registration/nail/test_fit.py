@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 STEEL = nail_part("steel", 12.0, 6.0)
 TITANIUM = nail_part("Ti6Al4V", 11.0, 5.3, 4.5)
-SHOTS = 6
+SHOTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +73,10 @@ def outcomes() -> tuple[Outcome, ...]:
 
 def test_axes_and_places_are_accurate() -> None:
     degrees = np.array([o.axis_deg for o in outcomes()])
-    # measured: median 0.033 and largest 0.054 degrees, largest 0.013 mm
+    # measured: median 0.036 and largest 0.055 degrees, largest 0.010 mm
     assert np.median(degrees) < 0.05
     assert degrees.max() < 0.081
-    assert max(o.across_mm for o in outcomes()) < 0.02
+    assert max(o.across_mm for o in outcomes()) < 0.015
 
 
 def test_predicted_errors_are_those_that_occur() -> None:

@@ -93,7 +93,7 @@ def lone() -> Iterator[Lone]:
         guidance = LiveGuidance(own, runtime, settings, state)
         with guidance.running():
             yield Lone(guidance, state, words)
-        runtime.stop.set()
+            runtime.stop.set()
 
 
 def followed_after_a_shot(lone: Lone) -> Guidance:

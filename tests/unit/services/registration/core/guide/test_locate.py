@@ -137,9 +137,8 @@ def test_the_file_of_another_guide_is_refused(guide: GuidePart) -> None:
     assert codes(located(scene, other, seed=7))[0] in {ReasonCode.GUIDE_NOT_FOUND, ReasonCode.GUIDE_AMBIGUOUS}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_guide_with_other_spacings_is_not_found(guide: GuidePart, seed: int) -> None:
-    along_lines = np.random.default_rng(seed).uniform(-2.0, 2.0, (28, 1)) * np.array([1.0, 0.0, 0.0])
+def test_a_guide_with_other_spacings_is_not_found(guide: GuidePart) -> None:
+    along_lines = np.random.default_rng(1).uniform(-2.0, 2.0, (28, 1)) * np.array([1.0, 0.0, 0.0])
     other = replace(guide, balls=replace(guide.balls, position_mm=guide.balls.position_mm + along_lines))
     true = posed((15.0, 2.0, 1.0))
     scene = Scene(SIZE_PX, balls=balls_of(guide, true, np.ones(28, dtype=bool)))
