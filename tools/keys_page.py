@@ -41,7 +41,8 @@ Rules
 - What moves the robot carries a permit that the gateway has signed (`docs/decisions/0028-permits-to-move.md`): that the
   router lets a
   command through is not enough. The plan itself comes from `registration/plan` alone.
-- No reply, or an error reply, never means "not carried out". What the access control denies is not answered either.
+- No reply, or an error reply, never means "not carried out". What the access control denies is not answered either;
+  it is on record (`docs/decisions/0037-what-the-router-refuses.md`).
 - A result names what it was made from: the image's hash, the part files' hashes, the case's revision, the software's
   version, and the
   registration epoch. A new image or a changed set-up makes a new epoch; whatever quotes an older one moves nothing.

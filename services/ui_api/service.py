@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import EventDraft
+from services.ui_api.handlers.bus_refusals import BusRefusalLog
 from services.ui_api.handlers.cases import CaseHandler
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.commands import CommandHandler
@@ -61,6 +62,7 @@ class Gateway:
     clock: Clock
     link_up: Callable[[], bool]
     services: ServiceHealth
+    refusals: BusRefusalLog
     readiness: Readiness
 
 
@@ -113,7 +115,8 @@ def _assemble(
     tail = EventTail(record.ledger.head_sequence)
     record.listen(tail.take)  # before the streams are woken, which read it
     record.listen(lambda _: feed.wake())
-    inbox = Inbox(bus, keys, record, view, commands, runtime.log, settings.run_calibrations)
+    refusals = BusRefusalLog(clock)
+    inbox = Inbox(bus, keys, record, view, commands, refusals, runtime.log, settings.run_calibrations)
     services = ServiceHealth(bus, keys, clock, WATCHED_SERVICES)
     link_up = bus.presence().link_up
     asked = ReadinessParts(
@@ -121,6 +124,7 @@ def _assemble(
         view=view,
         inbox=inbox,
         services=services,
+        refusals=refusals,
         own_status=runtime.status,
         link_up=link_up,
         settings=settings,
@@ -151,6 +155,7 @@ def _assemble(
         clock=clock,
         link_up=link_up,
         services=services,
+        refusals=refusals,
         readiness=Readiness(asked),
     )
     return gateway, context

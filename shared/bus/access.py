@@ -6,13 +6,15 @@ denied.
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, get_args
+from typing import Final, Literal, get_args
 
 from shared.bus.keys import Keys
 from shared.messages.presence import ServiceName
 from shared.messages.robot import Verb
 
 SERVICES: Final[tuple[ServiceName, ...]] = get_args(ServiceName)
+# The router has a name in the table and no certificate of a service: what it says itself passes no rules.
+Provider = ServiceName | Literal["router"]
 
 
 class Exchange(StrEnum):
@@ -40,14 +42,21 @@ class Row:
 
     key: str
     exchange: Exchange
-    provider: ServiceName
+    provider: Provider
     consumers: frozenset[ServiceName]
     carries: str
 
 
 def access_table(keys: Keys) -> tuple[Row, ...]:
     """The table of one operating room."""
-    return (*_imaging(keys), *_registration(keys), *_robot(keys), *_ui_api(keys), *_of_every_service(keys))
+    return (
+        *_imaging(keys),
+        *_registration(keys),
+        *_robot(keys),
+        *_ui_api(keys),
+        *_router(keys),
+        *_of_every_service(keys),
+    )
 
 
 def _imaging(keys: Keys) -> tuple[Row, ...]:
@@ -121,6 +130,11 @@ def _ui_api(keys: Keys) -> tuple[Row, ...]:
     others = _services("imaging", "registration", "robot")
     case = "`CaseContext`: the open case with its part files, and what is in the guide or the bone"
     return (Row(keys.case_context, Exchange.RETAINED, "ui_api", others, case),)
+
+
+def _router(keys: Keys) -> tuple[Row, ...]:
+    refusals = "`BusRefusals`: what it has refused since its start, at every change and every 5 s"
+    return (Row(keys.bus_refusals, Exchange.STREAM, "router", _services("ui_api"), refusals),)
 
 
 def _of_every_service(keys: Keys) -> tuple[Row, ...]:

@@ -104,6 +104,11 @@ class Keys:
         """`CaseContext` of the open case; last value kept."""
         return self._key("ui_api", "case")
 
+    @property
+    def bus_refusals(self) -> str:
+        """`BusRefusals`: what the router has refused since its start; repeated, so none is kept."""
+        return self._key("router", "refusals")
+
     def heartbeat(self, service: ServiceName) -> str:
         """`Heartbeat` of a service."""
         return self._key(service, "heartbeat")

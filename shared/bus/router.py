@@ -1,8 +1,8 @@
 """The router as a Python process: `python -m shared.bus.router [--room or1] [--listen tls/127.0.0.1:7447]`.
 
 A session opened with ``mode: router`` is a full Zenoh router, with no Python in the data path. It takes links under
-mutual TLS alone, and lets through what the access table allows. `--plain-bus` is the one way around, with a warning:
-anybody who reaches the port may then say anything.
+mutual TLS alone, lets through what the access table allows, and reports what it refuses (`refusal_watch`).
+`--plain-bus` is the one way around, with a warning: anybody who reaches the port may then say anything.
 """
 
 import argparse
@@ -22,6 +22,8 @@ from shared.arguments import OneLineParser
 from shared.bus.access import access_table
 from shared.bus.access_rules import access_control
 from shared.bus.keys import Keys
+from shared.bus.refusal_watch import captured_log, watched
+from shared.bus.router_log import NEEDED_TARGETS
 from shared.bus.tls import PLAIN_BUS_WARNING, SCHEME, TlsFiles
 from shared.errors import ConfigurationError
 from shared.signals import set_by_signals
@@ -29,8 +31,8 @@ from shared.signals import set_by_signals
 # The services end first; the robot's locks the hexapod and says so.
 LINGER_S: Final = 5.0
 DEFAULT_CONFIG = Path(__file__).with_name("router.json5")
-# Links that were refused go on record, each with what was wrong with its certificate.
-_LOGGED: Final = "zenoh_link_tls=warn,error"
+_ERRORS: Final = "error"
+_RUST_LOG: Final = "RUST_LOG"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class Protection:
 
 
 @contextmanager
-def running_router(config: zenoh.Config) -> Iterator[None]:
+def running_router(config: zenoh.Config) -> Iterator[zenoh.Session]:
     """A router for as long as the context lasts.
 
     Raises
@@ -63,7 +65,7 @@ def running_router(config: zenoh.Config) -> Iterator[None]:
     except zenoh.ZError as error:
         raise ConfigurationError(_why_not_open(_endpoints(config), error)) from error
     with session:
-        yield
+        yield session
 
 
 def router_config(config_file: Path, listen: Sequence[str], protection: Protection | None) -> zenoh.Config:
@@ -138,20 +140,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     stop = threading.Event()
     os.environ.setdefault("NO_COLOR", "1")
-    zenoh.init_log_from_env_or(_LOGGED)
     try:
         config = router_config(given.config, given.listen, None if given.plain_bus else _protection(given))
         if given.print_config:
             print(config)  # noqa: T201 - this is what was asked for
             return 0
-        if given.plain_bus:
-            print(f"router: warning: {PLAIN_BUS_WARNING}", file=sys.stderr)  # noqa: T201 - for the terminal
-        with set_by_signals(stop, LINGER_S), running_router(config):
-            stop.wait()
+        with set_by_signals(stop, LINGER_S):
+            if given.plain_bus:
+                _run_plain(config, stop)
+            else:
+                _run_watched(config, given.room, stop)
     except ConfigurationError as error:
         print(f"router: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2
     return 0
+
+
+def _run_plain(config: zenoh.Config, stop: threading.Event) -> None:
+    print(f"router: warning: {PLAIN_BUS_WARNING}", file=sys.stderr)  # noqa: T201 - for the terminal
+    zenoh.init_log_from_env_or(_ERRORS)
+    with running_router(config):
+        stop.wait()
+
+
+def _run_watched(config: zenoh.Config, room: str, stop: threading.Event) -> None:
+    """What is refused goes to the log, and on the bus to the gateway; the router's own messages pass no rules."""
+    os.environ[_RUST_LOG] = f"{os.environ.get(_RUST_LOG, _ERRORS)},{NEEDED_TARGETS}"
+    zenoh.init_log_from_env_or(_ERRORS)
+    key = Keys(room).bus_refusals
+    with (
+        captured_log() as log,
+        running_router(config) as session,
+        watched(log, str(session.info.zid()), lambda message: session.put(key, message)),
+    ):
+        stop.wait()
 
 
 def _parser() -> OneLineParser:

@@ -15,7 +15,7 @@ class Record:
     log
         Name of the process whose log has it.
     text
-        What its line contains.
+        What its line contains, as a regular expression.
     """
 
     log: str
@@ -35,7 +35,7 @@ class Attack:
     refusal
         What `run` must observe: the code of the refusal, or the behaviour where no code can be given.
     record
-        None where the router drops a message that the sender's certificate does not allow: that leaves no line.
+        None where nothing was refused, or where it was at a router of the attacker's own.
     run
         Tries it; returns what was observed.
     """

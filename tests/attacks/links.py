@@ -112,7 +112,11 @@ def _impostor(site: Site) -> str:
     return NO_LINK
 
 
-_BAD_CERTIFICATE: Final = Record("router", "zenoh_link_tls")
+def _by_router(text: str) -> Record:
+    """What the router refused and reported, in the case record."""
+    return Record("case-record", f"bus_refused.*{text}")
+
+
 _AUTHORITYS_KEY: Final = "the authority's key"
 
 ATTACKS: Final = (
@@ -121,7 +125,7 @@ ATTACKS: Final = (
         "nothing",
         "link to the router with TLS, without a certificate",
         NO_LINK,
-        Record("router", "peer sent no certificates"),
+        _by_router("peer sent no certificates"),
         _without_certificate,
     ),
     Attack(
@@ -129,7 +133,7 @@ ATTACKS: Final = (
         "nothing",
         "link to the router without TLS",
         NO_LINK,
-        _BAD_CERTIFICATE,
+        _by_router("InvalidContentType"),
         lambda site: _link_with(site, None, site.endpoint.replace("tls/", "tcp/")),
     ),
     Attack(
@@ -137,7 +141,7 @@ ATTACKS: Final = (
         "nothing",
         "a certificate that signs itself",
         NO_LINK,
-        _BAD_CERTIFICATE,
+        _by_router("CaUsedAsEndEntity"),
         _forged(lambda _: new_authority(_NOW)),
     ),
     Attack(
@@ -145,7 +149,7 @@ ATTACKS: Final = (
         "an authority of their own",
         "a certificate for `robot` from it",
         NO_LINK,
-        _BAD_CERTIFICATE,
+        _by_router("UnknownIssuer"),
         _forged(lambda _: issue(new_authority(_NOW), "robot", Use.CLIENT, (), _NOW)),
     ),
     Attack(
@@ -153,7 +157,7 @@ ATTACKS: Final = (
         "an old key of the robot",
         "its certificate, which has ended",
         NO_LINK,
-        _BAD_CERTIFICATE,
+        _by_router("certificate expired"),
         _forged(lambda authority: issue(authority, "robot", Use.CLIENT, (), _LONG_AGO)),
     ),
     Attack(
@@ -161,7 +165,7 @@ ATTACKS: Final = (
         "a key of the robot",
         "its certificate, which begins in two days",
         NO_LINK,
-        _BAD_CERTIFICATE,
+        _by_router("not valid yet"),
         _forged(lambda authority: issue(authority, "robot", Use.CLIENT, (), _NOW + timedelta(days=2))),
     ),
     Attack(
@@ -169,7 +173,7 @@ ATTACKS: Final = (
         "a certificate that the authority signed for a server",
         "link as a service",
         NO_LINK,
-        _BAD_CERTIFICATE,
+        _by_router("extended key usage"),
         _forged(lambda authority: issue(authority, "robot", Use.SERVER, ("localhost",), _NOW)),
     ),
     Attack(
@@ -186,7 +190,7 @@ ATTACKS: Final = (
         _AUTHORITYS_KEY,
         "link as `stranger`; listen to all, speak as the robot",
         NOTHING_PASSES,
-        None,
+        _by_router("stranger"),
         _unknown_name,
     ),
     Attack("service as router", "each service's key", "play the router for the robot", NO_LINK, None, _impostor),
@@ -195,7 +199,7 @@ ATTACKS: Final = (
         "imaging's key",
         "listen and invite everybody; speak as the robot",
         NOTHING_PASSES,
-        None,
+        _by_router("robot/state.*imaging"),
         peer_past_the_router,
     ),
     Attack(
@@ -203,7 +207,7 @@ ATTACKS: Final = (
         "imaging's key",
         "subscribe to `**`; speak as the robot",
         NOTHING_PASSES,
-        None,
+        _by_router(r"\*\*.*imaging"),
         listen_to_all,
     ),
 )

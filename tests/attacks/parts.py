@@ -32,7 +32,7 @@ ATTACKS: Final = (
         PORT,
         "read `../../../../etc/passwd` as a part",
         "not_found",
-        None,
+        Record("ui_api", "not_found"),
         request_to("GET", "/parts/..%2f..%2f..%2f..%2fetc%2fpasswd"),
     ),
     Attack(
@@ -40,7 +40,7 @@ ATTACKS: Final = (
         PORT,
         "change the nail to one named `../../etc/passwd`",
         "request_invalid",
-        None,
+        Record("ui_api", "request_invalid"),
         request_to("PATCH", "/cases/{case}", content=b'{"nail": "../../etc/passwd"}'),
     ),
     Attack(
@@ -48,7 +48,7 @@ ATTACKS: Final = (
         PORT,
         "read `../case-record.sqlite` as an image",
         "not_found",
-        None,
+        Record("ui_api", "not_found"),
         request_to("GET", "/images/..%2fcase-record.sqlite.dcm"),
     ),
 )

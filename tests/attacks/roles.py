@@ -10,7 +10,7 @@ from shared.bus.port import Answer, Query
 from shared.bus.zenoh_bus import ZenohBus
 from shared.errors import NoReply
 from shared.messages.presence import ServiceName
-from tests.attacks.attack import Attack
+from tests.attacks.attack import Attack, Record
 from tests.attacks.site import Site, silence
 
 UNHEARD: Final = "unheard"
@@ -106,7 +106,7 @@ ATTACKS: Final = tuple(
         f"{thief}'s key",
         f"publish, answer, ask and hold tokens as {victim}",
         UNHEARD,
-        None,
+        Record("case-record", f"bus_refused.*{victim}/heartbeat.*{thief}"),
         _in_the_role_of(thief, victim),
     )
     for thief in SERVICES

@@ -1,5 +1,6 @@
 """Tries one attack: was it refused as declared, is that on record, and did the robot stay where it was?"""
 
+import re
 import sqlite3
 from contextlib import closing
 from dataclasses import dataclass
@@ -45,7 +46,7 @@ def is_recorded(record: Record, site: Site, ends: dict[Path, int]) -> bool:
     files = [file for file in (*site.log_files(), site.case_record) if file.stem == record.log]
     try:
         wait_until(
-            lambda: any(record.text in _since(file, ends.get(file, 0)) for file in files),
+            lambda: any(re.search(record.text, _since(file, ends.get(file, 0))) for file in files),
             record.text,
             RECORDED_WITHIN_S,
         )

@@ -140,8 +140,17 @@ _POST: Final = (
     "POST /api/v1/cases HTTP/1.1\r\nHost: localhost\r\nIdempotency-Key: 1\r\nContent-Type: application/json\r\n"
 )
 
+_UNREADABLE: Final = Record("ui_api-front", "request refused: request_invalid")
+
 ATTACKS: Final = (
-    Attack("no host", PORT, "a request without a Host header", "400", None, raw("GET /api/v1/cases HTTP/1.1\r\n\r\n")),
+    Attack(
+        "no host",
+        PORT,
+        "a request without a Host header",
+        "400",
+        _UNREADABLE,
+        raw("GET /api/v1/cases HTTP/1.1\r\n\r\n"),
+    ),
     Attack(
         "header smuggling",
         PORT,
@@ -159,7 +168,7 @@ ATTACKS: Final = (
         PORT,
         "two Content-Length headers that differ",
         "400",
-        None,
+        _UNREADABLE,
         raw(_POST + "Content-Length: 2\r\nContent-Length: 60\r\n\r\n{{}}"),
     ),
     Attack(
@@ -167,7 +176,7 @@ ATTACKS: Final = (
         PORT,
         "`Content-Length : 2`, which some readers ignore",
         "400",
-        None,
+        _UNREADABLE,
         raw(_POST + "Content-Length : 2\r\n\r\n{{}}"),
     ),
     Attack(
@@ -175,7 +184,7 @@ ATTACKS: Final = (
         PORT,
         "a body of 10 MiB",
         "body_too_large",
-        None,
+        gateway_log("body_too_large"),
         request_to("POST", "/cases", content=b" " * _LARGE_BYTES),
     ),
     Attack(
@@ -183,7 +192,7 @@ ATTACKS: Final = (
         PORT,
         f"JSON of {_DEEP} nested lists",
         "request_refused",
-        None,
+        gateway_log("request_refused"),
         request_to("POST", "/cases", content=b"[" * _DEEP + b"]" * _DEEP),
     ),
     Attack(
@@ -191,7 +200,7 @@ ATTACKS: Final = (
         PORT,
         "a gzip body, so that it grows here",
         "request_refused",
-        None,
+        gateway_log("request_refused"),
         request_to("POST", "/cases", {"Content-Encoding": "gzip"}, bytes.fromhex("1f8b0800000000000003")),
     ),
     Attack(
@@ -202,13 +211,20 @@ ATTACKS: Final = (
         Record("ui_api-front", "head_too_slow"),
         _slow_head,
     ),
-    Attack("slow upload", PORT, "a body of one byte every half second", "body_too_slow", None, _slow_upload),
+    Attack(
+        "slow upload",
+        PORT,
+        "a body of one byte every half second",
+        "body_too_slow",
+        gateway_log("body_too_slow"),
+        _slow_upload,
+    ),
     Attack(
         "unapproved plan",
         PORT,
         "start a motion from a plan that does not exist",
         "plan_not_found",
-        None,
+        gateway_log("plan_not_found"),
         request_to("POST", "/cases/{case}/motions", content=b'{"plan": 99}'),
     ),
     Attack(
@@ -216,7 +232,7 @@ ATTACKS: Final = (
         PORT,
         "approve the plan under another hash",
         "plan_hash_mismatch",
-        None,
+        gateway_log("plan_hash_mismatch"),
         request_to(
             "POST", "/cases/{case}/plans/{plan}/approval", {"If-Match": f'"{"0" * 64}"'}, b'{"approved_by": "nobody"}'
         ),

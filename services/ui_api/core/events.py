@@ -6,6 +6,7 @@ The event log is the only truth about a case: everything else (`core.case`, `cor
 from dataclasses import dataclass
 from enum import StrEnum
 
+from services.ui_api.core.bus_event_data import BusRefused
 from services.ui_api.core.event_data import (
     CaseOpened,
     CasePruned,
@@ -57,6 +58,7 @@ class EventKind(StrEnum):
     STEP_RECORDED = "step_recorded"
     ROBOT_CHANGED = "robot_changed"
     PRESENCE_CHANGED = "presence_changed"
+    BUS_REFUSED = "bus_refused"
     CASE_PRUNED = "case_pruned"
     IMAGES_PRUNED = "images_pruned"
 
@@ -82,6 +84,7 @@ EventData = (
     | StepRecorded
     | RobotChanged
     | PresenceChanged
+    | BusRefused
     | CasePruned
     | ImagesPruned
 )
@@ -107,6 +110,7 @@ DATA_OF_KIND: dict[EventKind, type[EventData]] = {
     EventKind.STEP_RECORDED: StepRecorded,
     EventKind.ROBOT_CHANGED: RobotChanged,
     EventKind.PRESENCE_CHANGED: PresenceChanged,
+    EventKind.BUS_REFUSED: BusRefused,
     EventKind.CASE_PRUNED: CasePruned,
     EventKind.IMAGES_PRUNED: ImagesPruned,
 }

@@ -78,6 +78,7 @@ class Connection:
                 admission.idle(self._place)
         except h11.RemoteProtocolError as error:
             detail = f"the request cannot be read: {error}"
+            _log.warning("request refused: request_invalid: %s (from %s)", detail, self._peer)
             asked = Asked("", self._parts.scheme, keeps_open=False)
             self._writer.write(problem_answer(error.error_status_hint, "request_invalid", detail, asked))
         except TimeoutError:

@@ -20,6 +20,7 @@ from services.ui_api.core.event_data import (
 from services.ui_api.core.events import EventData, EventDraft
 from services.ui_api.core.fluoroscopy import FluoroscopyRun
 from services.ui_api.core.image_numbers import NumbersOnRecord
+from services.ui_api.handlers.bus_refusals import BusRefusalLog
 from services.ui_api.handlers.catch_up import CatchUp, Recorder
 from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.images import FRAME_TIMEOUT_S
@@ -32,6 +33,7 @@ from shared.errors import NoReply, RecordUnavailable
 from shared.messages.base import MessageInvalid, decode, encode
 from shared.messages.imaging import CalibrationMessage, FrameHeader, ImageReference
 from shared.messages.presence import ServiceName
+from shared.messages.refusals import BusRefusals
 from shared.messages.registration import LocalisationRecord
 from shared.messages.robot import RobotState
 from shared.messages.stored_images import Skip, Step, StoredImage
@@ -72,9 +74,11 @@ class Inbox:
         record: CaseRecord,
         view: RobotView,
         commands: CommandHandler,
+        refusals: BusRefusalLog,
         log: Log,
         run_calibrations: int,
     ) -> None:
+        self._refusals = refusals
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._commands, self._log = view, commands, log
         self._queue: BoundedQueue[Callable[[], None]] = BoundedQueue(_QUEUE_SIZE)
@@ -97,6 +101,7 @@ class Inbox:
         for key, handle in ((self._keys.calibration, self._calibration), (self._keys.localisation, self._localisation)):
             self._bus.subscribe_retained(key, self._recorded_later(handle))
         self._bus.subscribe_retained(self._keys.robot_state, self._robot_state)
+        self._bus.subscribe(self._keys.bus_refusals, self._recorded_later(self._refused_on_bus))
         for service in WATCHED_SERVICES:
             self._bus.presence().watch_alive(self._keys.alive(service), self._presence_of(service))
         self._catch_up.start()
@@ -175,6 +180,11 @@ class Inbox:
 
     def _robot_changed(self, state: RobotState) -> None:
         self._append_to_open_case(change_of(state), "robot")
+
+    def _refused_on_bus(self, payload: bytes) -> None:
+        event = self._refusals.note(decode(BusRefusals, payload))
+        if event is not None:
+            self._append_to_open_case(event, "router")
 
     def _presence_of(self, service: ServiceName) -> Callable[[str, bool], None]:
         def changed(_: str, alive: bool) -> None:  # noqa: FBT001 - the bus port's signature

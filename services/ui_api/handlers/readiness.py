@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Final
 
+from services.ui_api.handlers.bus_refusals import BusRefusalLog, summary
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.inbox import Inbox
 from services.ui_api.handlers.robot_view import RobotView, Validity
@@ -60,6 +61,7 @@ class ReadinessParts:
     view: RobotView
     inbox: Inbox
     services: ServiceHealth
+    refusals: BusRefusalLog
     own_status: StatusReporter
     link_up: Callable[[], bool]
     settings: ServiceSettings
@@ -102,6 +104,8 @@ class Readiness:
         yield from (self._service(service) for service in parts.services.heard)
         yield self._robot_state()
         yield self._gateway()
+        # Never a lack: whoever is refused could keep the system from being used.
+        yield Check("access", "ok", summary(parts.refusals.newest))
 
     def _service(self, service: ServiceName) -> Check:
         heard, silent_s = self._parts.services.heard[service], self._parts.services.silent_for_s(service)

@@ -23,7 +23,7 @@ from starlette.responses import Response
 from services.ui_api.handlers.refusals import invalid
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
-from services.ui_api.routes.problems import PROBLEM_JSON, Problem, problem_of
+from services.ui_api.routes.problems import PROBLEM_JSON, Problem, log_refusal, problem_of, sender_of
 from shared.errors import DistalockError
 
 T = TypeVar("T")
@@ -43,13 +43,14 @@ class Keyed:
     key: str
     request_sha256: str
     path: str
+    sender: str = "unknown"
 
 
 def keyed(request: Request, key: str, body: BaseModel, quoted: str = "") -> Keyed:
     """What identifies a request; `quoted` is a header that belongs to what it says, such as If-Match."""
     content = [request.method, request.url.path, body.model_dump(mode="json"), quoted]
     fingerprint = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-    return Keyed(key, fingerprint, request.url.path)
+    return Keyed(key, fingerprint, request.url.path, sender_of(request))
 
 
 def json_answer(status: int, body: BaseModel, **headers: str) -> Answer:
@@ -102,6 +103,7 @@ class Idempotency:
             refusal = problem_of(error, request.path)
             if refusal.status >= 500:
                 raise
+            log_refusal(refusal, request.sender)
             answer = problem_answer(refusal)
             with self._record.write() as unit:
                 unit.remember(request.key, request.request_sha256, answer)

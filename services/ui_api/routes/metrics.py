@@ -42,6 +42,12 @@ class Metrics:
             ("figure",),
             registry=self.registry,
         )
+        self._refused = Gauge(
+            "distalock_bus_refusals",
+            "What the router has refused since its start; NaN before it has reported.",
+            ("code",),
+            registry=self.registry,
+        )
         self._queued = Gauge(
             "distalock_queued", "What waits in a queue of the gateway.", ("queue",), registry=self.registry
         )
@@ -63,6 +69,8 @@ class Metrics:
         self._dropped_lines.set(dropped_lines()[0])
         for figure, value in self.front.model_dump(exclude={"kind"}).items():
             self._front.labels(figure).set(value)
+        for code, refused in gateway.refusals.figures().items():
+            self._refused.labels(code).set(refused)
         self._queued.labels("inbox").set(gateway.inbox.waiting)
         self._queued.labels("stop_record").set(len(gateway.stop_recorder))
         for service, alive in gateway.inbox.presence.alive.items():

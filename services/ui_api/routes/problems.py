@@ -3,6 +3,7 @@
 import http
 import logging
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -16,6 +17,9 @@ from shared.messages.base import MessageInvalid
 
 PROBLEM_JSON = "application/problem+json"
 
+_log = logging.getLogger("distalock.ui_api")
+# A request may quote itself in what is wrong with it.
+_LONGEST_LOGGED: Final = 300
 _STATUS_OF_KIND: Mapping[RefusalKind, int] = {
     RefusalKind.MALFORMED: 400,
     RefusalKind.UNKNOWN: 404,
@@ -119,9 +123,25 @@ def _status_of(error: DistalockError) -> int:
             return 500
 
 
+def sender_of(request: Request) -> str:
+    """Address of who sent a request."""
+    return request.client.host if request.client else "unknown"
+
+
+def log_refusal(document: Problem, sender: str) -> None:
+    """What a client did wrong goes to the log, so that attempts can be found there."""
+    if document.status < http.HTTPStatus.INTERNAL_SERVER_ERROR:
+        _log.warning("request refused: %s: %s (from %s)", document.code, document.detail[:_LONGEST_LOGGED], sender)
+
+
+def _refusal(request: Request, document: Problem, headers: Mapping[str, str] | None = None) -> Response:
+    log_refusal(document, sender_of(request))
+    return problem_response(document, headers)
+
+
 async def _on_distalock_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, DistalockError)
-    return problem_response(problem_of(error, request.url.path))
+    return _refusal(request, problem_of(error, request.url.path))
 
 
 async def _on_invalid_request(request: Request, error: Exception) -> Response:
@@ -132,20 +152,20 @@ async def _on_invalid_request(request: Request, error: Exception) -> Response:
         if any(
             e["type"] == "missing" and [str(p).lower() for p in e["loc"]] == ["header", name] for e in error.errors()
         ):
-            return problem_response(problem(status, code, detail, request.url.path))
+            return _refusal(request, problem(status, code, detail, request.url.path))
     more = f" (and {len(places) - 1} more)" if len(places) > 1 else ""
     detail = f"{first.place}: {first.message}{more}"
-    return problem_response(problem(422, "request_invalid", detail, request.url.path, places))
+    return _refusal(request, problem(422, "request_invalid", detail, request.url.path, places))
 
 
 async def _on_http_exception(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     code = _CODE_OF_STATUS.get(error.status_code, "request_refused")
     detail = f"{request.method} {request.url.path}: {error.detail}"
-    return problem_response(problem(error.status_code, code, detail, request.url.path), error.headers)
+    return _refusal(request, problem(error.status_code, code, detail, request.url.path), error.headers)
 
 
 async def _on_fault(request: Request, error: Exception) -> Response:
-    logging.getLogger("distalock.ui_api").error("fault in %s %s", request.method, request.url.path, exc_info=error)
+    _log.error("fault in %s %s", request.method, request.url.path, exc_info=error)
     detail = "the gateway failed while it handled the request; its log has the cause"
     return problem_response(problem(500, "internal_error", detail, request.url.path))
