@@ -55,9 +55,14 @@ def concrete(key: str) -> str:
     return key.replace("*", "some")
 
 
+def provider_of(row: Row) -> ServiceName:
+    """Of a row that a service provides."""
+    return next(service for service in SERVICES if service == row.provider)
+
+
 def allowed(table: list[Row]) -> Arrived:
     """(provider, consumer, key) of all that may arrive."""
-    return {(row.provider, consumer, concrete(row.key)) for row in table for consumer in row.consumers}
+    return {(provider_of(row), consumer, concrete(row.key)) for row in table for consumer in row.consumers}
 
 
 class Record:
@@ -131,9 +136,9 @@ def test_a_publisher_that_is_there_for_long_reaches_who_subscribes_later(
     """A publisher that knows no subscriber sends nothing: it must hear of those that come."""
     table, record = rows(Exchange.STREAM, Exchange.RETAINED), Record()
     publishers = {
-        row.key: providers[row.provider].retained_publisher(row.key)
+        row.key: providers[provider_of(row)].retained_publisher(row.key)
         if row.exchange is Exchange.RETAINED
-        else providers[row.provider].publisher(row.key)
+        else providers[provider_of(row)].publisher(row.key)
         for row in table
     }
     silence()
@@ -250,7 +255,7 @@ def test_tokens_are_seen_of_their_holder_by_who_may_watch(providers: Sessions, c
     silence()
     assert seen == set(), "a token of somebody else's name was seen"
     for row in table:
-        providers[row.provider].declare_alive(concrete(row.key))
+        providers[provider_of(row)].declare_alive(concrete(row.key))
     expected = {(consumer, concrete(row.key)) for row in table for consumer in row.consumers}
     eventually(lambda: expected <= seen)
     silence()
