@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Final
 
 from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import EventDraft
@@ -36,6 +37,8 @@ from shared.bus.port import Bus
 from shared.pki.permit_key import PermitSigner
 from shared.runtime.lifecycle import Runtime, software_version
 
+# Chosen: half a minute of fluoroscopy of each case in memory, which an hour of it must not fill.
+_IMAGES_HELD: Final = 1024
 LEASE_LAPSED = "the hold-to-move lease lapsed"
 
 
@@ -77,7 +80,7 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
     """
     with sole_gateway(settings.record_url()):
         signer = settings.permit_signer()
-        record = CaseRecord(open_database(settings.record_url()), clock.unix_ns)
+        record = CaseRecord(open_database(settings.record_url()), clock.unix_ns, _IMAGES_HELD)
         gateway, context = _assemble(bus, runtime, settings, clock, record, signer)
         record.append(EventDraft(GatewayStarted(runtime.boot_epoch, software_version()), None, "gateway"))
         gateway.commands.adopt_orphans()

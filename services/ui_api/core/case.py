@@ -42,7 +42,8 @@ class Case:
     """Everything the log says about a case. Lists are in the order of the log; numbers count from 1.
 
     Images are in the order in which they were received, the newest last: one that the gateway missed, and records
-    later, takes its place among the others.
+    later, takes its place among the others. Of running fluoroscopy, `frames_let_go` older frames from which nothing was
+    measured are on record only.
     """
 
     case_id: str
@@ -53,6 +54,7 @@ class Case:
     progress: Progress = _AT_THE_START
     stage_before_motion: Stage = Stage.POSITIONING
     images: tuple[ImageReceived, ...] = ()
+    frames_let_go: int = 0
     calibrations: tuple[ImageCalibrated, ...] = ()
     skipped: tuple[ImageSkipped, ...] = ()
     localisations: tuple[LocalisationReceived, ...] = ()
@@ -94,6 +96,19 @@ class Case:
     def skip_of(self, image_sha256: str) -> ImageSkipped | None:
         """Why an image was not calibrated or localised; None when it was, or nobody has said so."""
         return next((s for s in reversed(self.skipped) if s.image_sha256 == image_sha256), None)
+
+    def holding(self, frames: int) -> "Case":
+        """The case without the older frames of fluoroscopy from which nothing was measured; so many of all images stay.
+
+        An hour of fluoroscopy is 108,000 frames. Some more are held until it is worth letting go of them.
+        """
+        surplus = len(self.images) - frames
+        if surplus <= frames // 4:
+            return self
+        measured = {one.image_sha256 for one in (*self.calibrations, *self.localisations, *self.skipped)}
+        older = tuple(i for i in self.images[:surplus] if not i.in_run or i.image_sha256 in measured)
+        let_go = self.frames_let_go + surplus - len(older)
+        return replace(self, images=older + self.images[surplus:], frames_let_go=let_go)
 
     def plan(self, number: int) -> PlanEntry | None:
         """A plan, by its number."""

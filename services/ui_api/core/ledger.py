@@ -17,9 +17,11 @@ class Ledger:
     """The state that the log adds up to. Cases and operations keep the order in which they began.
 
     The maps are replaced as a whole by `take`, so that a reader on another thread sees them either before or after an
-    event, never in between.
+    event, never in between. Of a case's images the newest `images_held` are held, and of those before them all but the
+    frames of fluoroscopy from which nothing was measured; None holds all.
     """
 
+    images_held: int | None = None
     cases: dict[str, Case] = field(default_factory=dict)
     operations: dict[str, Operation] = field(default_factory=dict)
     head_sequence: int = 0
@@ -42,7 +44,7 @@ class Ledger:
 
     def with_events(self, events: Sequence[Event]) -> "Ledger":
         """The ledger after more events; this one stays as it is. Raises what an event brings that does not fit."""
-        after = Ledger(self.cases, self.operations, self.head_sequence, self.images)
+        after = Ledger(self.images_held, self.cases, self.operations, self.head_sequence, self.images)
         for event in events:
             after.take(event)
         return after
@@ -80,7 +82,8 @@ class Ledger:
             return
         case = _case_with(self.cases.get(event.case_id), event)
         if case is not None:
-            self.cases = {**self.cases, event.case_id: case}
+            held = case if self.images_held is None else case.holding(self.images_held)
+            self.cases = {**self.cases, event.case_id: held}
 
     def _take_image(self, event: Event) -> None:
         data = event.data

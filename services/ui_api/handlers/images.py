@@ -47,6 +47,8 @@ class ImageHandler:
         """An image of any case, the newest case first; raises `Refused`."""
         for case in reversed(self._record.ledger.cases.values()):
             image = case.image(sha256)
+            if image is None and case.frames_let_go:
+                image = self._record.image_let_go(case.case_id, sha256)
             if image is not None:
                 return KnownImage(image, case)
         raise unknown("image", sha256, "GET /cases/{id}/images lists those of a case")

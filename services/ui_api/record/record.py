@@ -14,7 +14,8 @@ from sqlalchemy.exc import DBAPIError, IntegrityError, ProgrammingError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from services.ui_api.core.chain import GENESIS_SHA256, ChainEntry, why_broken
-from services.ui_api.core.events import Event, EventDraft
+from services.ui_api.core.event_data import ImageReceived
+from services.ui_api.core.events import Event, EventDraft, EventKind
 from services.ui_api.core.ledger import Ledger
 from services.ui_api.core.pruning import PrunedEntries
 from services.ui_api.record.codec import decoded, entry_of_row
@@ -40,6 +41,8 @@ class CaseRecord:
         From `record.database.open_database`.
     clock_ns
         Wall clock, nanoseconds since 1970: for people, and for the age of stored answers.
+    images_held
+        How many images of each case the ledger holds at least; None: all. The log holds all.
 
     Raises
     ------
@@ -47,7 +50,7 @@ class CaseRecord:
         When the log cannot be read to its end.
     """
 
-    def __init__(self, engine: Engine, clock_ns: Callable[[], int]) -> None:
+    def __init__(self, engine: Engine, clock_ns: Callable[[], int], images_held: int | None = None) -> None:
         self._engine = engine
         self._fresh = unpooled(engine)
         self._clock_ns = clock_ns
@@ -55,7 +58,7 @@ class CaseRecord:
         self._listeners: list[Callable[[Sequence[Event]], None]] = []
         self._head_sha256 = GENESIS_SHA256
         self._in_doubt = False
-        self.ledger = Ledger()
+        self.ledger = Ledger(images_held)
         self._fold_log()
         self._file = _File(engine)
 
@@ -131,6 +134,15 @@ class CaseRecord:
             query = query.where(EVENTS.c.case_id == case_id)
         with self._reading() as connection:
             return [decoded(entry_of_row(row)) for row in connection.execute(query)]
+
+    def image_let_go(self, case_id: str, sha256: str) -> ImageReceived | None:
+        """An image of a case that the ledger no longer holds: the newest of that hash on record."""
+        names_it = EVENTS.c.data_json.contains(sha256, autoescape=True)
+        of_kind = EVENTS.c.kind == EventKind.IMAGE_RECEIVED
+        query = select(EVENTS).where(EVENTS.c.case_id == case_id, of_kind, names_it).order_by(EVENTS.c.sequence.desc())
+        with self._reading() as connection:
+            found = (decoded(entry_of_row(row)).data for row in connection.execute(query))
+            return next((i for i in found if isinstance(i, ImageReceived) and i.image_sha256 == sha256), None)
 
     def document(self, sha256: str) -> bytes:
         """A document's content; raises `KeyError` when there is none of that hash."""

@@ -17,13 +17,16 @@ PngView = Literal["raw", "corrected", "overlay"]
 
 @router.get("/cases/{case_id}/images")
 def list_images(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[ImageView]:
-    """The images of a case, the oldest first."""
+    """The images of a case, the oldest first; of running fluoroscopy the newest frames, and those that were measured.
+
+    Older frames are among the case's events, and `GET /images/{id}` knows them.
+    """
     case = gateway.cases.case(case_id)
 
     def view(image: ImageReceived) -> ImageView:
         return ImageView.of(case, image, gateway.images.header(image))
 
-    return page(case.images, cursor, limit, view)
+    return page(case.images, cursor, limit, view, case.frames_let_go)
 
 
 @router.get("/images/{image_id}.dcm", response_class=Response, responses={200: {"content": {"application/dicom": {}}}})

@@ -1,4 +1,8 @@
-"""Cursor pages: a cursor is opaque to clients and stays valid, because lists only ever grow at their end."""
+"""Cursor pages: a cursor is opaque to clients and stays valid, because lists only ever grow at their end.
+
+The list of images may also lose older ones; a cursor counts them, so that after it an image may come again, and none is
+left out.
+"""
 
 import base64
 from collections.abc import Callable, Sequence
@@ -24,18 +28,18 @@ class Page(BaseModel, Generic[V]):
     next_cursor: str | None
 
 
-def page(entries: Sequence[T], cursor: str | None, limit: int, view: Callable[[T], V]) -> Page[V]:
-    """One page of a list.
+def page(entries: Sequence[T], cursor: str | None, limit: int, view: Callable[[T], V], lost: int = 0) -> Page[V]:
+    """One page of a list, which has lost so many older entries.
 
     Raises
     ------
     Refused
         When the cursor is none that this gateway gave out.
     """
-    start = 0 if cursor is None else _position(cursor)
+    start = 0 if cursor is None else max(_position(cursor) - lost, 0)
     end = start + limit
     items = [view(entry) for entry in entries[start:end]]
-    return Page(items=items, next_cursor=_cursor(end) if end < len(entries) else None)
+    return Page(items=items, next_cursor=_cursor(end + lost) if end < len(entries) else None)
 
 
 def _cursor(position: int) -> str:

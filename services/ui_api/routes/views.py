@@ -99,7 +99,7 @@ class CaseView(View):
             nominal_source_to_detector_mm=setup.nominal_source_to_detector_mm,
             nominal_pixel_mm=setup.nominal_pixel_mm,
             drill_diameter_mm=setup.drill_diameter_mm,
-            images=len(case.images),
+            images=case.frames_let_go + len(case.images),
             localisations=len(case.localisations),
             plans=len(case.plans),
             verifications=len(case.verifications),

@@ -164,3 +164,22 @@ def test_a_case_is_not_opened_without_an_id() -> None:
     data = CaseOpened(samples.case_setup())
     with pytest.raises(ValueError, match="event 1 opens a case without an id"):
         opened_case(Event(1, 1, None, "test", "", data), data)
+
+
+def _frame(number: int) -> ImageReceived:
+    return ImageReceived(samples.sha(f"frame {number}"), "1.2", 1, 1, None, "store", number, in_run=True)
+
+
+def test_of_a_long_fluoroscopy_the_newest_frames_are_held_and_every_image_that_was_measured() -> None:
+    log = Log(Ledger(images_held=8))
+    log.add(CaseOpened(samples.case_setup()), _image("shot"))
+    for number in range(1, 101):
+        case = log.add(_frame(number))
+        if number == 5:
+            case = log.add(_localised(1, "frame 5"))
+    names = [image.image_sha256 for image in case.images]
+    assert names[:2] == [samples.sha("shot"), samples.sha("frame 5")]
+    assert names[-8:] == [samples.sha(f"frame {number}") for number in range(93, 101)]
+    assert len(names) <= 2 + 8 + 8 // 4
+    assert case.frames_let_go + len(names) == 101
+    assert 7 in log.ledger.images["store"]

@@ -13,7 +13,7 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import IntegrityError
 
 from services.ui_api.core.chain import ChainBroken, ChainIntact
-from services.ui_api.core.event_data import CaseOpened
+from services.ui_api.core.event_data import CaseOpened, ImageReceived
 from services.ui_api.core.events import Event, EventDraft, EventKind
 from services.ui_api.core.robot_event_data import OperationEnded, OperationStatus
 from services.ui_api.record.database import existing_database, open_database, sole_gateway, sqlite_url
@@ -50,6 +50,18 @@ def test_a_reopened_record_adds_up_to_the_same(engine: Engine) -> None:
     assert [e.kind for e in again.events_after(0)] == [EventKind.CASE_OPENED, EventKind.STEP_RECORDED]
     again.append(STEP)
     assert again.ledger.head_sequence == 3
+
+
+def test_a_frame_that_the_ledger_let_go_is_found_on_record(engine: Engine) -> None:
+    record = CaseRecord(engine, lambda: 1, images_held=4)
+    record.append(_OPENED)
+    frames = [ImageReceived(samples.sha(f"{n}"), "1.2", 1, 1, None, "store", n, in_run=True) for n in range(1, 21)]
+    for frame in frames:
+        record.append(EventDraft(frame, "case-1", "imaging"))
+    case = record.ledger.cases["case-1"]
+    assert case.image(frames[0].image_sha256) is None
+    assert record.image_let_go("case-1", frames[0].image_sha256) == frames[0]
+    assert record.image_let_go("case-1", samples.sha("another")) is None
 
 
 def test_what_fails_half_way_leaves_nothing(engine: Engine) -> None:
