@@ -15,6 +15,7 @@ import httpx
 
 from benchmarks.robot.stop_latency_rig import StopRig
 from services.ui_api.record.location import sqlite_url
+from shared.scheduling import ordinary
 
 VIEWERS: Final = 20
 EVENT_CLIENTS: Final = 50
@@ -41,7 +42,8 @@ class LoadProcess:
         words = [word for name, value in arguments.items() for word in (f"--{name}", str(value))]
         # Clients and C-arm are other machines: here they take only what the installation leaves.
         command = ["nice", "-n", "10", sys.executable, "-m", f"benchmarks.robot.{module}", *words]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        with ordinary():
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.result = ""
 
     def wait_until_ready(self) -> None:

@@ -36,6 +36,7 @@ from benchmarks.robot.loads import (
 from benchmarks.robot.stop_latency_rig import MUTE_BEFORE_S, StopRig, stop_rig
 from distalock.arguments import whole_number
 from shared.arguments import OneLineParser
+from shared.scheduling import has_precedence, precedence
 
 TRIALS = 1000
 LOADED_TRIALS = 200
@@ -170,6 +171,8 @@ def _report(alone: Latencies, loaded: Sequence[Loaded]) -> str:
         _row("alone, all", alone.all_s, ""),
         *(_row(one.name, one.seconds, f"{quantile_s(one.seconds, 99.0) / alone_p99_s:.2f}") for one in loaded),
     ]
+    with precedence():
+        real_time = has_precedence()
     remarks = "".join(f"- {one.name}: {one.remark}.\n" for one in loaded)
     return (
         "# Stop\n\n"
@@ -180,10 +183,11 @@ def _report(alone: Latencies, loaded: Sequence[Loaded]) -> str:
         f"| limit | | | {1e3 * LIMIT_P99_S:.0f} ms | {1e3 * LIMIT_WORST_S:.0f} ms (alone) | {LIMIT_RATIO:g} |\n\n"
         f"{remarks}\n"
         f"No trial alone may take longer than {1e3 * LIMIT_WORST_S:.0f} ms: that is the safety requirement, and "
-        f"`tests/e2e/test_stop_latency.py` holds each of its {TRIALS // 10} trials to it.\nThe controller goes mute "
+        f"`tests/e2e/test_stop_latency.py` holds each of its trials to it.\nThe controller goes mute "
         f"{1e3 * MUTE_BEFORE_S:.0f} ms before the stop: the stop that the driver sends by itself after 250 ms\n"
         "of silence comes too late to pass for the one that is timed. The clients of the last load and the source "
-        "of its frames run on the same machine,\nat nice 10, and take their share of it.\n\n"
+        "of its frames run on the same machine,\nat nice 10, and take their share of it. Front, router, robot service "
+        f"and the process that measures {'had' if real_time else 'did not have'} real-time scheduling.\n\n"
         f"Load average of the five minutes before the end of this run: {os.getloadavg()[1]:.1f}, "
         f"on {os.cpu_count()} processors.\n"
     )

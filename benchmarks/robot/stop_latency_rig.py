@@ -37,6 +37,7 @@ from shared.messages.robot import (
     RobotState,
 )
 from shared.pki.permit_key import PERMIT_KEY_FILE, PermitSigner
+from shared.scheduling import precedence
 from simulation.controller.gcs_protocol import SingleByte
 from simulation.controller.servers import tcp_server
 from simulation.controller.virtual_controller import VirtualController
@@ -231,7 +232,8 @@ def stop_rig() -> Iterator[StopRig]:
     ports = Ports.any_free()
     controller = ListeningController(HEXAPOD, time.monotonic)
     ended = threading.Event()
-    with tempfile.TemporaryDirectory() as folder, tcp_server(controller) as gcs_port:
+    # Controller and console, for which this process stands, have processors of their own.
+    with tempfile.TemporaryDirectory() as folder, precedence(), tcp_server(controller) as gcs_port:
         installation = Installation(ports, Path(folder), f"socket://127.0.0.1:{gcs_port}")
         with (
             _robot_and_gateway(installation) as fleet,

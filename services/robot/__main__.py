@@ -23,6 +23,7 @@ from shared.parts.files import read_part_file
 from shared.parts.hexapod_file import hexapod_from_json
 from shared.robot_states import MotionState
 from shared.runtime.lifecycle import Runtime, service_main
+from shared.scheduling import take_precedence
 from shared.signals import parent_silent_for_s
 
 
@@ -84,5 +85,11 @@ def _hexapod(settings: RobotSettings) -> HexapodPart:
         raise ConfigurationError(str(error)) from None
 
 
+def main() -> int:
+    """Exit code: as of every service."""
+    take_precedence()
+    return service_main("robot", RobotSettings, compose)
+
+
 if __name__ == "__main__":
-    sys.exit(service_main("robot", RobotSettings, compose))
+    sys.exit(main())

@@ -13,6 +13,7 @@ from shared.errors import ConfigurationError
 from shared.runtime.help import settings_help
 from shared.runtime.settings import load_settings
 from shared.runtime.tls_context import Clients, server_context
+from shared.scheduling import take_precedence
 
 
 def main(arguments: list[str]) -> int:
@@ -49,6 +50,7 @@ def _offline() -> ModuleType:
 
 def _serve(settings: UiApiSettings) -> int:
     files = settings.https_files()
+    take_precedence()
     https = None if files is None else server_context(files, Clients.ANYBODY)
     with listening_socket(settings.host, settings.port) as listening:
         return run_gateway(settings, listening, https)

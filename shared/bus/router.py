@@ -26,6 +26,7 @@ from shared.bus.refusal_watch import captured_log, watched
 from shared.bus.router_log import NEEDED_TARGETS
 from shared.bus.tls import PLAIN_BUS_WARNING, SCHEME, TlsFiles
 from shared.errors import ConfigurationError
+from shared.scheduling import take_precedence
 from shared.signals import set_by_signals
 
 # The services end first; the robot's locks the hexapod and says so.
@@ -139,6 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGTERM or SIGINT; 0 after a clean end, 2 when the router cannot start."""
     given = _parser().parse_args(arguments)
     stop = threading.Event()
+    take_precedence()
     os.environ.setdefault("NO_COLOR", "1")
     try:
         config = router_config(given.config, given.listen, None if given.plain_bus else _protection(given))

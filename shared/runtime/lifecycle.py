@@ -32,6 +32,7 @@ from shared.runtime.logging import Log, configure_logging, flush_logs
 from shared.runtime.presence import StatusReporter, always, beating
 from shared.runtime.settings import ServiceSettings, bus_settings, load_settings
 from shared.runtime.sole_service import sole_service
+from shared.scheduling import has_precedence
 from shared.signals import set_by_signals
 from shared.threads import described, faults_go_to, supervised
 
@@ -143,7 +144,9 @@ def reporting(runtime: Runtime, settings: ServiceSettings) -> Iterator[None]:
     runtime.status.report("starting")
     check_bus(settings.router_endpoint, runtime.keys, MemoryLimits.of_this_process(), runtime.log, runtime.status)
     with watched(runtime, settings):
-        runtime.log.info("started", version=software_version(), router=settings.router_endpoint)
+        runtime.log.info(
+            "started", version=software_version(), router=settings.router_endpoint, real_time=has_precedence()
+        )
         try:
             yield
         finally:

@@ -27,6 +27,7 @@ from services.ui_api.link_messages import (
     StopRecorded,
 )
 from shared.runtime.watchdog import Watchdog
+from shared.scheduling import ordinary
 from shared.threads import supervised_thread
 
 _log = structlog.stdlib.get_logger("distalock.ui_api")
@@ -165,7 +166,8 @@ def running_application(
             handed_on = {"--link": its.fileno(), "--streams": taking.fileno(), "--listening": listening.fileno()}
             options = [word for option, handle in handed_on.items() for word in (option, str(handle))]
             command = [sys.executable, "-m", module, *options, *arguments]
-            process = subprocess.Popen(command, pass_fds=tuple(handed_on.values()))  # noqa: S603 - our own module
+            with ordinary():  # it computes, and must not keep the processor from a stop
+                process = subprocess.Popen(command, pass_fds=tuple(handed_on.values()))  # noqa: S603 - our own module
             for handle in (its, taking, listening):
                 handle.close()
             application = ApplicationProcess(process, ours, giving, address)
