@@ -198,7 +198,7 @@ class GatewaySide:
 
     def _load(self, memory: GatewayMemory) -> None:
         operations = {o.requested.operation_id: o for o in memory.operations}
-        self._record.load(Ledger({CASE: memory.case}, operations))
+        self._record.load(Ledger(None, {CASE: memory.case}, operations))
         state = None if memory.seen is None else state_of(memory.seen, later=False)
         self._view._seen = None if state is None else SeenRobot(state, NOW_S)
         self._stops.count = _STOPS

@@ -105,7 +105,8 @@ class Case:
         surplus = len(self.images) - frames
         if surplus <= frames // 4:
             return self
-        measured = {one.image_sha256 for one in (*self.calibrations, *self.localisations, *self.skipped)}
+        measured = {one.image_sha256 for one in self.calibrations} | {one.image_sha256 for one in self.localisations}
+        measured |= {one.image_sha256 for one in self.skipped}
         older = tuple(i for i in self.images[:surplus] if not i.in_run or i.image_sha256 in measured)
         let_go = self.frames_let_go + surplus - len(older)
         return replace(self, images=older + self.images[surplus:], frames_let_go=let_go)
