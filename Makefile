@@ -17,7 +17,7 @@ T ?= tests/unit
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
 
-.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit attacks model-check mutation faults bench lock \
+.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit attacks model-check mutation faults bench lock release \
 	generated wheel-check clean
 
 help:
@@ -32,6 +32,7 @@ help:
 	@echo "make bench   the full statistics; results go to docs/"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
 	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
+	@echo "make release  a signed release in OUT=FOLDER with the key KEY=FILE; docs/releases.md"
 	@echo "make setup   only the environment in .venv, with the command at .venv/bin/distalock"
 
 setup: $(COMPILED)
@@ -106,6 +107,9 @@ lock: setup
 
 wheel-check: setup
 	$(BIN)/python -m tests.packaging.wheel_check
+
+release: setup
+	$(BIN)/python -m tools.release --key $(KEY) --out $(OUT)
 
 generated: setup
 	$(BIN)/python -m tools.generate

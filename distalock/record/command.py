@@ -33,7 +33,7 @@ from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.verify import verify_record
 from services.ui_api.settings import UiApiSettings
 from shared.errors import DistalockError, InputError
-from shared.pki.anchor_key import AnchorKey, AnchorPublicKey
+from shared.pki.signing_key import SigningKey, VerifyingKey
 from shared.runtime.lifecycle import software_version
 from shared.runtime.settings import load_settings
 
@@ -66,7 +66,7 @@ def _verify(given: argparse.Namespace, settings: UiApiSettings) -> int:
     engine = existing_database(settings.record_url())
     if given.anchors is None:
         return _reported(verify_record(engine))
-    key = AnchorPublicKey.from_file(given.public_key)
+    key = VerifyingKey.from_file(given.public_key)
     anchors = read_anchors(given.anchors)
     verdict = verify_with_anchors(engine, anchors, key.sha256, key.has_signed)
     if isinstance(verdict, ChainIntact) and anchors:
@@ -86,7 +86,7 @@ def _anchor(given: argparse.Namespace, settings: UiApiSettings) -> int:
     """What does not hold is not countersigned: neither a broken record, nor one that is not what it was."""
     engine = existing_database(settings.record_url())
     anchors = read_anchors(given.anchors) if given.anchors.exists() else []
-    key = AnchorKey.from_file(given.key) if given.key.exists() or anchors else _new_key(given.key)
+    key = SigningKey.from_file(given.key) if given.key.exists() or anchors else _new_key(given.key)
     public = key.public()
     verdict = verify_with_anchors(engine, anchors, public.sha256, public.has_signed)
     if isinstance(verdict, ChainBroken):
@@ -96,8 +96,8 @@ def _anchor(given: argparse.Namespace, settings: UiApiSettings) -> int:
     return EXIT_GOOD
 
 
-def _new_key(file: Path) -> AnchorKey:
-    key = AnchorKey.make(file)
+def _new_key(file: Path) -> SigningKey:
+    key = SigningKey.make(file)
     public = file.with_suffix(".pub")
     public.write_bytes(key.public().pem)
     print(f"made key {file}, and {public.name} beside it for whoever verifies")

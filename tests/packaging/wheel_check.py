@@ -5,7 +5,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,8 +17,8 @@ import cv2
 from simulation.render.image import render_scene
 from simulation.scenario.sampling import scenario_of_seed
 from simulation.world.poses import starting_state
+from tools.wheel import built_wheel
 
-ROOT: Final = Path(__file__).resolve().parents[2]
 SEED: Final = 2
 
 
@@ -27,25 +26,12 @@ def main() -> int:
     """Build, install and run; the exit code is 0 when every command does what it should."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        command = installed(built(folder), folder / "environment")
+        command = installed(built_wheel(folder), folder / "environment")
         wrong = [sentence for sentence in checks(command, folder) if sentence]
     for sentence in wrong:
         print(f"wheel: {sentence}", file=sys.stderr)
     print("wheel: all commands work" if not wrong else f"wheel: {len(wrong)} commands do not work")
     return int(bool(wrong))
-
-
-def built(folder: Path) -> Path:
-    """The wheel, built from the files that git knows, so that nothing left over from earlier builds goes in."""
-    sources = folder / "sources"
-    listed = subprocess.run(["git", "-C", str(ROOT), "ls-files"], capture_output=True, text=True, check=True).stdout
-    for file in listed.splitlines():
-        if (ROOT / file).is_file():
-            (sources / file).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / file, sources / file)
-    words = ["wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder), str(sources)]
-    subprocess.run([sys.executable, "-m", "pip", *words], check=True)
-    return next(folder.glob("distalock-*.whl"))
 
 
 def installed(wheel: Path, environment: Path) -> Path:

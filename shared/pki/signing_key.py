@@ -1,4 +1,4 @@
-"""The key that countersigns heads of the case record. Whoever keeps the anchors has it, apart from the record."""
+"""A key for what must be verifiable elsewhere: anchors of the case record, releases. It is kept apart from both."""
 
 import hashlib
 import os
@@ -12,11 +12,11 @@ from cryptography.hazmat.primitives.asymmetric import ed25519
 from shared.bus.tls import require_private
 from shared.errors import ConfigurationError
 
-_REMEDY: Final = "name the key that the anchors were made with"
+_REMEDY: Final = "name the key that belongs to these signatures"
 
 
-class AnchorKey:
-    """Signs. Only `distalock record anchor` has it."""
+class SigningKey:
+    """Signs. Only `distalock record anchor` and `tools.release` have one, each its own."""
 
     def __init__(self, key: ed25519.Ed25519PrivateKey) -> None:
         self._key = key
@@ -55,12 +55,12 @@ class AnchorKey:
         """Signature (RFC 8032) in hexadecimal."""
         return self._key.sign(content).hex()
 
-    def public(self) -> "AnchorPublicKey":
+    def public(self) -> "VerifyingKey":
         """What whoever verifies needs."""
-        return AnchorPublicKey(self._key.public_key())
+        return VerifyingKey(self._key.public_key())
 
 
-class AnchorPublicKey:
+class VerifyingKey:
     """Verifies; nobody can sign with it."""
 
     def __init__(self, key: ed25519.Ed25519PublicKey) -> None:

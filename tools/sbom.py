@@ -1,0 +1,81 @@
+"""What a release installs: a bill of materials in CycloneDX 1.6, made from the lock that every installation uses."""
+
+import re
+import tomllib
+import uuid
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+
+from deploy.subset_lock import lock_entries, subset, wanted_roots
+
+ROOT: Final = Path(__file__).resolve().parents[1]
+# What is needed to develop and to measure is no part of the product.
+_NOT_INSTALLED: Final = frozenset({"all", "bench", "dev"})
+_VERSION: Final = re.compile(r"^[A-Za-z0-9._-]+==([^\s;\\]+)")
+_HASH: Final = re.compile(r"--hash=sha256:([0-9a-f]{64})")
+_NAMESPACE: Final = uuid.UUID("6ba7b811-9dad-11d1-80b4-00c04fd430c8")  # RFC 9562: names that are URLs
+Json = dict[str, object]
+
+
+def bill_of_materials(pyproject: str, lock: str, made_at: datetime) -> Json:
+    """The bill of the version that `pyproject` states.
+
+    Parameters
+    ----------
+    lock
+        Text of `requirements.lock`.
+    made_at
+        Of the revision, so that a bill that is made again is the same.
+    """
+    project = tomllib.loads(pyproject)["project"]
+    extras = project["optional-dependencies"].keys() - _NOT_INSTALLED
+    roots = {root for extra in extras for root in wanted_roots(pyproject, extra)} - {project["name"]}
+    entries = lock_entries(subset(lock, roots))
+    references = {name: _purl(name, text) for name, text, _ in entries}
+    itself = f"pkg:pypi/{project['name']}@{project['version']}"
+    asks: dict[str, list[str]] = {name: [] for name in references}
+    for name, _, via in entries:
+        for asker in via & references.keys():
+            asks[asker].append(references[name])
+    return {
+        "bomFormat": "CycloneDX",
+        "specVersion": "1.6",
+        "serialNumber": f"urn:uuid:{uuid.uuid5(_NAMESPACE, itself + lock)}",
+        "version": 1,
+        "metadata": {
+            "timestamp": made_at.isoformat(),
+            "component": {
+                "type": "application",
+                "bom-ref": itself,
+                "name": project["name"],
+                "version": project["version"],
+                "purl": itself,
+                "licenses": [{"license": {"id": project["license"]}}],
+            },
+        },
+        "components": [_component(name, text, references[name]) for name, text, _ in entries],
+        "dependencies": [
+            {"ref": itself, "dependsOn": sorted(references[name] for name in roots)},
+            *({"ref": references[name], "dependsOn": sorted(asks[name])} for name in references),
+        ],
+    }
+
+
+def _purl(name: str, text: str) -> str:
+    match = _VERSION.match(text)
+    assert match is not None
+    return f"pkg:pypi/{name}@{match[1]}"
+
+
+def _component(name: str, text: str, purl: str) -> Json:
+    """The hashes are of its files for all platforms; an installation takes one of them."""
+    hashes = [{"alg": "SHA-256", "content": sha256} for sha256 in _HASH.findall(text)]
+    return {
+        "type": "library",
+        "bom-ref": purl,
+        "name": name,
+        "version": purl.rpartition("@")[2],
+        "purl": purl,
+        "externalReferences": [{"type": "distribution", "url": purl, "hashes": hashes}],
+    }
