@@ -19,6 +19,7 @@ NEEDED_TARGETS: Final = "zenoh::net::routing::interceptor=trace,zenoh_link_tls=d
 _INTERCEPTOR: Final = "zenoh::net::routing::interceptor"
 _ACCESS_CONTROL: Final = f"{_INTERCEPTOR}::access_control"
 _TLS: Final = "zenoh_link_tls"
+# Chosen: many times the sessions of a room; beyond it the name of the one that was silent longest is forgotten.
 _MOST_SESSIONS: Final = 256
 _LINE: Final = re.compile(
     r"^\S+Z +(?P<level>[A-Z]+) +(?P<thread>.*?ThreadId\(\d+\)) (?P<target>[\w:]+): (?P<text>.*)$", re.DOTALL

@@ -7,7 +7,9 @@ from pydantic import Field
 
 from shared.messages.base import Identifier, Message, UnixNanoseconds, WireModel
 
+# Chosen: more than one service with a stolen key tries in a second, and a message of 16 kB.
 MOST_REFUSALS = 64
+# Chosen: longer than any key of the table.
 LONGEST_TEXT = 200
 
 
