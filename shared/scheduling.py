@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
 
-# The lowest real-time priority goes before everything that is ordinary; the system's own threads go before it.
+# Chosen: the lowest, which goes before everything that is ordinary; the system's own threads go before it.
 _PRIORITY: Final = 1
 
 

@@ -11,11 +11,10 @@ from typing import Final
 from pydantic import BaseModel, ConfigDict
 
 from benchmarks.common.operating_room import OperatingRoom, running
-from benchmarks.common.places import ROOT
 from benchmarks.faults.acknowledged import Acknowledged
 from benchmarks.faults.line_relay import LineRelay, line_relay
 from benchmarks.faults.small_disks import small_disk
-from benchmarks.faults.stepped_clock import ClockFile
+from benchmarks.faults.stepped_clock import ClockFile, stepped_environment
 from distalock.installation import Installation, Ports
 from distalock.processes import ProcessSpec
 from services.ui_api.record.database import sqlite_url
@@ -123,15 +122,10 @@ def fault_site(seed: int) -> Iterator[FaultSite]:
 def _with_handles(spec: ProcessSpec, clock: ClockFile, line: LineRelay) -> ProcessSpec:
     if spec.name == HARDWARE:
         return spec
-    environment = {**spec.environment, "PYTHONPATH": str(ROOT)}
+    environment = {**spec.environment, **stepped_environment(clock)}
     state_dir = environment.get("DISTALOCK_STATE_DIR")
     if state_dir is not None:
         environment["DISTALOCK_UI_API_DATABASE_URL"] = sqlite_url(record_folder(Path(state_dir)))
     if _CONTROLLER_URL in environment:
         environment[_CONTROLLER_URL] = f"socket://127.0.0.1:{line.port}"
-    return replace(
-        spec,
-        module="benchmarks.faults.stepped_clock",
-        arguments=(str(clock.path), spec.module, *spec.arguments),
-        environment=environment,
-    )
+    return replace(spec, environment=environment)

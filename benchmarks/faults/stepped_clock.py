@@ -1,22 +1,24 @@
-"""Run a module as a program whose wall clock can be stepped.
+"""Programs whose wall clock can be stepped: any, with `stepped_environment`, and the programs that these start.
 
-Call: `python -m benchmarks.faults.stepped_clock FILE MODULE ARGUMENTS`.
-
-The file holds one number of eight bytes, the nanoseconds to add. They are added to `time.time` and `time.time_ns`, from
+A file holds one number of eight bytes, the nanoseconds to add. They are added to `time.time` and `time.time_ns`, from
 which the services take every wall-clock time that they write or send. Not stepped: `datetime.now`, the dates in
 certificates and Zenoh's own time stamps, which read the clock in compiled code; and no monotonic clock, for setting a
 host's clock changes none.
 """
 
 import mmap
-import runpy
+import os
 import struct
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
-_NUMBER = struct.Struct("<q")
+from benchmarks.common.places import ROOT
+
+_NUMBER: Final = struct.Struct("<q")
+_VARIABLE: Final = "STEPPED_CLOCK_FILE"
+_STEPS_EVERY_PROGRAM: Final = Path(__file__).with_name("every_program")
 
 
 class ClockFile:
@@ -54,12 +56,12 @@ def step_wall_clock(ahead_ns: Callable[[], int]) -> None:
     time.time = lambda: time_ns() / 1e9
 
 
-def run_program(arguments: list[str]) -> None:
-    file, module, *others = arguments
-    step_wall_clock(reader(Path(file)))
-    sys.argv = [module, *others]
-    runpy.run_module(module, run_name="__main__", alter_sys=True)
+def step_where_wanted() -> None:
+    """Step this program's wall clock if its environment names a clock file."""
+    if (file := os.environ.get(_VARIABLE)) is not None:
+        step_wall_clock(reader(Path(file)))
 
 
-if __name__ == "__main__":
-    run_program(sys.argv[1:])
+def stepped_environment(clock: ClockFile) -> dict[str, str]:
+    """What a program needs in its environment so that its wall clock, and its children's, can be stepped."""
+    return {_VARIABLE: str(clock.path), "PYTHONPATH": f"{ROOT}{os.pathsep}{_STEPS_EVERY_PROGRAM}"}

@@ -52,8 +52,9 @@ class FrontRecording:
         self._metrics.note_stop(confirmed=outcome.confirmed, took_s=took_s)
 
     def note_front(self, figures: FrontFigures) -> None:
-        """Show them among the metrics."""
+        """Show them among the metrics; what the front is short of impairs the gateway."""
         self._metrics.front = figures
+        self._gateway.status.impair("front", figures.lacking)
 
 
 def main(arguments: list[str]) -> int:

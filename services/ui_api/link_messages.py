@@ -38,7 +38,7 @@ class StopEnded(_Line):
 
 
 class FrontFigures(_Line):
-    """How busy the front is, for the gateway's metrics."""
+    """How busy the front is, for the gateway's metrics, and what its process is short of, for `readyz`."""
 
     kind: Literal["figures"] = "figures"
     connections: int
@@ -47,6 +47,7 @@ class FrontFigures(_Line):
     stops: int
     closed_idle: int
     refused: int
+    lacking: str | None = None
 
 
 class Beat(_Line):

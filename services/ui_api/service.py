@@ -36,6 +36,7 @@ from services.ui_api.settings import UiApiSettings
 from shared.bus.port import Bus
 from shared.pki.permit_key import PermitSigner
 from shared.runtime.lifecycle import Runtime, software_version
+from shared.runtime.presence import StatusReporter
 
 # Chosen: half a minute of fluoroscopy of each case in memory, which an hour of it must not fill.
 _IMAGES_HELD: Final = 1024
@@ -67,6 +68,7 @@ class Gateway:
     services: ServiceHealth
     refusals: BusRefusalLog
     readiness: Readiness
+    status: StatusReporter
 
 
 @contextmanager
@@ -160,6 +162,7 @@ def _assemble(
         services=services,
         refusals=refusals,
         readiness=Readiness(asked),
+        status=runtime.status,
     )
     return gateway, context
 

@@ -12,6 +12,7 @@ from services.ui_api.front.application import ApplicationLink
 from services.ui_api.front.application_socket import PIECE_BYTES
 from services.ui_api.front.connection import Connection, FrontParts
 from services.ui_api.link_messages import FrontFigures
+from shared.runtime.impairments import nearly_out_of_handles, nearly_out_of_memory
 from shared.threads import report_error, supervised_thread
 
 # As many are accepted at a time, before those that are idle make room; fewer than the handles that are reserved.
@@ -92,6 +93,7 @@ class FrontServer:
                     stops=len(self._parts.stops),
                     closed_idle=admission.closed_idle,
                     refused=admission.refused,
+                    lacking=nearly_out_of_handles() or nearly_out_of_memory(),
                 )
             )
             await asyncio.sleep(_FIGURES_EVERY_S)

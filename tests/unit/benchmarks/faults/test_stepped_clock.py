@@ -1,11 +1,13 @@
-"""A program's wall clock can be stepped while it runs; its monotonic clock cannot."""
+"""A program's wall clock can be stepped while it runs, and its children's; its monotonic clock cannot."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
-from benchmarks.common.places import ROOT
-from benchmarks.faults.stepped_clock import ClockFile
+import pytest
+
+from benchmarks.faults.stepped_clock import ClockFile, stepped_environment
 
 # Prints both clocks for every line that it reads.
 PROGRAM = """
@@ -16,13 +18,22 @@ for _ in sys.stdin:
 """
 
 
-def test_a_step_reaches_the_wall_clock_alone(tmp_path: Path) -> None:
+PARENT = """
+import subprocess, sys
+sys.exit(subprocess.run([sys.executable, "-m", "shows_clocks"]).returncode)
+"""
+
+
+@pytest.mark.parametrize("module", ["shows_clocks", "has_a_child"])
+def test_a_step_reaches_the_wall_clock_alone(tmp_path: Path, module: str) -> None:
     (tmp_path / "shows_clocks.py").write_text(PROGRAM)
+    (tmp_path / "has_a_child.py").write_text(PARENT)
     clock = ClockFile(tmp_path / "clock")
-    command = [sys.executable, "-m", "benchmarks.faults.stepped_clock", str(clock.path), "shows_clocks"]
+    environment = stepped_environment(clock)
     with subprocess.Popen(
-        command,
-        env={"PYTHONPATH": f"{ROOT}:{tmp_path}"},
+        [sys.executable, "-m", module],
+        cwd=tmp_path,
+        env={**os.environ, **environment},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -10,6 +10,7 @@ import pytest
 from sqlalchemy import event
 from sqlalchemy.engine.interfaces import DBAPIConnection
 
+from services.ui_api.front import server
 from shared.messages.base import encode
 from shared.messages.presence import Heartbeat
 from shared.messages.robot import MotionState
@@ -52,6 +53,15 @@ def test_ready_when_all_is_there_and_each_part_says_what_was_measured(room: Room
 def test_a_stop_in_force_is_no_lack(room: Room) -> None:
     room.robot.say(MotionState.STOPPED)
     wait_for(room, 200, lambda checks: str(checks["robot_state"]["measured"]).startswith("stopped"))
+
+
+def test_what_the_front_is_short_of_is_a_lack_of_the_gateway(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "nearly_out_of_memory", lambda: "3 MiB are left; raise its limit")
+    checks = wait_for(room, 503)
+    assert failed(checks) == {"gateway"}
+    assert "3 MiB" in str(checks["gateway"]["measured"])
+    monkeypatch.undo()
+    wait_for(room, 200)
 
 
 def break_link(room: Room) -> None:
