@@ -23,12 +23,15 @@ from shared.messages.refusals import BusRefusal
 from shared.threads import report_error, supervised_thread
 
 _STDOUT: Final = 1
-# Half a minute of an ordinary procedure's decisions (about 30 kB/s); the most that a process may ask for.
+# A quarter of a minute of what is logged while the robot moves (70 kB/s); the most that a process may ask for.
 _PIPE_BYTES: Final = 2**20
+# Chosen: an ordinary look takes one read.
 _CHUNK_BYTES: Final = 2**16
 # Chosen: twenty looks a second cost nothing that shows, and a refusal is on record long before anybody asks for it.
 _LOOK_EVERY_S: Final = 0.05
+# Chosen: when nothing is logged, a report that is due waits no longer than this.
 _WAIT_S: Final = 0.25
+# Chosen: a line without an end must not fill the memory.
 _LONGEST_LINE: Final = 2**14
 # Of a flood of different refusals as many lines a second go to the log; their number is in each.
 _MOST_LINES: Final = 8

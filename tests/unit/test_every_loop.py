@@ -39,6 +39,7 @@ from services.ui_api.server import serving
 from shared.bus.declarations import pump
 from shared.bus.keys import Keys
 from shared.bus.memory_bus import MemoryRouter
+from shared.bus.refusal_watch import RefusalWatch
 from shared.bus.workers import Worker
 from shared.messages.robot import MotionState
 from shared.runtime.impairments import watched
@@ -181,6 +182,20 @@ def break_memory_worker(rig: Rig) -> str:
     worker.submit(inject)
     rig.stack.callback(worker.close)
     return "memory-bus key"
+
+
+def break_refusals(rig: Rig) -> str:
+    class Log:
+        def wait(self, _timeout_s: float) -> None:
+            inject()
+
+        def lines(self) -> Iterator[str]:
+            return iter(())
+
+    watch = RefusalWatch(Log(), "run-1", print)  # type: ignore[arg-type]
+    watch.start()
+    rig.stack.callback(watch.close)
+    return "refusals"
 
 
 def break_signals(rig: Rig) -> str:
@@ -392,6 +407,7 @@ def break_dicom(rig: Rig) -> str:
 # By file, and by the name of the thread as the source has it.
 INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("shared/bus/declarations.py", "bus {name}"): break_pump,
+    ("shared/bus/refusal_watch.py", "refusals"): break_refusals,
     ("shared/bus/workers.py", "memory-bus {name}"): break_memory_worker,
     ("shared/runtime/impairments.py", "impairments"): break_impairments,
     ("shared/runtime/log_lines.py", "log"): break_log,
