@@ -29,7 +29,7 @@ def pose_covariance(problem: Problem, solution: Solution, noise: NoiseModel) -> 
     noise as if it affected sharp rims too, so the noise's part follows from its correlation instead (the sandwich
     formula); what priors and background leave open is added.
     """
-    return _covariance_by(problem, solution, noise, motion_gain(problem, solution), prior_precision()[problem.free])
+    return covariance_by(problem, solution, noise, motion_gain(problem, solution), prior_precision()[problem.free])
 
 
 def pose_errors(problem: Problem, solution: Solution, noise: NoiseModel) -> PoseErrors:
@@ -42,7 +42,7 @@ def pose_errors(problem: Problem, solution: Solution, noise: NoiseModel) -> Pose
     gain = np.vstack([motion_gain(problem, solution), of_shape])
     precision[rows] = 0.0
     deviations = (solution.parameters - prior_mean())[shape] * per_deviation
-    by_others = _covariance_by(problem, solution, noise, gain, precision)
+    by_others = covariance_by(problem, solution, noise, gain, precision)
     camera_from_nail = problem.model.pose(solution.parameters)
     of_shapes = model_loadings_of_shape(NAIL_PRIORS.bent_sd_per_m)[: len(shape), : len(shape)]
     by_model = block_diag(model_loadings(problem.model.nail, camera_from_nail), of_shapes)
@@ -71,10 +71,10 @@ def curvature_covariance(problem: Problem, solution: Solution, noise: NoiseModel
     precision = prior_precision()[problem.free]
     precision[-len(CURVATURE) :] = 0.0
     by_model = MODEL_ERRORS.curvature_per_m**2 * np.eye(len(CURVATURE))
-    return _covariance_by(problem, solution, noise, gain, precision) + by_model
+    return covariance_by(problem, solution, noise, gain, precision) + by_model
 
 
-def _covariance_by(
+def covariance_by(
     problem: Problem,
     solution: Solution,
     noise: NoiseModel,

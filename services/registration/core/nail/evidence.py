@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.image import HoleView, ResidualStatistics
 from services.registration.core.estimation.pose_estimate import PoseErrors, ray_to
+from services.registration.core.nail.between_holes import turns_between_holes
 from services.registration.core.nail.covariance import after_background, motion_gain
 from services.registration.core.nail.forward_model import visible_fraction_without_metal
 from services.registration.core.nail.least_squares import Problem, Solution, linear_response
@@ -98,7 +99,7 @@ def _local_step(problem: Problem, solution: Solution) -> NDArray[np.float64]:
     return without_metal * (linear.background - linear.floor)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Agreement:
     """How much more the fit errs than its noise explains, and what shows it."""
 
@@ -109,6 +110,7 @@ class Agreement:
     noise_inflation: float  # what noise is left correlated after whitening, in pixels: filters leave much
     softness: float  # hardening of the beam below the usual one, in standard deviations of the prior
     sharpening: float  # edge enhancement beside the usual one, either way, in standard deviations of the prior
+    between_holes: NDArray[np.float64]  # mean square of the holes' own turns across them, in rad², shape (2, 2)
 
     @property
     def variance_ratio(self) -> float:
@@ -143,15 +145,15 @@ class Agreement:
         excess = max(abs(self.scale_excess) - AGREEMENT_OF_PARTS.usual_scale_excess, 0.0)
         depth_error_mm = excess * float(np.linalg.norm(camera_from_nail.translation_mm))
         along_ray = np.concatenate([np.zeros(3), depth_error_mm * ray_to(camera_from_nail)])
-        turned = self._turned_by_processing(nail)
-        return grown.with_more(np.outer(along_ray, along_ray) + turned.T @ turned)
+        return grown.with_more(np.outer(along_ray, along_ray) + self._turned(nail))
 
-    def _turned_by_processing(self, nail: NailPart) -> NDArray[np.float64]:
-        """Turns across the holes' axes through their middle, one standard deviation each, shape (2, 6)."""
-        s = AGREEMENT_OF_PARTS
+    def _turned(self, nail: NailPart) -> NDArray[np.float64]:
+        """Covariance by turns across the holes' axes through their middle, shape (6, 6): by processing, and of each."""
+        s, across = AGREEMENT_OF_PARTS, across_holes(nail)
         share = max(1.0 - s.processed_from / self.variance_ratio, 0.0)
-        turns = np.sqrt(share) * np.radians(s.processed_sd_deg) * across_holes(nail)
-        return np.hstack([turns, -np.cross(turns, hole_midpoints_mm(nail).mean(axis=0))])
+        square = share * np.radians(s.processed_sd_deg) ** 2 * np.eye(2) + self.between_holes
+        turns = np.hstack([across, -np.cross(across, hole_midpoints_mm(nail).mean(axis=0))])
+        return np.asarray(turns.T @ square @ turns)
 
 
 def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) -> Agreement:
@@ -173,6 +175,7 @@ def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) 
         noise_inflation=float(noise.inflation.mean()),
         softness=-float(deviations[Parameter.HARDENING]),
         sharpening=abs(float(deviations[Parameter.SHARPENING])),
+        between_holes=turns_between_holes(problem, solution, noise),
     )
 
 

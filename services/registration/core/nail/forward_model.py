@@ -5,7 +5,6 @@ on the ray, metal (`attenuation.py`) and the guide's body, exp(-mu * path): blur
 sharpened by edge enhancement (`imaging_chain.py`).
 """
 
-from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -14,17 +13,12 @@ from numpy.typing import NDArray
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.nail.attenuation import DERIVATIVES, MOTION_SIZE, TraceLimits, trace_pixels
 from services.registration.core.nail.imaging_chain import (
-    CHAIN_PARAMETERS,
-    SHARPENING_PARAMETERS,
-    ImagingChain,
     Real,
     Sampling,
-    chain_derivative,
     imaging_chain,
 )
 from services.registration.core.nail.noise import WhiteningFilter
 from services.registration.core.nail.parameters import (
-    CURVATURE,
     Anchors,
     Parameter,
     anchors_of,
@@ -56,18 +50,14 @@ from services.registration.core.tuning import (
     NailTracking,
     TiltSearchStage,
 )
-from shared.geometry.bend import section_frame, section_motions
+from shared.geometry.bend import section_frame
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.parts import Hole, NailPart
 from shared.geometry.transform import Transform
-from shared.two_cores import mapped, on_both_halves
+from shared.two_cores import on_both_halves
 from shared.xray.pixel_scale import quantised_pitch_mm
 
-# Parameters in the order of the kernel's derivatives.
-_PATH_PARAMETERS = tuple(Parameter)[: Parameter.HARDENING + 1]
-# Images with fewer pixels in all are done sooner than handed to another core.
-_LEAST_PIXELS_TO_SHARE = 100_000
 # What a stage of the fit compares.
 StageSettings = CentringStage | TiltSearchStage | ComparisonStage | FinalStage | NailTracking
 
@@ -138,7 +128,7 @@ class TracedTransmission:
 def trace_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> TracedTransmission:
     """Trace all rays of the region; of a bent nail, section by section."""
     region, count, curvature = model.region, len(model.region.support), curvature_of(parameters)
-    shape, limits = _nail_shape(model, parameters), TraceLimits(*astuple(RAY_SAMPLING))
+    shape, limits = nail_shape(model, parameters), TraceLimits(*astuple(RAY_SAMPLING))
     transmission, derivatives = np.empty(count), np.empty((count, DERIVATIVES), dtype=np.float32)
 
     def trace(rays: PixelRays, steel: SteelPaths, nail: NailShape, part: slice) -> None:
@@ -164,7 +154,8 @@ def trace_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> 
     return TracedTransmission(parameters, region.on_rectangle(transmission[back], 1.0), derivatives[back], along_mm)
 
 
-def _nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailShape:
+def nail_shape(model: ForwardModel, parameters: NDArray[np.float64]) -> NailShape:
+    """The nail with the fit's parameters."""
     nail = model.nail
     rotation, translation_mm = rotation_and_translation(parameters[:POSE_SIZE], model.camera, model.anchors)
     excess = parameters[Parameter.HOLE_RADIUS_EXCESS_MM]
@@ -197,85 +188,22 @@ def _bores(nail: NailPart, excess_mm: float, radius_mm: float, chamfer_mm: float
 
 def visible_fraction(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float64]:
     """Fraction of the background that each compared pixel shows, shape (N,); single precision suffices."""
-    transmission = (traced.transmission * _guide_transmission(model, traced.parameters)).astype(np.float32)
+    transmission = (traced.transmission * guide_transmission(model, traced.parameters)).astype(np.float32)
     return model.compared_values(imaging_chain(model.region.sampling, traced.parameters).apply(transmission))
 
 
 def visible_image(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float64]:
     """Fraction of the background on the whole rectangle, not whitened."""
-    transmission = traced.transmission * _guide_transmission(model, traced.parameters)
+    transmission = traced.transmission * guide_transmission(model, traced.parameters)
     return imaging_chain(model.region.sampling, traced.parameters).apply(transmission)
 
 
 def visible_fraction_without_metal(model: ForwardModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same if nothing but the guide's body were there, shape (N,)."""
-    guide = _guide_transmission(model, parameters).astype(np.float32)
+    guide = guide_transmission(model, parameters).astype(np.float32)
     return model.compared_values(imaging_chain(model.region.sampling, parameters).apply(guide))
 
 
-def visible_fraction_derivatives(
-    model: ForwardModel, traced: TracedTransmission, free: NDArray[np.bool_]
-) -> list[NDArray[np.float64]]:
-    """Derivatives of `visible_fraction` by the free parameters, in their order."""
-    chain = imaging_chain(model.region.sampling, traced.parameters)
-    guide = _guide_transmission(model, traced.parameters)
-    transmission = traced.transmission * guide
-    images = chain.steps(transmission)
-    slope, guide_single = chain.tone_slope(images).astype(np.float32), guide.astype(np.float32)
-    least = 2 + _LEAST_PIXELS_TO_SHARE // transmission.size
-    sharpened_values = _sharpened_values(model, chain)
-
-    def by_transmission(change: NDArray[np.float32]) -> NDArray[np.float64]:
-        return sharpened_values(slope * chain.blurred(change))
-
-    def by_chain(parameter: Parameter) -> NDArray[np.float64]:
-        change = chain_derivative(parameter, model.region.sampling, traced.parameters, transmission, images)
-        return model.compared_values(change) if parameter in SHARPENING_PARAMETERS else sharpened_values(change)
-
-    by_path = _transmission_derivatives(model, traced, free)
-    columns = mapped(lambda change: by_transmission(change * guide_single), by_path, least)
-    columns += mapped(by_chain, [parameter for parameter in CHAIN_PARAMETERS if free[parameter]], least)
-    if free[Parameter.DELRIN_PER_MM]:
-        columns.append(by_transmission((-model.region.delrin_excess_mm * transmission).astype(np.float32)))
-    if free[CURVATURE].any():
-        by_bend = _derivatives_by_curvature(model, traced)[free[CURVATURE]]
-        columns += [by_transmission(model.region.on_rectangle(values, 0.0) * guide_single) for values in by_bend]
-    return columns
-
-
-def _derivatives_by_curvature(model: ForwardModel, traced: TracedTransmission) -> NDArray[np.float32]:
-    """Derivatives of the transmission of the support's pixels by the curvature towards y and z (1/m), shape (2, S)."""
-    curvature, along_mm = curvature_of(traced.parameters), traced.along_mm
-    if along_mm is None:
-        along_mm = section_places(model.nail, curvature, model.region.rays, _nail_shape(model, traced.parameters))
-    by_motion = traced.derivatives[:, :MOTION_SIZE]
-    change, power = np.zeros((len(along_mm), 2)), along_mm.copy()
-    for term in section_motions(curvature):
-        change += power[:, None] * (by_motion @ term)
-        power *= along_mm
-    return np.ascontiguousarray(change.T, dtype=np.float32)
-
-
-def _transmission_derivatives(
-    model: ForwardModel, traced: TracedTransmission, free: NDArray[np.bool_]
-) -> Iterator[NDArray[np.float32]]:
-    """Derivatives of the transmission by the free parameters that act on the paths, in their order."""
-    causes = np.zeros((len(_PATH_PARAMETERS), DERIVATIVES))
-    causes[:POSE_SIZE, :MOTION_SIZE] = model.motion_by_parameters(traced.parameters).T
-    causes[POSE_SIZE:, MOTION_SIZE:] = np.eye(DERIVATIVES - MOTION_SIZE)
-    causes[Parameter.CHAMFER_DEVIATIONS] *= chamfer(model.nail, traced.parameters)[1]
-    for values in causes[free[: len(_PATH_PARAMETERS)]].astype(np.float32) @ traced.derivatives.T:
-        yield model.region.on_rectangle(values, 0.0)
-
-
-def _sharpened_values(model: ForwardModel, chain: ImagingChain) -> Callable[[NDArray[np.float32]], NDArray[np.float64]]:
-    """The compared pixels of an image after edge enhancement; with whitening, both filters are applied as one."""
-    if model.whitening is None:
-        return lambda image: model.compared_values(chain.sharpened(image))
-    both = model.whitening.after(chain.sharpened)
-    return lambda image: model.region.compared_values(both.apply(image))
-
-
-def _guide_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def guide_transmission(model: ForwardModel, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Transmission of the guide's body over the usual one (1 in most places), shape (rows, columns)."""
     return np.asarray(np.exp(-parameters[Parameter.DELRIN_PER_MM] * model.region.delrin_excess_mm))

@@ -18,13 +18,13 @@ from services.registration.core.nail.background import (
     right_sides_of,
     spline_field,
 )
+from services.registration.core.nail.derivatives import derivatives_by_hole_turns, visible_fraction_derivatives
 from services.registration.core.nail.forward_model import (
     ForwardModel,
     StageSettings,
     TracedTransmission,
     trace_transmission,
     visible_fraction,
-    visible_fraction_derivatives,
     visible_image,
 )
 from services.registration.core.nail.noise import NoiseModel, noise_model, robust_weight, whitening_filter
@@ -232,6 +232,19 @@ def with_curvature(problem: Problem, solution: Solution) -> tuple[Problem, Solut
     return freed, replace(solution, equations=_equations(freed, here, jacobian))
 
 
+def with_turned_holes(problem: Problem, solution: Solution) -> Solution:
+    """The same end with derivatives by the holes' turns against one another, after those by the free parameters.
+
+    No prior holds them, and the fit has them at zero.
+    """
+    here = solution.linear
+    by_turns = [
+        change * (here.background - here.floor) for change in derivatives_by_hole_turns(here.model, here.traced)
+    ]
+    jacobian = np.column_stack([solution.equations.jacobian, *by_turns])
+    return replace(solution, equations=_equations(problem, here, jacobian))
+
+
 def _derivatives(here: LinearSolution, free: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Derivatives of the modelled grey values by some parameters, background and floor held, shape (N, P)."""
     step = here.background - here.floor
@@ -241,7 +254,8 @@ def _derivatives(here: LinearSolution, free: NDArray[np.bool_]) -> NDArray[np.fl
 def _equations(problem: Problem, here: LinearSolution, jacobian: NDArray[np.float64]) -> NormalEquations:
     cross = right_sides_of(here.design, jacobian)
     matrix = jacobian.T @ (problem.weight[:, None] * jacobian) - cross.T @ here.factor.solved(cross)
-    matrix[np.diag_indices(len(matrix))] += prior_precision()[problem.free]
+    precision = prior_precision()[problem.free]
+    matrix[np.diag_indices(len(precision))] += precision
     return NormalEquations(here.traced.parameters, jacobian, matrix, _gradient(problem, here, jacobian))
 
 
@@ -257,7 +271,9 @@ def _gradient(problem: Problem, here: LinearSolution, jacobian: NDArray[np.float
     Background and floor may be held: at their optimum the cost does not change with them.
     """
     excess = (here.traced.parameters - prior_mean())[problem.free]
-    return np.asarray((problem.weight * here.residual) @ jacobian - prior_precision()[problem.free] * excess)
+    gradient = np.asarray((problem.weight * here.residual) @ jacobian)
+    gradient[: len(excess)] -= prior_precision()[problem.free] * excess
+    return gradient
 
 
 def linear_response(here: LinearSolution, changes: NDArray[np.float64]) -> NDArray[np.float64]:

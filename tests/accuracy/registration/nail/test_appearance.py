@@ -6,15 +6,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
-from services.registration.core.nail.forward_model import (
-    ForwardModel,
-    model_at,
-    trace_transmission,
-    visible_fraction,
-    visible_fraction_derivatives,
-)
+from services.registration.core.nail.derivatives import derivatives_by_hole_turns, visible_fraction_derivatives
+from services.registration.core.nail.forward_model import ForwardModel, model_at, trace_transmission, visible_fraction
 from services.registration.core.nail.imaging_chain import blurred_image
 from services.registration.core.nail.noise import noise_correlation, whitening_filter
 from services.registration.core.nail.parameters import (
@@ -26,6 +22,8 @@ from services.registration.core.nail.parameters import (
 )
 from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import FINAL_STAGE
+from shared.geometry.lines import Line
+from shared.geometry.parts import across_holes
 from tests.accuracy.registration.nail.fluoroscope import nail_part, posed, shoot
 
 _OF_ALL_BUT_SHAPE = tuple(Parameter)[Parameter.LOG_ATTENUATION : Parameter.DELRIN_PER_MM + 1]
@@ -83,6 +81,26 @@ def test_derivatives_are_those_of_the_picture(unknown: Parameter, prepared: Call
     # single pixels jump where the number of rays through them changes: the whole is compared
     assert float(found @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.01)
     assert np.corrcoef(found, expected)[0, 1] > 0.99
+
+
+def test_derivatives_by_turns_of_the_holes_are_those_of_a_nail_drilled_askew() -> None:
+    model, parameters = scene_and_parameters()
+    found = derivatives_by_hole_turns(model, trace_transmission(model, parameters))
+    turn = 0.002
+    for axis, derivative in zip(across_holes(model.nail), found, strict=True):
+        sides = []
+        for by in (turn, -turn):
+            holes = tuple(
+                replace(
+                    hole, axis=Line(hole.axis.point_mm, Rotation.from_rotvec(own * axis).apply(hole.axis.direction))
+                )
+                for hole, own in zip(model.nail.holes, (-0.5 * by, 0.5 * by), strict=True)
+            )
+            askew = replace(model, nail=replace(model.nail, holes=holes))
+            sides.append(visible_fraction(askew, trace_transmission(askew, parameters)))
+        expected = (sides[0] - sides[1]) / (2.0 * turn)
+        assert float(derivative @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.04)
+        assert np.corrcoef(derivative, expected)[0, 1] > 0.99
 
 
 def test_light_that_spreads_further_makes_a_hole_brighter_outside_and_darker_inside() -> None:

@@ -36,7 +36,7 @@ def test_one_part_that_has_nearly_all_the_weight_proves_little() -> None:
     assert pull_ratio(pulls, variances) == pytest.approx((4.0 + 4.0) / 5.0, rel=1e-3)
 
 
-USUAL = Agreement(1.0, 0.1, 0.7, 0.003, 4.0, 1.3, 2.0)
+USUAL = Agreement(1.0, 0.1, 0.7, 0.003, 4.0, 1.3, 2.0, np.zeros((2, 2)))
 ERRORS = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
 POSE, NAIL = posed_nail(10.0), nail_part()
 
@@ -80,6 +80,12 @@ def test_processing_turns_the_nail_about_its_holes_whatever_the_noise() -> None:
     assert tilt_deg[2] < 0.01
     at_middle = displacement_by_motion(np.mean([hole.axis.point_mm for hole in NAIL.holes], axis=0))
     assert np.abs(at_middle @ turned @ at_middle.T).max() < 1e-6
+
+
+def test_holes_that_are_turned_against_one_another_leave_the_nails_tilt_as_uncertain() -> None:
+    known = replace(ERRORS, image_covariance=np.zeros((9, 9)))
+    askew = replace(USUAL, between_holes=np.diag([1e-4, 4e-4])).widened(known, POSE, NAIL).image_covariance
+    np.testing.assert_allclose(np.diag(askew)[:3], [1e-4, 4e-4, 0.0], atol=1e-12)
 
 
 def test_a_nail_that_appears_larger_may_be_nearer() -> None:
