@@ -1,6 +1,7 @@
 """Parts that pull against one another enlarge the covariance, and only they; covered rims are known as such."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -58,7 +59,8 @@ def test_what_plain_images_show_changes_nothing() -> None:
     ],
 )
 def test_each_symptom_of_processing_enlarges_the_variance(symptom: str, value: float, ratio: float) -> None:
-    assert replace(USUAL, **{symptom: value}).variance_ratio == pytest.approx(ratio)
+    changed: dict[str, Any] = {symptom: value}
+    assert replace(USUAL, **changed).variance_ratio == pytest.approx(ratio)
 
 
 def test_symptoms_add_and_the_pulls_multiply() -> None:
