@@ -67,7 +67,7 @@ class Metrics:
         self._robot_age.set(float("nan") if age_s is None else age_s)
         self._pending.set(len(gateway.record.ledger.pending_operations()))
         self._dropped_lines.set(dropped_lines()[0])
-        for figure, value in self.front.model_dump(exclude={"kind"}).items():
+        for figure, value in self.front.model_dump(exclude={"kind", "lacking"}).items():
             self._front.labels(figure).set(value)
         for code, refused in gateway.refusals.figures().items():
             self._refused.labels(code).set(refused)

@@ -1,6 +1,7 @@
 """Every error is a problem document with a stable code; health tells what is missing."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from services.ui_api.routes.body_limit import LARGEST_BODY_BYTES
 from services.ui_api.routes.motion_views import says_simulated
 from tests.unit.services.ui_api import samples
-from tests.unit.services.ui_api.room import Room, open_room
+from tests.unit.services.ui_api.room import Room, open_room, wait_until
 
 
 @pytest.mark.parametrize(
@@ -93,6 +94,11 @@ def test_metrics_count_requests_by_route(room: Room) -> None:
     text = room.client.get("/metrics").text
     assert 'distalock_http_requests_total{method="GET",route="/cases/{case_id}",status="404"} 1.0' in text
     assert 'distalock_service_alive{service="robot"} 1.0' in text
+
+
+def test_metrics_show_how_busy_the_front_is(room: Room) -> None:
+    open_connections = re.compile(r'^distalock_front\{figure="connections"\} [1-9]', re.MULTILINE)
+    wait_until(lambda: open_connections.search(room.client.get("/metrics").text) is not None)
 
 
 def test_a_robot_that_fell_silent_is_stale_and_moves_nothing(tmp_path: Path) -> None:
