@@ -79,3 +79,32 @@ def test_containers_may_lock_the_pool_of_frames() -> None:
     for service in get_args(ServiceName):
         assert "<<: *service" in block_of(service)
         assert "/dev/shm:/dev/shm" in block_of(service)
+
+
+def test_each_volume_of_keys_is_mounted_where_the_image_has_a_folder_of_its_user() -> None:
+    """A volume takes the owner of the folder that it is first mounted on; root's cannot be written."""
+    made = set(
+        re.findall(r"/keys\S*", (ROOT / "deploy/pki/Dockerfile").read_text().split("mkdir -p")[1].split("&&")[0])
+    )
+    mounted = set(re.findall(r"- keys-[a-z-]+:(\S+)", block_of("pki")))
+    assert mounted
+    assert mounted <= made
+
+
+def test_the_record_is_the_gateways_alone_and_images_are_shared_with_imaging() -> None:
+    mounted = {
+        service: re.findall(r"- ([a-z-]+):(/var/lib/\S+)", block_of(service)) for service in get_args(ServiceName)
+    }
+    images = ("images", "/var/lib/distalock/images")
+    assert mounted == {
+        "imaging": [("state-imaging", "/var/lib/distalock"), images],
+        "registration": [],
+        "robot": [],
+        "ui_api": [("state", "/var/lib/distalock"), images],
+    }
+
+
+@pytest.mark.parametrize("service", ["imaging", "ui_api"])
+def test_who_mounts_images_has_a_folder_of_its_user_for_them(service: str) -> None:
+    text = (ROOT / "services" / service / "Dockerfile").read_text()
+    assert "mkdir -p /var/lib/distalock/images && chown -R distalock /var/lib/distalock" in text
