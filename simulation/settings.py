@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from shared.errors import ConfigurationError
+from shared.runtime.variables import misspelt_own
 from simulation.dicom.target import DicomTarget, parse_target
 
 _ONE_OF = frozenset({"seed", "scenario"})
@@ -95,7 +96,10 @@ def virtual_room_settings(**given: object) -> VirtualRoomSettings:
     ConfigurationError
         With one sentence that names the first wrong setting.
     """
-    known = {name: value for name, value in given.items() if name in VirtualRoomSettings.model_fields}
+    fields = VirtualRoomSettings.model_fields
+    if (wrong := misspelt_own("simulation", fields)) is not None:
+        raise ConfigurationError(wrong)
+    known = {name: value for name, value in given.items() if name in fields}
     try:
         return VirtualRoomSettings(**{name: value for name, value in known.items() if value is not None})  # type: ignore[arg-type]
     except ValidationError as error:

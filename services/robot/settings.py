@@ -29,8 +29,12 @@ class RobotSettings(ServiceSettings):
         "socket://127.0.0.1:50000", description="Device name or pyserial URL of the hexapod's controller."
     )
     dialect: Dialect = Field(Dialect.GCS, description="Protocol of the controller.")
-    controller_baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 115_200
-    reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = CONTROLLER_LINE.reply_timeout_s
+    controller_baud: Annotated[int, Field(ge=1200, le=4_000_000)] = Field(
+        115_200, description="Bits per second of a serial line."
+    )
+    reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = Field(
+        CONTROLLER_LINE.reply_timeout_s, description="How long the controller may take to answer a question."
+    )
     retry_s: PositiveSeconds = Field(1.0, description="Time between attempts to reach the controller.")
     permit_certificate: Path | None = Field(
         None,
@@ -43,10 +47,12 @@ class RobotSettings(ServiceSettings):
     stop_button: Literal["fitted", "absent"] = Field(
         "fitted", description="Whether the controller has a stop button of its own; one that reports is believed."
     )
-    largest_step_mm: Annotated[float, Field(gt=0.0, le=40.0)] = 20.0
-    largest_step_deg: Annotated[float, Field(gt=0.0, le=30.0)] = 12.0
-    plan_lifetime_s: PositiveSeconds = 600.0
-    heartbeat_deadline_s: Annotated[float, Field(gt=0.0, le=0.5)] = 0.2
+    largest_step_mm: Annotated[float, Field(gt=0.0, le=40.0)] = Field(20.0, description="Longest way of one move.")
+    largest_step_deg: Annotated[float, Field(gt=0.0, le=30.0)] = Field(12.0, description="Largest turn of one move.")
+    plan_lifetime_s: PositiveSeconds = Field(600.0, description="Age from which a plan is refused.")
+    heartbeat_deadline_s: Annotated[float, Field(gt=0.0, le=0.5)] = Field(
+        0.2, description="Silence of the gateway in motion after which the robot stops."
+    )
     registration_deadline_s: Annotated[float, Field(gt=0.0, le=5.0)] = Field(
         1.0, description="Longest silence of registration before a move; it speaks five times a second."
     )

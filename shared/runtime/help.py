@@ -6,7 +6,8 @@ from pydantic_core import PydanticUndefined
 
 from shared.arguments import OneLineParser
 from shared.messages.presence import ServiceName
-from shared.runtime.settings import CONFIG_VARIABLE, ServiceSettings
+from shared.runtime.settings import ServiceSettings
+from shared.runtime.variables import CONFIG_VARIABLE, variable_of
 
 
 def service_parser(name: ServiceName, kind: type[ServiceSettings]) -> OneLineParser:
@@ -21,10 +22,9 @@ def service_parser(name: ServiceName, kind: type[ServiceSettings]) -> OneLinePar
 
 def settings_help(kind: type[ServiceSettings]) -> str:
     """One line a setting: its variable, its default and what it is."""
-    prefix = f"DISTALOCK_{kind.section.upper()}_" if kind.section else "DISTALOCK_"
     lines = ["settings (variable, default, meaning):"]
     for name, field in kind.model_fields.items():
-        variable = f"{'DISTALOCK_' if name in ServiceSettings.model_fields else prefix}{name.upper()}"
+        variable = variable_of("" if name in ServiceSettings.model_fields else kind.section, name)
         default = "required" if field.default is PydanticUndefined else field.default
         lines.append(f"  {variable}  {default}  {field.description or ''}".rstrip())
     lines.append(f"{CONFIG_VARIABLE} names a TOML file with the same settings; variables go before it.")

@@ -23,11 +23,10 @@ from shared.bus.tls import SCHEME, TlsFiles
 from shared.errors import ConfigurationError
 from shared.messages.base import Identifier
 from shared.messages.presence import ServiceName
+from shared.runtime.variables import CONFIG_VARIABLE, PREFIX, misspelt_common, misspelt_own
 
 LogLevel = Literal["debug", "info", "warning", "error"]
-_SECTIONS: frozenset[str] = frozenset((*get_args(ServiceName), "simulation"))
-_PREFIX = "DISTALOCK_"
-CONFIG_VARIABLE = "DISTALOCK_CONFIG"
+SECTIONS: frozenset[str] = frozenset((*get_args(ServiceName), "simulation"))
 ANNOUNCE_VARIABLE = "DISTALOCK_ANNOUNCE_FREE_PERCENT"
 
 
@@ -40,7 +39,7 @@ class ServiceSettings(BaseSettings):
         Name of the service's table in the file, and (in capitals) of its variables.
     """
 
-    model_config = SettingsConfigDict(env_prefix=_PREFIX, frozen=True, extra="forbid", env_nested_delimiter="__")
+    model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="forbid", env_nested_delimiter="__")
     section: ClassVar[str] = ""
 
     room: Identifier = Field("or1", description="Operating room: part of every key on the bus.")
@@ -57,7 +56,7 @@ class ServiceSettings(BaseSettings):
     )
     tls_certificate: Path | None = Field(None, description="Certificate of this service.")
     tls_key: Path | None = Field(None, description="Private key of this service.")
-    log_level: LogLevel = "info"
+    log_level: LogLevel = Field("info", description="What is logged: this and everything more serious.")
     log_file: Path | None = Field(None, description="File for the log, which rotates; default: standard error.")
     least_free_mib: Annotated[float, Field(ge=0.0)] = Field(
         64.0, description="Free space below which the state folder's disk counts as nearly full."
@@ -79,7 +78,7 @@ class ServiceSettings(BaseSettings):
         file_secret_settings: PydanticBaseSettingsSource,  # noqa: ARG003 - likewise
     ) -> tuple[PydanticBaseSettingsSource, ...]:
         """Arguments, the service's variables, common variables, the file."""
-        own = EnvSettingsSource(settings_cls, env_prefix=f"{_PREFIX}{cls.section.upper()}_")
+        own = EnvSettingsSource(settings_cls, env_prefix=f"{PREFIX}{cls.section.upper()}_")
         own_first = (init_settings, own) if cls.section else (init_settings,)
         return (*own_first, env_settings, InitSettingsSource(settings_cls, file_values(cls.section)))
 
@@ -106,8 +105,11 @@ def load_settings(kind: type[S], **given: object) -> S:
     Raises
     ------
     ConfigurationError
-        With one sentence that names the first wrong setting.
+        With one sentence that names the first wrong setting, or a variable of the environment that is none.
     """
+    own = misspelt_own(kind.section, kind.model_fields) if kind.section else None
+    if (wrong := own or misspelt_common(ServiceSettings.model_fields, SECTIONS)) is not None:
+        raise ConfigurationError(wrong)
     values = {name: value for name, value in given.items() if value is not None}
     try:
         return kind(**values)  # type: ignore[arg-type]
@@ -130,8 +132,8 @@ def file_values(section: str) -> dict[str, object]:
         return {}
     content = _toml(Path(name))
     tables = {key: value for key, value in content.items() if isinstance(value, dict)}
-    if unknown := sorted(tables.keys() - _SECTIONS):
-        raise ConfigurationError(f"{name}: unknown table [{unknown[0]}]; known are {', '.join(sorted(_SECTIONS))}")
+    if unknown := sorted(tables.keys() - SECTIONS):
+        raise ConfigurationError(f"{name}: unknown table [{unknown[0]}]; known are {', '.join(sorted(SECTIONS))}")
     common = {key: value for key, value in content.items() if key not in tables}
     return {**common, **tables.get(section, {})}
 
