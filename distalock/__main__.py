@@ -30,7 +30,7 @@ from distalock.arguments import (
 from distalock.bench import is_benchmark, print_list, run_benchmarks
 from distalock.inputs import require_inputs
 from shared.equipment import USUAL_WIRE_DIAMETER_MM
-from shared.errors import InputError
+from shared.errors import ConfigurationError, InputError
 
 _PORTS = (
     ("router", 7447, "the bus router"),
@@ -124,6 +124,11 @@ def _up_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--https", action="store_true", help="the gateway speaks HTTPS; needed where it is reached from elsewhere"
     )
+    parser.add_argument(
+        "--print-token",
+        action="store_true",
+        help="with --simulate: the token of the user demo on stdout; where the installation runs already, nothing else",
+    )
     add_scenario_arguments(parser)
     for name, default, used_for in _PORTS:
         parser.add_argument(
@@ -135,7 +140,7 @@ def _up(given: argparse.Namespace) -> int:
     from rich.console import Console
 
     from distalock.installation import Installation, Ports
-    from distalock.up import run_installation
+    from distalock.up import print_token, run_installation
 
     if given.controller is not None and scenario_arguments(given):
         return _refused_up("--seed and --scenario belong to --simulate; leave them away with --controller")
@@ -148,7 +153,15 @@ def _up(given: argparse.Namespace) -> int:
     installation = Installation(
         ports, given.state.resolve(), given.controller, scenario_arguments(given), given.plain_bus, given.https
     )
-    return run_installation(installation, Console(soft_wrap=True))
+    if not given.print_token:
+        return run_installation(installation, Console(soft_wrap=True))
+    if not given.simulate:
+        return _refused_up("--print-token belongs to --simulate; with a real controller people sign in")
+    try:
+        runs_already = print_token(installation)
+    except ConfigurationError as error:
+        return _refused_up(str(error))
+    return 0 if runs_already else run_installation(installation, Console(soft_wrap=True, stderr=True))
 
 
 def _refused_up(why: str) -> int:
@@ -213,6 +226,12 @@ def _parts_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _pki_arguments(parser: argparse.ArgumentParser) -> None:
     from distalock.pki_arguments import add_arguments
+
+    add_arguments(parser)
+
+
+def _users_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.users_arguments import add_arguments
 
     add_arguments(parser)
 
@@ -290,6 +309,12 @@ COMMANDS = (
         "the case record: verify, back up, restore, hand over, prune",
         _record_arguments,
         _imported("distalock.record.command"),
+    ),
+    Command(
+        "users",
+        "accounts of an installation: list, make, change, disable",
+        _users_arguments,
+        _imported("distalock.users"),
     ),
     Command(
         "bench",

@@ -213,10 +213,9 @@ class CaseClient:
         body = {"localisation": localisation, "hole_ids": list(hole_ids)}
         return Plan.model_validate(self._rest.post(f"{self._path}/plans", body))
 
-    def approve(self, plan: Plan, approved_by: str) -> None:
-        """Consent to exactly this plan; raises `RequestRefused`."""
-        body = {"approved_by": approved_by}
-        self._rest.post(f"{self._path}/plans/{plan.number}/approval", body, if_match=f'"{plan.sha256}"')
+    def approve(self, plan: Plan) -> None:
+        """Consent to exactly this plan, as the user who is signed in; raises `RequestRefused`."""
+        self._rest.post(f"{self._path}/plans/{plan.number}/approval", if_match=f'"{plan.sha256}"')
 
     def move(self, plan: Plan) -> Operation:
         """Start the approved motion and follow it to its end; raises `RequestRefused`."""

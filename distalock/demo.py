@@ -79,7 +79,10 @@ def demonstrate(request: DemoRequest, tell: Tell) -> Outcome:
 
 
 def _procedure_in(installation: Installation, request: DemoRequest, tell: Tell) -> Outcome:
-    with RestClient(installation.gateway.url) as rest, RestClient(installation.ports.control_url) as control:
+    with (
+        RestClient(installation.gateway.url, installation.token) as rest,
+        RestClient(installation.ports.control_url) as control,
+    ):
         room = RoomClient(control)
         scenario = room.scenario()
         case = CaseClient.opened(rest, scenario.set_up)

@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Final
 
+from distalock.demo_user import TOKEN_FILE, demo_token
 from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
 from distalock.readiness import GatewayReady, Server
 from shared.bus.tls import PKI_FOLDER, TlsFiles
@@ -19,6 +21,7 @@ _LOOPBACK = "127.0.0.1"
 _DICOM_HOST = "DISTALOCK_IMAGING_DICOM_HOST"
 _REST_HOST = "DISTALOCK_UI_API_HOST"
 _UNAPPROVED_PARTS = "DISTALOCK_UI_API_UNAPPROVED_PARTS"
+DEMO_TOKEN: Final = "DISTALOCK_UI_API_DEMO_TOKEN_FILE"  # noqa: S105 - a variable's name
 _OWN_CERTIFICATE = "DISTALOCK_UI_API_HTTPS_CERTIFICATE"
 # Addresses to listen on that mean every address of this machine; none to call.
 _EVERY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - not bound here
@@ -108,6 +111,11 @@ class Installation:
         """Whether part files need no approval: in a simulation, unless the gateway's setting says otherwise."""
         return self.simulated and _UNAPPROVED_PARTS not in os.environ
 
+    @property
+    def token(self) -> str:
+        """The token of the user `demo`, whom a simulation has; programs send it with every request."""
+        return demo_token(self.state_dir)
+
     def require_free_ports(self) -> None:
         """Refuse ports in use before anything starts; raises `ConfigurationError`."""
         for name, used_for in self._listening():
@@ -153,6 +161,7 @@ class Installation:
             **({"DISTALOCK_UI_API_HTTPS": "true"} if self.https else {}),
             # In a simulation nobody is at risk, and programs try parts of their own.
             **({_UNAPPROVED_PARTS: "true"} if self.takes_unapproved_parts else {}),
+            **({DEMO_TOKEN: str(self.state_dir / TOKEN_FILE)} if self.simulated else {}),
         }
 
     def _router_arguments(self) -> tuple[str, ...]:
@@ -208,6 +217,8 @@ class Installation:
         A plain bus has no use for certificates, but permits to move are signed on it, too.
         """
         folder, now = self.state_dir / PKI_FOLDER, datetime.now(UTC)
+        if self.simulated:
+            demo_token(self.state_dir)
         for keystore in (Keystore(folder), network_keystore(folder)):
             keystore.ensure(now)
 

@@ -18,7 +18,6 @@ LEAST_CHANCE_TO_PASS: Final = 0.99
 # Refusals that another direction of the beam can heal; the others need hands on the guide or the patient.
 _TURNABLE: Final = frozenset(ReasonCode) - {ReasonCode.IMAGE_UNUSABLE, ReasonCode.SATURATED, ReasonCode.MOTION_BLUR}
 _ANOTHER_VIEW: Final = Turn(about_image_x=2.0, about_image_y=1.5)
-_SURGEON: Final = "demo surgeon"
 
 Tell = Callable[[str], None]
 
@@ -132,7 +131,7 @@ class Procedure:
         self.tell(
             f"plan {plan.number}: move {content.travel_mm:.2f} mm, {content.travel_deg:.2f}°; should leave {left}"
         )
-        self.case.approve(plan, _SURGEON)
+        self.case.approve(plan)
         operation = self.case.move(plan)
         _require_success(operation, "the motion")
         self.moves += 1

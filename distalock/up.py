@@ -8,8 +8,9 @@ from rich.console import Console
 
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.installation import Installation
-from distalock.processes import Fleet
+from distalock.processes import Fleet, taken_folder
 from distalock.readiness import why_not_ready
+from services.ui_api.core.access_settings import DEMO_USER, SETUP_FILE
 from shared.bus.tls import PLAIN_BUS_WARNING
 from shared.errors import ConfigurationError
 from shared.hosts import PLAIN_HTTP_WARNING, is_loopback
@@ -45,6 +46,22 @@ def run_installation(installation: Installation, console: Console) -> int:
     return EXIT_OK
 
 
+def set_up_link(installation: Installation) -> str | None:
+    """The one-time link for the first account; None when there is an account."""
+    file = installation.state_dir / SETUP_FILE
+    return f"{installation.gateway.url}{file.read_text(encoding='ascii').strip()}" if file.exists() else None
+
+
+def print_token(installation: Installation) -> bool:
+    """Print the simulation's token for programs; whether the installation runs already."""
+    print(installation.token, flush=True)
+    try:
+        taken_folder(installation.state_dir / "logs").close()
+    except ConfigurationError:
+        return True
+    return False
+
+
 def _watch(fleet: Fleet, console: Console) -> str | None:
     """Wait for the end; the name of the process that ended by itself, None after Ctrl-C.
 
@@ -69,7 +86,14 @@ def _announce(installation: Installation, console: Console) -> None:
         console.print(f"[bold]WARNING[/bold]           {PLAIN_HTTP_WARNING}", highlight=False)
     console.print(f"DICOM C-STORE     {installation.dicom_address}", highlight=False)
     if installation.simulated:
+        console.print(
+            f"[bold]SIMULATION[/bold]        user {DEMO_USER}: surgeon and administrator; password and token "
+            f"{installation.token}",
+            highlight=False,
+        )
         console.print(f"SIMULATION        virtual operating room, control at {ports.control_url}", highlight=False)
+    elif (link := set_up_link(installation)) is not None:
+        console.print(f"[bold]FIRST START[/bold]       make the first account, once: {link}", highlight=False)
     if installation.takes_unapproved_parts:
         console.print("part files        taken without approval, because this is a simulation", highlight=False)
     if installation.plain_bus:

@@ -14,6 +14,7 @@ from shared.messages.schema_files import SCHEMAS, schema_texts
 from tools.keys_page import keys_page
 from tools.part_schemas import part_schema_texts
 from tools.refusals_page import refusals_page
+from tools.rest_page import rest_page
 from tools.settings_page import settings_page
 from tools.tuning_page import tuning_page
 
@@ -23,6 +24,7 @@ _PAGES: dict[str, Callable[[], str]] = {
     "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
     "keys.md": keys_page,
     "refusals.md": refusals_page,
+    "rest.md": rest_page,
     "settings.md": settings_page,
     "tuning.md": tuning_page,
 }

@@ -1,5 +1,6 @@
 """`docs/settings.md`: every setting, from the classes that read them."""
 
+import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import NoneType, UnionType
@@ -87,6 +88,8 @@ def _default(field: FieldInfo) -> str:
         return ""
     if isinstance(value, Path):
         return f"`{_portable(value)}`"
+    if isinstance(value, tuple):
+        return f"`{json.dumps([str(one) for one in value])}`"
     return f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
 

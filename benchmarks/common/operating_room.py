@@ -46,7 +46,7 @@ def running(
     """Start everything, and leave nothing behind."""
     with (
         patient_fleet(installation, change) as fleet,
-        RestClient(installation.ports.rest_url) as rest,
+        RestClient(installation.ports.rest_url, installation.token) as rest,
         RestClient(installation.ports.control_url) as control,
     ):
         yield OperatingRoom(fleet, installation, rest, control)

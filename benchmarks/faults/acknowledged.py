@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from distalock.case_client import CaseClient
+from distalock.installation import Installation
 from distalock.rest_client import JsonObject, RequestRefused, RestClient
 
 _WAIT_S: Final = 10.0
@@ -91,8 +92,8 @@ class Acknowledged:
 class AcknowledgingClient(RestClient):
     """A client that remembers what it was answered."""
 
-    def __init__(self, base_url: str, acknowledged: Acknowledged, answer_s: float) -> None:
-        super().__init__(base_url, answer_s)
+    def __init__(self, installation: Installation, acknowledged: Acknowledged, answer_s: float) -> None:
+        super().__init__(installation.ports.rest_url, installation.token, answer_s)
         self._acknowledged = acknowledged
 
     def post(self, path: str, body: object = None, if_match: str | None = None) -> JsonObject:

@@ -10,7 +10,6 @@ from benchmarks.faults.site import FaultSite
 from distalock.case_client import CaseClient, Localisation, Operation, Plan
 from distalock.rest_client import JsonObject, RestClient
 
-_SURGEON: Final = "benchmark surgeon"
 _POLL_S: Final = 0.05
 # So long that a busy machine is not taken for a lost procedure.
 _PATIENCE_S: Final = 240.0
@@ -67,7 +66,7 @@ class CaseActions:
     def approve(self, rest: AcknowledgingClient) -> None:
         """Consent to the plan."""
         assert self.plan is not None
-        CaseClient(rest, self.case_id).approve(self.plan, _SURGEON)
+        CaseClient(rest, self.case_id).approve(self.plan)
 
     def ask_to_move(self, rest: AcknowledgingClient) -> None:
         """Ask for the approved motion."""

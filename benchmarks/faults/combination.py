@@ -125,8 +125,7 @@ class Combination:
 
     def _ask_for_the_next_thing(self) -> None:
         said = self.procedure.said
-        url = self.site.room.installation.ports.rest_url
-        with AcknowledgingClient(url, self.site.acknowledged, _ATTEMPT_WITHIN_S) as impatient:
+        with AcknowledgingClient(self.site.room.installation, self.site.acknowledged, _ATTEMPT_WITHIN_S) as impatient:
             self.procedure.try_during_fault(impatient)
         self.wrong += wrong_in_answers(self.fault, said)
 

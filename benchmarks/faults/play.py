@@ -40,21 +40,22 @@ def play(next_pass: Callable[[], Pass | None], seed: int, logs: Path | None = No
     """
     left = list(next_pass() or ())
     while left:
-        with fault_site(seed) as site:
-            url = site.room.installation.ports.rest_url
-            with AcknowledgingClient(url, site.acknowledged, _ANSWER_S) as rest:
-                procedure = PatientProcedure(site, rest)
-                for _ in range(_PASSES_OF_AN_INSTALLATION):
-                    survived = True
-                    for finding in _until_broken(procedure, left):
-                        survived = finding.survived
-                        if logs is not None and not survived:
-                            shutil.copytree(site.state_dir / "logs", logs / left[0].key, dirs_exist_ok=True)
-                        yield left.pop(0), finding
-                    left = left or list(next_pass() or ())
-                    if not survived or not left:
-                        break
-                    procedure.push_mount()
+        with (
+            fault_site(seed) as site,
+            AcknowledgingClient(site.room.installation, site.acknowledged, _ANSWER_S) as rest,
+        ):
+            procedure = PatientProcedure(site, rest)
+            for _ in range(_PASSES_OF_AN_INSTALLATION):
+                survived = True
+                for finding in _until_broken(procedure, left):
+                    survived = finding.survived
+                    if logs is not None and not survived:
+                        shutil.copytree(site.state_dir / "logs", logs / left[0].key, dirs_exist_ok=True)
+                    yield left.pop(0), finding
+                left = left or list(next_pass() or ())
+                if not survived or not left:
+                    break
+                procedure.push_mount()
 
 
 def _until_broken(procedure: PatientProcedure, combinations: list[Planned]) -> Iterator[Finding]:

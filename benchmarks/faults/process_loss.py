@@ -24,6 +24,7 @@ from benchmarks.common.places import PAGES
 from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import Hexapod
 from distalock.case_client import CaseClient
+from distalock.demo_user import demo_token
 from distalock.installation import Installation, Ports
 from distalock.rest_client import RequestRefused, RestClient
 from distalock.room_client import RoomClient
@@ -106,7 +107,7 @@ def _begin_to_move(site: Site) -> None:
             case = site.case = site.case or CaseClient.opened(site.rest, room.scenario().set_up)
             seen = case.localisation_of(room.take_shot())
             plan = case.plan(seen.number, room.scenario().hole_ids)
-            case.approve(plan, "benchmark")
+            case.approve(plan)
             site.rest.post(f"/api/v1/cases/{case.id}/motions", {"plan": plan.number})
             _wait(lambda: site.hexapod().moving, within_s=2.0)
         except (RequestRefused, NotDone, TimeoutError, httpx.HTTPError) as error:
@@ -150,7 +151,7 @@ def up_site(folder: Path) -> Iterator[Site]:
     directory = folder / "installation.json"
     with (
         subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL) as up,
-        RestClient(ports.rest_url) as rest,
+        RestClient(ports.rest_url, demo_token(folder)) as rest,
         RestClient(ports.control_url) as control,
     ):
         try:

@@ -17,10 +17,12 @@ from typing import Final
 import websockets
 from websockets.asyncio.client import connect
 
+from distalock.rest_client import bearer
+
 _HOST: Final = "127.0.0.1"
 _AGAIN_AFTER_S: Final = 0.5
 _PIECE_BYTES: Final = 256 * 1024
-_EVENTS: Final = b"GET /api/v1/events HTTP/1.1\r\nhost: 127.0.0.1\r\n\r\n"
+_EVENTS: Final = "GET /api/v1/events HTTP/1.1\r\nhost: 127.0.0.1\r\nauthorization: Bearer {}\r\n\r\n"
 
 
 @dataclass(slots=True)
@@ -28,12 +30,14 @@ class Load:
     """Everybody, and what they have received: pictures, events, and how often somebody had to come again."""
 
     port: int
+    token: str
     received: Counter[str] = field(default_factory=Counter)
     connected: Counter[str] = field(default_factory=Counter)
 
     async def view(self) -> None:
         """Watch the live picture."""
-        async with connect(f"ws://{_HOST}:{self.port}/api/v1/live", max_size=None, compression=None) as socket:
+        address, asks = f"ws://{_HOST}:{self.port}/api/v1/live", bearer(self.token)
+        async with connect(address, max_size=None, compression=None, additional_headers=asks) as socket:
             self.connected["viewers"] += 1
             async for message in socket:
                 self.received["pictures"] += isinstance(message, bytes)
@@ -42,7 +46,7 @@ class Load:
         """Read the event stream."""
         reader, writer = await asyncio.open_connection(_HOST, self.port)
         try:
-            writer.write(_EVENTS)
+            writer.write(_EVENTS.format(self.token).encode())
             self.connected["events"] += 1
             while content := await reader.read(_PIECE_BYTES):
                 self.received["events"] += content.count(b"event: ")
@@ -68,9 +72,9 @@ class Load:
             await asyncio.sleep(_AGAIN_AFTER_S)
 
 
-async def run(port: int, wanted: dict[str, int]) -> Counter[str]:
+async def run(port: int, token: str, wanted: dict[str, int]) -> Counter[str]:
     """Bring everybody, and wait for the end."""
-    load = Load(port)
+    load = Load(port, token)
     tasks = [asyncio.create_task(load.again_and_again(name)) for name, count in wanted.items() for _ in range(count)]
     while any(load.connected[name] < count for name, count in wanted.items()):
         await asyncio.sleep(0.1)
@@ -86,13 +90,14 @@ def main() -> int:
     """Exit code 0."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rest-port", type=int, required=True)
+    parser.add_argument("--token", required=True)
     for name in ("viewers", "events", "idle"):
         parser.add_argument(f"--{name}", type=int, default=0)
     given = parser.parse_args()
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     wanted = {name: getattr(given, name) for name in ("viewers", "events", "idle")}
-    print(json.dumps(asyncio.run(run(given.rest_port, wanted))))
+    print(json.dumps(asyncio.run(run(given.rest_port, given.token, wanted))))
     return 0
 
 

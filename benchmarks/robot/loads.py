@@ -14,6 +14,7 @@ from typing import Final
 import httpx
 
 from benchmarks.robot.stop_latency_rig import StopRig
+from distalock.rest_client import bearer
 from services.ui_api.record.location import sqlite_url
 from shared.scheduling import ordinary
 
@@ -81,6 +82,7 @@ def clients(rig: StopRig, counts: ClientsOfAll = ClientsOfAll()) -> Iterator[dic
         "gateway_load",
         {
             "rest-port": installation.ports.rest,
+            "token": installation.token,
             "viewers": counts.viewers,
             "events": counts.events,
             "idle": counts.idle,
@@ -120,12 +122,12 @@ def blocked_record(state_dir: Path) -> Iterator[None]:
 
 
 @contextmanager
-def hung_requests(rest_url: str, count: int = HUNG_REQUESTS) -> Iterator[None]:
+def hung_requests(rest_url: str, token: str, count: int = HUNG_REQUESTS) -> Iterator[None]:
     """Requests that wait for the record, one after another from each of so many clients."""
     ended = threading.Event()
 
     def ask(number: int) -> None:
-        with httpx.Client(base_url=rest_url, timeout=None) as client:  # noqa: S113 - it is to hang
+        with httpx.Client(base_url=rest_url, headers=bearer(token), timeout=None) as client:  # noqa: S113 - it is to hang
             attempt = 0
             while not ended.is_set():
                 attempt += 1

@@ -89,7 +89,7 @@ def with_blocked_record(rig: StopRig, trials: int, seed: int) -> Loaded:
     seconds: list[float] = []
     sent: list[int] = []
     before = stops_on_record(rig.installation.state_dir)
-    with hung_requests(url), blocked_record(rig.installation.state_dir):
+    with hung_requests(url, rig.installation.token), blocked_record(rig.installation.state_dir):
         for _ in range(trials):
             with other_stops(url, sent):
                 time.sleep(_STOPS_ARE_OUT_AFTER_S)

@@ -15,7 +15,8 @@ import httpx
 from benchmarks.robot.permits import permit_for
 from benchmarks.robot.plans import HEXAPOD, plan_between, random_target
 from benchmarks.robot.rig import PlainVerb
-from distalock.installation import Installation, Ports
+from distalock.demo_user import TOKEN_FILE, demo_token
+from distalock.installation import DEMO_TOKEN, Installation, Ports
 from distalock.processes import Fleet
 from distalock.rest_client import RequestRefused, RestClient
 from shared.bus.keys import Keys
@@ -239,7 +240,7 @@ def stop_rig() -> Iterator[StopRig]:
             _robot_and_gateway(installation) as fleet,
             _session(installation, "registration") as registration,
             _session(installation, "ui_api") as gateway,
-            RestClient(ports.rest_url) as rest,
+            RestClient(ports.rest_url, installation.token) as rest,
         ):
             signer = PermitSigner.from_file(installation.state_dir / PKI_FOLDER / "ui_api" / PERMIT_KEY_FILE)
             rig = StopRig(installation, fleet.pids, controller, registration, gateway, rest, signer)
@@ -256,9 +257,14 @@ def stop_rig() -> Iterator[StopRig]:
 
 def _robot_and_gateway(installation: Installation) -> Fleet:
     """The installation without the services that the rig stands for."""
+    demo_token(installation.state_dir)  # the controller is none of a virtual room, so that nobody else makes it
     wanted = [spec for spec in installation.specs() if spec.name in ("router", "robot")]
     wanted += [
-        replace(spec, is_ready=lambda: _is_well(installation.ports.rest))
+        replace(
+            spec,
+            is_ready=lambda: _is_well(installation.ports.rest),
+            environment={**spec.environment, DEMO_TOKEN: str(installation.state_dir / TOKEN_FILE)},
+        )
         for spec in installation.specs()
         if spec.name == "ui_api"
     ]

@@ -17,9 +17,13 @@ from services.ui_api.routes import (
     plans,
     qa_reports,
     robot,
+    sessions,
+    setup,
+    users,
     verifications,
 )
 from services.ui_api.routes.body_limit import BodyLimitMiddleware
+from services.ui_api.routes.guards import SECURITY_SCHEMES
 from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
@@ -75,6 +79,9 @@ def routed_app() -> FastAPI:
         events,
         live,
         parts,
+        sessions,
+        users,
+        setup,
     ):
         api.include_router(resource.router)
     app.include_router(api)
@@ -93,6 +100,7 @@ def openapi_document(app: FastAPI) -> dict[str, object]:
         document = get_openapi(title=app.title, version="1", summary=_SUMMARY, routes=app.routes)
         schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
         definitions = schema.pop("$defs", {})
+        document["components"]["securitySchemes"] = SECURITY_SCHEMES
         document["components"]["schemas"] |= {**definitions, "Problem": schema}
         app.openapi_schema = document
     return app.openapi_schema

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
+from services.ui_api.access.access_control import AccessControl
 from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import EventDraft
 from services.ui_api.handlers.bus_refusals import BusRefusalLog
@@ -69,6 +70,7 @@ class Gateway:
     refusals: BusRefusalLog
     readiness: Readiness
     status: StatusReporter
+    access: AccessControl
 
 
 @contextmanager
@@ -85,6 +87,7 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
         record = CaseRecord(open_database(settings.record_url()), clock.unix_ns, _IMAGES_HELD)
         gateway, context = _assemble(bus, runtime, settings, clock, record, signer)
         record.append(EventDraft(GatewayStarted(runtime.boot_epoch, software_version()), None, "gateway"))
+        gateway.access.start()
         gateway.commands.adopt_orphans()
         context.announce()
         gateway.stop_recorder.start()
@@ -163,6 +166,7 @@ def _assemble(
         refusals=refusals,
         readiness=Readiness(asked),
         status=runtime.status,
+        access=AccessControl(record, clock, settings.access(), feed.wake),
     )
     return gateway, context
 

@@ -1,18 +1,22 @@
 """Settings of the gateway: `DISTALOCK_UI_API_*`, or the table `[ui_api]` of the settings file."""
 
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
-from pydantic import Field
+from pydantic import Field, IPvAnyNetwork
 
+from services.ui_api.core.access_settings import AccessSettings
+from services.ui_api.core.networks import PRIVATE_NETWORKS
 from services.ui_api.record.location import sqlite_url
 from shared.bus.tls import PKI_FOLDER, TlsFiles
 from shared.errors import ConfigurationError
 from shared.hosts import is_loopback
 from shared.parts.approvals import PartApprovals
 from shared.pki.permit_key import PERMIT_KEY_FILE, PermitSigner
+from shared.pki.private_files import read_file
 from shared.runtime.settings import ServiceSettings
 
+_LEAST_TOKEN_CHARACTERS: Final = 32
 HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$")]
 
 
@@ -49,6 +53,14 @@ class UiApiSettings(ServiceSettings):
     robot_state_stale_after_s: Annotated[float, Field(gt=0.0, le=10.0)] = Field(
         1.0, description="Age from which the robot's state is no longer relied on."
     )
+    room_networks: tuple[IPvAnyNetwork, ...] = Field(
+        PRIVATE_NETWORKS,
+        description="The room's own networks: from there a stop and /metrics need no login. Default: loopback, private "
+        "and link-local addresses.",
+    )
+    demo_token_file: Path | None = Field(
+        None, description="File with the token of the user demo, who may do everything: for simulations."
+    )
     lease_s: Annotated[float, Field(ge=0.1, le=2.0)] = Field(
         0.5, description="How long a hold-to-move lease lasts without renewal."
     )
@@ -61,6 +73,16 @@ class UiApiSettings(ServiceSettings):
     def permit_signer(self) -> PermitSigner:
         """Signs permits to move; raises `ConfigurationError`."""
         return PermitSigner.from_file(self.permit_key or self.state_dir / PKI_FOLDER / self.section / PERMIT_KEY_FILE)
+
+    def access(self) -> AccessSettings:
+        """What access control is told; raises `ConfigurationError`."""
+        token = None if self.demo_token_file is None else read_file(self.demo_token_file).decode("ascii").strip()
+        if token is not None and len(token) < _LEAST_TOKEN_CHARACTERS:
+            raise ConfigurationError(
+                f"{self.demo_token_file}: the token has {len(token)} characters, and must have at least "
+                f"{_LEAST_TOKEN_CHARACTERS}; delete the file, and `distalock up --simulate` makes a new one"
+            )
+        return AccessSettings(self.state_dir, self.room_networks, token)
 
     def part_is_approved(self, sha256: str) -> bool:
         """Whether a part file may be used; raises `ConfigurationError` when the approvals cannot be read."""

@@ -30,6 +30,9 @@ class Permit(Message):
     approver: str = Field(
         min_length=1, max_length=128, description="Who approved the plan, or asked for the reference."
     )
+    authenticated_by: Literal["password", "simulation_token"] | None = Field(
+        None, description="How the approver showed for this motion who he is; null in permits of older versions."
+    )
     nothing_inside: bool = Field(
         description="By the case's record no wire, drill or screw is in the guide or the bone."
     )

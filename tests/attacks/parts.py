@@ -6,6 +6,7 @@ from typing import Final
 
 import httpx
 
+from distalock.rest_client import bearer
 from tests.attacks.attack import Attack, Record
 from tests.attacks.site import Site
 from tests.attacks.web import PORT, code_of, request_to
@@ -15,7 +16,9 @@ def _moved_guide(site: Site) -> str:
     """The guide's file with a hole 3 mm beside its place: nothing in an image shows it."""
     guide = json.loads((files("shared.parts") / "catalogue" / "guide-28.json").read_text())
     guide["holes"][0]["point_mm"][0] += 3.0
-    return code_of(httpx.patch(f"{site.api}/cases/{site.case.id}", json={"guide": guide}))
+    return code_of(
+        httpx.patch(f"{site.api}/cases/{site.case.id}", json={"guide": guide}, headers=bearer(site.installation.token))
+    )
 
 
 ATTACKS: Final = (

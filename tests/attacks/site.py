@@ -23,7 +23,6 @@ from shared.pki.keystore import Keystore
 
 SEED = 2
 ROOM = "or1"
-SURGEON = "surgeon"
 START_WITHIN_S = 300.0
 PATIENCE_S = 30.0
 # What is denied never comes, so it must be waited for; what is allowed came within 20 ms where nothing else ran.
@@ -135,7 +134,7 @@ def running_site(folder: Path) -> Iterator[Site]:
     installation = Installation(Ports.any_free(), state, scenario_arguments=("--seed", str(SEED)))
     with (
         installation.fleet(threading.Event(), START_WITHIN_S) as fleet,
-        RestClient(installation.ports.rest_url) as rest,
+        RestClient(installation.ports.rest_url, installation.token) as rest,
         RestClient(installation.ports.control_url) as control,
     ):
         room = RoomClient(control)
@@ -151,7 +150,7 @@ def approved_plan(case: CaseClient, room: RoomClient) -> Plan:
     seen = case.localisation_of(room.take_shot())
     assert seen.accepted, seen.summary
     plan = case.plan(seen.number, room.scenario().hole_ids)
-    case.approve(plan, SURGEON)
+    case.approve(plan)
     return plan
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from tests.attacks import commands, imaging_port, links, listeners, pages, parts, permits, roles, streams, web
+from tests.attacks import commands, imaging_port, links, listeners, pages, parts, people, permits, roles, streams, web
 from tests.attacks.attack import Attack
 
 # Tried while the approved plan could move the robot at once.
@@ -16,6 +16,7 @@ BEFORE_THE_MOVE: Final[tuple[Attack, ...]] = (
     *streams.ATTACKS,
     *pages.ATTACKS,
     *web.ATTACKS,
+    *people.ATTACKS,
     *parts.ATTACKS,
 )
 # These bring images, stops and a restart, after which no plan of before moves anything.

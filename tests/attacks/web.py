@@ -9,6 +9,7 @@ from typing import Final
 
 import httpx
 
+from distalock.rest_client import bearer
 from services.ui_api.front.connection import HEAD_WITHIN_S
 from services.ui_api.routes.body_limit import BODY_WITHIN_S
 from tests.attacks.attack import Attack, Record
@@ -31,10 +32,14 @@ def code_of(answer: httpx.Response) -> str:
 def request_to(
     method: str, path: str, headers: Mapping[str, str] | None = None, content: bytes = b"{}"
 ) -> Callable[[Site], str]:
-    """A request to the API; the path is sent as it stands."""
+    """A request to the API by somebody who is signed in; the path is sent as it stands."""
 
     def run(site: Site) -> str:
-        own = {"Idempotency-Key": uuid.uuid4().hex, "Content-Type": "application/json"}
+        own = {
+            "Idempotency-Key": uuid.uuid4().hex,
+            "Content-Type": "application/json",
+            **bearer(site.installation.token),
+        }
         where = httpx.URL(site.installation.ports.rest_url, raw_path=_path(path, site).encode())
         return code_of(httpx.request(method, where, headers={**own, **(headers or {})}, content=content, timeout=60.0))
 
@@ -84,7 +89,7 @@ def _slow_head(site: Site) -> str:
 def _slow_upload(site: Site) -> str:
     head = (
         "POST /api/v1/cases HTTP/1.1\r\nHost: localhost\r\nIdempotency-Key: slow\r\nContent-Type: application/json\r\n"
-        "Content-Length: 4000000\r\n\r\n"
+        f"Content-Length: 4000000\r\nAuthorization: Bearer {site.installation.token}\r\n\r\n"
     )
     with _connection(site) as connection:
         connection.sendall(head.encode())
@@ -123,7 +128,10 @@ def _viewers_that_never_read(site: Site) -> str:
     try:
         for viewer in opened:
             viewer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)
-            viewer.sendall(b"GET /api/v1/events?after=0 HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            viewer.sendall(
+                "GET /api/v1/events?after=0 HTTP/1.1\r\nHost: localhost\r\n"
+                f"Authorization: Bearer {site.installation.token}\r\n\r\n".encode()
+            )
         wait_until(lambda: site.robot()["state"] in ("locked", "stopped"), "the robot's state", PATIENCE_S)
         return "others are served"
     finally:
@@ -135,7 +143,7 @@ def gateway_log(text: str) -> Record:
     return Record("ui_api", text)
 
 
-PORT: Final = "access to the REST port"
+PORT: Final = "a token of somebody who may do everything"
 _POST: Final = (
     "POST /api/v1/cases HTTP/1.1\r\nHost: localhost\r\nIdempotency-Key: 1\r\nContent-Type: application/json\r\n"
 )
@@ -233,9 +241,7 @@ ATTACKS: Final = (
         "approve the plan under another hash",
         "plan_hash_mismatch",
         gateway_log("plan_hash_mismatch"),
-        request_to(
-            "POST", "/cases/{case}/plans/{plan}/approval", {"If-Match": f'"{"0" * 64}"'}, b'{"approved_by": "nobody"}'
-        ),
+        request_to("POST", "/cases/{case}/plans/{plan}/approval", {"If-Match": f'"{"0" * 64}"'}, b"{}"),
     ),
     Attack(
         "viewers that never read",

@@ -18,7 +18,7 @@ from pynetdicom import AE
 
 from benchmarks.common.operating_room import OperatingRoom
 from distalock.case_client import CaseClient
-from distalock.rest_client import JsonObject, RequestRefused
+from distalock.rest_client import JsonObject, RequestRefused, bearer
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -114,7 +114,8 @@ def part(name: str) -> JsonObject:
 def refused(site: OperatingRoom, method: str, path: str, body: object) -> httpx.Response:
     """A request that must be refused with one sentence in a problem document."""
     url = f"{site.installation.ports.rest_url}/api/v1{path}"
-    response = httpx.request(method, url, json=body, headers={"Idempotency-Key": os.urandom(8).hex()})
+    headers = {"Idempotency-Key": os.urandom(8).hex(), **bearer(site.installation.token)}
+    response = httpx.request(method, url, json=body, headers=headers)
     assert 400 <= response.status_code < 500, response.text
     assert response.headers["content-type"].startswith("application/problem+json")
     problem = response.json()

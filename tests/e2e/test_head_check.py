@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import httpx
 import pytest
 
 from benchmarks.common.operating_room import patient_fleet
@@ -24,7 +23,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 class MountedRoom:
     """A running installation whose hexapod file knows the mount on the nail's head."""
 
-    url: str
     rest: RestClient
     room: RoomClient
 
@@ -68,10 +66,10 @@ def mounted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Mounted
     installation = Installation(Ports.any_free(), tmp_path / "state", scenario_arguments=("--scenario", str(scenario)))
     with (
         patient_fleet(installation),
-        RestClient(installation.ports.rest_url) as rest,
+        RestClient(installation.ports.rest_url, installation.token) as rest,
         RestClient(installation.ports.control_url) as control,
     ):
-        yield MountedRoom(installation.ports.rest_url, rest, RoomClient(control))
+        yield MountedRoom(rest, RoomClient(control))
 
 
 def test_a_wrong_extension_is_refused_before_the_first_plan_and_a_right_one_is_not(mounted: MountedRoom) -> None:
@@ -89,8 +87,7 @@ def test_a_wrong_extension_is_refused_before_the_first_plan_and_a_right_one_is_n
     assert refused.value.problem_code == "head_extension"
     assert f"entered as {entered_mm:g} mm, {true_mm:.0f} mm would fit" in str(refused.value)
 
-    corrected = httpx.patch(f"{mounted.url}/api/v1/cases/{case.id}", json={"head_extension_mm": true_mm})
-    assert corrected.status_code == httpx.codes.OK, corrected.text
+    mounted.rest.patch(f"/api/v1/cases/{case.id}", {"head_extension_mm": true_mm})
     seen = case.localisation_of(mounted.room.take_shot())
     assert seen.accepted, seen.summary
     assert case.plan(seen.number, scenario.hole_ids).plan.travel_mm > 0.0

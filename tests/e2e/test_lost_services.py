@@ -43,7 +43,7 @@ class CaseRoom:
         seen = self.case.localisation_of(self.room.room.take_shot())
         assert seen.accepted, seen.summary
         plan = self.case.plan(seen.number, self.room.room.scenario().hole_ids)
-        self.case.approve(plan, "e2e surgeon")
+        self.case.approve(plan)
         return plan
 
     def begin(self, plan: Plan) -> JsonObject:

@@ -17,6 +17,7 @@ from services.ui_api.core.event_data import (
     Step,
 )
 from services.ui_api.core.events import EventDraft
+from services.ui_api.core.identity import Approver, Authenticated
 from services.ui_api.core.ledger import Ledger
 from services.ui_api.core.procedure import Action, allowed_actions
 from services.ui_api.handlers.cases import CaseHandler, StepRequest
@@ -44,6 +45,7 @@ from tests.model.silent_bus import SilentBus
 
 KEYS = Keys("or1")
 WHO = "surgeon"
+APPROVER = Approver(WHO, Authenticated.PASSWORD)
 STALE_AFTER_S = 1.0
 
 
@@ -89,7 +91,7 @@ class GatewaySide:
         self._record.note([EventDraft(CaseOpened(setup), CASE, WHO), *_PLANNED])
         case = self._record.ledger.cases[CASE]
         with self._record.write() as unit:
-            self._planning.approve(unit, case, 1, WHO)
+            self._planning.approve(unit, case, 1, APPROVER)
         return GatewayMemory(True, plain_case(self._record.ledger.cases[CASE]), ())
 
     def begin_move(self, memory: GatewayMemory, slot: str, number: int, *, is_full: bool = False) -> Acted | None:
@@ -106,7 +108,7 @@ class GatewaySide:
         """Somebody asks for a command without a plan."""
 
         def act(unit: UnitOfWork) -> None:
-            self._commands.begin_plain(unit, verb, WHO)
+            self._commands.begin_plain(unit, verb, APPROVER)
 
         return self._write(memory, act, slot, number, is_full=is_full)
 
@@ -123,7 +125,7 @@ class GatewaySide:
         case = replace(memory.case, images=(), localisations=(), plans=())
 
         def act(unit: UnitOfWork) -> None:
-            self._planning.approve(unit, self._case(), 1, WHO)
+            self._planning.approve(unit, self._case(), 1, APPROVER)
 
         self._load(replace(memory, case=case))
         self._record.note(_PLANNED[:2])

@@ -159,12 +159,13 @@ class PlanRefused:
 
 @dataclass(frozen=True, slots=True)
 class PlanApproved:
-    """A surgeon's consent to exactly one plan."""
+    """A surgeon's consent to exactly one plan; `authenticated_by` is how he showed who he is, None in old records."""
 
     number: int
     plan_sha256: str
     approved_by: str
     approved_at_ns: int
+    authenticated_by: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

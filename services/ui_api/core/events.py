@@ -6,6 +6,7 @@ The event log is the only truth about a case: everything else (`core.case`, `cor
 from dataclasses import dataclass
 from enum import StrEnum
 
+from services.ui_api.core.account_event_data import AccountChanged
 from services.ui_api.core.bus_event_data import BusRefused
 from services.ui_api.core.event_data import (
     CaseOpened,
@@ -61,6 +62,7 @@ class EventKind(StrEnum):
     BUS_REFUSED = "bus_refused"
     CASE_PRUNED = "case_pruned"
     IMAGES_PRUNED = "images_pruned"
+    ACCOUNT_CHANGED = "account_changed"
 
 
 EventData = (
@@ -87,6 +89,7 @@ EventData = (
     | BusRefused
     | CasePruned
     | ImagesPruned
+    | AccountChanged
 )
 
 DATA_OF_KIND: dict[EventKind, type[EventData]] = {
@@ -113,6 +116,7 @@ DATA_OF_KIND: dict[EventKind, type[EventData]] = {
     EventKind.BUS_REFUSED: BusRefused,
     EventKind.CASE_PRUNED: CasePruned,
     EventKind.IMAGES_PRUNED: ImagesPruned,
+    EventKind.ACCOUNT_CHANGED: AccountChanged,
 }
 
 KIND_OF_DATA: dict[type[EventData], EventKind] = {data: kind for kind, data in DATA_OF_KIND.items()}

@@ -39,6 +39,8 @@ class OperationRequested:
         How long after that state the robot may begin.
     approver
         Who approved the plan of a move, or asked for a reference; None of commands that move nothing.
+    authenticated_by
+        How the approver showed who he is (`core.identity.Authenticated`); None in older records.
     permit_sha256, permit_signature, permit_key_sha256
         The permit that went with it: the hash of its text (kept as a document), the signature, and the hash of the
         public key. Records of older versions have none.
@@ -59,6 +61,7 @@ class OperationRequested:
     permit_sha256: str | None = None
     permit_signature: str | None = None
     permit_key_sha256: str | None = None
+    authenticated_by: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

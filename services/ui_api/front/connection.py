@@ -8,6 +8,7 @@ from typing import Final
 
 import h11
 
+from services.ui_api.core.networks import PRIVATE_NETWORKS, Network, is_in_networks
 from services.ui_api.front.admission import Admission, Place
 from services.ui_api.front.answers import Asked, problem_answer, stop_answer
 from services.ui_api.front.application_socket import PIECE_BYTES, ApplicationGone
@@ -40,6 +41,8 @@ class FrontParts:
         The application's socket.
     scheme
         ``http``, or ``https`` where TLS ends here.
+    room_networks
+        From there a stop needs no login. From elsewhere it is the application's business, as every other request.
     handover
         Takes connections that stream; None where TLS ends here, whose keys do not go along: then they are relayed.
     """
@@ -48,6 +51,7 @@ class FrontParts:
     admission: Admission
     address: Path
     scheme: str
+    room_networks: tuple[Network, ...] = PRIVATE_NETWORKS
     handover: Handover | None = None
     head_within_s: float = HEAD_WITHIN_S
     idle_for_s: float = IDLE_FOR_S
@@ -64,6 +68,8 @@ class Connection:
         self._in_head = False
         peer = writer.get_extra_info("peername")
         self._peer = str(peer[0]) if peer else "unknown"
+        # Who has left already has no address any more; his stop still goes out.
+        self._is_in_room = peer is None or is_in_networks(self._peer, parts.room_networks)
 
     async def serve(self) -> None:
         """Answer requests one after another."""
@@ -128,7 +134,7 @@ class Connection:
             event = peek.next_event()
         except h11.RemoteProtocolError:
             return  # it is answered when it is due
-        if self._ahead is None and isinstance(event, h11.Request) and is_stop(event):
+        if self._is_in_room and self._ahead is None and isinstance(event, h11.Request) and is_stop(event):
             self._ahead = self._parts.stops.begin()
 
     def _begin_anew(self) -> None:
@@ -139,7 +145,7 @@ class Connection:
 
     async def _answer(self, request: h11.Request) -> bool:
         """Answer a request; whether the connection can take another one."""
-        if is_stop(request):
+        if self._is_in_room and is_stop(request):
             return await self._stop(request)
         if self._parts.handover is not None and is_stream(request) and self._handed_over(self._parts.handover, request):
             return False

@@ -63,7 +63,7 @@ class _Gateway:
             handover = Handover(application.streams) if self._https is None else None
             admission = Admission(Limits.of(self._handles))
             self._link.on_streams = admission.note_streams
-            parts = FrontParts(stops, admission, application.address, scheme, handover)
+            parts = FrontParts(stops, admission, application.address, scheme, self._settings.room_networks, handover)
             with serving_front(FrontServer(parts, self._link, self._https), self._listening, application.line):
                 self._announce(runtime)
                 yield

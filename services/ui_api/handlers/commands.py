@@ -10,6 +10,7 @@ from typing import Literal
 import structlog
 
 from services.ui_api.core.events import EventDraft
+from services.ui_api.core.identity import Approver
 from services.ui_api.core.operations import VERBS_WITH_A_MOTION, Operation, settle
 from services.ui_api.core.robot_event_data import (
     CommandVerb,
@@ -96,7 +97,7 @@ class CommandHandler:
         requested = with_permit(requested_operation(envelope, "move", state, move), permit, move.plan.approver)
         return self._begin(unit, EventDraft(requested, case_id, who), encode(command))
 
-    def begin_plain(self, unit: UnitOfWork, verb: PlainVerb, who: str) -> Operation:
+    def begin_plain(self, unit: UnitOfWork, verb: PlainVerb, who: Approver) -> Operation:
         """Record a command without a plan, to be sent when the transaction is on the disk; raises `Refused`."""
         if verb in VERBS_WITH_A_MOTION:
             self._refuse_while_pending()
@@ -107,7 +108,7 @@ class CommandHandler:
             permit = self._permits.for_reference(unit, state, who)
             requested = with_permit(requested, permit, who)
         case = self._record.ledger.open_case()
-        draft = EventDraft(requested, case.case_id if case else None, who)
+        draft = EventDraft(requested, case.case_id if case else None, who.name)
         return self._begin(unit, draft, encode(PlainCommand(verb=verb, envelope=envelope, permit=permit)))
 
     def adopt_orphans(self) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+from services.ui_api.core.identity import Approver
 from services.ui_api.core.robot_event_data import CommandVerb, OperationRequested
 from services.ui_api.handlers.permits import ApprovedPlan
 from shared.messages.permits import SignedPermit
@@ -17,11 +18,12 @@ class Move:
     hold_to_move: bool
 
 
-def with_permit(requested: OperationRequested, permit: SignedPermit, approver: str) -> OperationRequested:
+def with_permit(requested: OperationRequested, permit: SignedPermit, approver: Approver) -> OperationRequested:
     """The same operation, with the permit that goes with it and who approved it."""
     return replace(
         requested,
-        approver=approver,
+        approver=approver.name,
+        authenticated_by=approver.authenticated.value,
         permit_sha256=permit.permit_sha256,
         permit_signature=permit.signature,
         permit_key_sha256=permit.key_sha256,

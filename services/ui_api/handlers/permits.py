@@ -4,6 +4,7 @@ import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from services.ui_api.core.identity import Approver
 from services.ui_api.core.inside import Inside, ObjectKind, removing_step_of
 from services.ui_api.handlers.refusals import conflict
 from services.ui_api.record.record import CaseRecord
@@ -25,7 +26,7 @@ class ApprovedPlan:
 
     sha256: str
     hole_ids: tuple[str, ...]
-    approver: str
+    approver: Approver
 
 
 class PermitHandler:
@@ -38,11 +39,11 @@ class PermitHandler:
         """A permit for a move; raises `Refused` while anything is inside."""
         return self._sign(unit, state, plan, plan.approver)
 
-    def for_reference(self, unit: UnitOfWork, state: RobotState, who: str) -> SignedPermit:
+    def for_reference(self, unit: UnitOfWork, state: RobotState, who: Approver) -> SignedPermit:
         """A permit for a reference; raises `Refused` while anything is inside."""
         return self._sign(unit, state, None, who)
 
-    def _sign(self, unit: UnitOfWork, state: RobotState, plan: ApprovedPlan | None, approver: str) -> SignedPermit:
+    def _sign(self, unit: UnitOfWork, state: RobotState, plan: ApprovedPlan | None, approver: Approver) -> SignedPermit:
         inside = self._record.ledger.inside()
         require_nothing_inside(inside)
         case = self._record.ledger.open_case()
@@ -54,7 +55,8 @@ class PermitHandler:
             case_revision=0 if case is None else case.revision,
             robot_boot_epoch=state.boot_epoch,
             after_state_sequence=state.sequence,
-            approver=approver,
+            approver=approver.name,
+            authenticated_by=approver.authenticated.value,
             nothing_inside=not inside,
             nonce=secrets.token_hex(16),
         )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from services.ui_api.core.case import Case, PlanEntry
 from services.ui_api.core.event_data import LocalisationReceived, PlanApproved, PlanMade, PlanRefused
 from services.ui_api.core.events import EventDraft
+from services.ui_api.core.identity import Approver, Authenticated
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.procedure import Stage
 from services.ui_api.handlers.cases import require_known_holes
@@ -104,15 +105,17 @@ class PlanningHandler:
         """A plan as registration made it."""
         return decode(Plan, self._record.document(entry.made.plan_sha256))
 
-    def approve(self, unit: UnitOfWork, case: Case, number: int, approved_by: str) -> PlanApproved:
+    def approve(self, unit: UnitOfWork, case: Case, number: int, approver: Approver) -> PlanApproved:
         """Record a surgeon's consent; the caller has compared the hash that was quoted. Raises `Refused`."""
         entry = plan_of(case, number)
         _require_open(case)
         self._require_current(case, entry)
         if entry.approval is not None:
             raise conflict("plan_already_approved", f"plan {number} was approved by {entry.approval.approved_by}")
-        approved = PlanApproved(number, entry.made.plan_sha256, approved_by, unit.now_ns)
-        unit.append(EventDraft(approved, case.case_id, approved_by))
+        approved = PlanApproved(
+            number, entry.made.plan_sha256, approver.name, unit.now_ns, approver.authenticated.value
+        )
+        unit.append(EventDraft(approved, case.case_id, approver.name))
         return approved
 
     def begin_motion(self, unit: UnitOfWork, case: Case, request: MotionRequest) -> Operation:
@@ -124,12 +127,13 @@ class PlanningHandler:
             raise conflict(
                 "plan_not_approved", f"plan {request.plan_number} is not approved; a surgeon approves it by its hash"
             )
+        approver = _approver(approval)
         self._require_current(case, entry)
         _require_ready_for_moves(case)
         self._require_robot_ready(entry)
         move = Move(
             plan_number=request.plan_number,
-            plan=ApprovedPlan(approval.plan_sha256, self.plan_content(entry).hole_ids, approval.approved_by),
+            plan=ApprovedPlan(approval.plan_sha256, self.plan_content(entry).hole_ids, approver),
             hold_to_move=request.hold_to_move,
         )
         return self._commands.begin_move(unit, case.case_id, request.who, move)
@@ -161,6 +165,16 @@ class PlanningHandler:
                 "robot_not_ready",
                 f"the robot is '{state.state}', plan {entry.made.number} starts from 'locked'; see GET /robot",
             )
+
+
+def _approver(approval: PlanApproved) -> Approver:
+    """Who approved; raises `Refused` when nobody had to show who he is, as in older versions."""
+    if approval.authenticated_by is None:
+        raise conflict(
+            "plan_not_approved",
+            f"plan {approval.number} was approved before there were users; request a new plan and approve it",
+        )
+    return Approver(approval.approved_by, Authenticated(approval.authenticated_by))
 
 
 def plan_of(case: Case, number: int) -> PlanEntry:

@@ -12,6 +12,9 @@ class RefusalKind(StrEnum):
     """What sort of refusal it is."""
 
     MALFORMED = "malformed"
+    UNAUTHENTICATED = "unauthenticated"
+    FORBIDDEN = "forbidden"
+    LOCKED = "locked"
     UNKNOWN = "unknown"
     INVALID = "invalid"
     CONFLICT = "conflict"
@@ -30,12 +33,15 @@ class Refused(DistalockError):
         Stable name of this very refusal.
     message
         One sentence: what was found, the limit, what to do.
+    retry_after_s
+        When it may be tried again, where only time helps.
     """
 
-    def __init__(self, kind: RefusalKind, code: str, message: str) -> None:
+    def __init__(self, kind: RefusalKind, code: str, message: str, retry_after_s: float | None = None) -> None:
         super().__init__(message)
         self.kind = kind
         self.code = code
+        self.retry_after_s = retry_after_s
 
 
 def unknown(what: str, name: str, remedy: str) -> Refused:
@@ -51,3 +57,13 @@ def conflict(code: str, message: str) -> Refused:
 def invalid(code: str, message: str) -> Refused:
     """Refusal because of what the request says."""
     return Refused(RefusalKind.INVALID, code, message)
+
+
+def forbidden(code: str, message: str) -> Refused:
+    """Refusal because of who asks."""
+    return Refused(RefusalKind.FORBIDDEN, code, message)
+
+
+def unauthenticated(code: str, message: str) -> Refused:
+    """Refusal because nobody knows who asks."""
+    return Refused(RefusalKind.UNAUTHENTICATED, code, message)

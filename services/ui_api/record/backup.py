@@ -18,22 +18,31 @@ from typing import Final, Literal
 
 from alembic.migration import MigrationContext
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from sqlalchemy import Connection, Engine, Table, func, insert, select
+from sqlalchemy import Connection, Engine, Table, delete, func, insert, select
 
 from services.ui_api.core.chain import ChainBroken, ChainIntact, check_chain
 from services.ui_api.record.database import existing_database, open_database, sole_gateway
 from services.ui_api.record.durable_files import as_one_file, copy_sqlite, require_empty, settle, write_durably
 from services.ui_api.record.engines import WRITES, engine_of, is_sqlite, shown
 from services.ui_api.record.images import INDEX_FILE, CopiedImages, copy_images, copy_index, images_named, store_id
-from services.ui_api.record.tables import ANSWERS, DOCUMENTS, DOCUMENTS_TO_PRUNE, EVENTS, PRUNINGS
+from services.ui_api.record.tables import (
+    ANSWERS,
+    DOCUMENTS,
+    DOCUMENTS_TO_PRUNE,
+    EVENTS,
+    PRUNINGS,
+    REFRESH_TOKENS,
+    SESSIONS,
+    USERS,
+)
 from services.ui_api.record.verify import entries, verify_record
 from shared.errors import ConfigurationError, InputError
 
 RECORD_FILE: Final = "record.sqlite"
 MANIFEST_FILE: Final = "backup.json"
 IMAGES_FOLDER: Final = "images"
-# In the order in which rows can be inserted: others refer to events.
-_TABLES: Final = (EVENTS, DOCUMENTS, ANSWERS, PRUNINGS, DOCUMENTS_TO_PRUNE)
+# In the order in which rows can be inserted: others refer to events. Sessions end with the machine.
+_TABLES: Final = (EVENTS, DOCUMENTS, ANSWERS, PRUNINGS, DOCUMENTS_TO_PRUNE, USERS)
 _ROWS_AT_ONCE: Final = 50
 
 
@@ -101,6 +110,7 @@ def restore(folder: Path, url: str, image_dir: Path) -> ChainIntact:
             )
         _restore_images(manifest, named, folder, image_dir)
         copy = open_database(f"sqlite:///{file}")  # with this version's schema
+        _end_sessions(copy)
         if not is_sqlite(engine):
             _restore_rows(copy, open_database(url), chain)
         with copy.connect() as connection:
@@ -181,6 +191,13 @@ def _copy_record(engine: Engine, file: Path) -> None:
         _copy_rows(source, copy)
     _left_alone(target)
     settle(new, file)
+
+
+def _end_sessions(copy: Engine) -> None:
+    """Whoever held a session on the machine of before signs in anew."""
+    with _writing(copy) as connection:
+        for table in (REFRESH_TOKENS, SESSIONS):
+            connection.execute(delete(table))
 
 
 def _restore_rows(source: Engine, target: Engine, expected: ChainIntact) -> None:

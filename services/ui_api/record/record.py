@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import Connection, Engine, delete, func, insert, select
+from sqlalchemy import Connection, Engine, RowMapping, Select, delete, func, insert, select
 from sqlalchemy.exc import DBAPIError, IntegrityError, ProgrammingError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
@@ -160,6 +160,11 @@ class CaseRecord:
             return None
         answer = Answer(row["status"], row["body_json"], json.loads(row["headers_json"]))
         return RememberedAnswer(row["request_sha256"], answer)
+
+    def rows(self, query: Select[tuple[str | int | bool, ...]]) -> Sequence[RowMapping]:
+        """What tables beside the log hold, such as those of accounts."""
+        with self._reading() as connection:
+            return connection.execute(query).mappings().all()
 
     def forget_old_answers(self) -> None:
         """Delete what was answered under idempotency keys so long ago that nobody repeats it any more."""

@@ -1,6 +1,6 @@
 """The tables of the case record. The migrations make the same; a test compares the two."""
 
-from sqlalchemy import BigInteger, Column, ForeignKey, Integer, LargeBinary, MetaData, String, Table, Text
+from sqlalchemy import BigInteger, Boolean, Column, ForeignKey, Integer, LargeBinary, MetaData, String, Table, Text
 
 METADATA = MetaData()
 
@@ -54,4 +54,33 @@ ANSWERS = Table(
     Column("body_json", Text, nullable=False),
     Column("event_sequence", Integer, ForeignKey("events.sequence"), nullable=True),
     Column("answered_at_ns", BigInteger, nullable=False),
+)
+
+# Accounts are no part of the log: they are changed, and their secrets stand in no event.
+USERS = Table(
+    "users",
+    METADATA,
+    Column("name", String(64), primary_key=True),
+    Column("roles_json", Text, nullable=False),
+    Column("password_hash", Text, nullable=False),
+    Column("disabled", Boolean, nullable=False),
+    Column("created_at_ns", BigInteger, nullable=False),
+)
+
+SESSIONS = Table(
+    "sessions",
+    METADATA,
+    Column("id", String(64), primary_key=True),
+    Column("user_name", String(64), ForeignKey("users.name"), nullable=False, index=True),
+    Column("opened_at_ns", BigInteger, nullable=False),
+    Column("ends_at_ns", BigInteger, nullable=False),
+)
+
+# Of each session all of its refresh tokens, by their hash: one that was used before is recognised.
+REFRESH_TOKENS = Table(
+    "refresh_tokens",
+    METADATA,
+    Column("sha256", String(64), primary_key=True),
+    Column("session_id", String(64), ForeignKey("sessions.id", ondelete="CASCADE"), nullable=False, index=True),
+    Column("used", Boolean, nullable=False),
 )

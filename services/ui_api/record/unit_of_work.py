@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy.sql.dml import UpdateBase
 
 from services.ui_api.core.chain import ChainEntry, entry_sha256
 from services.ui_api.core.events import KIND_OF_DATA, Event, EventDraft
@@ -91,6 +92,10 @@ class UnitOfWork:
         for sha256 in documents:
             run(insert(DOCUMENTS_TO_PRUNE).values(sha256=sha256, event_sequence=declared))
             run(delete(DOCUMENTS).where(DOCUMENTS.c.sha256 == sha256))
+
+    def change(self, statement: UpdateBase) -> int:
+        """Change tables that are no part of the log, such as those of accounts; the number of rows it concerned."""
+        return self._connection.execute(statement).rowcount
 
     def after_commit(self, effect: Callable[[], None]) -> None:
         """Have something done once the transaction is on the disk, and not at all if it fails."""

@@ -2,8 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SecretStr
 
+from services.ui_api.core.account_rules import MOST_CHARACTERS, USER_NAME_PATTERN
 from services.ui_api.core.event_data import Step
 from services.ui_api.handlers.cases import SetupRequest
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
@@ -14,7 +15,13 @@ from shared.messages.cases import Bone, DrillDiameter, HeadExtension, Mount, Sid
 PersonName = Annotated[
     str, Field(min_length=1, max_length=128, pattern=r"^[^\x00-\x1f\x7f]*[^\s\x00-\x1f\x7f][^\x00-\x1f\x7f]*$")
 ]
+# Programs of before there were users name people here.
+Claimed = Annotated[
+    PersonName | None, Field(deprecated=True, description="Not used: the record names the user who is signed in.")
+]
 HoleIds = Annotated[list[Annotated[str, Field(min_length=1, max_length=64)]], Field(max_length=16)]
+Password = Annotated[SecretStr, Field(min_length=1, max_length=MOST_CHARACTERS)]
+UserName = Annotated[str, Field(pattern=USER_NAME_PATTERN)]
 Why = Annotated[str, Field(max_length=500, pattern=r"^[^\x00]*$")]
 SourceToDetector = Annotated[float, Field(ge=500.0, le=2000.0, allow_inf_nan=False)]
 PixelSize = Annotated[float, Field(ge=0.05, le=2.0, allow_inf_nan=False)]
@@ -49,7 +56,7 @@ class CaseBody(Body):
     nominal_source_to_detector_mm: SourceToDetector | None = None
     nominal_pixel_mm: PixelSize | None = None
     drill_diameter_mm: DrillDiameter = USUAL_DRILL_DIAMETER_MM
-    opened_by: PersonName = "unnamed"
+    opened_by: Claimed = None
 
     def request(self) -> SetupRequest:
         """As the case handler takes it."""
@@ -71,7 +78,7 @@ class CasePatch(Body):
     nominal_source_to_detector_mm: SourceToDetector | None = None
     nominal_pixel_mm: PixelSize | None = None
     drill_diameter_mm: DrillDiameter | None = None
-    changed_by: PersonName = "unnamed"
+    changed_by: Claimed = None
     why: Why = ""
 
     def request(self) -> SetupRequest:
@@ -114,7 +121,7 @@ class StepBody(Body):
         "abandoned",
     ]
     hole_ids: HoleIds = Field(default_factory=list)
-    done_by: PersonName = "unnamed"
+    done_by: Claimed = None
     why: Why = Field("", description="Needed when the step is out of order.")
 
     def as_step(self) -> Step:
@@ -139,7 +146,10 @@ class PlanBody(Body):
 class ApprovalBody(Body):
     """A surgeon's consent to the plan whose ETag is quoted in If-Match."""
 
-    approved_by: PersonName
+    password: Password | None = Field(
+        None, description="The approving surgeon's, once more. Not needed with the simulation's token."
+    )
+    approved_by: Claimed = None
 
 
 class MotionBody(Body):
@@ -149,7 +159,7 @@ class MotionBody(Body):
     hold_to_move: bool = Field(
         default=False, description="Motion stops unless PUT /operations/{id}/lease is repeated within its lease."
     )
-    requested_by: PersonName = "unnamed"
+    requested_by: Claimed = None
 
 
 def _each_once(images: list[str]) -> list[str]:
@@ -172,6 +182,6 @@ class QaBody(Body):
 
 
 class CommandBody(Body):
-    """Who asks the robot to reference, to acknowledge a stop, or to reset."""
+    """Asks the robot to reference, to acknowledge a stop, or to reset; may be left out."""
 
-    requested_by: PersonName = "unnamed"
+    requested_by: Claimed = None

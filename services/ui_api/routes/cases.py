@@ -4,39 +4,46 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
 
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.cases import StepRequest
 from services.ui_api.handlers.refusals import RefusalKind, Refused
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import CaseBody, CasePatch, StepBody
+from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.views import CaseView
 from services.ui_api.service import Gateway
 
-router = APIRouter(prefix="/cases", tags=["cases"])
+router = APIRouter(route_class=GuardedRoute, prefix="/cases", tags=["cases"])
 
 
-@router.post("", status_code=201, response_model=CaseView)
+@router.post("", status_code=201, response_model=CaseView, openapi_extra=needs(Action.OPEN_CASE))
 def open_case(
-    request: Request, body: CaseBody, key: IdempotencyKey, gateway: TheGateway, idempotency: TheIdempotency
+    request: Request,
+    body: CaseBody,
+    key: IdempotencyKey,
+    gateway: TheGateway,
+    idempotency: TheIdempotency,
+    user: TheUser,
 ) -> Response:
     """Open a case; one at a time in this room."""
 
     def act(unit: UnitOfWork) -> Answer:
-        case_id = gateway.cases.open_case(unit, body.request(), body.opened_by)
+        case_id = gateway.cases.open_case(unit, body.request(), user.name)
         return json_answer(201, _preview(unit, gateway, case_id), location=f"/api/v1/cases/{case_id}")
 
     return idempotency.once(keyed(request, key, body), act)
 
 
-@router.get("")
+@router.get("", openapi_extra=needs(Action.READ))
 def list_cases(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[CaseView]:
     """All cases, the oldest first."""
     return page(list(gateway.record.ledger.cases.values()), cursor, limit, CaseView.of)
 
 
-@router.get("/{case_id}", response_model=CaseView)
+@router.get("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.READ))
 def read_case(case_id: str, response: Response, gateway: TheGateway) -> CaseView:
     """A case with the state of its procedure and the next allowed actions."""
     case = gateway.cases.case(case_id)
@@ -44,12 +51,13 @@ def read_case(case_id: str, response: Response, gateway: TheGateway) -> CaseView
     return CaseView.of(case)
 
 
-@router.patch("/{case_id}", response_model=CaseView)
+@router.patch("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.CHANGE_SET_UP))
 def change_case(
     case_id: str,
     body: CasePatch,
     response: Response,
     gateway: TheGateway,
+    user: TheUser,
     if_match: Annotated[str | None, Header(description="ETag of the case that was read.")] = None,
 ) -> CaseView:
     """Change the set-up: the revision counts up, and everything measured before is stale."""
@@ -61,11 +69,11 @@ def change_case(
                 "case_changed",
                 f"If-Match is {if_match}, but the case is at {_etag(revision)}; read it again",
             )
-        gateway.cases.change_setup(unit, case_id, body.request(), body.changed_by, body.why)
+        gateway.cases.change_setup(unit, case_id, body.request(), user.name, body.why)
     return read_case(case_id, response, gateway)
 
 
-@router.post("/{case_id}/steps", status_code=201, response_model=CaseView)
+@router.post("/{case_id}/steps", status_code=201, response_model=CaseView, openapi_extra=needs(Action.RECORD_STEP))
 def record_step(
     case_id: str,
     request: Request,
@@ -73,11 +81,12 @@ def record_step(
     key: IdempotencyKey,
     gateway: TheGateway,
     idempotency: TheIdempotency,
+    user: TheUser,
 ) -> Response:
     """Record what people did with their hands; `finished` and `abandoned` close the case."""
 
     def act(unit: UnitOfWork) -> Answer:
-        step = StepRequest(body.as_step(), tuple(body.hole_ids), body.done_by, body.why)
+        step = StepRequest(body.as_step(), tuple(body.hole_ids), user.name, body.why)
         gateway.cases.record_step(unit, case_id, step)
         return json_answer(201, _preview(unit, gateway, case_id))
 

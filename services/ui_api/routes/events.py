@@ -7,13 +7,16 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
+from services.ui_api.core.identity import User
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.event_tail import News, TailEvent
 from services.ui_api.record.record import PAGE, CaseRecord
 from services.ui_api.routes.access import TheGateway
+from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.views import EventView
 from services.ui_api.service import Gateway
 
-router = APIRouter(tags=["events"])
+router = APIRouter(route_class=GuardedRoute, tags=["events"])
 # Chosen: below the 30 s after which proxies close what says nothing.
 PING_S = 10.0
 LastEventId = Annotated[
@@ -22,22 +25,22 @@ LastEventId = Annotated[
 After = Annotated[int | None, Query(ge=0, lt=10**18, description="Sequence number after which to begin.")]
 
 
-@router.get("/events", response_class=EventSourceResponse)
+@router.get("/events", response_class=EventSourceResponse, openapi_extra=needs(Action.READ))
 async def all_events(
-    gateway: TheGateway, last_event_id: LastEventId = None, after: After = None
+    gateway: TheGateway, user: TheUser, last_event_id: LastEventId = None, after: After = None
 ) -> EventSourceResponse:
     """All events. Without `Last-Event-ID` and `after`: those to come."""
     start = _start(last_event_id, after, gateway.record.ledger.head_sequence)
-    return EventSourceResponse(_stream(gateway, start, None), ping=PING_S)
+    return EventSourceResponse(_stream(gateway, user, start, None), ping=PING_S)
 
 
-@router.get("/cases/{case_id}/events", response_class=EventSourceResponse)
+@router.get("/cases/{case_id}/events", response_class=EventSourceResponse, openapi_extra=needs(Action.READ))
 async def case_events(
-    case_id: str, gateway: TheGateway, last_event_id: LastEventId = None, after: After = None
+    case_id: str, gateway: TheGateway, user: TheUser, last_event_id: LastEventId = None, after: After = None
 ) -> EventSourceResponse:
     """The events of a case. Without `Last-Event-ID` and `after`: from its beginning."""
     gateway.cases.case(case_id)
-    return EventSourceResponse(_stream(gateway, _start(last_event_id, after, 0), case_id), ping=PING_S)
+    return EventSourceResponse(_stream(gateway, user, _start(last_event_id, after, 0), case_id), ping=PING_S)
 
 
 def _start(last_event_id: str | None, after: int | None, otherwise: int) -> int:
@@ -46,8 +49,8 @@ def _start(last_event_id: str | None, after: int | None, otherwise: int) -> int:
     return otherwise if after is None else after
 
 
-async def _stream(gateway: Gateway, start: int, case_id: str | None) -> AsyncIterator[ServerSentEvent]:
-    """Read the log from `start`, wait until it grows, and go on, until the gateway closes or the client leaves."""
+async def _stream(gateway: Gateway, user: User, start: int, case_id: str | None) -> AsyncIterator[ServerSentEvent]:
+    """Read the log from `start`, wait until it grows, and go on, until gateway, session or client end."""
     loop = asyncio.get_running_loop()
     grown = asyncio.Event()
     place = start
@@ -56,7 +59,7 @@ async def _stream(gateway: Gateway, start: int, case_id: str | None) -> AsyncIte
         loop.call_soon_threadsafe(grown.set)
 
     with gateway.feed.listening(wake):
-        while not gateway.feed.closed:
+        while not gateway.feed.closed and gateway.access.still_admits(user):
             grown.clear()
             news = gateway.tail.after(place)
             if news is None:  # the client is far behind: it catches up from the database

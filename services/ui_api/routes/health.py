@@ -5,14 +5,16 @@ import asyncio
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.readiness import PROBE_WITHIN_S, Check
 from services.ui_api.routes.access import TheGateway
+from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.metrics import Metrics
 from services.ui_api.routes.problems import problem, problem_response
 from services.ui_api.routes.views import View
 from shared.runtime.lifecycle import software_version
 
-router = APIRouter(tags=["health"])
+router = APIRouter(route_class=GuardedRoute, tags=["health"])
 _OK = "ok"
 
 
@@ -40,13 +42,13 @@ class ReadyView(View):
     checks: list[CheckView]
 
 
-@router.get("/healthz")
+@router.get("/healthz", openapi_extra=needs(Action.SEE_HEALTH))
 async def healthz() -> HealthView:
     """Whether the process runs."""
     return HealthView(status=_OK, version=software_version())
 
 
-@router.get("/readyz", response_model=ReadyView)
+@router.get("/readyz", response_model=ReadyView, openapi_extra=needs(Action.SEE_HEALTH))
 async def readyz(request: Request, gateway: TheGateway) -> Response:
     """Whether bus, services, robot, database and disk do what they are there for; 503 with what does not."""
     probe = gateway.readiness.probe()
@@ -64,7 +66,12 @@ def _view(check: Check) -> CheckView:
     return CheckView(name=check.name, ok=check.ok, code=check.code, measured=check.measured, remedy=check.remedy)
 
 
-@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {}}}},
+    openapi_extra=needs(Action.SEE_METRICS),
+)
 def metrics(request: Request, gateway: TheGateway) -> Response:
     """Figures for Prometheus."""
     measured: Metrics = request.app.state.metrics

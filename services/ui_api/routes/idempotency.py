@@ -38,7 +38,7 @@ IdempotencyKey = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Keyed:
-    """A request under its key; `request_sha256` covers method, path, body and a quoted header."""
+    """A request under its key; `request_sha256` covers user, method, path, body and a quoted header."""
 
     key: str
     request_sha256: str
@@ -48,7 +48,8 @@ class Keyed:
 
 def keyed(request: Request, key: str, body: BaseModel, quoted: str = "") -> Keyed:
     """What identifies a request; `quoted` is a header that belongs to what it says, such as If-Match."""
-    content = [request.method, request.url.path, body.model_dump(mode="json"), quoted]
+    # Of another user it is another request: nobody gets the answer that was somebody else's.
+    content = [request.state.user.name, request.method, request.url.path, body.model_dump(mode="json"), quoted]
     fingerprint = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
     return Keyed(key, fingerprint, request.url.path, sender_of(request))
 

@@ -5,7 +5,9 @@ from typing import Literal
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.live import HeardGuidance, LiveFrame, LiveHandler
+from services.ui_api.routes.guards import guarded_websocket
 from services.ui_api.routes.result_views import GuidanceView, aged
 from services.ui_api.routes.views import View
 from services.ui_api.service import Gateway
@@ -31,6 +33,7 @@ class LiveView(View):
 
 
 @router.websocket("/live")
+@guarded_websocket(Action.READ)
 async def watch(socket: WebSocket) -> None:
     """Send every new frame that the viewer keeps up with: a text message (`LiveView`), then the picture as JPEG."""
     gateway: Gateway = socket.app.state.gateway
@@ -42,18 +45,19 @@ async def watch(socket: WebSocket) -> None:
     def wake() -> None:
         loop.call_soon_threadsafe(news.set)
 
-    with gateway.live.watching(wake):
+    with gateway.live.watching(wake), gateway.feed.listening(wake):  # the feed tells of sessions that were ended
         try:
-            await _send_on(socket, gateway.live, news, leaving)
+            await _send_on(socket, gateway, news, leaving)
         except WebSocketDisconnect:
             pass  # it left while something was sent
         finally:
             leaving.cancel()
 
 
-async def _send_on(socket: WebSocket, live: LiveHandler, news: asyncio.Event, leaving: "asyncio.Task[None]") -> None:
+async def _send_on(socket: WebSocket, gateway: Gateway, news: asyncio.Event, leaving: "asyncio.Task[None]") -> None:
+    live = gateway.live
     shown: tuple[LiveFrame | None, HeardGuidance | None] = (None, None)
-    while not (live.feed.closed or leaving.done()):
+    while not (live.feed.closed or leaving.done()) and gateway.access.still_admits(socket.state.user):
         news.clear()
         frame = live.frame
         heard = None if frame is None else live.guidance(frame.header.case_id)

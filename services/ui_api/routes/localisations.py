@@ -4,19 +4,21 @@ from fastapi import APIRouter
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import LocalisationReceived
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.planning import localisation_of, localisation_staleness
 from services.ui_api.handlers.refusals import unknown
 from services.ui_api.routes.access import TheGateway
+from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.result_views import AlignmentView, GuidanceView, HoleTilt, LocalisationView, age_s
 from services.ui_api.service import Gateway
 from shared.messages.base import decode
 from shared.messages.registration import LocalisationRecord
 
-router = APIRouter(prefix="/cases/{case_id}", tags=["localisations"])
+router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}", tags=["localisations"])
 
 
-@router.get("/localisations")
+@router.get("/localisations", openapi_extra=needs(Action.READ))
 def list_localisations(
     case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50
 ) -> Page[LocalisationView]:
@@ -25,14 +27,14 @@ def list_localisations(
     return page(case.localisations, cursor, limit, lambda measured: _view(gateway, case, measured))
 
 
-@router.get("/localisations/{number}")
+@router.get("/localisations/{number}", openapi_extra=needs(Action.READ))
 def read_localisation(case_id: str, number: int, gateway: TheGateway) -> LocalisationView:
     """What `locate` prints, plus provenance and whether it still holds."""
     case = gateway.cases.case(case_id)
     return _view(gateway, case, localisation_of(case, number))
 
 
-@router.get("/alignment")
+@router.get("/alignment", openapi_extra=needs(Action.READ))
 def read_alignment(case_id: str, gateway: TheGateway) -> AlignmentView:
     """How far and which way to turn the C-arm, from the newest localisation."""
     case = gateway.cases.case(case_id)

@@ -32,6 +32,9 @@ class ApprovalView(View):
     plan_sha256: Sha256
     approved_by: str
     approved_at_ns: UnixNanoseconds
+    authenticated_by: str | None = Field(
+        description="How the surgeon showed who he is: `password`, or `simulation_token`; null in old records."
+    )
 
 
 class PlanView(View):
@@ -62,6 +65,7 @@ class PlanView(View):
                 plan_sha256=approval.plan_sha256,
                 approved_by=approval.approved_by,
                 approved_at_ns=approval.approved_at_ns,
+                authenticated_by=approval.authenticated_by,
             ),
             validity="current" if stale_because is None else "stale",
             stale_because=stale_because,
@@ -88,6 +92,7 @@ class OperationView(View):
     requested_at_ns: UnixNanoseconds
     ended_at_ns: UnixNanoseconds | None
     approver: str | None = Field(description="Who approved the plan, or asked for the reference.")
+    authenticated_by: str | None = Field(description="How the approver showed who he is.")
     permit_sha256: Sha256 | None = Field(description="The permit that went with it: its text's hash.")
 
     @staticmethod
@@ -109,6 +114,7 @@ class OperationView(View):
             requested_at_ns=operation.requested_at_ns,
             ended_at_ns=operation.ended_at_ns,
             approver=requested.approver,
+            authenticated_by=requested.authenticated_by,
             permit_sha256=requested.permit_sha256,
         )
 

@@ -3,20 +3,24 @@
 from fastapi import APIRouter, Request, Response
 
 from services.ui_api.core.operations import Operation
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.planning import MotionRequest
 from services.ui_api.handlers.refusals import conflict, unknown
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import MotionBody
+from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
 from services.ui_api.routes.motion_views import LeaseView, OperationView
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.service import Gateway
 
-router = APIRouter(tags=["motions"])
+router = APIRouter(route_class=GuardedRoute, tags=["motions"])
 
 
-@router.post("/cases/{case_id}/motions", status_code=202, response_model=OperationView)
+@router.post(
+    "/cases/{case_id}/motions", status_code=202, response_model=OperationView, openapi_extra=needs(Action.MOVE)
+)
 def begin_motion(
     case_id: str,
     request: Request,
@@ -24,29 +28,30 @@ def begin_motion(
     key: IdempotencyKey,
     gateway: TheGateway,
     idempotency: TheIdempotency,
+    user: TheUser,
 ) -> Response:
     """Begin the motion of an approved plan; the operation tells how it ends."""
 
     def act(unit: UnitOfWork) -> Answer:
-        wanted = MotionRequest(body.plan, body.hold_to_move, body.requested_by)
+        wanted = MotionRequest(body.plan, body.hold_to_move, user.name)
         return accepted(gateway.planning.begin_motion(unit, gateway.cases.case(case_id), wanted))
 
     return idempotency.once(keyed(request, key, body), act)
 
 
-@router.get("/operations")
+@router.get("/operations", openapi_extra=needs(Action.READ))
 def list_operations(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[OperationView]:
     """All operations, the oldest first."""
     return page(list(gateway.record.ledger.operations.values()), cursor, limit, OperationView.of)
 
 
-@router.get("/operations/{operation_id}")
+@router.get("/operations/{operation_id}", openapi_extra=needs(Action.READ))
 def read_operation(operation_id: str, gateway: TheGateway) -> OperationView:
     """How far an operation has come."""
     return OperationView.of(_operation(gateway, operation_id))
 
 
-@router.put("/operations/{operation_id}/lease")
+@router.put("/operations/{operation_id}/lease", openapi_extra=needs(Action.MOVE))
 def renew_lease(operation_id: str, gateway: TheGateway) -> LeaseView:
     """Go on holding: motion stops when this is not repeated in time. A lapsed lease cannot be renewed."""
     operation = _operation(gateway, operation_id)

@@ -2,12 +2,14 @@
 
 from fastapi import APIRouter, Response
 
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.refusals import unknown
+from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256
 from shared.parts.catalogue import PartKind, catalogue, catalogue_entry
 
-router = APIRouter(prefix="/parts", tags=["parts"])
+router = APIRouter(route_class=GuardedRoute, prefix="/parts", tags=["parts"])
 
 
 class CatalogueView(View):
@@ -18,13 +20,13 @@ class CatalogueView(View):
     sha256: Sha256
 
 
-@router.get("")
+@router.get("", openapi_extra=needs(Action.READ))
 def list_parts() -> list[CatalogueView]:
     """The catalogue, by name."""
     return [CatalogueView(name=e.name, kind=e.kind, sha256=e.sha256) for e in catalogue()]
 
 
-@router.get("/{name}")
+@router.get("/{name}", openapi_extra=needs(Action.READ))
 def read_part(name: str) -> Response:
     """A part file, byte for byte."""
     entry = catalogue_entry(name)

@@ -5,24 +5,27 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Request, Response
 
 from services.ui_api.core.case import Case, PlanEntry
+from services.ui_api.core.identity import Approver
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.planning import PlanBasis, plan_of
 from services.ui_api.handlers.refusals import RefusalKind, Refused
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import ApprovalBody, PlanBody
+from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.motion_views import ApprovalView, PlanView
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
-from services.ui_api.routes.problems import problem
+from services.ui_api.routes.problems import problem, sender_of
 from services.ui_api.service import Gateway
 from shared.messages.registration import PlanReply
 
-router = APIRouter(prefix="/cases/{case_id}/plans", tags=["plans"])
+router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}/plans", tags=["plans"])
 # Registration's codes for what the request itself got wrong; all others are about the state of things.
 _CODES_OF_BAD_REQUESTS = frozenset({"unknown_hole", "image_twice"})
 
 
-@router.post("", status_code=201, response_model=PlanView)
+@router.post("", status_code=201, response_model=PlanView, openapi_extra=needs(Action.PLAN))
 def make_plan(
     case_id: str,
     request: Request,
@@ -52,14 +55,14 @@ def make_plan(
     return idempotency.once_after(keyed(request, key, body), ask, act)
 
 
-@router.get("")
+@router.get("", openapi_extra=needs(Action.READ))
 def list_plans(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[PlanView]:
     """The plans of a case, the oldest first."""
     case = gateway.cases.case(case_id)
     return page(case.plans, cursor, limit, lambda entry: _view(gateway, case, entry))
 
 
-@router.get("/{number}", response_model=PlanView)
+@router.get("/{number}", response_model=PlanView, openapi_extra=needs(Action.READ))
 def read_plan(case_id: str, number: int, response: Response, gateway: TheGateway) -> PlanView:
     """A plan; its ETag is what an approval quotes."""
     case = gateway.cases.case(case_id)
@@ -68,7 +71,9 @@ def read_plan(case_id: str, number: int, response: Response, gateway: TheGateway
     return _view(gateway, case, entry)
 
 
-@router.post("/{number}/approval", status_code=201, response_model=ApprovalView)
+@router.post(
+    "/{number}/approval", status_code=201, response_model=ApprovalView, openapi_extra=needs(Action.APPROVE_PLAN)
+)
 def approve_plan(
     case_id: str,
     number: int,
@@ -78,18 +83,22 @@ def approve_plan(
     if_match: Annotated[str, Header(description="ETag of the plan that was read.")],
     gateway: TheGateway,
     idempotency: TheIdempotency,
+    user: TheUser,
 ) -> Response:
-    """Approve exactly the plan that was read."""
+    """Approve exactly the plan that was read, with the credential once more."""
+    password = None if body.password is None else body.password.get_secret_value()
+    shown = gateway.access.confirmed(user, password, sender_of(request))
 
     def act(unit: UnitOfWork) -> Answer:
         case = gateway.cases.case(case_id)
         _require_match(plan_of(case, number), if_match)
-        approved = gateway.planning.approve(unit, case, number, body.approved_by)
+        approved = gateway.planning.approve(unit, case, number, Approver(user.name, shown))
         view = ApprovalView(
             plan=number,
             plan_sha256=approved.plan_sha256,
             approved_by=approved.approved_by,
             approved_at_ns=approved.approved_at_ns,
+            authenticated_by=approved.authenticated_by,
         )
         return json_answer(201, view)
 

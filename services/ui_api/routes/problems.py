@@ -2,6 +2,7 @@
 
 import http
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -9,6 +10,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict
 from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
 from starlette.responses import Response
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
@@ -22,6 +24,9 @@ _log = logging.getLogger("distalock.ui_api")
 _LONGEST_LOGGED: Final = 300
 _STATUS_OF_KIND: Mapping[RefusalKind, int] = {
     RefusalKind.MALFORMED: 400,
+    RefusalKind.UNAUTHENTICATED: 401,
+    RefusalKind.FORBIDDEN: 403,
+    RefusalKind.LOCKED: 429,
     RefusalKind.UNKNOWN: 404,
     RefusalKind.CONFLICT: 409,
     RefusalKind.PRECONDITION_FAILED: 412,
@@ -123,7 +128,7 @@ def _status_of(error: DistalockError) -> int:
             return 500
 
 
-def sender_of(request: Request) -> str:
+def sender_of(request: HTTPConnection) -> str:
     """Address of who sent a request."""
     return request.client.host if request.client else "unknown"
 
@@ -141,7 +146,14 @@ def _refusal(request: Request, document: Problem, headers: Mapping[str, str] | N
 
 async def _on_distalock_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, DistalockError)
-    return _refusal(request, problem_of(error, request.url.path))
+    return _refusal(request, problem_of(error, request.url.path), _headers_of(error))
+
+
+def _headers_of(error: DistalockError) -> dict[str, str]:
+    if not isinstance(error, Refused):
+        return {}
+    asked = {"www-authenticate": "Bearer"} if error.kind is RefusalKind.UNAUTHENTICATED else {}
+    return asked if error.retry_after_s is None else {**asked, "retry-after": str(math.ceil(error.retry_after_s))}
 
 
 async def _on_invalid_request(request: Request, error: Exception) -> Response:

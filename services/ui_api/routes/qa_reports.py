@@ -3,15 +3,17 @@
 from fastapi import APIRouter, Request, Response
 
 from services.ui_api.core.event_data import QaReported
+from services.ui_api.core.roles import Action
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import QaBody
+from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.problems import problem
 from shared.messages.qa import QaReply, QaReport
 
-router = APIRouter(prefix="/cases/{case_id}/qa-reports", tags=["quality control"])
+router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}/qa-reports", tags=["quality control"])
 # The page brings its style and pictures along and needs no script: nothing else may run or load.
 _SAFE = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
@@ -25,7 +27,7 @@ class QaReportView(QaReport):
     number: int
 
 
-@router.post("", status_code=201, response_model=QaReportView)
+@router.post("", status_code=201, response_model=QaReportView, openapi_extra=needs(Action.REPORT_QUALITY))
 def report(
     case_id: str,
     request: Request,
@@ -49,7 +51,7 @@ def report(
     return idempotency.once_after(keyed(request, key, body), ask, act)
 
 
-@router.get("")
+@router.get("", openapi_extra=needs(Action.READ))
 def list_reports(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[QaReportView]:
     """The quality reports of a case, the oldest first."""
     case = gateway.cases.case(case_id)
@@ -60,14 +62,19 @@ def list_reports(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit
     return page(case.qa_reports, cursor, limit, view)
 
 
-@router.get("/{number}.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
+@router.get(
+    "/{number}.html",
+    response_class=Response,
+    responses={200: {"content": {"text/html": {}}}},
+    openapi_extra=needs(Action.READ),
+)
 def read_page(case_id: str, number: int, gateway: TheGateway) -> Response:
     """A report as a page with pictures."""
     content = gateway.quality.page(gateway.cases.case(case_id), number)
     return Response(content, media_type="text/html; charset=utf-8", headers=_SAFE)
 
 
-@router.get("/{number}")
+@router.get("/{number}", openapi_extra=needs(Action.READ))
 def read_report(case_id: str, number: int, gateway: TheGateway) -> QaReportView:
     """One report."""
     return _view(number, gateway.quality.content(gateway.cases.case(case_id), number))

@@ -15,6 +15,7 @@ from services.ui_api.core.request_policy import (
     refused_request,
     safe_headers,
 )
+from services.ui_api.routes.guards import POLICY_VIOLATION
 from services.ui_api.routes.problems import problem, problem_response
 
 _log = logging.getLogger("distalock.ui_api")
@@ -25,7 +26,6 @@ _STATUS: Final = {
 }
 # Whoever asks for a stop gets it: a stop that a foreign page sends disturbs, one that is refused hurts.
 _NEVER_REFUSED: Final = "/api/v1/robot/stop"
-_POLICY_VIOLATION: Final = 1008
 
 
 class RequestGate:
@@ -55,7 +55,7 @@ class RequestGate:
             return
         _log.warning("request refused: %s: %s (from %s)", refused.code, refused.message, _sender(scope))
         if scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": str(refused.code)})
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": str(refused.code)})
             return
         await _refusal(refused, scope)(scope, receive, safely)
 

@@ -4,23 +4,26 @@ import asyncio
 
 from fastapi import APIRouter, Request, Response
 
+from services.ui_api.core.identity import Approver, User
+from services.ui_api.core.roles import Action
 from services.ui_api.handlers.commands import PlainVerb
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import CommandBody
+from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import Idempotency, IdempotencyKey, Keyed, keyed
 from services.ui_api.routes.motion_views import OperationView, RobotView, StopView, says_simulated
 from services.ui_api.routes.motions import accepted
 from services.ui_api.routes.problems import problem, problem_response
 from services.ui_api.service import Gateway
 
-router = APIRouter(prefix="/robot", tags=["robot"])
+router = APIRouter(route_class=GuardedRoute, prefix="/robot", tags=["robot"])
 RECORD_WITHIN_S = 2.0
 _BY_REST = "stop requested over REST"
 _ANONYMOUS = CommandBody()
 
 
-@router.get("")
+@router.get("", openapi_extra=needs(Action.READ))
 def read_robot(gateway: TheGateway) -> RobotView:
     """The robot as last seen, its age, and whether it says that it is simulated."""
     seen = gateway.view.newest()
@@ -36,7 +39,7 @@ def read_robot(gateway: TheGateway) -> RobotView:
     )
 
 
-@router.post("/stop", response_model=StopView)
+@router.post("/stop", response_model=StopView, openapi_extra=needs(Action.STOP))
 async def stop(request: Request, gateway: TheGateway) -> Response:
     """Stop the robot now. Needs no key and no body, and waits for nothing but the robot's confirmation."""
     outcome = await asyncio.wrap_future(gateway.stop_sender.begin(_BY_REST))
@@ -48,44 +51,49 @@ async def stop(request: Request, gateway: TheGateway) -> Response:
     return Response(view.model_dump_json(), media_type="application/json")
 
 
-@router.post("/reference", status_code=202, response_model=OperationView)
+@router.post("/reference", status_code=202, response_model=OperationView, openapi_extra=needs(Action.PREPARE_ROBOT))
 def reference(
     request: Request,
     key: IdempotencyKey,
     gateway: TheGateway,
     idempotency: TheIdempotency,
+    user: TheUser,
     body: CommandBody = _ANONYMOUS,
 ) -> Response:
     """Reference the hexapod: only in set-up, with the guide off the bone."""
-    return _begin(keyed(request, key, body), body, gateway, idempotency, "reference")
+    return _begin(keyed(request, key, body), user, gateway, idempotency, "reference")
 
 
-@router.post("/acknowledge-stop", status_code=202, response_model=OperationView)
+@router.post(
+    "/acknowledge-stop", status_code=202, response_model=OperationView, openapi_extra=needs(Action.PREPARE_ROBOT)
+)
 def acknowledge_stop(
     request: Request,
     key: IdempotencyKey,
     gateway: TheGateway,
     idempotency: TheIdempotency,
+    user: TheUser,
     body: CommandBody = _ANONYMOUS,
 ) -> Response:
     """Acknowledge a stop, as a person who has looked."""
-    return _begin(keyed(request, key, body), body, gateway, idempotency, "acknowledge_stop")
+    return _begin(keyed(request, key, body), user, gateway, idempotency, "acknowledge_stop")
 
 
-@router.post("/reset", status_code=202, response_model=OperationView)
+@router.post("/reset", status_code=202, response_model=OperationView, openapi_extra=needs(Action.PREPARE_ROBOT))
 def reset(
     request: Request,
     key: IdempotencyKey,
     gateway: TheGateway,
     idempotency: TheIdempotency,
+    user: TheUser,
     body: CommandBody = _ANONYMOUS,
 ) -> Response:
     """Leave a fault."""
-    return _begin(keyed(request, key, body), body, gateway, idempotency, "reset")
+    return _begin(keyed(request, key, body), user, gateway, idempotency, "reset")
 
 
-def _begin(request: Keyed, body: CommandBody, gateway: Gateway, idempotency: Idempotency, verb: PlainVerb) -> Response:
+def _begin(request: Keyed, user: User, gateway: Gateway, idempotency: Idempotency, verb: PlainVerb) -> Response:
     def act(unit: UnitOfWork) -> Answer:
-        return accepted(gateway.commands.begin_plain(unit, verb, body.requested_by))
+        return accepted(gateway.commands.begin_plain(unit, verb, Approver(user.name, user.authenticated)))
 
     return idempotency.once(request, act)

@@ -3,19 +3,21 @@
 from fastapi import APIRouter, Request, Response
 
 from services.ui_api.core.event_data import VerificationMade
+from services.ui_api.core.roles import Action
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import VerificationBody
+from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.problems import problem
 from services.ui_api.routes.result_views import VerificationView
 from shared.messages.registration import Verification, VerificationReply
 
-router = APIRouter(prefix="/cases/{case_id}/verifications", tags=["verifications"])
+router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}/verifications", tags=["verifications"])
 
 
-@router.post("", status_code=201, response_model=VerificationView)
+@router.post("", status_code=201, response_model=VerificationView, openapi_extra=needs(Action.VERIFY))
 def verify(
     case_id: str,
     request: Request,
@@ -40,7 +42,7 @@ def verify(
     return idempotency.once_after(keyed(request, key, body), ask, act)
 
 
-@router.get("")
+@router.get("", openapi_extra=needs(Action.READ))
 def list_verifications(
     case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50
 ) -> Page[VerificationView]:
@@ -53,7 +55,7 @@ def list_verifications(
     return page(case.verifications, cursor, limit, view)
 
 
-@router.get("/{number}")
+@router.get("/{number}", openapi_extra=needs(Action.READ))
 def read_verification(case_id: str, number: int, gateway: TheGateway) -> VerificationView:
     """One verification."""
     case = gateway.cases.case(case_id)

@@ -38,7 +38,7 @@ def test_every_operation_may_answer_with_a_problem(document: JsonObject) -> None
         assert "422" not in responses, f"{verb} {path} documents FastAPI's own error instead of a problem"
 
 
-def test_every_post_but_stop_needs_an_idempotency_key(document: JsonObject) -> None:
+def test_every_post_but_stop_and_those_without_a_login_needs_an_idempotency_key(document: JsonObject) -> None:
     without = []
     for path, verb, operation in _operations(document):
         parameters = operation.get("parameters", [])
@@ -46,7 +46,7 @@ def test_every_post_but_stop_needs_an_idempotency_key(document: JsonObject) -> N
         required = {p["name"] for p in parameters if p["required"]}
         if verb == "post" and "Idempotency-Key" not in required:
             without.append(path)
-    assert without == ["/api/v1/robot/stop"]
+    assert without == ["/api/v1/robot/stop", "/api/v1/sessions", "/api/v1/sessions/refresh", "/api/v1/setup"]
 
 
 def test_bodies_refuse_unknown_keys(document: JsonObject) -> None:
@@ -55,5 +55,14 @@ def test_bodies_refuse_unknown_keys(document: JsonObject) -> None:
     for path, verb, operation in _operations(document):
         if verb in _ACTING and "requestBody" in operation:
             reference = re.search(r"#/components/schemas/(\w+)", json.dumps(operation["requestBody"]))
-            assert reference is not None, f"{verb} {path}"
-            assert components["schemas"][reference.group(1)]["additionalProperties"] is False
+            schema = components["schemas"][reference.group(1)] if reference else _form(operation)
+            assert schema["additionalProperties"] is False, f"{verb} {path}"
+
+
+def _form(operation: JsonObject) -> JsonObject:
+    """The schema of a form, which is written where it is used."""
+    body = operation["requestBody"]
+    assert isinstance(body, dict)
+    schema = body["content"]["application/x-www-form-urlencoded"]["schema"]
+    assert isinstance(schema, dict)
+    return schema

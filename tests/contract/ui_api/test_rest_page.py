@@ -5,7 +5,7 @@ from pathlib import Path
 
 _TOP = Path(__file__).parents[3]
 _RAISED = (
-    r'\b(?:conflict|invalid)\(\s*"(\w+)"',
+    r'\b(?:conflict|invalid|forbidden|unauthenticated)\(\s*"(\w+)"',
     r'RefusalKind\.\w+,\s*"(\w+)"',
     r'\bproblem\(\s*\d+,\s*"(\w+)"',
     r'\b_refuse\(request, "(\w+)"',

@@ -70,7 +70,7 @@ class Case(CaseClient):
         left = PlannedError(id=hole_ids[0], offset_mm=0.0, angle_deg=0.0, chance_to_pass=1.0)
         return Plan(number=1, sha256="b" * 64, plan=PlanContent(travel_mm=6.0, travel_deg=0.0, predicted=(left,)))
 
-    def approve(self, plan: Plan, approved_by: str) -> None:
+    def approve(self, plan: Plan) -> None:
         pass
 
     def move(self, plan: Plan) -> Operation:

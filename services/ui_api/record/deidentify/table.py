@@ -166,10 +166,15 @@ RECORD_RULES: Final = (
             "model_name",
             "version",
             "software_version",
+            "authenticated_by",
         ),
         "words from fixed lists, names of holes, makers and versions",
     ),
-    Rule(Action.PERSON, ("who", "approved_by", "approver"), "people; services that acted stay by their names"),
+    Rule(
+        Action.PERSON,
+        ("who", "approved_by", "approver", "user_name"),
+        "people; services that acted stay by their names",
+    ),
     Rule(
         Action.PSEUDONYM,
         (

@@ -11,6 +11,7 @@ import httpx
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
+from distalock.rest_client import bearer
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.service import Gateway, open_gateway
 from services.ui_api.settings import UiApiSettings
@@ -26,6 +27,8 @@ from tests.unit.services.ui_api.fakes import PATIENCE_S, FakeImaging, FakeRegist
 from tests.unit.services.ui_api.served import served
 
 ROOM = "test"
+# Of the user `demo`, who is surgeon and administrator, as in a simulation.
+TOKEN = "the token of the user who is signed in"
 _keys = count()
 
 
@@ -84,9 +87,7 @@ class Room:
         answer = self.post(f"/cases/{case_id}/plans", {"localisation": newest, "hole_ids": ["proximal", "distal"]})
         assert answer.status_code == 201, answer.text
         number = int(answer.json()["number"])
-        approval = self.post(
-            f"/cases/{case_id}/plans/{number}/approval", {"approved_by": "Dr A"}, if_match=answer.headers["etag"]
-        )
+        approval = self.post(f"/cases/{case_id}/plans/{number}/approval", if_match=answer.headers["etag"])
         assert approval.status_code == 201, approval.text
         return number
 
@@ -105,6 +106,7 @@ def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
     unhurried: dict[str, object] = {
         "robot_state_stale_after_s": 10.0,
         "unapproved_parts": True,
+        "demo_token_file": token_file(state_dir),
     }  # the fake robot speaks only when told to
     write_permit_key(state_dir)
     chosen = UiApiSettings(room=ROOM, state_dir=state_dir, **(unhurried | settings))  # type: ignore[arg-type]  # pydantic checks it
@@ -116,10 +118,24 @@ def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
         gateway = stack.enter_context(open_gateway(bus, runtime, chosen, Clock()))
         log = LogWatch(gateway.record)
         client = stack.enter_context(
-            httpx.Client(base_url=stack.enter_context(served(gateway, router, Keys(ROOM))), timeout=PATIENCE_S)
+            httpx.Client(
+                base_url=stack.enter_context(served(gateway, router, Keys(ROOM), room_networks=chosen.room_networks)),
+                headers=bearer(TOKEN),
+                timeout=PATIENCE_S,
+            )
         )
         log.wait_for(lambda: gateway.view.newest() is not None)
         yield Room(router, imaging, registration, robot, gateway, log, client)
+
+
+def token_file(state_dir: Path) -> Path | None:
+    """File of the token; None where the folder is one that cannot be made."""
+    if not state_dir.parent.is_dir():
+        return None
+    state_dir.mkdir(exist_ok=True)
+    file = state_dir / "demo-token"
+    file.write_text(TOKEN, encoding="ascii")
+    return file
 
 
 def write_permit_key(state_dir: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from services.ui_api.app import make_app
 from services.ui_api.application import FrontRecording
+from services.ui_api.core.networks import PRIVATE_NETWORKS, Network
 from services.ui_api.front.admission import Admission, Limits
 from services.ui_api.front.application import ApplicationLink
 from services.ui_api.front.connection import FrontParts
@@ -28,7 +29,13 @@ ROOMY = Limits(connections=1000, relays=250)
 
 
 @contextmanager
-def served(gateway: Gateway, router: MemoryRouter, keys: Keys, https: ssl.SSLContext | None = None) -> Iterator[str]:
+def served(
+    gateway: Gateway,
+    router: MemoryRouter,
+    keys: Keys,
+    https: ssl.SSLContext | None = None,
+    room_networks: tuple[Network, ...] = PRIVATE_NETWORKS,
+) -> Iterator[str]:
     """Serve on a free port for as long as the context lasts; the address to call."""
     scheme = "http" if https is None else "https"
     with ExitStack() as stack:
@@ -40,7 +47,9 @@ def served(gateway: Gateway, router: MemoryRouter, keys: Keys, https: ssl.SSLCon
         link.on_recorded = stops.note_recorded
         outer = stack.enter_context(listening_socket("127.0.0.1", 0))
         giving, taking = (stack.enter_context(end) for end in socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
-        parts = FrontParts(stops, Admission(ROOMY), address, scheme, Handover(giving) if https is None else None)
+        parts = FrontParts(
+            stops, Admission(ROOMY), address, scheme, room_networks, Handover(giving) if https is None else None
+        )
         stack.enter_context(serving(app, inner, lambda: None, taking))
         stack.enter_context(serving_front(FrontServer(parts, link, https), outer, ours))
         application = FrontLink(its, lambda: None)

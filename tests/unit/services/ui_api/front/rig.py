@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 
+from services.ui_api.core.networks import PRIVATE_NETWORKS
 from services.ui_api.front.admission import Admission, Limits
 from services.ui_api.front.application import ApplicationLink
 from services.ui_api.front.connection import FrontParts
@@ -54,7 +55,9 @@ class FrontRig:
         ours, self.its_end = (stack.enter_context(end) for end in socket.socketpair())
         outer = stack.enter_context(listening_socket("127.0.0.1", 0))
         self.address = outer.getsockname()
-        parts = FrontParts(self.stops, self.admission, place, "http", handover, head_within_s, head_within_s)
+        parts = FrontParts(
+            self.stops, self.admission, place, "http", PRIVATE_NETWORKS, handover, head_within_s, head_within_s
+        )
         server = FrontServer(parts, self.link)
         threading.Thread(target=self._serve, args=(inner, application), daemon=True).start()
         stack.enter_context(serving_front(server, outer, ours))

@@ -10,7 +10,7 @@ from starlette.types import Message
 
 from services.ui_api.app import make_app
 from tests.unit.services.ui_api.fakes import PATIENCE_S
-from tests.unit.services.ui_api.room import Room
+from tests.unit.services.ui_api.room import TOKEN, Room
 
 
 def heard(room: Room, say: Callable[[], None]) -> None:
@@ -81,9 +81,12 @@ def test_a_viewer_gets_the_newest_image_with_guidance_and_may_leave(room: Room) 
 
 
 HERE = (b"host", b"localhost:8000")
+SIGNED_IN = (b"authorization", f"Bearer {TOKEN}".encode())
 
 
-async def _watched(room: Room, count: int = 3, headers: tuple[tuple[bytes, bytes], ...] = (HERE,)) -> list[Message]:
+async def _watched(
+    room: Room, count: int = 3, headers: tuple[tuple[bytes, bytes], ...] = (HERE, SIGNED_IN)
+) -> list[Message]:
     """Connect, take some messages, leave; the application must end by itself then."""
     sent: asyncio.Queue[Message] = asyncio.Queue()
     enough = asyncio.Event()
@@ -112,9 +115,14 @@ async def _watched(room: Room, count: int = 3, headers: tuple[tuple[bytes, bytes
 
 
 def test_another_page_may_not_watch(room: Room) -> None:
-    from_elsewhere = (HERE, (b"origin", b"https://elsewhere.example"))
+    from_elsewhere = (HERE, SIGNED_IN, (b"origin", b"https://elsewhere.example"))
     (answer,) = asyncio.run(_watched(room, 1, from_elsewhere))
     assert (answer["type"], answer["code"]) == ("websocket.close", 1008)
-    own = (HERE, (b"origin", b"http://localhost:8000"))
+    own = (HERE, SIGNED_IN, (b"origin", b"http://localhost:8000"))
     (answer,) = asyncio.run(_watched(room, 1, own))
     assert answer["type"] == "websocket.accept"
+
+
+def test_nobody_watches_without_being_signed_in(room: Room) -> None:
+    (answer,) = asyncio.run(_watched(room, 1, (HERE,)))
+    assert (answer["type"], answer["code"], answer["reason"]) == ("websocket.close", 1008, "token_missing")

@@ -39,7 +39,8 @@ def test_the_command_quotes_plan_approval_and_newest_state(room: Room) -> None:
     assert command.envelope.robot_boot_epoch == samples.ROBOT_EPOCH
     assert command.envelope.after_state_sequence == newest.sequence
     permit = decode(Permit, command.permit.permit_json.encode())
-    assert (permit.approver, permit.motion, permit.nothing_inside) == ("Dr A", "move", True)
+    assert (permit.approver, permit.motion, permit.nothing_inside) == ("demo", "move", True)
+    assert permit.authenticated_by == "simulation_token"
     assert (
         permit.plan_sha256 == command.plan_sha256 == room.gateway.record.ledger.cases[case_id].plans[0].made.plan_sha256
     )
@@ -119,17 +120,17 @@ def test_nothing_is_reported_as_put_in_while_a_reference_is_pending(room: Room) 
 
 
 def test_a_reference_carries_a_permit_that_the_record_keeps(room: Room) -> None:
-    operation_id = room.post("/robot/reference", {"requested_by": "Dr B"}).json()["id"]
+    operation_id = room.post("/robot/reference").json()["id"]
     wait_until(lambda: bool(room.robot.plain))
     signed = room.robot.plain[0].permit
     assert signed is not None
     permit = decode(Permit, signed.permit_json.encode())
-    assert (permit.motion, permit.approver, permit.plan_sha256, permit.case_id) == ("reference", "Dr B", None, None)
+    assert (permit.motion, permit.approver, permit.plan_sha256, permit.case_id) == ("reference", "demo", None, None)
     assert room.gateway.record.document(signed.permit_sha256).decode() == signed.permit_json
     requested = room.gateway.record.ledger.operations[operation_id].requested
     assert (requested.permit_signature, requested.permit_key_sha256) == (signed.signature, signed.key_sha256)
     view = room.get(f"/operations/{operation_id}").json()
-    assert (view["approver"], view["permit_sha256"]) == ("Dr B", signed.permit_sha256)
+    assert (view["approver"], view["permit_sha256"]) == ("demo", signed.permit_sha256)
 
 
 def test_the_record_has_the_robots_word_of_the_permit_that_it_moves_by_and_of_no_earlier_one(room: Room) -> None:

@@ -33,7 +33,7 @@ def test_the_open_case_is_taken_up_and_told_on_the_bus(tmp_path: Path) -> None:
         assert heard.get(timeout=PATIENCE_S).case_id == case_id
         again = room.post("/cases", samples.case_body(), key="opened")
         assert again.text == first.text, "an answer outlives the process that gave it"
-        assert room.get(f"/cases/{case_id}/plans/{plan}").json()["approval"]["approved_by"] == "Dr A"
+        assert room.get(f"/cases/{case_id}/plans/{plan}").json()["approval"]["approved_by"] == "demo"
         assert room.get(f"/cases/{case_id}").json()["procedure"]["aim"] == "approved"
     assert isinstance(verify_record(existing_database(sqlite_url(tmp_path))), ChainIntact)
 

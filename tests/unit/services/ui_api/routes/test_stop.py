@@ -131,7 +131,7 @@ def test_a_stop_between_the_recording_of_a_motion_and_its_sending_wins(room: Roo
 
 def test_acknowledging_a_stop_is_an_operation(room: Room) -> None:
     room.robot.say(MotionState.STOPPED, stop=StopLatch.LATCHED)
-    answer = room.post("/robot/acknowledge-stop", {"requested_by": "Dr A"})
+    answer = room.post("/robot/acknowledge-stop")
     assert answer.status_code == 202
     ended = room.wait_for_status(answer.json()["id"], "succeeded")
     assert ended["verb"] == "acknowledge_stop"

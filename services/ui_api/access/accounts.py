@@ -1,0 +1,145 @@
+"""Accounts in the record's database. Every change stands in the log, without the secret."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from sqlalchemy import RowMapping, insert, select, update
+
+from services.ui_api.access.passwords import Passwords
+from services.ui_api.core.account_event_data import AccountChange, AccountChanged
+from services.ui_api.core.account_rules import name_refusal, password_refusal
+from services.ui_api.core.events import EventDraft
+from services.ui_api.core.roles import Role
+from services.ui_api.handlers.refusals import conflict, invalid, unknown
+from services.ui_api.record.record import CaseRecord
+from services.ui_api.record.tables import USERS
+from services.ui_api.record.unit_of_work import UnitOfWork
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """One account. `password_hash` never leaves this package."""
+
+    name: str
+    roles: frozenset[Role]
+    password_hash: str
+    disabled: bool
+    created_at_ns: int
+
+
+class Accounts:
+    """Reads and changes accounts.
+
+    Parameters
+    ----------
+    taken_names
+        Names that no account may have, besides those of services.
+    """
+
+    def __init__(self, record: CaseRecord, passwords: Passwords, taken_names: Iterable[str] = ()) -> None:
+        self._record, self._passwords = record, passwords
+        self._taken_names = frozenset(taken_names)
+
+    def find(self, name: str) -> Account | None:
+        """The account of a name; None when there is none."""
+        rows = self._record.rows(select(USERS).where(USERS.c.name == name))
+        return _account(rows[0]) if rows else None
+
+    def account(self, name: str) -> Account:
+        """The account of a name; raises `Refused`."""
+        found = self.find(name)
+        if found is None:
+            raise unknown("user", name, "GET /users lists them")
+        return found
+
+    def all(self) -> list[Account]:
+        """All accounts, by name."""
+        return [_account(row) for row in self._record.rows(select(USERS).order_by(USERS.c.name))]
+
+    def are_there_none(self) -> bool:
+        """Whether nobody has an account yet."""
+        return not self._record.rows(select(USERS).limit(1))
+
+    def hashed(self, name: str, password: str) -> str:
+        """Hash of a new password; raises `Refused` when it is none. Slow: call it outside a transaction."""
+        if (why := password_refusal(name, password)) is not None:
+            raise invalid("password_refused", why)
+        return self._passwords.hashed(password)
+
+    def create(self, unit: UnitOfWork, account: Account, who: str) -> None:
+        """Make an account; raises `Refused`."""
+        why = name_refusal(account.name)
+        if account.name in self._taken_names:
+            why = f"the name '{account.name}' is the simulation's; choose another"
+        if why is not None:
+            raise invalid("user_name_refused", why)
+        if self.find(account.name) is not None:
+            raise conflict(
+                "user_exists", f"there is a user '{account.name}' already; choose another name, or change it"
+            )
+        unit.change(
+            insert(USERS).values(
+                name=account.name,
+                roles_json=_roles_json(account.roles),
+                password_hash=account.password_hash,
+                disabled=account.disabled,
+                created_at_ns=unit.now_ns,
+            )
+        )
+        note_change(unit, account.name, AccountChange.CREATED, account.roles, who)
+
+    def set_password(self, unit: UnitOfWork, name: str, password_hash: str, who: str) -> None:
+        """Replace the password; raises `Refused`."""
+        account = self.account(name)
+        unit.change(update(USERS).where(USERS.c.name == name).values(password_hash=password_hash))
+        note_change(unit, name, AccountChange.PASSWORD_CHANGED, account.roles, who)
+
+    def set_roles(self, unit: UnitOfWork, name: str, roles: frozenset[Role], who: str) -> None:
+        """Replace the roles; raises `Refused`."""
+        account = self.account(name)
+        if roles == account.roles:
+            return
+        if Role.ADMINISTRATOR not in roles:
+            self._require_another_administrator(account, "lose that role")
+        unit.change(update(USERS).where(USERS.c.name == name).values(roles_json=_roles_json(roles)))
+        note_change(unit, name, AccountChange.ROLES_CHANGED, roles, who)
+
+    def set_disabled(self, unit: UnitOfWork, name: str, who: str, *, disabled: bool) -> None:
+        """Disable an account, or enable it again; raises `Refused`. Nothing deletes one: the log names it."""
+        account = self.account(name)
+        if disabled == account.disabled:
+            return
+        if disabled:
+            self._require_another_administrator(account, "be disabled")
+        unit.change(update(USERS).where(USERS.c.name == name).values(disabled=disabled))
+        note_change(unit, name, AccountChange.DISABLED if disabled else AccountChange.ENABLED, account.roles, who)
+
+    def _require_another_administrator(self, account: Account, consequence: str) -> None:
+        if Role.ADMINISTRATOR not in account.roles or account.disabled:
+            return
+        others = [one for one in self.all() if one.name != account.name and not one.disabled]
+        if not any(Role.ADMINISTRATOR in one.roles for one in others):
+            raise conflict(
+                "last_administrator",
+                f"'{account.name}' is the only administrator and cannot {consequence}; make another one first",
+            )
+
+
+def note_change(unit: UnitOfWork, name: str, change: AccountChange, roles: frozenset[Role], who: str) -> None:
+    """Put a change of an account into the log."""
+    unit.append(EventDraft(AccountChanged(name, change, tuple(sorted(roles))), None, who))
+
+
+def _roles_json(roles: frozenset[Role]) -> str:
+    return json.dumps(sorted(roles))
+
+
+def _account(row: RowMapping) -> Account:
+    return Account(
+        name=row["name"],
+        roles=frozenset(Role(role) for role in json.loads(row["roles_json"])),
+        password_hash=row["password_hash"],
+        disabled=bool(row["disabled"]),
+        created_at_ns=row["created_at_ns"],
+    )

@@ -1,0 +1,37 @@
+"""Who sends a request, and how that was shown. Pure."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from services.ui_api.core.roles import Role
+
+
+class Authenticated(StrEnum):
+    """How somebody has shown who he is."""
+
+    PASSWORD = "password"  # noqa: S105 - the name of a method
+    SIMULATION_TOKEN = "simulation_token"  # noqa: S105 - likewise
+
+
+@dataclass(frozen=True, slots=True)
+class Approver:
+    """Who stands for a motion, and how that was shown for this very motion."""
+
+    name: str
+    authenticated: Authenticated
+
+
+@dataclass(frozen=True, slots=True)
+class User:
+    """Somebody who is signed in.
+
+    Attributes
+    ----------
+    session_id
+        The session; None of a program that brings the simulation's token with each request.
+    """
+
+    name: str
+    roles: frozenset[Role]
+    authenticated: Authenticated
+    session_id: str | None = None

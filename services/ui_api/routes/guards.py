@@ -1,0 +1,109 @@
+"""What stands before every route: the action that it names, and whether whoever asks may do it.
+
+A route says `openapi_extra=needs(Action.READ)`. It is refused before its body is read; a route that names no action
+cannot be made.
+"""
+
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Annotated, Any, Final
+
+from fastapi import Depends, Request, WebSocket
+from fastapi.routing import APIRoute
+from starlette.requests import HTTPConnection
+from starlette.responses import Response
+
+from services.ui_api.core.identity import User
+from services.ui_api.core.roles import PERMISSION_OF, Action, WithoutLogin
+from services.ui_api.handlers.refusals import Refused
+from services.ui_api.routes.problems import log_refusal, problem_of, sender_of
+from services.ui_api.service import Gateway
+
+ACTION_KEY: Final = "x-distalock-action"
+ACCESS_COOKIE: Final = "distalock_access"
+SECURITY_SCHEMES: Final = {
+    "bearer": {"type": "http", "scheme": "bearer", "description": "Programs: the access token of POST /sessions."},
+    "cookie": {
+        "type": "apiKey",
+        "in": "cookie",
+        "name": ACCESS_COOKIE,
+        "description": "Pages: POST /sessions sets it.",
+    },
+}
+_LOGIN: Final[list[dict[str, list[str]]]] = [{"bearer": []}, {"cookie": []}]
+_LOGIN_IS_OPTIONAL: Final[list[dict[str, list[str]]]] = [*_LOGIN, {}]
+_SCHEME: Final = "bearer "
+# Status code of RFC 6455, 7.4.1.
+POLICY_VIOLATION: Final = 1008
+
+
+def needs(action: Action) -> dict[str, Any]:
+    """What a route declares: its action, and in the API document how to sign in for it."""
+    is_open = PERMISSION_OF[action].without_login is not WithoutLogin.NOBODY
+    return {ACTION_KEY: str(action), "security": _LOGIN_IS_OPTIONAL if is_open else _LOGIN}
+
+
+class GuardedRoute(APIRoute):
+    """A route that names its action; whoever may not do it is refused before the body is read."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The route's handler behind its guard; raises `TypeError` when the route names no action."""
+        action, handler = self.action, super().get_route_handler()
+
+        async def guarded(request: Request) -> Response:
+            request.state.user = _admitted(request, action)
+            return await handler(request)
+
+        return guarded
+
+    @property
+    def action(self) -> Action:
+        """What the route's requests do."""
+        named = (self.openapi_extra or {}).get(ACTION_KEY)
+        if named is None:
+            raise TypeError(f"the route {self.path} names no action; give it openapi_extra=needs(Action....)")
+        return Action(named)
+
+
+Watch = Callable[[WebSocket], Awaitable[None]]
+
+
+def guarded_websocket(action: Action) -> Callable[[Watch], Watch]:
+    """The same for a WebSocket, which is closed before it is opened."""
+
+    def decorate(watch: Watch) -> Watch:
+        async def guarded(socket: WebSocket) -> None:
+            try:
+                socket.state.user = _admitted(socket, action)
+            except Refused as refusal:
+                log_refusal(problem_of(refusal, socket.url.path), sender_of(socket))
+                await socket.close(POLICY_VIOLATION, refusal.code)
+                return
+            await watch(socket)
+
+        guarded.__doc__ = watch.__doc__
+        setattr(guarded, ACTION_KEY, action)
+        return guarded
+
+    return decorate
+
+
+def _admitted(connection: HTTPConnection, action: Action) -> User | None:
+    gateway: Gateway = connection.app.state.gateway
+    return gateway.access.admitted(_token(connection), action, sender_of(connection))
+
+
+def _token(connection: HTTPConnection) -> str | None:
+    """The access token: of a program in its header, of a page in its cookie."""
+    header = connection.headers.get("authorization")
+    if header is None:
+        return connection.cookies.get(ACCESS_COOKIE)
+    return header[len(_SCHEME) :].strip() if header.lower().startswith(_SCHEME) else ""
+
+
+async def _user(request: Request) -> User:
+    user: User = request.state.user
+    return user
+
+
+# Only for routes whose action needs a login: elsewhere nobody may be there.
+TheUser = Annotated[User, Depends(_user)]
