@@ -17,6 +17,7 @@ from services.registration.core.drill_clearance import angle_deg, axis_offset_mm
 from services.registration.core.estimation.joint import JointEstimate, fuse, leave_one_out
 from services.registration.core.estimation.pose_estimate import PoseEstimate
 from services.registration.core.guide_from_nail import guide_from_nail_of
+from services.registration.core.guide_scale import scale_that_agrees
 from services.registration.core.hole_axes import HoleEstimate, holes_at
 from services.registration.core.localise import LocalisationResult, Parts
 from services.registration.core.nail.parameters import SHAPE_PARAMETERS, Parameter, priors
@@ -171,15 +172,23 @@ def disagreement(
         f"{_difference(estimates, parted, parts, camera_from_nail)} (chi-square of "
         f"{joint.degrees_of_freedom} degrees of freedom: {quoted})"
     )
-    return Reason(IMAGES_CHI_SQUARE.code, _explained(grouping, names, measured))
+    scale = scale_that_agrees(estimates, camera_from_nail)
+    return Reason(IMAGES_CHI_SQUARE.code, _explained(grouping, names, measured, scale))
 
 
-def _explained(grouping: _Grouping | None, names: tuple[str, ...], measured: str) -> str:
+def _explained(grouping: _Grouping | None, names: tuple[str, ...], measured: str, scale: float | None) -> str:
+    size = "" if scale is None else f"the guide is {100.0 * scale:.1f} % as large as its file says"
     if len(names) == 2:
         return (
             f"images {names[0]} and {names[1]} see the nail in different places from the guide: {measured}; the guide "
-            "moved on the bone between them or one of the two is wrong, and two images cannot tell which: check that "
-            "mount and guide are tight and take one more image"
+            f"moved on the bone between them, {size + ', ' if size else ''}or one of the two is wrong, and two images "
+            f"cannot tell which: check that mount and guide are tight{', measure the guide' if size else ''} and take "
+            "one more image"
+        )
+    if size:
+        return (
+            f"images {', '.join(names)} see the nail in different places from the guide: {measured}, and agree if "
+            f"{size}: measure one of its lengths and correct the file"
         )
     if grouping is None:
         return (

@@ -108,6 +108,18 @@ def test_a_loose_guide_lets_no_images_agree() -> None:
     assert "no images of the 4 agree" in words
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_guide_of_another_size_is_told_from_one_that_moved(count: int) -> None:
+    """A guide 1 % larger than its file, about 600 mm away: the nail appears 6 mm too far away, along each ray."""
+    rays = [np.zeros(3) if image.errors.ray is None else image.errors.ray for image in AGREEING[:count]]
+    farther = [np.concatenate([np.zeros(3), 6.0 * ray]) for ray in rays]
+    words = message(tuple(shifted(image, way) for image, way in zip(AGREEING[:count], farther, strict=True)))
+    scale = 0.01 * float(words.split("the guide is ")[1].split(" %")[0])
+    guide_mm = np.linalg.norm((NAIL_POSE @ POSE.inverse()).translation_mm)
+    assert scale == pytest.approx(1.0 + 6.0 / guide_mm, abs=0.002)
+    assert ("measure the guide and take one more image" if count == 2 else "measure one of its lengths") in words
+
+
 def test_the_odd_one_raises_chi_square_most() -> None:
     influence = leave_one_out((AGREEING[0], shifted(AGREEING[1], MOVED), AGREEING[2]))
     assert int(np.argmax(influence)) == 1
