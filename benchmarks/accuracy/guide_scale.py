@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.accuracy.fusion import directions_deg
-from benchmarks.robustness.changed_parts import with_scaled_guide
+from benchmarks.scenes.changed_parts import with_scaled_guide
 from benchmarks.scenes.set_ups import SetUp
 from services.registration.core.fusion import LocalisedImage, fuse_localisations
 

@@ -15,10 +15,10 @@ from functools import partial
 import numpy as np
 
 from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail, with_tip
-from benchmarks.robustness.changed_parts import with_holes, with_nail_holes
 from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
 from benchmarks.robustness.scene import ChangePacked, Drawn, RobustScene, generator_of, rendered, scene_of_shot
+from benchmarks.scenes.changed_parts import with_holes, with_nail_holes
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
 from shared.geometry.parts import Hole

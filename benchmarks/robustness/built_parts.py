@@ -12,16 +12,16 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.robustness.changed_parts import (
+from benchmarks.robustness.command import RobustnessBench, run_bench
+from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
+from benchmarks.robustness.scene import Drawn, RobustScene, generator_of, rendered, scene_of_shot
+from benchmarks.scenes.changed_parts import (
     with_displaced_guide_balls,
     with_displaced_ring_balls,
     with_nail_holes,
     with_plates_nearer,
     with_scaled_guide,
 )
-from benchmarks.robustness.command import RobustnessBench, run_bench
-from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
-from benchmarks.robustness.scene import Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
 from simulation.scenario.values import Scenario

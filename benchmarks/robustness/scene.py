@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.robustness.changed_parts import with_holes
+from benchmarks.scenes.changed_parts import with_holes
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.localise import Parts

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.robustness.bent_nail import Bend, bent_truths, local_hole, with_bent_nail, with_tip
-from benchmarks.robustness.changed_parts import with_holes
+from benchmarks.scenes.changed_parts import with_holes
 from shared.geometry.lines import angle_between_rad, unit
 from shared.geometry.parts import hole_surface_points
 from simulation.render.attenuation import Material
