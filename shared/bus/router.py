@@ -28,6 +28,7 @@ from shared.bus.tls import PLAIN_BUS_WARNING, SCHEME, TlsFiles
 from shared.errors import ConfigurationError
 from shared.scheduling import take_precedence
 from shared.signals import set_by_signals
+from shared.threads import faults_go_to
 
 # The services end first; the robot's locks the hexapod and says so.
 LINGER_S: Final = 5.0
@@ -137,9 +138,10 @@ def _first_line(error: zenoh.ZError) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run until SIGTERM or SIGINT; 0 after a clean end, 2 when the router cannot start."""
+    """Run until SIGTERM or SIGINT; 0 after a clean end, 1 after a fault, 2 when the router cannot start."""
     given = _parser().parse_args(arguments)
     stop = threading.Event()
+    faults = _Faults(stop)
     take_precedence()
     os.environ.setdefault("NO_COLOR", "1")
     try:
@@ -147,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.print_config:
             print(config)  # noqa: T201 - this is what was asked for
             return 0
-        with set_by_signals(stop, LINGER_S):
+        with faults_go_to(faults), set_by_signals(stop, LINGER_S):
             if given.plain_bus:
                 _run_plain(config, stop)
             else:
@@ -155,7 +157,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ConfigurationError as error:
         print(f"router: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2
-    return 0
+    return int(faults.seen)
+
+
+class _Faults:
+    """A loop of this process that has ended ends the process: nothing is refused without being on record."""
+
+    def __init__(self, stop: threading.Event) -> None:
+        self._stop = stop
+        self.seen = False
+
+    def fail(self, message: str) -> None:
+        """See `FaultListener`."""
+        print(f"router: {message}; it ends", file=sys.stderr)  # noqa: T201 - the last line of its log
+        self.seen = True
+        self._stop.set()
+
+    def note_error(self, place: str, error: BaseException) -> None:
+        """See `FaultListener`; the error is logged already."""
 
 
 def _run_plain(config: zenoh.Config, stop: threading.Event) -> None:

@@ -3,9 +3,13 @@
 import json
 import subprocess
 import sys
+from datetime import UTC, datetime
+from pathlib import Path
 
 from shared.bus.refusal_watch import log_line
+from shared.bus.tls import TlsFiles
 from shared.messages.refusals import BusRefusal, RefusalCode
+from shared.pki.keystore import ROUTER, Keystore
 
 NOBODY_READS = """
 import os
@@ -47,3 +51,29 @@ def test_a_refusal_is_a_line_of_json_whatever_its_key_holds() -> None:
         "key": "a\nb",
         "times": 2,
     }
+
+
+A_LOOP_ENDS = """
+import sys
+from shared.bus import router
+from shared.bus.refusal_watch import RouterLog
+
+
+def broken(*_):
+    raise OSError("the pipe is gone")
+
+
+RouterLog.wait = broken
+sys.exit(router.main(sys.argv[1:]))
+"""
+
+
+def test_a_router_whose_watch_has_ended_ends(tmp_path: Path) -> None:
+    keystore = Keystore(tmp_path)
+    keystore.ensure(datetime.now(UTC))
+    files = TlsFiles.in_folder(keystore.folder_of(ROUTER))
+    words = ["--authority", str(files.authority), "--certificate", str(files.certificate), "--key", str(files.key)]
+    command = [sys.executable, "-c", A_LOOP_ENDS, *words, "--listen", "tls/127.0.0.1:0"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0)
+    assert ended.returncode == 1
+    assert "the pipe is gone" in ended.stderr
