@@ -242,6 +242,12 @@ def _record_arguments(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _doctor_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.doctor.arguments import add_arguments
+
+    add_arguments(parser)
+
+
 def _benchmark_name(text: str) -> str:
     if not is_benchmark(text):
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; `distalock bench` lists them")
@@ -315,6 +321,12 @@ COMMANDS = (
         "accounts of an installation: list, make, change, disable",
         _users_arguments,
         _imported("distalock.users"),
+    ),
+    Command(
+        "doctor",
+        "what of this machine and installation would keep a procedure from going well, with remedies",
+        _doctor_arguments,
+        _imported("distalock.doctor.command"),
     ),
     Command(
         "bench",

@@ -16,7 +16,7 @@ import pytest
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_FOLDER = "DISTALOCK_TEST_RESULTS"
+_FOLDER = "TEST_RESULTS_KEPT"
 
 
 def begin(config: pytest.Config) -> None:

@@ -16,7 +16,7 @@ from typing import Final
 
 from benchmarks.common.places import ROOT
 
-_MARK: Final = "DISTALOCK_FAULTS_OWN_MOUNTS"
+_MARK: Final = "FAULTS_OWN_MOUNTS"
 _BLOCK_BYTES: Final = 2**20
 
 

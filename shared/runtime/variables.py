@@ -10,7 +10,7 @@ CONFIG_VARIABLE: Final = f"{PREFIX}CONFIG"
 _NESTED: Final = "__"
 # Chosen: two letters changed places or one is missing; names share their beginning, which counts.
 _ALIKE: Final = 0.85
-# Read by other programs than services: the compose file, `distalock up`, benchmarks on the independent images, tests.
+# Read by other programs than services: the compose file, `distalock up`, benchmarks on the independent images.
 OTHER_VARIABLES: Final = frozenset(
     f"{PREFIX}{name}"
     for name in (
@@ -23,7 +23,6 @@ OTHER_VARIABLES: Final = frozenset(
         "PARENT_PIPE",
         "PLAIN_HTTP",
         "REST_ADDRESS",
-        "TEST_RESULTS",
     )
 )
 

@@ -10,7 +10,7 @@ from tests.kept import kept
 @pytest.fixture
 def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Arguments of all calls so far; the session's folder is a new one."""
-    monkeypatch.setenv("DISTALOCK_TEST_RESULTS", str(tmp_path))
+    monkeypatch.setenv("TEST_RESULTS_KEPT", str(tmp_path))
     made.clear()
     return made
 
@@ -45,6 +45,6 @@ def test_what_failed_is_tried_again(calls: list[int]) -> None:
 
 
 def test_outside_a_session_nothing_is_kept(calls: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("DISTALOCK_TEST_RESULTS")
+    monkeypatch.delenv("TEST_RESULTS_KEPT")
     assert powers(2) == powers(2)
     assert calls == [2, 2]
