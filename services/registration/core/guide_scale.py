@@ -17,6 +17,8 @@ from shared.geometry.transform import Transform
 
 # Chi-square is a parabola in a shift of all images; any step finds it.
 _STEP_MM = 1.0
+# Guard: nobody builds a guide further off than this share; images from nearly one direction would say so of any move.
+_LARGEST_EXCESS = 0.1
 
 
 def scale_that_agrees(
@@ -37,7 +39,8 @@ def scale_that_agrees(
     if fuse(_nearer(estimates, nearer_mm)).chi_square > chi_square_limit(none.degrees_of_freedom - 1):
         return None
     guide_mm = float(np.linalg.norm((camera_from_nail @ none.pose.mean.inverse()).translation_mm))
-    return 1.0 + nearer_mm / guide_mm
+    excess = nearer_mm / guide_mm
+    return 1.0 + excess if abs(excess) < _LARGEST_EXCESS else None
 
 
 def _nearer(estimates: tuple[PoseEstimate[Guide, Nail], ...], shift_mm: float) -> tuple[PoseEstimate[Guide, Nail], ...]:

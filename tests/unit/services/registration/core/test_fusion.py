@@ -120,6 +120,13 @@ def test_a_guide_of_another_size_is_told_from_one_that_moved(count: int) -> None
     assert ("measure the guide and take one more image" if count == 2 else "measure one of its lengths") in words
 
 
+def test_images_from_nearly_one_direction_say_nothing_of_the_guides_size() -> None:
+    along = np.array([0.0, 0.0, 0.0, 0.0, 0.7, 0.0])
+    words = message((evidence((2.0, 0.0)), shifted(evidence((2.2, 0.0)), along)))
+    assert "two images cannot tell which" in words
+    assert "as large as its file" not in words
+
+
 def test_the_odd_one_raises_chi_square_most() -> None:
     influence = leave_one_out((AGREEING[0], shifted(AGREEING[1], MOVED), AGREEING[2]))
     assert int(np.argmax(influence)) == 1
