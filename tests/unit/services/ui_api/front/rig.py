@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 
-from services.ui_api.core.networks import PRIVATE_NETWORKS
+from services.ui_api.core.networks import PRIVATE_NETWORKS, Network
 from services.ui_api.front.admission import Admission, Limits
 from services.ui_api.front.application import ApplicationLink
 from services.ui_api.front.connection import FrontParts
@@ -43,6 +43,7 @@ class FrontRig:
         limits: Limits,
         head_within_s: float,
         handover: Handover | None,
+        room_networks: tuple[Network, ...],
     ) -> None:
         self.stopped = threading.Semaphore(0)
         self.robot_answers = threading.Event()
@@ -56,7 +57,7 @@ class FrontRig:
         outer = stack.enter_context(listening_socket("127.0.0.1", 0))
         self.address = outer.getsockname()
         parts = FrontParts(
-            self.stops, self.admission, place, "http", PRIVATE_NETWORKS, handover, head_within_s, head_within_s
+            self.stops, self.admission, place, "http", room_networks, handover, head_within_s, head_within_s
         )
         server = FrontServer(parts, self.link)
         threading.Thread(target=self._serve, args=(inner, application), daemon=True).start()
@@ -122,7 +123,8 @@ def front(
     limits: Limits = Limits(connections=100, relays=50),  # noqa: B008 - frozen
     head_within_s: float = PATIENCE_S,
     handover: Handover | None = None,
+    room_networks: tuple[Network, ...] = PRIVATE_NETWORKS,
 ) -> Iterator[FrontRig]:
     """A front on a free port for as long as the context lasts."""
     with ExitStack() as stack:
-        yield FrontRig(stack, application, limits, head_within_s, handover)
+        yield FrontRig(stack, application, limits, head_within_s, handover, room_networks)

@@ -109,6 +109,19 @@ def test_a_stop_that_was_sent_ahead_on_a_busy_connection_goes_out_at_once() -> N
         assert not rig.stopped.acquire(blocking=False), "it went out once"
 
 
+def test_a_stop_from_outside_the_room_is_the_applications_business() -> None:
+    hanging = Hanging()
+    with front(hanging, room_networks=()) as rig, rig.connect() as client:
+        client.sendall(GET)
+        assert hanging.asked.acquire(timeout=PATIENCE_S)
+        client.sendall(STOP)
+        hanging.release.set()
+        assert answer_of(client).endswith(b"{}")
+        assert hanging.asked.acquire(timeout=PATIENCE_S), "the application gets it, in its turn"
+        assert answer_of(client).endswith(b"{}")
+        assert not rig.stopped.acquire(blocking=False), "the front, which knows no users, sends nothing"
+
+
 def test_idle_connections_make_room_for_a_stop() -> None:
     with front(answers, Limits(connections=20, relays=5)) as rig:
         idle = [rig.connect() for _ in range(60)]
