@@ -16,7 +16,7 @@ from services.ui_api.handlers.refusals import RefusalKind, Refused, unauthentica
 
 _log = structlog.stdlib.get_logger("distalock.ui_api")
 
-# Comparing takes a twentieth of a second, one after another: one address cannot keep the others waiting, and all
+# Comparing takes 0.2 s of processor time, one after another: one address cannot keep the others waiting, and all
 # together leave most of the threads to other requests.
 _MOST_OF_ONE_ADDRESS: Final = 2
 _MOST_AT_ONCE: Final = 8
