@@ -12,7 +12,7 @@ from services.ui_api.core.lockout import FREE_FAILURES
 from services.ui_api.core.roles import Role
 from services.ui_api.handlers.refusals import Refused
 from tests.unit.services.ui_api.fakes import PATIENCE_S
-from tests.unit.services.ui_api.people import PASSWORD, add_account, session_of, signed_in
+from tests.unit.services.ui_api.people import PASSWORD, add_account, signed_in, tokens_of
 from tests.unit.services.ui_api.room import TOKEN, Room, new_key, open_room
 
 SESSIONS = "/api/v1/sessions"
@@ -32,7 +32,7 @@ def outside(room: Room) -> Iterator[httpx.Client]:
 
 
 def test_tokens_are_replaced_and_a_copy_ends_the_session(room: Room, outside: httpx.Client) -> None:
-    first = session_of(room, "nora")
+    first = outside.post(SESSIONS, json={"name": "nora", "password": PASSWORD}).json()
     second = outside.post(f"{SESSIONS}/refresh", json={"refresh_token": first["refresh_token"]}).json()
     assert {first["refresh_token"], first["access_token"]}.isdisjoint({second["refresh_token"], second["access_token"]})
     for session in (first, second):
@@ -68,15 +68,13 @@ def test_a_page_gets_cookies_that_no_script_reads(outside: httpx.Client) -> None
 def test_a_session_outlives_the_gateway_and_its_access_token_does_not(tmp_path: Path) -> None:
     with open_room(tmp_path) as before:
         add_account(before, "nora", Role.TECHNICIAN)
-        session = session_of(before, "nora")
+        session = tokens_of(before, "nora")
     with open_room(tmp_path) as room:
-        again = httpx.get(
-            f"{room.client.base_url}{ME}", headers=bearer(str(session["access_token"])), timeout=PATIENCE_S
-        )
+        again = httpx.get(f"{room.client.base_url}{ME}", headers=bearer(session.access_token), timeout=PATIENCE_S)
         assert _outcome(again) == (401, "token_invalid")
         renewed = httpx.post(
             f"{room.client.base_url}{SESSIONS}/refresh",
-            json={"refresh_token": session["refresh_token"]},
+            json={"refresh_token": session.refresh_token},
             timeout=PATIENCE_S,
         )
         assert renewed.json()["user"] == "nora"
@@ -90,13 +88,14 @@ def test_guessing_locks_one_account_for_one_address(room: Room, outside: httpx.C
     locked = outside.post(SESSIONS, json={"name": "nora", "password": PASSWORD})
     assert _outcome(locked) == (429, "login_locked")
     assert 0 < int(locked.headers["retry-after"]) <= 30
-    assert session_of(room, "otto")["user"] == "otto"
+    otto = {"name": "otto", "password": PASSWORD}
+    assert outside.post(SESSIONS, json=otto).json()["user"] == "otto"
     elsewhere = room.gateway.access.sign_in("nora", PASSWORD, "192.0.2.7")
     assert elsewhere.user.name == "nora"
 
 
 def test_a_viewers_stream_ends_with_its_session(room: Room, outside: httpx.Client) -> None:
-    token = str(session_of(room, "nora")["access_token"])
+    token = tokens_of(room, "nora").access_token
     with outside.stream("GET", "/api/v1/events?after=0", headers=bearer(token), timeout=PATIENCE_S) as events:
         lines = events.iter_lines()
         assert next(lines).startswith("id:")
@@ -115,12 +114,12 @@ def test_an_answer_is_its_users_alone(room: Room, outside: httpx.Client) -> None
 
 
 def test_no_secret_is_kept_as_it_is(room: Room, outside: httpx.Client, capfd: pytest.CaptureFixture[str]) -> None:
-    session = session_of(room, "nora")
+    session = tokens_of(room, "nora")
     with pytest.raises(Refused):
         room.gateway.access.sign_in("nora", "another long password", "192.0.2.7")
     kept = b"".join(file.read_bytes() for file in _database_files(room)) + capfd.readouterr().err.encode()
-    for secret in (PASSWORD, "another long password", session["access_token"], session["refresh_token"]):
-        assert str(secret).encode() not in kept
+    for secret in (PASSWORD, "another long password", session.access_token, session.refresh_token):
+        assert secret.encode() not in kept
     assert b"$argon2id$" in kept
 
 

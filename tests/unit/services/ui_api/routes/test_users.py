@@ -13,6 +13,7 @@ from services.ui_api.core.robot_event_data import OperationRequested
 from services.ui_api.core.roles import Role
 from shared.messages.base import decode
 from shared.messages.permits import Permit
+from shared.messages.robot import MotionState
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.people import PASSWORD, add_account, signed_in
@@ -127,6 +128,8 @@ def test_approval_asks_for_the_password_again_and_the_permit_says_so(room: Room)
         assert room.get(f"/cases/{case_id}/plans/1").json()["approval"] is None
         approved = surgeon.post(path, json={"password": PASSWORD}, headers=headers)
         assert (approved.json()["approved_by"], approved.json()["authenticated_by"]) == ("dr.a", "password")
+        room.robot.say(MotionState.LOCKED, controller_identity="another")  # comparing passwords took its time
+        room.log.wait_for_event(lambda e: getattr(e.data, "controller_identity", "") == "another")
         begun = surgeon.post(
             f"/api/v1/cases/{case_id}/motions", json={"plan": 1}, headers={"Idempotency-Key": new_key()}
         )
