@@ -161,8 +161,10 @@ class Readiness:
 
     def _disk(self) -> Check:
         settings, folder = self._parts.settings, self._parts.settings.state_dir
-        if (sentence := nearly_full(folder, settings.least_free_mib)) is not None:
-            return Check("disk", "full", sentence, "free some space, or move the state folder to a larger disk")
+        # A record on a full disk of its own takes some more rows, in place of old ones, before it refuses the first.
+        for place in (folder, self._parts.record.folder):
+            if place is not None and (sentence := nearly_full(place, settings.least_free_mib)) is not None:
+                return Check("disk", "full", sentence, "free some space, or move the folder to a larger disk")
         if (sentence := filling(folder, settings.announce_free_percent, settings.announce_free_mib)) is not None:
             return Check("disk", "filling", sentence, "no new case is opened until there is more space")
         return Check("disk", "ok", f"{settings.announce_free_percent:g} % or {settings.announce_free_mib:g} MiB free")

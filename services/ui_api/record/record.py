@@ -189,6 +189,11 @@ class CaseRecord:
                 "replaced; end the gateway, and restore the record from a backup"
             )
 
+    @property
+    def folder(self) -> Path | None:
+        """Where the database's file lies; None of a database that is no file."""
+        return None if self._file.path is None else self._file.path.parent
+
     def close(self) -> None:
         """Close all connections, once the write under way is done."""
         with self._writer:
@@ -254,7 +259,7 @@ class _File:
 
     def __init__(self, engine: Engine) -> None:
         file = engine.url.database if engine.url.get_backend_name() == "sqlite" else None
-        self._path = None if not file or file == ":memory:" else Path(file)
+        self.path = None if not file or file == ":memory:" else Path(file)
         self._inode = self._found()
 
     def is_same(self) -> bool:
@@ -263,6 +268,6 @@ class _File:
 
     def _found(self) -> int | None:
         try:
-            return None if self._path is None else self._path.stat().st_ino
+            return None if self.path is None else self.path.stat().st_ino
         except OSError:
             return -1

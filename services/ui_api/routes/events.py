@@ -12,6 +12,7 @@ from services.ui_api.core.roles import Action
 from services.ui_api.handlers.event_tail import News, TailEvent
 from services.ui_api.record.record import PAGE, CaseRecord
 from services.ui_api.routes.access import TheGateway
+from services.ui_api.routes.awakening import Awakening
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.views import EventView
 from services.ui_api.service import Gateway
@@ -51,14 +52,8 @@ def _start(last_event_id: str | None, after: int | None, otherwise: int) -> int:
 
 async def _stream(gateway: Gateway, user: User, start: int, case_id: str | None) -> AsyncIterator[ServerSentEvent]:
     """Read the log from `start`, wait until it grows, and go on, until gateway, session or client end."""
-    loop = asyncio.get_running_loop()
-    grown = asyncio.Event()
-    place = start
-
-    def wake() -> None:
-        loop.call_soon_threadsafe(grown.set)
-
-    with gateway.feed.listening(wake):
+    grown, place = Awakening(), start
+    with gateway.feed.listening(grown.call):
         while not gateway.feed.closed and gateway.access.still_admits(user):
             grown.clear()
             news = gateway.tail.after(place)

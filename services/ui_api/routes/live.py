@@ -7,6 +7,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.live import HeardGuidance, LiveFrame, LiveHandler
+from services.ui_api.routes.awakening import Awakening
 from services.ui_api.routes.guards import guarded_websocket
 from services.ui_api.routes.result_views import GuidanceView, aged
 from services.ui_api.routes.views import View
@@ -38,14 +39,13 @@ async def watch(socket: WebSocket) -> None:
     """Send every new frame that the viewer keeps up with: a text message (`LiveView`), then the picture as JPEG."""
     gateway: Gateway = socket.app.state.gateway
     await socket.accept()
-    loop, news = asyncio.get_running_loop(), asyncio.Event()
+    news = Awakening()
     leaving = asyncio.create_task(_left(socket))
-    leaving.add_done_callback(lambda _: news.set())
-
-    def wake() -> None:
-        loop.call_soon_threadsafe(news.set)
-
-    with gateway.live.watching(wake), gateway.feed.listening(wake):  # the feed tells of sessions that were ended
+    leaving.add_done_callback(lambda _: news.call())
+    with (
+        gateway.live.watching(news.call),
+        gateway.feed.listening(news.call),
+    ):  # the feed tells of sessions that were ended
         try:
             await _send_on(socket, gateway, news, leaving)
         except WebSocketDisconnect:
@@ -54,7 +54,7 @@ async def watch(socket: WebSocket) -> None:
             leaving.cancel()
 
 
-async def _send_on(socket: WebSocket, gateway: Gateway, news: asyncio.Event, leaving: "asyncio.Task[None]") -> None:
+async def _send_on(socket: WebSocket, gateway: Gateway, news: Awakening, leaving: "asyncio.Task[None]") -> None:
     live = gateway.live
     shown: tuple[LiveFrame | None, HeardGuidance | None] = (None, None)
     while not (live.feed.closed or leaving.done()) and gateway.access.still_admits(socket.state.user):

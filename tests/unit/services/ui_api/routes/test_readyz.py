@@ -11,6 +11,8 @@ from sqlalchemy import event
 from sqlalchemy.engine.interfaces import DBAPIConnection
 
 from services.ui_api.front import server
+from services.ui_api.handlers import readiness
+from services.ui_api.record.location import sqlite_url
 from shared.messages.base import encode
 from shared.messages.presence import Heartbeat
 from shared.messages.robot import MotionState
@@ -129,6 +131,16 @@ def test_a_disk_that_is_nearly_full_is_not_ready(tmp_path: Path) -> None:
     with open_room(tmp_path, least_free_mib=1e12) as room:
         checks = wait_for(room, 503, lambda checks: failed(checks) <= {"disk", "gateway"})
         assert "(limit 1e+12 MiB)" in str(checks["disk"]["measured"])
+
+
+def test_a_records_own_disk_that_is_nearly_full_is_not_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record, full = tmp_path / "record", "the disk has 0 MiB free"
+    record.mkdir()
+    monkeypatch.setattr(readiness, "nearly_full", lambda folder, _: full if folder == record else None)
+    with open_room(tmp_path, database_url=sqlite_url(record)) as room:
+        checks = wait_for(room, 503)
+        assert failed(checks) == {"disk"}
+        assert checks["disk"]["measured"] == full
 
 
 def test_a_disk_that_fills_is_not_ready(tmp_path: Path) -> None:
