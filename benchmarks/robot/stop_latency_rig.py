@@ -120,6 +120,12 @@ class StopRig:
             self.case = (context.case_id or "", context.revision)
             self.changed.notify_all()
 
+    def wait_for_case(self) -> None:
+        """Wait until the open case has come over the bus."""
+        with self.changed:
+            if not self.changed.wait_for(lambda: self.case[0] != "", PATIENCE_S):
+                raise TimeoutError(f"no open case was heard of within {PATIENCE_S:g} s")
+
     def wait(self, condition: Callable[[RobotState], bool]) -> RobotState:
         """Wait for a state."""
         with self.changed:
@@ -246,6 +252,7 @@ def stop_rig() -> Iterator[StopRig]:
             rig = StopRig(installation, fleet.pids, controller, registration, gateway, rest, signer)
             rig.listen()
             rest.post("/api/v1/cases", SET_UP)
+            rig.wait_for_case()
             confirming = threading.Thread(target=_confirm_epoch, args=(registration, rig.epoch, ended), daemon=True)
             confirming.start()
             try:
