@@ -10,6 +10,8 @@ export OPENBLAS_NUM_THREADS ?= 1
 # more process runs them beside the others. End-to-end tests follow, because an installation is seven processes; those
 # that hold safety deadlines are the last, one after the other.
 WORKERS ?= 2
+# A quarter of the time of unit tests is waiting: one process more than processors fills it.
+UNIT_WORKERS ?= 3
 PYTEST := $(BIN)/python -m pytest -q
 PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 T ?= tests/unit
@@ -67,7 +69,7 @@ lint: setup
 	@$(BIN)/mypy
 
 tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) tests/accuracy tests/model tests/property tests/unit
+	$(PYTEST) $(PARALLEL) -n $(UNIT_WORKERS) tests/accuracy tests/model tests/property tests/unit
 
 contract-tests: $(COMPILED)
 	$(PYTEST) tests/contract
@@ -77,7 +79,7 @@ e2e-tests: $(COMPILED)
 	$(PYTEST) -m alone tests/e2e
 
 quick-tests: $(COMPILED)
-	$(PYTEST) $(PARALLEL) tests/property tests/unit
+	$(PYTEST) $(PARALLEL) -n $(UNIT_WORKERS) tests/property tests/unit
 
 unit: $(COMPILED)
 	$(PYTEST) $(T)

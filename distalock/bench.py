@@ -144,6 +144,9 @@ BENCHMARKS: Final = {
     "guide_calibration": Benchmark(
         "robot.guide_calibration", "robot-guide-calibration", "the guide on the robot's head from eight images"
     ),
+    "guide_scale": Benchmark(
+        "accuracy.guide_scale", "", "whether images from two and three directions show a guide of another size"
+    ),
     "robot_closed_loop": Benchmark(
         "robot.closed_loop",
         "robot-closed-loop",

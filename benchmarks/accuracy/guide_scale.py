@@ -1,6 +1,6 @@
 """Whether images from two and three directions show a guide of another size than its file says.
 
-usage: python -m benchmarks.accuracy.guide_scale [--count 4] [--seed 60200]
+usage: distalock bench guide_scale [--count 4] [--seed 60200]
 
 Each set-up is seen from the directions A, B and C of `benchmarks.accuracy.fusion`, with the guide as filed, 1 % and 3 %
 larger, and localised with the file.
@@ -24,7 +24,7 @@ _DIRECTIONS = {"A": 0, "B": 2, "C": 3}
 
 def main(arguments: Sequence[str] = ()) -> int:
     """Print a line for each set-up, scale and combination of images."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy.guide_scale", description=__doc__)
+    parser = argparse.ArgumentParser(prog="distalock bench guide_scale", description=__doc__)
     parser.add_argument("--count", type=int, default=4)
     parser.add_argument("--seed", type=int, default=60_200)
     given = parser.parse_args(list(arguments))
