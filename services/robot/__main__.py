@@ -85,11 +85,6 @@ def _hexapod(settings: RobotSettings) -> HexapodPart:
         raise ConfigurationError(str(error)) from None
 
 
-def main() -> int:
-    """Exit code: as of every service."""
-    take_precedence()
-    return service_main("robot", RobotSettings, compose)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    take_precedence()
+    sys.exit(service_main("robot", RobotSettings, compose))

@@ -50,11 +50,11 @@ def _offline() -> ModuleType:
 
 def _serve(settings: UiApiSettings) -> int:
     files = settings.https_files()
-    take_precedence()
     https = None if files is None else server_context(files, Clients.ANYBODY)
     with listening_socket(settings.host, settings.port) as listening:
         return run_gateway(settings, listening, https)
 
 
 if __name__ == "__main__":
+    take_precedence()
     sys.exit(main(sys.argv[1:]))

@@ -142,7 +142,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     stop = threading.Event()
     faults = _Faults(stop)
-    take_precedence()
     os.environ.setdefault("NO_COLOR", "1")
     try:
         config = router_config(given.config, given.listen, None if given.plain_bus else _protection(given))
@@ -225,4 +224,5 @@ def _protection(given: argparse.Namespace) -> Protection:
 
 
 if __name__ == "__main__":
+    take_precedence()
     sys.exit(main())
