@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.robot.stop_latency import LIMIT_P99_S, LIMIT_WORST_S, measured, quantile_s
 
-TRIALS = 30
+TRIALS = 20
 
 
 @pytest.mark.slow
