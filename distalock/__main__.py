@@ -11,11 +11,13 @@ from distalock.arguments import (
     EXIT_BAD_INPUT,
     EXIT_UNREAD,
     PART_HELP,
+    PORTS,
     Command,
     Run,
     add_c_arm_arguments,
     add_drill_argument,
     add_image_arguments,
+    add_port_arguments,
     add_scenario_arguments,
     controller_url,
     existing_file,
@@ -23,7 +25,6 @@ from distalock.arguments import (
     named_path,
     parser_of,
     part_file,
-    port_number,
     scenario_arguments,
     writable_file,
 )
@@ -31,14 +32,6 @@ from distalock.bench import is_benchmark, print_list, run_benchmarks
 from distalock.inputs import require_inputs
 from shared.equipment import USUAL_WIRE_DIAMETER_MM
 from shared.errors import ConfigurationError, InputError
-
-_PORTS = (
-    ("router", 7447, "the bus router"),
-    ("rest", 8000, "the REST gateway"),
-    ("dicom", 11112, "receiving DICOM images"),
-    ("gcs", 50000, "the virtual hexapod controller"),
-    ("control", 8900, "the virtual room's control API"),
-)
 
 
 def _locate_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,10 +123,7 @@ def _up_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --simulate: the token of the user demo on stdout; where the installation runs already, nothing else",
     )
     add_scenario_arguments(parser)
-    for name, default, used_for in _PORTS:
-        parser.add_argument(
-            f"--{name}-port", type=port_number, default=default, metavar="PORT", help=f"port of {used_for} ({default})"
-        )
+    add_port_arguments(parser, PORTS)
 
 
 def _up(given: argparse.Namespace) -> int:
@@ -144,7 +134,7 @@ def _up(given: argparse.Namespace) -> int:
 
     if given.controller is not None and scenario_arguments(given):
         return _refused_up("--seed and --scenario belong to --simulate; leave them away with --controller")
-    numbers = [getattr(given, f"{name}_port") for name, _, _ in _PORTS]
+    numbers = [getattr(given, f"{name}_port") for name in PORTS]
     if len(set(numbers)) < len(numbers):
         return _refused_up(
             f"ports {', '.join(map(str, numbers))} are not {len(numbers)} different ones; give each its own"

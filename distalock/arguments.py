@@ -1,7 +1,7 @@
 """Command-line arguments: argparse, but bad usage is one line on stderr and exit code 2."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NoReturn
@@ -18,7 +18,17 @@ EXIT_UNREAD: Final = 141
 
 PART_HELP: Final = "{} file (JSON), or the name of one in the catalogue"
 
+# The usual port of each listener of an installation, and what it is for.
+PORTS: Final[Mapping[str, tuple[int, str]]] = {
+    "router": (7447, "the bus router"),
+    "rest": (8000, "the REST gateway"),
+    "dicom": (11112, "receiving DICOM images"),
+    "gcs": (50000, "the virtual hexapod controller"),
+    "control": (8900, "the virtual room's control API"),
+}
+
 Run = Callable[[argparse.Namespace], int]
+Declares = Callable[[argparse.ArgumentParser], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +130,37 @@ def whole_number(what: str, least: int, most: int) -> Callable[[str], int]:
 
 
 port_number: Final = whole_number("a port number", 1, 65535)
+
+
+def add_port_arguments(parser: argparse.ArgumentParser, names: Iterable[str]) -> None:
+    """Declare ``--NAME-port`` for some of `PORTS`."""
+    for name in names:
+        default, used_for = PORTS[name]
+        parser.add_argument(
+            f"--{name}-port", type=port_number, default=default, metavar="PORT", help=f"port of {used_for} ({default})"
+        )
+
+
+def add_actions(
+    parser: argparse.ArgumentParser, actions: Mapping[str, tuple[str, Declares]], common: Iterable[Declares]
+) -> None:
+    """Declare subcommands: each with its summary and its own arguments, then those that all have."""
+    parsers = parser.add_subparsers(required=True, metavar="ACTION")
+    for name, (summary, declare) in actions.items():
+        action = parsers.add_parser(name, help=summary, description=summary)
+        action.set_defaults(action=name)
+        for each in (declare, *common):
+            each(action)
+
+
+def add_record_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare where the case record is."""
+    parser.add_argument("--state", type=named_path, default=Path("state"), help="state folder of the installation")
+    parser.add_argument(
+        "--database", metavar="URL", help="the record's database; default: as set, then SQLite in the state folder"
+    )
+
+
 seed_number: Final = whole_number("a seed", 0, 2**63 - 1)
 
 

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+from distalock.arguments import PORTS
 from distalock.demo_user import TOKEN_FILE, demo_token
 from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
 from distalock.readiness import GatewayReady, Server
@@ -31,11 +32,11 @@ _EVERY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - not bound here
 class Ports:
     """Where an installation listens, on the loopback interface."""
 
-    router: int = 7447
-    rest: int = 8000
-    dicom: int = 11112
-    gcs: int = 50000
-    control: int = 8900
+    router: int = PORTS["router"][0]
+    rest: int = PORTS["rest"][0]
+    dicom: int = PORTS["dicom"][0]
+    gcs: int = PORTS["gcs"][0]
+    control: int = PORTS["control"][0]
 
     @staticmethod
     def any_free() -> "Ports":

@@ -27,7 +27,7 @@ from shared.errors import DistalockError, InputError
 from shared.runtime.settings import load_settings
 
 Change = Callable[[UnitOfWork, Accounts, str], str]
-"""Changes something, as whoever is named, and tells in one line what."""
+"""Changes something in the name of somebody; returns one line that reports it."""
 
 
 def run(given: argparse.Namespace) -> int:

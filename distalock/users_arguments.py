@@ -1,11 +1,9 @@
 """Arguments of `distalock users`, apart from its work: bad ones are answered before anything heavy is imported."""
 
 import argparse
-from collections.abc import Callable
-from pathlib import Path
 from typing import Final
 
-from distalock.arguments import named_path
+from distalock.arguments import Declares, add_actions, add_record_arguments
 from services.ui_api.core.roles import Role
 
 
@@ -45,7 +43,7 @@ def _nothing(_: argparse.ArgumentParser) -> None:
     """No arguments of its own."""
 
 
-_ACTIONS: Final[dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]]] = {
+_ACTIONS: Final[dict[str, tuple[str, Declares]]] = {
     "list": ("accounts with their roles", _nothing),
     "add": ("make an account; asks for its password", _new),
     "password": ("set a new password, when the old one is lost", _password_of),
@@ -57,12 +55,4 @@ _ACTIONS: Final[dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the actions."""
-    actions = parser.add_subparsers(required=True, metavar="ACTION")
-    for name, (summary, declare) in _ACTIONS.items():
-        action = actions.add_parser(name, help=summary, description=summary)
-        action.set_defaults(action=name)
-        declare(action)
-        action.add_argument("--state", type=named_path, default=Path("state"), help="state folder of the installation")
-        action.add_argument(
-            "--database", metavar="URL", help="the record's database; default: as set, then SQLite in the state folder"
-        )
+    add_actions(parser, _ACTIONS, (add_record_arguments,))

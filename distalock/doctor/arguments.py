@@ -3,14 +3,14 @@
 import argparse
 from pathlib import Path
 
-from distalock.arguments import controller_url, named_path, port_number
+from distalock.arguments import add_port_arguments, controller_url, named_path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare them."""
     parser.add_argument("--state", type=named_path, default=Path("state"), help="state folder of the installation")
-    parser.add_argument("--rest", default="http://127.0.0.1:8000", metavar="URL", help="where the gateway answers")
-    parser.add_argument("--dicom-port", type=port_number, default=11112, metavar="PORT", help="port of DICOM (11112)")
+    parser.add_argument("--https", action="store_true", help="the gateway speaks HTTPS")
+    add_port_arguments(parser, ("router", "rest", "dicom"))
     parser.add_argument(
         "--controller", type=controller_url, metavar="URL", help="asked who it is, if no installation runs"
     )

@@ -14,7 +14,7 @@ from distalock.doctor.finding import Finding, Verdict
 from distalock.doctor.machine import Machine, disk_finding, machine_findings
 from distalock.doctor.running import controller_finding, dicom_finding, gateway_findings, ports_finding
 from distalock.doctor.state import settings_finding, state_findings
-from distalock.readiness import Server
+from distalock.installation import Installation, Ports
 from services.imaging.settings import ImagingSettings
 from services.robot.settings import RobotSettings
 from shared.runtime.settings import ServiceSettings, load_settings
@@ -61,9 +61,10 @@ def _findings(given: argparse.Namespace) -> Iterator[Finding]:
         return  # what follows would be looked for in places that nobody meant
     yield disk_finding(given.state, load_settings(ServiceSettings, state_dir=given.state))
     yield from state_findings(given.state, datetime.now(UTC))
-    gateway = Server(given.rest)
+    ports = Ports(router=given.router_port, rest=given.rest_port, dicom=given.dicom_port)
+    gateway = Installation(ports, given.state.resolve(), given.controller, https=given.https).gateway
     running = gateway.answer("/healthz") is not None
-    yield ports_finding({"router": 7447, "REST": 8000, "DICOM": given.dicom_port}, running=running)
+    yield ports_finding({"router": ports.router, "REST": ports.rest, "DICOM": ports.dicom}, running=running)
     imaging = load_settings(ImagingSettings, dicom_port=given.dicom_port)
     yield dicom_finding(imaging, running=running)
     yield controller_finding(given.controller, load_settings(RobotSettings), running=running)

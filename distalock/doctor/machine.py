@@ -126,7 +126,7 @@ def _real_time(machine: Machine) -> Finding:
     remedy = (
         "raise the limit RTPRIO to 1 (a line `distalock - rtprio 1` in /etc/security/limits.d, LimitRTPRIO of systemd)"
     )
-    return attention("real time", "a stop competes with what computes (limit RTPRIO is 0)", remedy)
+    return attention("real time", "real-time scheduling is not allowed: a stop competes with what computes", remedy)
 
 
 def _clock(machine: Machine) -> Finding:

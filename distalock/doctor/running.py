@@ -1,22 +1,20 @@
 """What runs: the gateway's own checks, DICOM reception, and without an installation the controller."""
 
 import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from typing import Final
 
 from distalock.doctor.finding import Finding, Verdict, attention, unknown, well, wrong
 from distalock.readiness import Server
 from services.imaging.settings import ImagingSettings
+from services.robot.devices.dialects import IDENTITIES
 from services.robot.devices.serial_line import open_port
 from services.robot.settings import RobotSettings
 from shared.errors import DeviceError
 
 # Chosen: a person waits for it.
 _ANSWER_WITHIN_S: Final = 3.0
-# Chosen: far above any identification; what exceeds it is garbage.
-_LONGEST_ANSWER: Final = 200
 _LOOPBACK: Final = "127.0.0.1"
 
 
@@ -24,7 +22,11 @@ def gateway_findings(gateway: Server) -> Iterator[Finding]:
     """What `readyz` says of each part; one finding when nobody answers."""
     answer = gateway.answer("/readyz")
     if answer is None:
-        yield unknown("gateway", f"nobody answers at {gateway.url}", "start the installation, or name it with --rest")
+        yield unknown(
+            "gateway",
+            f"nobody answers at {gateway.url}",
+            "start it, or give its ports as to `up`",
+        )
         return
     for check in answer.json()["checks"]:
         name = f"running: {check['name'].replace('_', ' ')}"
@@ -61,7 +63,7 @@ def dicom_finding(settings: ImagingSettings, *, running: bool) -> Finding:
     return wrong("DICOM", f"{place} does not answer an echo", "look into the log of imaging")
 
 
-def ports_finding(ports: dict[str, int], *, running: bool) -> Finding:
+def ports_finding(ports: Mapping[str, int], *, running: bool) -> Finding:
     """Whether the ports are free for an installation that is to be started."""
     if running:
         return well("ports", "held by the installation that runs")
@@ -79,24 +81,14 @@ def controller_finding(url: str | None, settings: RobotSettings, *, running: boo
         return unknown("controller", "no controller was named", "name it with --controller")
     try:
         with closing(open_port(url, settings.controller_baud)) as port:
-            port.write(b"*IDN?\n")
-            answer = _line(port.read)
+            answer = IDENTITIES[settings.dialect](port, _ANSWER_WITHIN_S)
     except (DeviceError, OSError) as error:
         return wrong("controller", str(error), "see to the line, and who else holds it")
     if not answer:
         return wrong("controller", f"{url} is silent", "check its power, its cable and the baud rate")
-    text = answer.decode("ascii", errors="backslashreplace").strip()
-    if not text.isprintable() or "\\x" in text:
-        return attention("controller", f"{url} answers {text}", "check the baud rate and the dialect")
-    return well("controller", text)
-
-
-def _line(read: Callable[[int], bytes]) -> bytes:
-    """What comes until the line's end, for a few seconds."""
-    deadline_s, line = time.monotonic() + _ANSWER_WITHIN_S, b""
-    while not line.endswith(b"\n") and len(line) < _LONGEST_ANSWER and time.monotonic() < deadline_s:
-        line += read(1)
-    return line
+    if not answer.isprintable() or "\\x" in answer:
+        return attention("controller", f"{url} answers {answer}", "check the baud rate and the dialect")
+    return well("controller", answer)
 
 
 def _listens(host: str, port: int) -> bool:

@@ -1,11 +1,9 @@
 """Arguments of `distalock record`, apart from its work: bad ones are answered before anything heavy is imported."""
 
 import argparse
-from collections.abc import Callable
-from pathlib import Path
 from typing import Final
 
-from distalock.arguments import existing_file, named_path, whole_number
+from distalock.arguments import Declares, add_actions, add_record_arguments, existing_file, named_path, whole_number
 from services.ui_api.core.retention import CLOSED_DAYS, FRAMES_DAYS
 
 
@@ -60,7 +58,7 @@ def _hand_over(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=named_path, required=True, metavar="FOLDER", help="a new or empty folder")
 
 
-_ACTIONS: Final[dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]]] = {
+_ACTIONS: Final[dict[str, tuple[str, Declares]]] = {
     "verify": ("check the chain of events, and every document that they name", _verify),
     "backup": ("copy record and images into a folder, while the gateway runs", _backup),
     "anchor": ("countersign the chain's head with a key of your own, and its time", _anchor),
@@ -71,17 +69,12 @@ _ACTIONS: Final[dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]]
 }
 
 
+def _images(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--images", type=named_path, metavar="FOLDER", help="where imaging stores images; default: in the state"
+    )
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the actions."""
-    actions = parser.add_subparsers(required=True, metavar="ACTION")
-    for name, (summary, declare) in _ACTIONS.items():
-        action = actions.add_parser(name, help=summary, description=summary)
-        action.set_defaults(action=name)
-        declare(action)
-        action.add_argument("--state", type=named_path, default=Path("state"), help="state folder of the installation")
-        action.add_argument(
-            "--database", metavar="URL", help="the record's database; default: as set, then SQLite in the state folder"
-        )
-        action.add_argument(
-            "--images", type=named_path, metavar="FOLDER", help="where imaging stores images; default: in the state"
-        )
+    add_actions(parser, _ACTIONS, (add_record_arguments, _images))

@@ -119,25 +119,13 @@ def _assemble(
     permits = PermitHandler(record, signer)
     commands = CommandHandler(bus, keys, record, view, stops, leases, clock, permits)
     context = ContextHandler(bus, keys, record)
-    feed = Feed()
-    tail = EventTail(record.ledger.head_sequence)
-    record.listen(tail.take)  # before the streams are woken, which read it
-    record.listen(lambda _: feed.wake())
+    tail, feed = _followed(record)
     refusals = BusRefusalLog(clock)
     inbox = Inbox(bus, keys, record, view, commands, refusals, runtime.log, settings.run_calibrations)
     services = ServiceHealth(bus, keys, clock, WATCHED_SERVICES)
+    disk = DiskSpace(settings, settings.images(), services)
     link_up = bus.presence().link_up
-    asked = ReadinessParts(
-        record=record,
-        view=view,
-        inbox=inbox,
-        services=services,
-        refusals=refusals,
-        own_status=runtime.status,
-        link_up=link_up,
-        settings=settings,
-        clock=clock,
-    )
+    asked = ReadinessParts(record, view, inbox, services, refusals, runtime.status, link_up, settings, clock)
     gateway = Gateway(
         record=record,
         view=view,
@@ -146,12 +134,7 @@ def _assemble(
         stop_recorder=recorder,
         leases=leases,
         commands=commands,
-        cases=CaseHandler(
-            record,
-            context.announce,
-            DiskSpace(settings, settings.images(), services).lack,
-            settings.part_is_approved,
-        ),
+        cases=CaseHandler(record, context.announce, disk.lack, settings.part_is_approved),
         planning=PlanningHandler(bus, keys, record, view, commands),
         verifications=VerificationHandler(bus, keys, record),
         quality=QualityHandler(bus, keys, record),
@@ -169,6 +152,14 @@ def _assemble(
         access=AccessControl(record, clock, settings.access(), feed.wake),
     )
     return gateway, context
+
+
+def _followed(record: CaseRecord) -> tuple[EventTail, Feed]:
+    """The newest events, and who wakes the streams that read them: in this order after each entry."""
+    tail, feed = EventTail(record.ledger.head_sequence), Feed()
+    record.listen(tail.take)
+    record.listen(lambda _: feed.wake())
+    return tail, feed
 
 
 def _stop_for_lapse(stops: StopHandler, recorder: StopRecorder) -> None:

@@ -75,7 +75,7 @@ class UiApiSettings(ServiceSettings):
         return PermitSigner.from_file(self.permit_key or self.state_dir / PKI_FOLDER / self.section / PERMIT_KEY_FILE)
 
     def access(self) -> AccessSettings:
-        """What access control is told; raises `ConfigurationError`."""
+        """Settings of access control; raises `ConfigurationError`."""
         token = None if self.demo_token_file is None else read_file(self.demo_token_file).decode("ascii").strip()
         if token is not None and len(token) < _LEAST_TOKEN_CHARACTERS:
             raise ConfigurationError(

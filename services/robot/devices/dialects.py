@@ -1,11 +1,12 @@
 """The dialects of hexapod controllers: the one table in which a driver is registered."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Protocol
 
 from services.robot.devices.controller import Encoders, HexapodController
 from services.robot.devices.gcs.controller import GcsController
+from services.robot.devices.gcs.identity import asked_identity
 from services.robot.devices.guardian import LineGuardian
 from services.robot.devices.serial_line import Port
 from shared.geometry.hexapod import HexapodPart
@@ -32,3 +33,5 @@ class Driver(Protocol):
 
 
 DRIVERS: Mapping[Dialect, Driver] = {Dialect.GCS: GcsController}
+# For whoever wants no driver, only to know who is there: a port and the seconds to wait in, what it answers out.
+IDENTITIES: Mapping[Dialect, Callable[[Port, float], str]] = {Dialect.GCS: asked_identity}

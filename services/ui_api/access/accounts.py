@@ -131,6 +131,11 @@ def note_change(unit: UnitOfWork, name: str, change: AccountChange, roles: froze
     unit.append(EventDraft(AccountChanged(name, change, tuple(sorted(roles))), None, who))
 
 
+def roles_of_json(roles_json: str) -> frozenset[Role]:
+    """Roles as the database has them."""
+    return frozenset(Role(role) for role in json.loads(roles_json))
+
+
 def _roles_json(roles: frozenset[Role]) -> str:
     return json.dumps(sorted(roles))
 
@@ -138,7 +143,7 @@ def _roles_json(roles: frozenset[Role]) -> str:
 def _account(row: RowMapping) -> Account:
     return Account(
         name=row["name"],
-        roles=frozenset(Role(role) for role in json.loads(row["roles_json"])),
+        roles=roles_of_json(row["roles_json"]),
         password_hash=row["password_hash"],
         disabled=bool(row["disabled"]),
         created_at_ns=row["created_at_ns"],

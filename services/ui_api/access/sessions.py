@@ -6,7 +6,6 @@ time was copied by somebody: the session ends, and whoever of the two is the use
 """
 
 import hashlib
-import json
 import secrets
 import threading
 from collections.abc import Callable
@@ -15,10 +14,9 @@ from typing import Final
 
 from sqlalchemy import delete, insert, select, update
 
-from services.ui_api.access.accounts import Account, note_change
+from services.ui_api.access.accounts import Account, note_change, roles_of_json
 from services.ui_api.core.account_event_data import AccountChange
 from services.ui_api.core.identity import Authenticated, User
-from services.ui_api.core.roles import Role
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.refusals import unauthenticated
 from services.ui_api.record.record import CaseRecord
@@ -151,7 +149,7 @@ class Sessions:
         found = self._record.rows(query.where(SESSIONS.c.ends_at_ns > now_ns, USERS.c.disabled.is_(False)))
         return {
             row["id"]: _Session(
-                User(row["name"], _roles(row["roles_json"]), Authenticated.PASSWORD, row["id"]),
+                User(row["name"], roles_of_json(row["roles_json"]), Authenticated.PASSWORD, row["id"]),
                 now_s + min((row["ends_at_ns"] - now_ns) / _NS, SESSION_S),
             )
             for row in found
@@ -198,7 +196,3 @@ def _new_token() -> str:
 def _sha256(token: str) -> str:
     """Tokens are random, so that a plain hash keeps them; passwords are not, and have another (`passwords`)."""
     return hashlib.sha256(token.encode()).hexdigest()
-
-
-def _roles(roles_json: str) -> frozenset[Role]:
-    return frozenset(Role(role) for role in json.loads(roles_json))

@@ -1,4 +1,4 @@
-"""What access control is told when it starts. Pure."""
+"""Settings of access control. Pure."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ SETUP_FILE: Final = "set-up-link"
 
 @dataclass(frozen=True, slots=True)
 class AccessSettings:
-    """What access control is told.
+    """Settings of access control.
 
     Attributes
     ----------

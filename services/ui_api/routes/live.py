@@ -42,10 +42,8 @@ async def watch(socket: WebSocket) -> None:
     news = Awakening()
     leaving = asyncio.create_task(_left(socket))
     leaving.add_done_callback(lambda _: news.call())
-    with (
-        gateway.live.watching(news.call),
-        gateway.feed.listening(news.call),
-    ):  # the feed tells of sessions that were ended
+    # The feed also wakes when a session was ended.
+    with gateway.live.watching(news.call), gateway.feed.listening(news.call):
         try:
             await _send_on(socket, gateway, news, leaving)
         except WebSocketDisconnect:

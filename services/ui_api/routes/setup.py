@@ -56,8 +56,8 @@ def create_first_account(
             raise
         return _page(_form(token, str(refusal)), 422)
     return _page(
-        f"<p>The account <b>{body.name}</b> is there. Sign in, and make an account for each surgeon and technician: an "
-        "administrator administers, and moves nothing.</p>"
+        f"<p>The account <b>{html.escape(body.name)}</b> is there. Sign in, and make an account for each "
+        "surgeon and technician: an administrator administers, and moves nothing.</p>"
     )
 
 
