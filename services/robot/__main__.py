@@ -23,7 +23,7 @@ from shared.parts.files import read_part_file
 from shared.parts.hexapod_file import hexapod_from_json
 from shared.robot_states import MotionState
 from shared.runtime.lifecycle import Runtime, service_main
-from shared.scheduling import take_precedence
+from shared.scheduling import keep_collections_short, take_precedence
 from shared.signals import parent_silent_for_s
 
 
@@ -87,4 +87,5 @@ def _hexapod(settings: RobotSettings) -> HexapodPart:
 
 if __name__ == "__main__":
     take_precedence()
+    keep_collections_short()
     sys.exit(service_main("robot", RobotSettings, compose))

@@ -10,10 +10,11 @@ from services.ui_api.front.port import listening_socket
 from services.ui_api.settings import UiApiSettings
 from shared.arguments import OneLineParser
 from shared.errors import ConfigurationError
+from shared.memory import share_arenas
 from shared.runtime.help import settings_help
 from shared.runtime.settings import load_settings
 from shared.runtime.tls_context import Clients, server_context
-from shared.scheduling import take_precedence
+from shared.scheduling import keep_collections_short, take_precedence
 
 
 def main(arguments: list[str]) -> int:
@@ -57,4 +58,6 @@ def _serve(settings: UiApiSettings) -> int:
 
 if __name__ == "__main__":
     take_precedence()
+    keep_collections_short()
+    share_arenas()
     sys.exit(main(sys.argv[1:]))

@@ -25,6 +25,7 @@ from services.ui_api.service import Gateway, open_gateway
 from services.ui_api.settings import UiApiSettings
 from shared.arguments import OneLineParser
 from shared.bus.port import Bus
+from shared.memory import share_arenas
 from shared.runtime.lifecycle import Runtime, reporting, run_service
 from shared.runtime.settings import ServiceSettings, load_settings
 
@@ -119,4 +120,5 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
+    share_arenas()
     sys.exit(main(sys.argv[1:]))

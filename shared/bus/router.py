@@ -26,7 +26,8 @@ from shared.bus.refusal_watch import captured_log, watched
 from shared.bus.router_log import NEEDED_TARGETS
 from shared.bus.tls import PLAIN_BUS_WARNING, SCHEME, TlsFiles
 from shared.errors import ConfigurationError
-from shared.scheduling import take_precedence
+from shared.memory import share_arenas
+from shared.scheduling import keep_collections_short, take_precedence
 from shared.signals import set_by_signals
 from shared.threads import faults_go_to
 
@@ -225,4 +226,6 @@ def _protection(given: argparse.Namespace) -> Protection:
 
 if __name__ == "__main__":
     take_precedence()
+    keep_collections_short()
+    share_arenas()
     sys.exit(main())

@@ -24,6 +24,7 @@ from shared.bus.settings import BusSettings
 from shared.bus.shared_memory import MemoryLimits
 from shared.bus.zenoh_bus import open_bus
 from shared.errors import BusUnavailable, ConfigurationError, DistalockError
+from shared.memory import share_arenas
 from shared.messages.presence import ServiceName
 from shared.runtime.bus_check import check_bus
 from shared.runtime.help import service_parser
@@ -215,6 +216,7 @@ def service_main(
         For `--help` (code 0) and unknown arguments (code 2), before anything is started.
     """
     service_parser(name, kind).parse_args(arguments)
+    share_arenas()
     try:
         settings = load_settings(kind)
     except ConfigurationError as error:

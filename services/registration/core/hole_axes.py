@@ -1,17 +1,17 @@
-"""The nail's hole axes in the guide's frame, with what guide, nail and C-arm calibration leave uncertain."""
+"""Which of a nail's holes are localised, and their axes in the guide's frame with what is uncertain of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.c_arm_advice import hole_tilts
 from services.registration.core.drill_clearance import AxisOffset, across_basis
-from services.registration.core.tuning import NAIL_AS_BUILT
+from services.registration.core.tuning import HOLE_GROUPS, NAIL_AS_BUILT
 from shared.geometry.bend import motion_by_curvature
 from shared.geometry.frames import Camera, Guide, Nail
-from shared.geometry.lines import Line, displacement_by_motion
-from shared.geometry.parts import Hole, NailPart, hole_axis, hole_surface_points
+from shared.geometry.lines import Line, angle_between_rad, displacement_by_motion
+from shared.geometry.parts import GuidePart, Hole, NailPart, hole_axis, hole_surface_points
 from shared.geometry.transform import Transform
 
 
@@ -38,6 +38,23 @@ class HoleEstimate:
     def clearance_probability(self, offset: AxisOffset) -> float:
         """Probability that a drill passes this hole whose axis is off by some offset."""
         return offset.clearance_probability(self.diameter_mm, self.drill_diameter_mm)
+
+
+def holes_of_guide(nail: NailPart, guide: GuidePart) -> NailPart:
+    """The nail with the holes that are localised for a guide; all others are `NailPart.other_holes`.
+
+    An image shows holes of one direction only: that of the first hole that has a namesake in the guide, or of the first
+    of all. The guide is mounted for it, and so its file decides, not the image.
+    """
+    named = {hole.id for hole in guide.holes}
+    first = next((hole for hole in nail.holes if hole.id in named), nail.holes[0])
+
+    def together(hole: Hole) -> bool:
+        apart_deg = float(np.degrees(angle_between_rad(hole.axis.direction, first.axis.direction)))
+        return apart_deg <= (HOLE_GROUPS.named_apart_deg if hole.id in named else HOLE_GROUPS.apart_deg)
+
+    others = tuple(hole for hole in nail.holes if not together(hole))
+    return replace(nail, holes=tuple(filter(together, nail.holes)), other_holes=nail.other_holes + others)
 
 
 def holes_at(

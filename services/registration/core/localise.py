@@ -11,8 +11,7 @@ from services.registration.core.acceptance.image import LocalisationEvidence, lo
 from services.registration.core.c_arm_advice import CArmTurn, c_arm_correction_deg
 from services.registration.core.guide.locate import GuideFit, locate_guide
 from services.registration.core.guide_from_nail import NailEstimate, guide_from_nail_of
-from services.registration.core.hole_axes import HoleEstimate, holes_at
-from services.registration.core.hole_groups import holes_of_guide
+from services.registration.core.hole_axes import HoleEstimate, holes_at, holes_of_guide
 from services.registration.core.nail.fit import fit_nail
 from services.registration.core.nail.left_out import clipped_pixels, covered_pixels
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, ball_discs_px

@@ -289,7 +289,7 @@ class AgreementOfParts:
 
 @dataclass(frozen=True, slots=True)
 class HoleGroups:
-    """Holes that one image shows (`core/hole_groups.py`)."""
+    """Holes that one image shows (`core/hole_axes.py`)."""
 
     apart_deg: float = tuned(10.0, "°", "largest angle between their axes", derived("well within the limit of tilts"))
     named_apart_deg: float = tuned(

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import random
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -24,6 +25,8 @@ RECORD_WITHIN_S: Final = 2.0
 HEAD_WITHIN_S: Final = 5.0
 # For that first byte: a connection that is idle longer is closed, and sooner when others need its place.
 IDLE_FOR_S: Final = 60.0
+# Each connection waits a share of that, drawn for it: what came all at once must not be closed all at once.
+_SHORTEST_IDLE: Final = 0.5
 _MOST_HEAD_BYTES: Final = 32 * 1024
 _MOST_AHEAD_BYTES: Final = 64 * 1024
 # A body that a stop brings along is read and forgotten; what is longer costs the connection.
@@ -104,7 +107,7 @@ class Connection:
     async def _next_request(self) -> h11.Request | None:
         """The head of the next request; None when the client has left."""
         if not self._parser.trailing_data[0]:
-            async with asyncio.timeout(self._parts.idle_for_s):
+            async with asyncio.timeout(self._parts.idle_for_s * random.uniform(_SHORTEST_IDLE, 1.0)):
                 if not await self._received():
                     return None
         self._in_head = True

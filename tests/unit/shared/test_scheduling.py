@@ -1,5 +1,6 @@
 """Precedence on the processor, where the system allows it."""
 
+import gc
 import os
 import resource
 import subprocess
@@ -9,7 +10,7 @@ from collections.abc import Callable
 
 import pytest
 
-from shared.scheduling import has_precedence, ordinary, precedence, take_precedence
+from shared.scheduling import has_precedence, keep_collections_short, ordinary, precedence, take_precedence
 
 POLICY_OF_A_CHILD = [sys.executable, "-I", "-S", "-c", "import os; print(os.sched_getscheduler(0))"]
 
@@ -64,3 +65,14 @@ def test_without_permission_nothing_changes_and_nothing_is_raised(monkeypatch: p
 
     monkeypatch.setattr(os, "sched_setscheduler", refused)
     assert in_a_thread(take_precedence) is False
+
+
+def test_what_was_imported_is_not_looked_at_again_and_the_old_rarely() -> None:
+    thresholds = gc.get_threshold()
+    try:
+        keep_collections_short()
+        assert gc.get_freeze_count() > 10_000
+        assert gc.get_threshold() == (*thresholds[:2], 100 * thresholds[2])
+    finally:
+        gc.unfreeze()
+        gc.set_threshold(*thresholds)

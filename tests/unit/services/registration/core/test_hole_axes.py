@@ -1,4 +1,4 @@
-"""Hole axes in the guide's frame: against hand-placed parts, and their covariance against random errors."""
+"""Hole axes in the guide's frame: hand-placed parts, covariance against random errors, which holes are localised."""
 
 from dataclasses import replace
 
@@ -12,12 +12,14 @@ from services.registration.core.estimation.image_points import Correspondences, 
 from services.registration.core.estimation.pose_estimate import PoseErrors, PoseEstimate, model_covariance
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide_from_nail import NailEstimate
+from services.registration.core.hole_axes import holes_of_guide
 from services.registration.core.localise import Parts, hole_estimates
 from services.registration.core.tuning import MODEL_ERRORS
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
-from shared.geometry.parts import hole_surface_points
+from shared.geometry.lines import Line
+from shared.geometry.parts import Hole, NailPart, hole_surface_points
 from shared.geometry.transform import Transform
 from tests.unit.services.registration.rendered_case import rendered_parts
 from tests.unit.services.registration.stated_errors import errors_without_shape
@@ -152,3 +154,43 @@ def test_a_nails_stated_tolerances_are_in_the_covariance_of_its_holes() -> None:
     assert wider is not None
     assert wider.axis_sd_deg == pytest.approx(0.5, abs=0.02)
     assert wider.entry_sd_mm > plain.entry_sd_mm + 0.1
+
+
+def turned_hole(name: str, x_mm: float, turn_deg: float) -> Hole:
+    turn = np.radians(turn_deg)
+    return Hole(name, Line(np.array([x_mm, 0.0, 0.0]), np.array([0.0, np.sin(turn), np.cos(turn)])), 5.0)
+
+
+def with_further(*further: Hole) -> NailPart:
+    nail = nail_part()
+    return replace(nail, holes=(*further, *nail.holes))
+
+
+def ids(holes: tuple[Hole, ...]) -> list[str]:
+    return [hole.id for hole in holes]
+
+
+def test_holes_across_those_of_the_guide_are_not_localised_but_known() -> None:
+    nail = holes_of_guide(
+        with_further(turned_hole("anterior", 0.0, 90.0), turned_hole("oblique", -27.0, 30.0)), guide_part()
+    )
+    assert ids(nail.holes) == ["distal", "proximal"]
+    assert ids(nail.other_holes) == ["anterior", "oblique"]
+    assert {*ids(nail.all_holes)} == {"anterior", "oblique", "distal", "proximal"}
+    assert ids(holes_of_guide(nail, guide_part()).other_holes) == ["anterior", "oblique"]
+
+
+def test_a_guide_for_the_holes_across_has_these_localised() -> None:
+    usual = guide_part()
+    guide = replace(usual, holes=(replace(usual.holes[0], id="anterior"),))
+    nail = holes_of_guide(with_further(turned_hole("anterior", 0.0, 90.0)), guide)
+    assert ids(nail.holes) == ["anterior"]
+    assert ids(nail.other_holes) == ["distal", "proximal"]
+
+
+def test_a_hole_somewhat_askew_is_localised_when_the_guide_has_it() -> None:
+    usual = guide_part()
+    askew = with_further(turned_hole("third", 0.0, 18.0))
+    assert ids(holes_of_guide(askew, usual).holes) == ["distal", "proximal"]
+    guide = replace(usual, holes=(*usual.holes, replace(usual.holes[0], id="third")))
+    assert ids(holes_of_guide(askew, guide).holes) == ["third", "distal", "proximal"]
