@@ -13,6 +13,7 @@ from services.ui_api.app import openapi_document, routed_app
 from shared.messages.schema_files import SCHEMAS, schema_texts
 from tools.keys_page import keys_page
 from tools.part_schemas import part_schema_texts
+from tools.procedure_page import procedure_page
 from tools.refusals_page import refusals_page
 from tools.rest_page import rest_page
 from tools.settings_page import settings_page
@@ -23,6 +24,7 @@ _PART_SCHEMAS = _DOCS / "schemas"
 _PAGES: dict[str, Callable[[], str]] = {
     "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
     "keys.md": keys_page,
+    "procedure.md": procedure_page,
     "refusals.md": refusals_page,
     "rest.md": rest_page,
     "settings.md": settings_page,

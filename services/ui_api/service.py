@@ -23,6 +23,7 @@ from services.ui_api.handlers.live import LiveHandler
 from services.ui_api.handlers.permits import PermitHandler
 from services.ui_api.handlers.picture_encoder import PictureEncoder
 from services.ui_api.handlers.planning import PlanningHandler
+from services.ui_api.handlers.procedure import ProcedureHandler
 from services.ui_api.handlers.quality import QualityHandler
 from services.ui_api.handlers.readiness import Readiness, ReadinessParts
 from services.ui_api.handlers.robot_view import RobotView
@@ -55,6 +56,7 @@ class Gateway:
     stop_recorder: StopRecorder
     leases: Leases
     commands: CommandHandler
+    procedure: ProcedureHandler
     cases: CaseHandler
     planning: PlanningHandler
     verifications: VerificationHandler
@@ -126,6 +128,7 @@ def _assemble(
     disk = DiskSpace(settings, settings.images(), services)
     link_up = bus.presence().link_up
     asked = ReadinessParts(record, view, inbox, services, refusals, runtime.status, link_up, settings, clock)
+    procedure = ProcedureHandler(record, view)
     gateway = Gateway(
         record=record,
         view=view,
@@ -134,9 +137,10 @@ def _assemble(
         stop_recorder=recorder,
         leases=leases,
         commands=commands,
-        cases=CaseHandler(record, context.announce, disk.lack, settings.part_is_approved),
-        planning=PlanningHandler(bus, keys, record, view, commands),
-        verifications=VerificationHandler(bus, keys, record),
+        procedure=procedure,
+        cases=CaseHandler(record, context.announce, disk.lack, settings.part_is_approved, procedure),
+        planning=PlanningHandler(bus, keys, record, procedure, commands),
+        verifications=VerificationHandler(bus, keys, record, procedure),
         quality=QualityHandler(bus, keys, record),
         images=ImageHandler(bus, keys, record, settings.images()),
         inbox=inbox,

@@ -159,6 +159,7 @@ def plain_case(case: Case, names: dict[str, str] | None = None, pending: tuple[O
     return replace(
         case,
         changed_at_ns=0,
+        progress=replace(case.progress, seen=False),
         motions=tuple(m for m in motions if m in waits),
         stage_before_motion=case.stage_before_motion if moving else Stage.POSITIONING,
         steps=(),

@@ -19,12 +19,13 @@ from services.ui_api.core.event_data import (
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.identity import Approver, Authenticated
 from services.ui_api.core.ledger import Ledger
-from services.ui_api.core.procedure import Action, allowed_actions
+from services.ui_api.core.procedure_table import Action, Verdict, decide
 from services.ui_api.handlers.cases import CaseHandler, StepRequest
 from services.ui_api.handlers.commands import CommandHandler, PlainVerb, _Waiting
 from services.ui_api.handlers.leases import Leases
 from services.ui_api.handlers.permits import PermitHandler
 from services.ui_api.handlers.planning import MotionRequest, PlanningHandler
+from services.ui_api.handlers.procedure import ProcedureHandler
 from services.ui_api.handlers.refusals import Refused
 from services.ui_api.handlers.robot_view import RobotView, SeenRobot
 from services.ui_api.handlers.stop import StopHandler
@@ -76,8 +77,9 @@ class GatewaySide:
         permits = PermitHandler(self._record, SIGNER)
         leases = Leases(clock, 1.0, lambda _: None)
         self._commands = CommandHandler(self._bus, KEYS, self._record, self._view, self._stops, leases, clock, permits)
-        self._cases = CaseHandler(self._record, lambda: None, lambda: None, lambda _: True)
-        self._planning = PlanningHandler(self._bus, KEYS, self._record, self._view, self._commands)
+        self._procedure = ProcedureHandler(self._record, self._view)
+        self._cases = CaseHandler(self._record, lambda: None, lambda: None, lambda _: True, self._procedure)
+        self._planning = PlanningHandler(self._bus, KEYS, self._record, self._procedure, self._commands)
         self._commands._sender.shutdown()
         self._sender = _ByHand()
         self._commands._sender = self._sender  # type: ignore[assignment]  # of an executor, `submit` is all that is used
@@ -129,7 +131,7 @@ class GatewaySide:
 
         self._load(replace(memory, case=case))
         self._record.note(_PLANNED[:2])
-        if Action.REQUEST_PLAN not in allowed_actions(self._case().progress):
+        if decide(self._procedure.situation(self._case()), Action.REQUEST_PLAN).verdict is not Verdict.ALLOWED:
             return None
         self._record.note(_PLANNED[2:])
         return self._act(memory, act, "")

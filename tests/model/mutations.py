@@ -133,8 +133,8 @@ MUTATIONS: Final = (
     ),
     Mutation(
         "steps are recorded while a reference is pending",
-        "services.ui_api.handlers.cases:CaseHandler._require_no_motion",
-        "if requested.verb in VERBS_WITH_A_MOTION:",
+        "services.ui_api.handlers.procedure:ProcedureHandler._pending",
+        "if verb in VERBS_WITH_A_MOTION:",
         "if False:",
         _WIRES,
     ),

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import singledispatch
 
 from services.ui_api.core.event_data import (
+    ApprovalWithdrawn,
     CaseOpened,
     CaseSetup,
     ImageCalibrated,
@@ -198,6 +199,13 @@ def _(data: PlanApproved, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 
 @_after.register
+def _(data: ApprovalWithdrawn, case: Case, event: Event) -> Case:  # noqa: ARG001
+    plans = tuple(replace(p, approval=None) if p.made.number == data.number else p for p in case.plans)
+    known = replace(case, plans=plans)
+    return _moved(known, Trigger.APPROVAL_WITHDRAWN) if data.number == len(case.plans) else known
+
+
+@_after.register
 def _(data: OperationRequested, case: Case, event: Event) -> Case:  # noqa: ARG001
     if data.verb != "move" or data.plan_number is None:
         return case
@@ -234,7 +242,9 @@ def _(data: QaReported, case: Case, event: Event) -> Case:  # noqa: ARG001
 @_after.register
 def _(data: StepRecorded, case: Case, event: Event) -> Case:  # noqa: ARG001
     holes = frozenset(data.hole_ids or case.hole_ids)
-    progress = replace(case.progress, inside=inside_after(case.progress.inside, data.step, holes))
+    inside = inside_after(case.progress.inside, data.step, holes)
+    seen = case.progress.seen and inside == case.progress.inside
+    progress = replace(case.progress, inside=inside, seen=seen)
     known = replace(case, steps=(*case.steps, data), progress=progress)
     match data.step:
         case Step.DRILLED:

@@ -169,6 +169,14 @@ class PlanApproved:
 
 
 @dataclass(frozen=True, slots=True)
+class ApprovalWithdrawn:
+    """A surgeon took an approval back before any motion began from it."""
+
+    number: int
+    plan_sha256: str
+
+
+@dataclass(frozen=True, slots=True)
 class VerificationMade:
     """Wires or guide holes compared with the nail's hole axes."""
 

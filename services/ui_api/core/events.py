@@ -9,6 +9,7 @@ from enum import StrEnum
 from services.ui_api.core.account_event_data import AccountChanged
 from services.ui_api.core.bus_event_data import BusRefused
 from services.ui_api.core.event_data import (
+    ApprovalWithdrawn,
     CaseOpened,
     CasePruned,
     GatewayStarted,
@@ -49,6 +50,7 @@ class EventKind(StrEnum):
     PLAN_MADE = "plan_made"
     PLAN_REFUSED = "plan_refused"
     PLAN_APPROVED = "plan_approved"
+    APPROVAL_WITHDRAWN = "approval_withdrawn"
     OPERATION_REQUESTED = "operation_requested"
     OPERATION_PROGRESSED = "operation_progressed"
     OPERATION_ENDED = "operation_ended"
@@ -76,6 +78,7 @@ EventData = (
     | PlanMade
     | PlanRefused
     | PlanApproved
+    | ApprovalWithdrawn
     | OperationRequested
     | OperationProgressed
     | OperationEnded
@@ -103,6 +106,7 @@ DATA_OF_KIND: dict[EventKind, type[EventData]] = {
     EventKind.PLAN_MADE: PlanMade,
     EventKind.PLAN_REFUSED: PlanRefused,
     EventKind.PLAN_APPROVED: PlanApproved,
+    EventKind.APPROVAL_WITHDRAWN: ApprovalWithdrawn,
     EventKind.OPERATION_REQUESTED: OperationRequested,
     EventKind.OPERATION_PROGRESSED: OperationProgressed,
     EventKind.OPERATION_ENDED: OperationEnded,

@@ -1,17 +1,15 @@
-"""The procedure as tables: how far a case is, and what may come next.
+"""How far a case is, as tables.
 
 Two small machines run side by side. `Stage` is how far the case is; `Aim` is what is known about the next move. Both
 are moved by `Trigger`s, which `core.case` reads off the event log; a pair that is not in a table changes nothing.
-`allowed_actions` and `allowed_steps` say what may come next. These are the gateway's rules for people; the robot
-service checks every motion again by itself.
+What may come next says `core.procedure_table`.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from services.ui_api.core.event_data import Step
-from services.ui_api.core.inside import REMOVING_STEPS, Inside, ObjectKind
+from services.ui_api.core.inside import Inside, ObjectKind
 
 
 class Stage(StrEnum):
@@ -45,6 +43,7 @@ class Trigger(StrEnum):
     LOCALISATION_REJECTED = "localisation_rejected"
     PLAN_MADE = "plan_made"
     PLAN_APPROVED = "plan_approved"
+    APPROVAL_WITHDRAWN = "approval_withdrawn"
     MOTION_REQUESTED = "motion_requested"
     MOTION_REACHED = "motion_reached"
     MOTION_CUT_SHORT = "motion_cut_short"
@@ -55,19 +54,6 @@ class Trigger(StrEnum):
     ROBOT_REMOVED = "robot_removed"
     FINISHED = "finished"
     ABANDONED = "abandoned"
-
-
-class Action(StrEnum):
-    """What may come next."""
-
-    TAKE_IMAGE = "take_image"
-    REQUEST_PLAN = "request_plan"
-    APPROVE_PLAN = "approve_plan"
-    START_MOTION = "start_motion"
-    STOP = "stop"
-    VERIFY = "verify"
-    CHANGE_SETUP = "change_setup"
-    RECORD_STEP = "record_step"
 
 
 CLOSED_STAGES = frozenset({Stage.FINISHED, Stage.ABANDONED})
@@ -98,58 +84,24 @@ AIM_TABLE: Mapping[tuple[Aim, Trigger], Aim] = {
     **{(a, Trigger.IMAGE_RECEIVED): Aim.NONE for a in _ANY_AIM},
     **{(a, Trigger.LOCALISATION_REJECTED): Aim.NONE for a in _ANY_AIM},
     **{(a, Trigger.LOCALISATION_ACCEPTED): Aim.LOCALISED for a in _ANY_AIM},
-    (Aim.LOCALISED, Trigger.PLAN_MADE): Aim.PLANNED,
-    (Aim.PLANNED, Trigger.PLAN_MADE): Aim.PLANNED,
-    (Aim.APPROVED, Trigger.PLAN_MADE): Aim.PLANNED,
+    # Also from no aim: several localisations, or a verification, may allow what the newest one alone does not.
+    **{(a, Trigger.PLAN_MADE): Aim.PLANNED for a in _ANY_AIM},
     (Aim.PLANNED, Trigger.PLAN_APPROVED): Aim.APPROVED,
+    (Aim.APPROVED, Trigger.APPROVAL_WITHDRAWN): Aim.PLANNED,
     **{(a, Trigger.MOTION_REACHED): Aim.NONE for a in _ANY_AIM},
     **{(a, Trigger.MOTION_CUT_SHORT): Aim.NONE for a in _ANY_AIM},
     **{(a, Trigger.ROBOT_REMOVED): Aim.NONE for a in _ANY_AIM},
 }
 
-_REMOVED = tuple(REMOVING_STEPS)
-
-_STEPS_OF_STAGE: Mapping[Stage, tuple[Step, ...]] = {
-    Stage.POSITIONING: (Step.MOUNT_MOVED, Step.RING_REMOUNTED, *_REMOVED, Step.ABANDONED),
-    Stage.MOVING: (),
-    Stage.ALIGNED: (
-        Step.WIRES_INSERTED,
-        *_REMOVED,
-        Step.MOUNT_MOVED,
-        Step.RING_REMOUNTED,
-        Step.ABANDONED,
-    ),
-    Stage.VERIFIED: (
-        Step.WIRES_INSERTED,
-        *_REMOVED,
-        Step.DRILL_INSERTED,
-        Step.DRILLED,
-        Step.SCREWS_INSERTED,
-        Step.MOUNT_MOVED,
-        Step.RING_REMOUNTED,
-        Step.ABANDONED,
-    ),
-    Stage.DRILLED: (*_REMOVED, Step.SCREWS_INSERTED, Step.ROBOT_REMOVED, Step.ABANDONED),
-    Stage.ROBOT_REMOVED: (*_REMOVED, Step.SCREWS_INSERTED, Step.FINISHED, Step.ABANDONED),
-    Stage.FINISHED: (),
-    Stage.ABANDONED: (),
-}
-
-_NEXT_SENTENCE: Mapping[Stage, str] = {
-    Stage.POSITIONING: "Take one image with ring, guide and both nail holes in view.",
-    Stage.MOVING: "Wait until the robot has reached its target and is locked, or stop it.",
-    Stage.ALIGNED: "Insert the wires through the guide, take an image and verify.",
-    Stage.VERIFIED: "Drill through the guide.",
-    Stage.DRILLED: "Take the robot off.",
-    Stage.ROBOT_REMOVED: "Insert the screws and finish the case.",
-    Stage.FINISHED: "The case is finished.",
-    Stage.ABANDONED: "The case was abandoned.",
-}
-
-_NEXT_SENTENCE_OF_AIM: Mapping[Aim, str] = {
-    Aim.LOCALISED: "Request a plan from the newest localisation.",
-    Aim.PLANNED: "A surgeon approves the plan, quoting its hash.",
-    Aim.APPROVED: "Start the motion.",
+# An image shows the present state of things until one of these; None leaves it as it was.
+_SEEN_TABLE: Mapping[Trigger, bool] = {
+    Trigger.IMAGE_RECEIVED: True,
+    Trigger.SETUP_CHANGED: False,
+    Trigger.MOTION_REACHED: False,
+    Trigger.MOTION_CUT_SHORT: False,
+    Trigger.VERIFICATION_ACCEPTED: False,
+    Trigger.VERIFICATION_REJECTED: False,
+    Trigger.ROBOT_REMOVED: False,
 }
 
 
@@ -161,11 +113,15 @@ class Progress:
     ----------
     inside
         What is in the guide or the bone: while there is anything, the robot must not move.
+    seen
+        Whether an image has come since the robot moved, the set-up changed, wires went in or out, or the last
+        verification.
     """
 
     stage: Stage = Stage.POSITIONING
     aim: Aim = Aim.NONE
     inside: frozenset[Inside] = frozenset()
+    seen: bool = False
 
     @property
     def wired_hole_ids(self) -> frozenset[str]:
@@ -183,43 +139,5 @@ class Progress:
             STAGE_TABLE.get((self.stage, trigger), self.stage),
             AIM_TABLE.get((self.aim, trigger), self.aim),
             self.inside,
+            _SEEN_TABLE.get(trigger, self.seen),
         )
-
-
-def allowed_actions(progress: Progress) -> tuple[Action, ...]:
-    """What may come next, in the order in which a console would offer it."""
-    stage, aim = progress.stage, progress.aim
-    if progress.closed:
-        return ()
-    if stage is Stage.MOVING:
-        return (Action.STOP,)
-    actions = []
-    if stage in (Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED):
-        if aim is not Aim.NONE and not progress.inside:
-            actions.append(Action.REQUEST_PLAN)
-            actions += [Action.APPROVE_PLAN] if aim is Aim.PLANNED else []
-            actions += [Action.START_MOTION] if aim is Aim.APPROVED else []
-        actions += [Action.TAKE_IMAGE, Action.VERIFY, Action.CHANGE_SETUP]
-    return (*actions, Action.RECORD_STEP, Action.STOP)
-
-
-def allowed_steps(progress: Progress) -> tuple[Step, ...]:
-    """Steps that are in order now; others can be recorded only with a reason, and none while the robot moves."""
-    kinds = {found.kind for found in progress.inside}
-    return tuple(s for s in _STEPS_OF_STAGE[progress.stage] if s not in REMOVING_STEPS or REMOVING_STEPS[s] in kinds)
-
-
-def may_be_recorded_with_a_reason(progress: Progress) -> bool:
-    """Whether a step out of order can be recorded at all: people's hands are a fact, but not in a closed case."""
-    return not progress.closed and progress.stage is not Stage.MOVING
-
-
-def next_sentence(progress: Progress) -> str:
-    """What to do next, for people."""
-    moves_next = progress.stage is Stage.POSITIONING and not progress.inside
-    if moves_next and progress.aim in _NEXT_SENTENCE_OF_AIM:
-        return _NEXT_SENTENCE_OF_AIM[progress.aim]
-    if progress.stage is Stage.POSITIONING and progress.inside:
-        kinds = " and ".join(f"{kind}s" for kind in sorted({found.kind for found in progress.inside}))
-        return f"Remove the {kinds}: the robot does not move while anything is in the guide or the bone."
-    return _NEXT_SENTENCE[progress.stage]

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from services.ui_api.core.case import STEPS_THAT_CHANGE_THE_SETUP, Case
 from services.ui_api.core.event_data import CaseOpened, CaseSetup, PartUse, SetupChanged, Step, StepRecorded
 from services.ui_api.core.events import EventDraft
-from services.ui_api.core.operations import VERBS_WITH_A_MOTION
-from services.ui_api.core.procedure import Stage, allowed_steps, may_be_recorded_with_a_reason
+from services.ui_api.core.procedure_table import Action, Verdict, decide_step
 from services.ui_api.handlers.head_calibration import calibrated_hexapod, is_head_calibration
 from services.ui_api.handlers.parts import JsonObject, PartFile, require_approved, resolve_part
+from services.ui_api.handlers.procedure import ProcedureHandler, require_allowed
 from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, invalid, unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
@@ -64,8 +64,9 @@ class CaseHandler:
         announce: Callable[[], None],
         lack_of_space: Callable[[], str | None],
         is_approved: Callable[[str], bool],
+        procedure: ProcedureHandler,
     ) -> None:
-        self._record = record
+        self._record, self._procedure = record, procedure
         self._announce = announce
         self._lack_of_space = lack_of_space
         self._is_approved = is_approved
@@ -96,7 +97,7 @@ class CaseHandler:
     def change_setup(self, unit: UnitOfWork, case_id: str, request: SetupRequest, who: str, why: str) -> None:
         """Change the set-up of an open case: its revision counts up, and older results become stale."""
         case = self.case(case_id)
-        _require_hands_off(case, "its set-up cannot be changed")
+        self._procedure.require(case, Action.CHANGE_SETUP)
         self._require_approved(request)
         setup = _changed_setup(unit, case.setup, request)
         if setup == case.setup:
@@ -107,33 +108,17 @@ class CaseHandler:
     def record_step(self, unit: UnitOfWork, case_id: str, request: StepRequest) -> None:
         """Record a step. One out of order needs a reason, because what was done is a fact all the same."""
         case = self.case(case_id)
-        _require_hands_off(case, f"step '{request.step}' cannot be recorded")
-        self._require_no_motion(f"step '{request.step}' cannot be recorded")
+        self._procedure.require(case, Action.RECORD_STEP)
         require_known_holes(case, request.hole_ids)
-        in_order = request.step in allowed_steps(case.progress)
-        if not in_order and not request.why:
-            usual = ", ".join(allowed_steps(case.progress))
-            raise conflict(
-                "step_out_of_order",
-                f"step '{request.step}' is out of order while the case is '{case.progress.stage}' (in order: {usual}); "
-                "if it was done all the same, say why",
-            )
-        step = StepRecorded(request.step, request.hole_ids, not in_order, request.why)
+        decision = decide_step(self._procedure.situation(case), request.step)
+        if not request.why:
+            require_allowed(decision)
+        out_of_order = decision.verdict is Verdict.WITH_REASON
+        step = StepRecorded(request.step, request.hole_ids, out_of_order, request.why)
         unit.append(EventDraft(step, case_id, request.who, request.why))
         if request.step in STEPS_THAT_CHANGE_THE_SETUP:
             unit.append(EventDraft(SetupChanged(case.revision + 1, case.setup), case_id, request.who, request.step))
         unit.after_commit(self._announce)
-
-    def _require_no_motion(self, consequence: str) -> None:
-        """Of a reference the case's stage says nothing."""
-        for operation in self._record.ledger.pending_operations():
-            requested = operation.requested
-            if requested.verb in VERBS_WITH_A_MOTION:
-                raise conflict(
-                    "robot_moving",
-                    f"operation {requested.operation_id} ({requested.verb}) is {operation.status}: {consequence} until "
-                    "it has ended, or was stopped",
-                )
 
     def _require_approved(self, request: SetupRequest) -> None:
         given = {
@@ -153,14 +138,6 @@ def require_known_holes(case: Case, hole_ids: tuple[str, ...]) -> None:
     for hole_id in hole_ids:
         if hole_id not in case.hole_ids:
             raise invalid("unknown_hole", f"hole {hole_id!r} is not known; the case has {', '.join(case.hole_ids)}")
-
-
-def _require_hands_off(case: Case, consequence: str) -> None:
-    if case.progress.closed:
-        raise conflict("case_closed", f"case {case.case_id} is {case.progress.stage}: {consequence}")
-    if not may_be_recorded_with_a_reason(case.progress):
-        assert case.progress.stage is Stage.MOVING
-        raise conflict("robot_moving", f"the robot is moving: {consequence} until it has ended, or was stopped")
 
 
 def _new_setup(unit: UnitOfWork, request: SetupRequest) -> CaseSetup:

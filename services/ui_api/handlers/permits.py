@@ -5,19 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from services.ui_api.core.identity import Approver
-from services.ui_api.core.inside import Inside, ObjectKind, removing_step_of
+from services.ui_api.core.inside import Inside, removing_step_of
+from services.ui_api.core.procedure_conditions import IN_PLACE_CODES
 from services.ui_api.handlers.refusals import conflict
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.messages.permits import Permit, SignedPermit
 from shared.messages.robot import RobotState
 from shared.pki.permit_key import PermitSigner
-
-_CODES = {
-    ObjectKind.WIRE: "wires_in_place",
-    ObjectKind.DRILL: "drill_in_place",
-    ObjectKind.SCREW: "screws_in_place",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +67,7 @@ def require_nothing_inside(inside: Sequence[Inside]) -> None:
     kind = inside[0].kind
     holes = ", ".join(found.hole_id for found in inside if found.kind is kind)
     raise conflict(
-        _CODES[kind],
+        IN_PLACE_CODES[kind],
         f"{kind}s are in {holes}: the robot does not move before they are removed; take them out and record the step "
         f"'{removing_step_of(kind)}'",
     )

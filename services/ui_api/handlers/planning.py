@@ -3,28 +3,26 @@
 from dataclasses import dataclass
 
 from services.ui_api.core.case import Case, PlanEntry
-from services.ui_api.core.event_data import LocalisationReceived, PlanApproved, PlanMade, PlanRefused
+from services.ui_api.core.event_data import ApprovalWithdrawn, LocalisationReceived, PlanApproved, PlanMade, PlanRefused
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.identity import Approver, Authenticated
 from services.ui_api.core.operations import Operation
-from services.ui_api.core.procedure import Stage
+from services.ui_api.core.procedure_table import Action
 from services.ui_api.handlers.cases import require_known_holes
 from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.operation_requests import Move
-from services.ui_api.handlers.permits import ApprovedPlan, require_nothing_inside
+from services.ui_api.handlers.permits import ApprovedPlan
+from services.ui_api.handlers.procedure import ProcedureHandler, localisation_staleness
 from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, unknown
-from services.ui_api.handlers.robot_view import RobotView
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.messages.base import decode, encode
 from shared.messages.registration import Plan, PlanReply, PlanRequest
-from shared.messages.robot import MotionState, StopLatch
 
 # Chosen: a plan may wait for the image that is being localised, which takes seconds on a busy machine.
 PLAN_TIMEOUT_S = 10.0
-_STAGES_FOR_MOVES = frozenset({Stage.POSITIONING, Stage.ALIGNED, Stage.VERIFIED})
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +61,15 @@ class PlanBasis:
 class PlanningHandler:
     """From an accepted localisation to a motion, one checked step after another."""
 
-    def __init__(self, bus: Bus, keys: Keys, record: CaseRecord, view: RobotView, commands: CommandHandler) -> None:
+    def __init__(
+        self, bus: Bus, keys: Keys, record: CaseRecord, procedure: ProcedureHandler, commands: CommandHandler
+    ) -> None:
         self._bus, self._keys, self._record = bus, keys, record
-        self._view, self._commands = view, commands
+        self._procedure, self._commands = procedure, commands
 
     def ask_for_plan(self, case: Case, basis: PlanBasis, hole_ids: tuple[str, ...]) -> PlanReply:
         """Have registration plan from a localisation; raises `Refused` or `NoReply`. Moves and records nothing."""
-        _require_ready_for_moves(case)
+        self._procedure.require(case, Action.REQUEST_PLAN)
         require_known_holes(case, hole_ids)
         alone = not basis.earlier and basis.verification is None
         measured = (_usable_localisation if alone else _newest)(case, basis.localisation)
@@ -107,11 +107,8 @@ class PlanningHandler:
 
     def approve(self, unit: UnitOfWork, case: Case, number: int, approver: Approver) -> PlanApproved:
         """Record a surgeon's consent; the caller has compared the hash that was quoted. Raises `Refused`."""
-        entry = plan_of(case, number)
-        _require_open(case)
-        self._require_current(case, entry)
-        if entry.approval is not None:
-            raise conflict("plan_already_approved", f"plan {number} was approved by {entry.approval.approved_by}")
+        self._procedure.require(case, Action.APPROVE_PLAN)
+        entry = self._newest_plan(case, number)
         approved = PlanApproved(
             number, entry.made.plan_sha256, approver.name, unit.now_ns, approver.authenticated.value
         )
@@ -120,17 +117,12 @@ class PlanningHandler:
 
     def begin_motion(self, unit: UnitOfWork, case: Case, request: MotionRequest) -> Operation:
         """Record and send the motion of an approved plan; raises `Refused`."""
-        entry = plan_of(case, request.plan_number)
-        _require_open(case)
+        self._procedure.require(case, Action.START_MOTION)
+        entry = self._newest_plan(case, request.plan_number)
         approval = entry.approval
-        if approval is None:
-            raise conflict(
-                "plan_not_approved", f"plan {request.plan_number} is not approved; a surgeon approves it by its hash"
-            )
-        approver = _approver(approval)
-        self._require_current(case, entry)
-        _require_ready_for_moves(case)
-        self._require_robot_ready(entry)
+        assert approval is not None  # the table has it
+        assert approval.authenticated_by is not None
+        approver = Approver(approval.approved_by, Authenticated(approval.authenticated_by))
         move = Move(
             plan_number=request.plan_number,
             plan=ApprovedPlan(approval.plan_sha256, self.plan_content(entry).hole_ids, approver),
@@ -138,43 +130,23 @@ class PlanningHandler:
         )
         return self._commands.begin_move(unit, case.case_id, request.who, move)
 
-    def staleness_of(self, case: Case, entry: PlanEntry, plan: Plan) -> str | None:
+    def withdraw_approval(self, unit: UnitOfWork, case: Case, number: int, who: str) -> None:
+        """Take an approval back, as long as no motion has begun from it; raises `Refused`."""
+        self._procedure.require(case, Action.WITHDRAW_APPROVAL)
+        entry = self._newest_plan(case, number)
+        unit.append(EventDraft(ApprovalWithdrawn(number, entry.made.plan_sha256), case.case_id, who))
+
+    def staleness_of(self, case: Case, entry: PlanEntry, plan: Plan | None = None) -> str | None:
         """Why a plan no longer holds, as a clause; None when it does hold."""
-        if entry.used:
-            return "a motion was made from it"
-        made_after = case.plans[entry.made.number :]
-        if made_after:
-            return f"plan {made_after[-1].made.number} was made after it"
-        seen = self._view.newest()
-        if seen is not None and seen.state.boot_epoch != plan.robot_boot_epoch:
-            return "the robot service restarted since"
-        return case.staleness_of_image(entry.made.image_sha256, entry.made.case_revision)
+        return self._procedure.staleness_of(case, entry, plan)
 
-    def _require_current(self, case: Case, entry: PlanEntry) -> None:
-        clause = self.staleness_of(case, entry, self.plan_content(entry))
+    def _newest_plan(self, case: Case, number: int) -> PlanEntry:
+        """A plan that was asked for, which must be the one that the table speaks of; raises `Refused`."""
+        entry = plan_of(case, number)
+        clause = self.staleness_of(case, entry)
         if clause is not None:
-            raise conflict("plan_stale", f"plan {entry.made.number} is stale: {clause}; request a new plan")
-
-    def _require_robot_ready(self, entry: PlanEntry) -> None:
-        """An early, readable refusal; the robot checks all of this again by itself."""
-        state = self._view.current()
-        if state.stop is StopLatch.LATCHED:
-            raise conflict("stop_in_force", "the stop is latched; acknowledge it first (POST /robot/acknowledge-stop)")
-        if state.state is not MotionState.LOCKED:
-            raise conflict(
-                "robot_not_ready",
-                f"the robot is '{state.state}', plan {entry.made.number} starts from 'locked'; see GET /robot",
-            )
-
-
-def _approver(approval: PlanApproved) -> Approver:
-    """Who approved; raises `Refused` when nobody had to show who he is, as in older versions."""
-    if approval.authenticated_by is None:
-        raise conflict(
-            "plan_not_approved",
-            f"plan {approval.number} was approved before there were users; request a new plan and approve it",
-        )
-    return Approver(approval.approved_by, Authenticated(approval.authenticated_by))
+            raise conflict("plan_stale", f"plan {number} is stale: {clause}; request a new plan")
+        return entry
 
 
 def plan_of(case: Case, number: int) -> PlanEntry:
@@ -190,14 +162,6 @@ def localisation_of(case: Case, number: int) -> LocalisationReceived:
     if not 1 <= number <= len(case.localisations):
         raise unknown("localisation", str(number), f"case {case.case_id} has {len(case.localisations)}")
     return case.localisations[number - 1]
-
-
-def localisation_staleness(case: Case, measured: LocalisationReceived) -> str | None:
-    """Why a localisation no longer holds, as a clause; None when it does hold."""
-    newest = case.newest_localisation()
-    if newest is not None and newest.number != measured.number:
-        return f"localisation {newest.number} is newer"
-    return case.staleness_of_image(measured.image_sha256, measured.case_revision)
 
 
 def _usable_localisation(case: Case, number: int) -> LocalisationReceived:
@@ -227,18 +191,6 @@ def _verified_images(case: Case, number: int) -> tuple[str, ...]:
         newest = len(case.verifications)
         raise conflict("verification_stale", f"verification {newest} is newer than {number}; plan from the newest")
     return case.verifications[number - 1].images
-
-
-def _require_open(case: Case) -> None:
-    if case.progress.closed:
-        raise conflict("case_closed", f"case {case.case_id} is {case.progress.stage}: nothing moves any more")
-
-
-def _require_ready_for_moves(case: Case) -> None:
-    _require_open(case)
-    require_nothing_inside(sorted(case.progress.inside))
-    if case.progress.stage not in _STAGES_FOR_MOVES:
-        raise conflict("not_now", f"the case is '{case.progress.stage}': no move is planned or made now")
 
 
 def _require_answers(plan: Plan, request: PlanRequest) -> None:

@@ -3,7 +3,9 @@
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import VerificationMade, VerificationRefused
 from services.ui_api.core.events import EventDraft
-from services.ui_api.handlers.refusals import conflict, unknown
+from services.ui_api.core.procedure_table import Action
+from services.ui_api.handlers.procedure import ProcedureHandler
+from services.ui_api.handlers.refusals import unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
@@ -18,13 +20,12 @@ VERIFICATION_TIMEOUT_S = 60.0
 class VerificationHandler:
     """Asks registration, and keeps what it answers."""
 
-    def __init__(self, bus: Bus, keys: Keys, record: CaseRecord) -> None:
-        self._bus, self._keys, self._record = bus, keys, record
+    def __init__(self, bus: Bus, keys: Keys, record: CaseRecord, procedure: ProcedureHandler) -> None:
+        self._bus, self._keys, self._record, self._procedure = bus, keys, record, procedure
 
     def ask(self, case: Case, images: tuple[str, ...]) -> VerificationReply:
         """Have registration verify; raises `Refused` or `NoReply`. Records nothing."""
-        if case.progress.closed:
-            raise conflict("case_closed", f"case {case.case_id} is {case.progress.stage}: it takes no verification")
+        self._procedure.require(case, Action.VERIFY)
         for image in images:
             if case.image(image) is None:
                 raise unknown("image", image, f"GET /cases/{case.case_id}/images lists those of the case")

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
 
+from services.ui_api.core.case import Case
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.cases import StepRequest
 from services.ui_api.handlers.refusals import RefusalKind, Refused
@@ -40,7 +41,7 @@ def open_case(
 @router.get("", openapi_extra=needs(Action.READ))
 def list_cases(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[CaseView]:
     """All cases, the oldest first."""
-    return page(list(gateway.record.ledger.cases.values()), cursor, limit, CaseView.of)
+    return page(list(gateway.record.ledger.cases.values()), cursor, limit, lambda case: _view(gateway, case))
 
 
 @router.get("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.READ))
@@ -48,7 +49,7 @@ def read_case(case_id: str, response: Response, gateway: TheGateway) -> CaseView
     """A case with the state of its procedure and the next allowed actions."""
     case = gateway.cases.case(case_id)
     response.headers["ETag"] = _etag(case.revision)
-    return CaseView.of(case)
+    return _view(gateway, case)
 
 
 @router.patch("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.CHANGE_SET_UP))
@@ -95,7 +96,11 @@ def record_step(
 
 def _preview(unit: UnitOfWork, gateway: Gateway, case_id: str) -> CaseView:
     """The case as it will be once the transaction is on the disk."""
-    return CaseView.of(gateway.record.ledger.case_after(case_id, unit.events))
+    return _view(gateway, gateway.record.ledger.case_after(case_id, unit.events))
+
+
+def _view(gateway: Gateway, case: Case) -> CaseView:
+    return CaseView.of(case, gateway.procedure.situation(case))
 
 
 def _etag(revision: int) -> str:

@@ -5,7 +5,8 @@ from fastapi import APIRouter
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import LocalisationReceived
 from services.ui_api.core.roles import Action
-from services.ui_api.handlers.planning import localisation_of, localisation_staleness
+from services.ui_api.handlers.planning import localisation_of
+from services.ui_api.handlers.procedure import localisation_staleness
 from services.ui_api.handlers.refusals import unknown
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.guards import GuardedRoute, needs

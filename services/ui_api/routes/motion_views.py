@@ -8,6 +8,7 @@ from pydantic import Field
 from services.ui_api.core.case import PlanEntry
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.robot_event_data import OperationStatus
+from services.ui_api.routes.procedure_views import ActionView
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256, UnixNanoseconds
 from shared.messages.registration import Plan
@@ -136,6 +137,7 @@ class RobotView(View):
     simulated: bool | None = Field(description="Read from the controller's `*IDN?`; null when it has not said.")
     image_source: str = Field(description="Manufacturer and model in the newest image.")
     image_source_simulated: bool | None
+    actions: list[ActionView] = Field(description="What may be done with it now, by whom, and why not.")
 
 
 class StopView(View):

@@ -105,6 +105,15 @@ def approve_plan(
     return idempotency.once(keyed(request, key, body, if_match), act)
 
 
+@router.delete("/{number}/approval", response_model=PlanView, openapi_extra=needs(Action.APPROVE_PLAN))
+def withdraw_approval(case_id: str, number: int, gateway: TheGateway, user: TheUser) -> PlanView:
+    """Take an approval back, as long as no motion has begun from it; then stop is what is left."""
+    with gateway.record.write() as unit:
+        gateway.planning.withdraw_approval(unit, gateway.cases.case(case_id), number, user.name)
+    case = gateway.cases.case(case_id)
+    return _view(gateway, case, plan_of(case, number))
+
+
 def etag(entry: PlanEntry) -> str:
     """ETag of a plan: its hash."""
     return f'"{entry.made.plan_sha256}"'

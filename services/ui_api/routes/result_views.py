@@ -5,7 +5,7 @@ from typing import Literal
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import LocalisationReceived
-from services.ui_api.handlers.planning import localisation_staleness
+from services.ui_api.handlers.procedure import localisation_staleness
 from services.ui_api.routes.views import View
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
 from shared.messages.guidance import Guidance

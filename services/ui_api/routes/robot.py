@@ -4,6 +4,7 @@ import asyncio
 
 from fastapi import APIRouter, Request, Response
 
+from services.ui_api.core import procedure_table
 from services.ui_api.core.identity import Approver, User
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.commands import PlainVerb
@@ -15,6 +16,7 @@ from services.ui_api.routes.idempotency import Idempotency, IdempotencyKey, Keye
 from services.ui_api.routes.motion_views import OperationView, RobotView, StopView, says_simulated
 from services.ui_api.routes.motions import accepted
 from services.ui_api.routes.problems import problem, problem_response
+from services.ui_api.routes.procedure_views import robot_action_views
 from services.ui_api.service import Gateway
 
 router = APIRouter(route_class=GuardedRoute, prefix="/robot", tags=["robot"])
@@ -36,6 +38,7 @@ def read_robot(gateway: TheGateway) -> RobotView:
         simulated=None if seen is None else says_simulated(seen.state.controller_identity),
         image_source=presence.image_source,
         image_source_simulated=says_simulated(presence.image_source),
+        actions=robot_action_views(gateway.procedure.robot_situation()),
     )
 
 
@@ -94,6 +97,7 @@ def reset(
 
 def _begin(request: Keyed, user: User, gateway: Gateway, idempotency: Idempotency, verb: PlainVerb) -> Response:
     def act(unit: UnitOfWork) -> Answer:
+        gateway.procedure.require_of_robot(procedure_table.Action(verb))
         return accepted(gateway.commands.begin_plain(unit, verb, Approver(user.name, user.authenticated)))
 
     return idempotency.once(request, act)

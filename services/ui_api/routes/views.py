@@ -1,20 +1,16 @@
 """What clients get: cases, images, localisations, verifications and events."""
 
-from typing import Literal
-
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageReceived, PartUse
 from services.ui_api.core.events import Event
-from services.ui_api.core.procedure import allowed_actions, allowed_steps, next_sentence
+from services.ui_api.core.situation import Situation
 from services.ui_api.record.codec import data_json
+from services.ui_api.routes.procedure_views import ProcedureView
+from services.ui_api.routes.view import View as View
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
 from shared.messages.imaging import FrameHeader
-
-
-class View(BaseModel):
-    """Base of all answers."""
 
 
 class PartView(View):
@@ -28,26 +24,6 @@ class PartView(View):
     def of(use: PartUse) -> "PartView":
         """From the log's value."""
         return PartView(name=use.name, sha256=use.sha256, hole_ids=list(use.hole_ids))
-
-
-class InsideView(View):
-    """Something in a hole of the guide or the bone."""
-
-    kind: Literal["wire", "drill", "screw"]
-    hole_id: str
-
-
-class ProcedureView(View):
-    """How far the case is, and what may come next."""
-
-    stage: str
-    aim: str
-    wired_hole_ids: list[str]
-    inside: list[InsideView] = Field(description="What is in the guide or the bone: until it is out, nothing moves.")
-    drilled_hole_ids: list[str]
-    allowed_actions: list[str]
-    allowed_steps: list[str] = Field(description="Steps that are in order now; others need `why`.")
-    next: str = Field(description="What to do next, in one sentence.")
 
 
 class CaseView(View):
@@ -78,9 +54,9 @@ class CaseView(View):
     procedure: ProcedureView
 
     @staticmethod
-    def of(case: Case) -> "CaseView":
-        """From the ledger's value."""
-        setup, progress = case.setup, case.progress
+    def of(case: Case, situation: Situation) -> "CaseView":
+        """From the ledger's value, and what may be done in it now."""
+        setup = case.setup
         return CaseView(
             id=case.case_id,
             revision=case.revision,
@@ -104,16 +80,7 @@ class CaseView(View):
             plans=len(case.plans),
             verifications=len(case.verifications),
             motions=list(case.motions),
-            procedure=ProcedureView(
-                stage=progress.stage,
-                aim=progress.aim,
-                wired_hole_ids=sorted(progress.wired_hole_ids),
-                inside=[InsideView(kind=x.kind.value, hole_id=x.hole_id) for x in sorted(progress.inside)],
-                drilled_hole_ids=sorted(case.drilled_hole_ids),
-                allowed_actions=list(allowed_actions(progress)),
-                allowed_steps=list(allowed_steps(progress)),
-                next=next_sentence(progress),
-            ),
+            procedure=ProcedureView.of(case, situation),
         )
 
 

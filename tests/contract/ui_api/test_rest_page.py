@@ -3,6 +3,11 @@
 import re
 from pathlib import Path
 
+from services.ui_api.core.event_data import Step
+from services.ui_api.core.procedure_conditions import Judge
+from services.ui_api.core.procedure_table import TABLE, decide_step
+from services.ui_api.core.situation import Situation
+
 _TOP = Path(__file__).parents[3]
 _RAISED = (
     r'\b(?:conflict|invalid|forbidden|unauthenticated)\(\s*"(\w+)"',
@@ -10,7 +15,6 @@ _RAISED = (
     r'\bproblem\(\s*\d+,\s*"(\w+)"',
     r'\b_refuse\(request, "(\w+)"',
     r'\n        \d+,\n        "(\w+)",\n        "the header',
-    r'ObjectKind\.\w+: "(\w+)"',
 )
 # From the shared tree of errors, and from the table of plain HTTP statuses.
 _ELSEWHERE = {
@@ -28,6 +32,8 @@ _ELSEWHERE = {
 def _known_codes() -> set[str]:
     source = "\n".join(p.read_text(encoding="utf-8") for p in (_TOP / "services" / "ui_api").rglob("*.py"))
     codes = {code for pattern in _RAISED for code in re.findall(pattern, source)}
+    conditions = [one for row in TABLE.values() for one in row.conditions if one.judge is Judge.GATEWAY]
+    codes |= {one.code for one in conditions} | {decide_step(Situation(), Step.FINISHED).code}
     return codes | {f"{what}_not_found" for what in re.findall(r'\bunknown\("(\w+)"', source)} | _ELSEWHERE
 
 

@@ -1,7 +1,13 @@
 """One case from opening to its end, over HTTP, with the other services on the bus."""
 
+from collections.abc import Callable
+
+import httpx
+
 from services.ui_api.core.events import EventKind
-from tests.unit.services.ui_api.room import Room
+from shared.robot_states import MotionState, StopLatch
+from tests.unit.services.ui_api import samples
+from tests.unit.services.ui_api.room import Room, wait_until
 from tests.unit.services.ui_api.samples import OVERLAY_PNG
 
 
@@ -34,6 +40,88 @@ def test_a_case_runs_from_opening_to_finish(room: Room) -> None:
     kinds = [e.kind for e in room.gateway.record.events_after(0, case_id)]
     assert kinds.index(EventKind.PLAN_APPROVED) < kinds.index(EventKind.OPERATION_REQUESTED)
     assert len(room.robot.moves) == 1
+
+
+def _assert_case_and_requests_agree(room: Room, case_id: str) -> list[str]:
+    """Ask for everything that the case says is refused: each answer has the code, the reason and the remedy it said."""
+    procedure = room.get(f"/cases/{case_id}").json()["procedure"]
+    refused = [one for one in procedure["actions"] if one["verdict"] == "refused" and one["refused_by"] == "gateway"]
+    newest = room.gateway.record.ledger.cases[case_id]
+    plan = max(1, len(newest.plans))
+    etag = f'"{newest.plans[-1].made.plan_sha256}"' if newest.plans else '"none"'
+    path = f"/cases/{case_id}"
+    ask: dict[str, Callable[[], httpx.Response]] = {
+        "request_plan": lambda: room.post(
+            f"{path}/plans", {"localisation": max(1, len(newest.localisations)), "hole_ids": ["distal"]}
+        ),
+        "approve_plan": lambda: room.post(f"{path}/plans/{plan}/approval", if_match=etag),
+        "withdraw_approval": lambda: room.client.delete(f"/api/v1{path}/plans/{plan}/approval"),
+        "start_motion": lambda: room.post(f"{path}/motions", {"plan": plan}),
+        "verify": lambda: room.post(f"{path}/verifications", {"images": [samples.sha("image")]}),
+        "change_setup": lambda: room.client.patch(f"/api/v1{path}", json={"side": "right"}),
+        "record_step": lambda: room.post(f"{path}/steps", {"step": "mount_moved", "why": "it was"}),
+        "reference": lambda: room.post("/robot/reference"),
+        "acknowledge_stop": lambda: room.post("/robot/acknowledge-stop"),
+        "reset": lambda: room.post("/robot/reset"),
+    }
+    for one in refused:
+        if one["name"] in ask:
+            answer = ask[one["name"]]()
+            assert answer.json().get("code") == one["code"], (one, answer.text)
+            assert answer.json()["detail"] == f"{one['reason']}; {one['remedy']}" or answer.status_code == 404
+    return [one["name"] for one in refused]
+
+
+def test_what_a_case_refuses_a_request_is_refused_with_the_same_code(room: Room) -> None:
+    case_id = room.open_case()
+    assert "request_plan" in _assert_case_and_requests_agree(room, case_id)
+    plan = room.approved_plan(case_id)
+    assert _assert_case_and_requests_agree(room, case_id) == ["approve_plan"]
+    room.robot.say(MotionState.STOPPED, stop=StopLatch.LATCHED)
+    room.log.wait_for_event(lambda e: getattr(e.data, "stop", "") == "latched")
+    procedure = room.get(f"/cases/{case_id}").json()["procedure"]
+    assert (procedure["next_action"], procedure["next"]) == (
+        "acknowledge_stop",
+        "A stop is in force: look why, then acknowledge it.",
+    )
+    assert "start_motion" in _assert_case_and_requests_agree(room, case_id)
+    room.robot.say(MotionState.LOCKED, stop=StopLatch.CLEAR)
+    room.log.wait_for_event(lambda e: getattr(e.data, "stop", "") == "clear" and e.sequence > 3)
+    wait_until(lambda: "start_motion" in room.get(f"/cases/{case_id}").json()["procedure"]["allowed_actions"])
+    room.post(f"/cases/{case_id}/steps", {"step": "wires_inserted", "why": "by hand"})
+    assert {"request_plan", "start_motion", "reference"} <= {*_assert_case_and_requests_agree(room, case_id)}
+    room.post(f"/cases/{case_id}/steps", {"step": "wires_removed"})
+    operation_id = room.post(f"/cases/{case_id}/motions", {"plan": plan}).json()["id"]
+    room.wait_for_status(operation_id, "running")
+    assert {"verify", "change_setup", "record_step", "take_image"} <= {*_assert_case_and_requests_agree(room, case_id)}
+    room.robot.arrive()
+    room.wait_for_status(operation_id, "succeeded")
+    _assert_case_and_requests_agree(room, case_id)
+    room.post(f"/cases/{case_id}/steps", {"step": "robot_removed"})
+    assert "verify" in _assert_case_and_requests_agree(room, case_id)
+    room.post(f"/cases/{case_id}/steps", {"step": "abandoned"})
+    _assert_case_and_requests_agree(room, case_id)
+
+
+def test_an_approval_can_be_withdrawn_until_a_motion_begins(room: Room) -> None:
+    plan = room.approved_plan(case_id := room.open_case())
+    path = f"/api/v1/cases/{case_id}/plans/{plan}/approval"
+    withdrawn = room.client.delete(path)
+    assert (withdrawn.status_code, withdrawn.json()["approval"]) == (200, None)
+    procedure = room.get(f"/cases/{case_id}").json()["procedure"]
+    assert (procedure["phase"], procedure["next_action"], procedure["aim"]) == ("approval", "approve_plan", "planned")
+    assert room.post(f"/cases/{case_id}/motions", {"plan": plan}).json()["code"] == "plan_not_approved"
+    assert room.client.delete(path).json()["code"] == "plan_not_approved"
+    kinds = [e.kind for e in room.gateway.record.events_after(0, case_id)]
+    assert EventKind.APPROVAL_WITHDRAWN in kinds
+
+
+def test_the_robot_says_what_may_be_done_with_it_and_by_whom(room: Room) -> None:
+    actions = {one["name"]: one for one in room.get("/robot").json()["actions"]}
+    assert actions["stop"]["verdict"] == "allowed"
+    assert (actions["reference"]["code"], actions["reference"]["refused_by"]) == ("nothing_to_do", "robot")
+    assert actions["reference"]["roles"] == ["technician", "surgeon"]
+    assert room.post("/robot/reference").status_code == 202, "the robot is the judge of it"
 
 
 def test_the_newest_localisation_tells_how_to_turn_the_c_arm(room: Room) -> None:

@@ -1,0 +1,7 @@
+"""The base of all answers."""
+
+from pydantic import BaseModel
+
+
+class View(BaseModel):
+    """Base of all answers."""
