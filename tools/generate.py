@@ -12,6 +12,7 @@ from pathlib import Path
 from services.ui_api.app import openapi_document, routed_app
 from shared.messages.schema_files import SCHEMAS, schema_texts
 from tools.keys_page import keys_page
+from tools.monitoring import alert_rules, dashboard, monitoring_page
 from tools.part_schemas import part_schema_texts
 from tools.procedure_page import procedure_page
 from tools.refusals_page import refusals_page
@@ -21,9 +22,11 @@ from tools.tuning_page import tuning_page
 
 _DOCS = Path(__file__).parents[1] / "docs"
 _PART_SCHEMAS = _DOCS / "schemas"
+_MONITORING = _DOCS.parent / "deploy" / "monitoring"
 _PAGES: dict[str, Callable[[], str]] = {
     "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
     "keys.md": keys_page,
+    "monitoring.md": monitoring_page,
     "procedure.md": procedure_page,
     "refusals.md": refusals_page,
     "rest.md": rest_page,
@@ -36,6 +39,7 @@ def generated_files() -> dict[Path, str]:
     """Path and content of every generated file."""
     schemas = {SCHEMAS / name: text for name, text in schema_texts().items()}
     schemas |= {_PART_SCHEMAS / name: text for name, text in part_schema_texts().items()}
+    schemas |= {_MONITORING / "alerts.json": alert_rules(), _MONITORING / "dashboard.json": dashboard()}
     return schemas | {_DOCS / name: text() for name, text in _PAGES.items()}
 
 

@@ -176,6 +176,9 @@ class RegistrationService:
             except BusError as error:  # imaging is gone, or its link: whoever has the image on record asks again
                 self._runtime.log.error("image not localised", sha256=job.image.sha256, detail=str(error))  # noqa: TRY400
                 impairment = f"image {job.image.sha256[:12]} was not localised: {error}; check imaging"
+            except MemoryError as error:  # of the process, not of the image, which is asked for again as well
+                self._runtime.log.error("image not localised", sha256=job.image.sha256, detail=str(error))  # noqa: TRY400
+                impairment = f"image {job.image.sha256[:12]} waits for memory ({error}); raise the limit of memory"
             except Exception as error:
                 self._runtime.log.exception("fault", sha256=job.image.sha256)
                 impairment = f"image {job.image.sha256[:12]} brought a fault: {error}; take another image"

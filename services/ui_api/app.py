@@ -51,6 +51,8 @@ def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = ()) -> FastAPI:
     app.add_middleware(RequestGate, allowed_hosts=allowed_hosts)
     app.state.gateway = gateway
     app.state.idempotency = Idempotency(gateway.record)
+    gateway.record.listen(app.state.metrics.note_events)
+    gateway.record.on_write = app.state.metrics.write_seconds.observe
     return app
 
 

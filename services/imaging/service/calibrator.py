@@ -29,6 +29,7 @@ from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import FrameHeader
 from shared.messages.stored_images import SkipCode
+from shared.runtime.impairments import nearly_out_of_memory
 from shared.runtime.latest import LatestSlot
 from shared.runtime.lifecycle import Runtime
 from shared.threads import supervised_thread
@@ -39,6 +40,7 @@ _WAIT_S: Final = 0.2
 _MOST_ATTEMPTS: Final = 3
 # Chosen: soon for people who wait, and seldom for a log.
 _DISK_AGAIN_S: Final = 1.0
+_MEMORY_AGAIN_S: Final = 1.0
 # What may impair the service here.
 STORE: Final = "store"
 _CALIBRATION, _INDEX = "calibration", "index"
@@ -113,6 +115,8 @@ class Calibrator:
             except OSError as error:  # of the disk, not of the image, which waits in the index until it can be read
                 self._note_index(error)
                 self._ended.wait(_DISK_AGAIN_S)
+            except MemoryError as error:  # of the process, not of the image, which waits in the index as well
+                self._wait_for_memory(header, error)
             except Exception as error:  # the border of a task: the next image must not suffer from this one
                 self._runtime.log.exception("fault", sha256=header.sha256)
                 sentence = f"image {header.sha256[:12]} brought a fault: {error}; take another image"
@@ -120,6 +124,15 @@ class Calibrator:
                 self._skip(header, SkipCode.FAULT, f"it brought a fault ({error}); take another image")
             else:
                 self._runtime.status.impair(_CALIBRATION, None)
+
+    def _wait_for_memory(self, header: FrameHeader, error: MemoryError) -> None:
+        """Until the process may have as much again as an image needs; it is degraded meanwhile."""
+        self._runtime.log.error("image waits for memory", sha256=header.sha256, detail=str(error))
+        sentence = f"image {header.sha256[:12]} waits for memory ({error}); raise the limit, or end what takes it"
+        self._runtime.status.impair(_CALIBRATION, sentence)
+        while not self._ended.wait(_MEMORY_AGAIN_S) and nearly_out_of_memory() is not None:
+            pass
+        self._runtime.status.impair(_CALIBRATION, None)
 
     def _look_after_store(self) -> None:
         """A store that took no image takes them again when what it would write can be written."""
@@ -168,7 +181,7 @@ class Calibrator:
             self._skip(header, SkipCode.FILE_MISSING, "its file is gone from the image store; take another image")
             return None
         if waiting is not None and waiting.attempts >= _MOST_ATTEMPTS:
-            message = f"imaging ended {waiting.attempts} times while it calibrated it (limit {_MOST_ATTEMPTS})"
+            message = f"imaging ended or lacked memory {waiting.attempts} times with it (limit {_MOST_ATTEMPTS})"
             self._skip(header, SkipCode.FAULT, f"{message}; take another image")
             return None
         self._store.index.note_attempt(header.sequence)

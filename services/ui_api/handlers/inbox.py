@@ -119,6 +119,11 @@ class Inbox:
         """How many pieces of work wait to be recorded."""
         return len(self._queue)
 
+    @property
+    def refused(self) -> int:
+        """How many pieces of work found no place."""
+        return self._queue.refused
+
     def _put(self, work: Callable[[], None]) -> None:
         self._put_if_possible(work)
 

@@ -21,6 +21,11 @@ class Leases:
         How long a lease lasts from its grant or renewal.
     on_lapse
         Called once with the operation's id when its lease lapses; it may take its time, others are not held up by it.
+
+    Attributes
+    ----------
+    lapsed
+        How many leases have lapsed.
     """
 
     def __init__(self, clock: Clock, lease_s: float, on_lapse: Callable[[str], None]) -> None:
@@ -31,6 +36,7 @@ class Leases:
         self._deadline_s: dict[str, float] = {}
         self._lapsed: OrderedDict[str, None] = OrderedDict()
         self._closed = False
+        self.lapsed = 0
         self._thread = supervised_thread("leases", self._watch)
 
     def start(self) -> None:
@@ -47,6 +53,11 @@ class Leases:
             self._changed.notify_all()
         for operation_id in held:
             self._on_lapse(operation_id)
+
+    @property
+    def held(self) -> int:
+        """How many leases are held now."""
+        return len(self._deadline_s)
 
     def grant(self, operation_id: str) -> None:
         """Begin a lease."""
@@ -78,6 +89,7 @@ class Leases:
     def _note_lapsed(self, operation_ids: list[str]) -> None:
         """Remember the newest; a command that waits to be sent was asked for a moment ago."""
         self._lapsed.update(dict.fromkeys(operation_ids))
+        self.lapsed += len(operation_ids)
         while len(self._lapsed) > _MOST_LAPSED:
             self._lapsed.popitem(last=False)
 

@@ -3,6 +3,7 @@
 import json
 import sqlite3
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -44,6 +45,11 @@ class CaseRecord:
     images_held
         How many images of each case the ledger holds at least; None: all. The log holds all.
 
+    Attributes
+    ----------
+    on_write
+        Called with the seconds that a unit of work took, from the wait for its turn until it was on the disk.
+
     Raises
     ------
     ConfigurationError
@@ -58,6 +64,7 @@ class CaseRecord:
         self._listeners: list[Callable[[Sequence[Event]], None]] = []
         self._head_sha256 = GENESIS_SHA256
         self._in_doubt = False
+        self.on_write: Callable[[float], None] = lambda _: None
         self.ledger = Ledger(images_held)
         self._fold_log()
         self._file = _File(engine)
@@ -80,6 +87,7 @@ class CaseRecord:
             When the database cannot be written now: it is locked, full, read-only, damaged or gone. Nothing was
             written, unless it went while it confirmed: the next unit of work takes in what is there.
         """
+        began_s = time.monotonic()
         with self._writer:
             with self._transaction(self._engine) as connection:
                 if self._in_doubt:
@@ -88,6 +96,7 @@ class CaseRecord:
                 yield unit
                 after = self.ledger.with_events(unit.events)
                 self._in_doubt = True
+            self.on_write(time.monotonic() - began_s)
             self._in_doubt = False
             self._head_sha256 = unit.head_sha256
             self.ledger.become(after)

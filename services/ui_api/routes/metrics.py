@@ -1,15 +1,29 @@
-"""What the gateway measures about itself, in base units."""
+"""What the gateway measures about itself and the room, in base units; docs/monitoring.md lists all of it."""
 
 import time
+from collections.abc import Sequence
+from typing import Final
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from services.ui_api.core.event_data import (
+    ImageReceived,
+    ImageSkipped,
+    LocalisationReceived,
+    PlanRefused,
+    VerificationRefused,
+)
+from services.ui_api.core.events import Event
 from services.ui_api.link_messages import FrontFigures
 from services.ui_api.service import Gateway
 from shared.runtime.logging import dropped_lines
 
 _STOP_ROUTE = "/api/v1/robot/stop"
+# Chosen: from the usual confirmation to the time after which a stop counts as not confirmed, in steps of 2 to 2.5.
+_STOP_BUCKETS_S: Final = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+# Chosen: from a commit on a fast disk to the time for which a writer waits for a lock.
+_WRITE_BUCKETS_S: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 
 
 class Metrics:
@@ -51,14 +65,80 @@ class Metrics:
         self._queued = Gauge(
             "distalock_queued", "What waits in a queue of the gateway.", ("queue",), registry=self.registry
         )
+        self._not_queued = Gauge(
+            "distalock_queue_refused",
+            "What a full queue of the gateway has refused since its start; images are asked for again.",
+            ("queue",),
+            registry=self.registry,
+        )
         self._alive = Gauge(
             "distalock_service_alive", "Whether a service is on the bus.", ("service",), registry=self.registry
         )
+        self._heartbeat_age = Gauge(
+            "distalock_heartbeat_age_seconds",
+            "Time since a service's last heartbeat; infinite before the first.",
+            ("service",),
+            registry=self.registry,
+        )
+        self._leases = Gauge(
+            "distalock_leases",
+            "Hold-to-move leases: held now; lapsed since the gateway's start, each of which stopped the robot.",
+            ("state",),
+            registry=self.registry,
+        )
+        self._images = Counter(
+            "distalock_images",
+            "X-ray images on record, by how they came: shot or run.",
+            ("by",),
+            registry=self.registry,
+        )
+        self._refusals = Counter(
+            "distalock_refusals",
+            "What was refused, by what it was (image, localisation, plan, verification) and reason.",
+            ("of", "code"),
+            registry=self.registry,
+        )
+        self._stops = Histogram(
+            "distalock_stop_seconds",
+            "From a stop's request over REST to the end of its way: standstill confirmed, or given up.",
+            ("confirmed",),
+            buckets=_STOP_BUCKETS_S,
+            registry=self.registry,
+        )
+        self.write_seconds = Histogram(
+            "distalock_record_write_seconds",
+            "Time of a transaction that wrote to the case record, with its wait for others.",
+            buckets=_WRITE_BUCKETS_S,
+            registry=self.registry,
+        )
+        for by in ("shot", "run"):
+            self._images.labels(by)
+        for confirmed in ("yes", "no"):
+            self._stops.labels(confirmed)
 
     def note_stop(self, *, confirmed: bool, took_s: float) -> None:
         """Count a stop, which the front has answered: the requests of this process do not show it."""
         self.requests.labels("POST", _STOP_ROUTE, "200" if confirmed else "504").inc()
         self.seconds.labels(_STOP_ROUTE).observe(took_s)
+        self._stops.labels("yes" if confirmed else "no").observe(took_s)
+
+    def note_events(self, events: Sequence[Event]) -> None:
+        """Count what has come on record."""
+        for event in events:
+            match event.data:
+                case ImageReceived(in_run=in_run):
+                    self._images.labels("run" if in_run else "shot").inc()
+                case LocalisationReceived(reason_codes=codes):
+                    for code in codes:
+                        self._refusals.labels("localisation", code).inc()
+                case PlanRefused(code=code):
+                    self._refusals.labels("plan", code).inc()
+                case VerificationRefused(code=code):
+                    self._refusals.labels("verification", code).inc()
+                case ImageSkipped(code=code):
+                    self._refusals.labels("image", code).inc()
+                case _:
+                    pass
 
     def observe(self, gateway: Gateway) -> None:
         """Read what is not counted as it happens."""
@@ -73,8 +153,12 @@ class Metrics:
             self._refused.labels(code).set(refused)
         self._queued.labels("inbox").set(gateway.inbox.waiting)
         self._queued.labels("stop_record").set(len(gateway.stop_recorder))
+        self._not_queued.labels("inbox").set(gateway.inbox.refused)
+        self._leases.labels("held").set(gateway.leases.held)
+        self._leases.labels("lapsed").set(gateway.leases.lapsed)
         for service, alive in gateway.inbox.presence.alive.items():
             self._alive.labels(service).set(float(alive))
+            self._heartbeat_age.labels(service).set(gateway.services.silent_for_s(service))
 
 
 class MeasuringMiddleware:

@@ -19,7 +19,7 @@ from services.imaging.devices.image_index import ImageIndex
 from services.imaging.devices.image_store import ImageStore
 from services.imaging.devices.position_store import PositionStore
 from services.imaging.devices.received_image import Polarity
-from services.imaging.service import Calibrator, Defaults, ImagingService
+from services.imaging.service import Calibrator, Defaults, ImagingService, calibrator
 from services.imaging.service.headers import Arrival, ImageNumber, frame_header
 from services.imaging.service.quality_handler import QualityHandler
 from shared.bus.keys import Keys
@@ -336,7 +336,7 @@ def test_an_image_that_ends_imaging_again_and_again_is_left_alone(tmp_path: Path
     with room_of(store, tmp_path / "positions") as room:
         room.open_case()
         eventually(lambda: [one.skip and one.skip.code for one in stored(room)] == ["fault"])
-        message = "imaging ended 3 times while it calibrated it (limit 3); take another image"
+        message = "imaging ended or lacked memory 3 times with it (limit 3); take another image"
         assert stored(room)[0].skip == Skip(step=Step.CALIBRATION, code=SkipCode.FAULT, message=message)
 
 
@@ -352,19 +352,19 @@ def test_an_image_whose_file_is_gone_is_said_so(tmp_path: Path) -> None:
 class FailingMemory(CArmMemory):
     """Brings a fault with the first image."""
 
-    def __init__(self, positions: Path) -> None:
+    def __init__(self, positions: Path, fault: Exception) -> None:
         super().__init__(PositionStore(positions))
-        self.asked = 0
+        self.asked, self._fault = 0, fault
 
     def before(self, ring_sha256: str, angles_deg: tuple[float, float] | None) -> CArmCalibration | None:
         self.asked += 1
         if self.asked == 1:
-            raise ZeroDivisionError("injected")
+            raise self._fault
         return super().before(ring_sha256, angles_deg)
 
 
 def test_an_image_that_brings_a_fault_is_skipped_and_the_next_one_calibrated(tmp_path: Path) -> None:
-    memory = FailingMemory(tmp_path / "positions")
+    memory = FailingMemory(tmp_path / "positions", ZeroDivisionError("injected"))
     with room_of(ImageStore(tmp_path), tmp_path / "positions", memory, run_interval_s=0.0) as room:
         room.open_case()
         room.service.take(small_dicom(), "CARM")
@@ -372,6 +372,23 @@ def test_an_image_that_brings_a_fault_is_skipped_and_the_next_one_calibrated(tmp
         eventually(lambda: [one.skip and one.skip.code for one in stored(room)] == ["fault"])
         room.service.take(small_dicom(), "CARM")
         assert room.calibration().image.sequence == 2
+        room.wait_for("ready")
+
+
+def test_an_image_for_which_there_is_no_memory_waits_until_there_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory = FailingMemory(tmp_path / "positions", MemoryError("no 2 MiB"))
+    lacking: list[str | None] = ["nothing is left"]
+    monkeypatch.setattr(calibrator, "nearly_out_of_memory", lambda: lacking[0])
+    monkeypatch.setattr(calibrator, "_MEMORY_AGAIN_S", 0.01)
+    with room_of(ImageStore(tmp_path), tmp_path / "positions", memory, run_interval_s=0.0) as room:
+        room.open_case()
+        room.service.take(small_dicom(), "CARM")
+        assert "waits for memory (no 2 MiB)" in room.wait_for("degraded").detail
+        assert [one.skip for one in stored(room)] == [None]
+        lacking[0] = None
+        assert room.calibration().image.sequence == 1
         room.wait_for("ready")
 
 

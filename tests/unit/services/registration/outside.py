@@ -23,6 +23,7 @@ from shared.messages.registration import (
     VerificationRequest,
 )
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
+from shared.messages.stored_images import LocalisationReply, LocalisationRequest
 from shared.parts.files import sha256_of
 from shared.parts.hexapod_file import hexapod_from_json
 from tests.unit.services.registration.rendered_case import (
@@ -100,19 +101,13 @@ class Outside:
         self.bus.publisher(KEYS.frame).put(payload, encode(header(name, age_s)))
 
     def calibrated(self, name: str, values: CalibrationValues | None, revision: int = 1) -> None:
-        reasons = () if values else (ReasonMessage(code=ReasonCode.RING_NOT_FOUND, message="no ring; show it"),)
-        message = CalibrationMessage(
-            image=reference(name),
-            case_id=CASE,
-            case_revision=revision,
-            ring_sha256=sha256_of(RING_JSON.encode()),
-            software_version="0",
-            verdict="accepted" if values else "rejected",
-            reasons=reasons,
-            values=values,
-            elapsed_ms=10.0,
+        self.bus.retained_publisher(KEYS.calibration).put(encode(calibration(name, values, revision)))
+
+    def ask_localisation(self, name: str, values: CalibrationValues | None) -> LocalisationReply:
+        request = LocalisationRequest(
+            calibration=calibration(name, values), newest=reference(name), open_case_id=CASE, open_case_revision=1
         )
-        self.bus.retained_publisher(KEYS.calibration).put(encode(message))
+        return decode(LocalisationReply, self._ask(KEYS.localisation_request, request))
 
     def ask_plan(self, name: str, hole_ids: tuple[str, ...] = ("distal", "proximal")) -> PlanReply:
         request = PlanRequest(case_id=CASE, image_sha256=sha256_of(name.encode()), hole_ids=hole_ids)
@@ -144,6 +139,21 @@ def header(name: str, age_s: float | None = 0.2) -> FrameHeader:
         nominal_source_to_detector_mm=1000.0,
         nominal_pixel_mm=0.235,
         age_s=age_s,
+    )
+
+
+def calibration(name: str, values: CalibrationValues | None, revision: int = 1) -> CalibrationMessage:
+    reasons = () if values else (ReasonMessage(code=ReasonCode.RING_NOT_FOUND, message="no ring; show it"),)
+    return CalibrationMessage(
+        image=reference(name),
+        case_id=CASE,
+        case_revision=revision,
+        ring_sha256=sha256_of(RING_JSON.encode()),
+        software_version="0",
+        verdict="accepted" if values else "rejected",
+        reasons=reasons,
+        values=values,
+        elapsed_ms=10.0,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from services.registration import service
 from services.registration.service import RegistrationService
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
@@ -14,12 +15,14 @@ from shared.bus.port import Answer
 from shared.errors import NoReply, ReasonCode
 from shared.messages.base import decode, encode
 from shared.messages.imaging import CalibrationValues
+from shared.messages.presence import ServiceStatus
 from shared.messages.registration import (
     LocalisationRecord,
     Plan,
     RegistrationEpoch,
 )
 from shared.messages.robot import MotionState, PlatformPoseMessage
+from shared.messages.stored_images import LocalisationReply
 from shared.parts.files import sha256_of
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.registration.outside import BLANK, HOME, KEYS, PATIENCE_S, Clock, Outside, eventually, header
@@ -231,3 +234,27 @@ def test_a_case_that_cannot_be_used_plans_nothing(outside: Outside) -> None:
 def test_questions_that_are_none_bring_an_error(outside: Outside) -> None:
     with pytest.raises(NoReply, match="not a valid PlanRequest"):
         outside.bus.query(KEYS.plan_request, b"{}", PATIENCE_S)
+
+
+def test_an_image_for_which_there_was_no_memory_is_localised_when_it_is_asked_for_again(
+    outside: Outside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    conditions: queue.Queue[ServiceStatus] = queue.Queue()
+    outside.bus.subscribe_retained(
+        KEYS.status("registration"), lambda s: conditions.put(decode(ServiceStatus, s.payload))
+    )
+    outside.open_case()
+    with monkeypatch.context() as lacking:
+        lacking.setattr(service, "timed_localisation", without_memory)
+        outside.frame("one")
+        outside.calibrated("one", None)
+        while "waits for memory (no 2 MiB)" not in conditions.get(timeout=PATIENCE_S).detail:
+            pass
+    assert outside.ask_localisation("one", None) == LocalisationReply()  # it is in hand, and no fault
+    assert outside.next_record().localisation.verdict == "rejected"
+    while conditions.get(timeout=PATIENCE_S).condition != "ready":
+        pass
+
+
+def without_memory(*_: object) -> None:
+    raise MemoryError("no 2 MiB")
