@@ -89,6 +89,7 @@ def _verify_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help=f"diameter of the wires, 0.5 to 6 mm (default {USUAL_WIRE_DIAMETER_MM:g})",
     )
+    parser.add_argument("--guide-alone", action="store_true", help="there are no wires: verify the guide's own holes")
     add_image_arguments(parser)
     add_drill_argument(parser)
 

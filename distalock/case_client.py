@@ -221,9 +221,9 @@ class CaseClient:
         """Start the approved motion and follow it to its end; raises `RequestRefused`."""
         return self.follow(self._rest.post(f"{self._path}/motions", {"plan": plan.number}))
 
-    def verify(self, image_ids: Sequence[str]) -> Verification:
-        """Compare guide holes and wires with the nail's holes; raises `RequestRefused`."""
-        body = {"images": list(image_ids)}
+    def verify(self, image_ids: Sequence[str], of: Literal["wires", "guide"] = "wires") -> Verification:
+        """Compare wires, or the guide alone, with the nail's holes; raises `RequestRefused`."""
+        body = {"images": list(image_ids), "of": of}
         return Verification.model_validate(self._rest.post(f"{self._path}/verifications", body))
 
     def record_step(self, step: str, hole_ids: Sequence[str] = (), why: str = "") -> None:

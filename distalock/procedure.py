@@ -8,13 +8,13 @@ from typing import Final
 from distalock.case_client import AxisOffset, CaseClient, Localisation, Operation, Plan, Turn
 from distalock.rest_client import RequestRefused
 from distalock.room_client import DrillResult, RoomClient, TrueError
+from shared.equipment import LEAST_CHANCE_TO_PASS
 from shared.errors import ReasonCode
 from shared.figures import figure
 
 MOST_SHOTS_FOR_ONE_ANSWER: Final = 4
 MOST_MOVES_PER_ALIGNMENT: Final = 3
 WORTH_CORRECTING_MM: Final = 0.25
-LEAST_CHANCE_TO_PASS: Final = 0.99
 # Refusals that another direction of the beam can heal; the others need hands on the guide or the patient.
 _TURNABLE: Final = frozenset(ReasonCode) - {ReasonCode.IMAGE_UNUSABLE, ReasonCode.SATURATED, ReasonCode.MOTION_BLUR}
 _ANOTHER_VIEW: Final = Turn(about_image_x=2.0, about_image_y=1.5)
@@ -163,9 +163,9 @@ class Procedure:
 
     def _verified(self, hole_ids: tuple[str, ...]) -> list[AxisOffset]:
         """What the newest image leaves between the guide's holes and the nail's."""
-        verification = self.case.verify([self.case.newest_image_id()])
+        verification = self.case.verify([self.case.newest_image_id()], of="guide")
         left = [e for e in verification.guide_holes if e.id in hole_ids]
-        if len(left) != len(hole_ids):
+        if verification.verdict != "accepted" or len(left) != len(hole_ids):
             raise Refused(
                 "the image does not allow a verification: " + "; ".join(r.message for r in verification.reasons)
             )
@@ -177,7 +177,7 @@ class Procedure:
         for hole_id in hole_ids:
             result = self.room.drill(hole_id)
             self.drills.append(result)
-            self.case.record_step("drilled", [hole_id], why="drilled through the locked guide")
+            self.case.record_step("drilled", [hole_id])
             verdict = "passed" if result.passed else f"STRUCK {result.struck}"
             self.tell(
                 f"drilled {hole_id}: {verdict}, {result.entry_offset_mm:.2f} mm off at entry, "

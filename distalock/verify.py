@@ -8,6 +8,7 @@ from distalock.arguments import EXIT_BAD_INPUT
 from distalock.image_files import read_image_file, require_different
 from distalock.locate import EXIT_ACCEPTED, EXIT_REJECTED, NominalOptions, localised_image, located, read_parts
 from services.registration.core.localise import Parts
+from services.registration.core.wires.verify import verify_guide_alone
 from services.registration.core.wires.verify import verify_images as verify_wires
 from services.registration.report import verification_message
 from shared.equipment import USUAL_WIRE_DIAMETER_MM
@@ -23,7 +24,7 @@ def verify_images(
     parts: Parts,
     nominal: NominalOptions,
     before: tuple[Path, ...] = (),
-    wire_diameter_mm: float = USUAL_WIRE_DIAMETER_MM,
+    wire_diameter_mm: float | None = USUAL_WIRE_DIAMETER_MM,
 ) -> Verification:
     """Verify the wires in one image file or two of the same set-up.
 
@@ -32,7 +33,7 @@ def verify_images(
     before
         Images of the same set-up from before the wires were inserted.
     wire_diameter_mm
-        Diameter of the wires in use.
+        Diameter of the wires in use; None to verify the guide alone.
 
     Raises
     ------
@@ -43,8 +44,12 @@ def verify_images(
     require_different(files)
     found = tuple(located(file, parts, nominal) for file in files)
     given = tuple(localised_image(file.path.name, one) for file, one in zip(files, found, strict=True))
-    verified = verify_wires(given[len(before) :], given[: len(before)], parts, wire_diameter_mm)
-    message = verification_message(tuple(one.message.image.sha256 for one in found[len(before) :]), verified)
+    these, earlier = given[len(before) :], given[: len(before)]
+    hashes = tuple(one.message.image.sha256 for one in found[len(before) :])
+    if wire_diameter_mm is None:
+        message = verification_message(hashes, verify_guide_alone(these, earlier, parts), "guide")
+    else:
+        message = verification_message(hashes, verify_wires(these, earlier, parts, wire_diameter_mm))
     notes = tuple(dict.fromkeys(note for one in found for note in one.message.notes))
     return message.model_copy(update={"notes": notes})
 
@@ -64,7 +69,9 @@ def run(given: argparse.Namespace) -> int:
         _require_few(images)
         parts = read_parts(given.ring, given.guide, given.nail, given.drill_mm)
         nominal = NominalOptions.of(given)
-        message = verify_images(images, parts, nominal, tuple(given.before), given.wire_mm)
+        message = verify_images(
+            images, parts, nominal, tuple(given.before), None if given.guide_alone else given.wire_mm
+        )
     except InputError as error:
         print(f"distalock verify: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT

@@ -4,5 +4,7 @@ from typing import Final
 
 # Of the drills for 5 mm interlocking screws.
 USUAL_DRILL_DIAMETER_MM: Final = 4.0
+# Required: one drill in a hundred may touch the wall of the nail's hole.
+LEAST_CHANCE_TO_PASS: Final = 0.99
 # K-wires through the guide's holes.
 USUAL_WIRE_DIAMETER_MM: Final = 2.0

@@ -32,6 +32,7 @@ from shared.messages.registration import (
     StandardUncertainty,
     Timing,
     Verification,
+    VerificationOf,
     VerifiedGuideHole,
     VerifiedWire,
 )
@@ -148,7 +149,9 @@ def timed_localisation(
     return result, localisation_message(result, calibrated.value, image_sha256, times, name)
 
 
-def verification_message(image_sha256s: tuple[str, ...], verified: "WireVerification") -> Verification:
+def verification_message(
+    image_sha256s: tuple[str, ...], verified: "WireVerification", of: VerificationOf = "wires"
+) -> Verification:
     """What was found in images of these hashes, as a message."""
     return Verification(
         verdict="rejected" if verified.reasons else "accepted",
@@ -156,6 +159,7 @@ def verification_message(image_sha256s: tuple[str, ...], verified: "WireVerifica
         images=image_sha256s,
         wires=tuple(_compared(VerifiedWire, comparison) for comparison in verified.wires),
         guide_holes=tuple(_compared(VerifiedGuideHole, comparison) for comparison in verified.guide_holes),
+        of=of,
     )
 
 

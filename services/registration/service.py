@@ -5,7 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from services.registration.core.wires.verify import verify_images
+from services.registration.core.wires.verify import verify_guide_alone, verify_images
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, calibration_of, pose_at_rest
 from services.registration.jobs import LocalisationJobs
 from services.registration.live import LiveGuidance
@@ -150,9 +150,12 @@ class RegistrationService:
             return Answer(encode(against))
         earlier = self._state.images.accepted_beside(known[0], request.image_sha256)
         images, before = tuple(one.image for one in known), tuple(one.image for one in earlier)
-        verified = verify_images(images, before, case.parts, self._settings.wire_diameter_mm)
-        self._state.note_verified(request.image_sha256, verified)
-        verification = verification_message(request.image_sha256, verified)
+        if request.of == "guide":
+            verified = verify_guide_alone(images, before, case.parts)
+        else:
+            verified = verify_images(images, before, case.parts, self._settings.wire_diameter_mm)
+            self._state.note_verified(request.image_sha256, verified)
+        verification = verification_message(request.image_sha256, verified, request.of)
         return Answer(encode(VerificationReply(verification=verification)))
 
     def _publish_epochs(self) -> None:

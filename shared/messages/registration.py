@@ -28,6 +28,8 @@ IMAGE_AGE = (
 )
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 Method = Literal["model", "fronto-parallel"]
+# What is compared with the axes of the nail's holes.
+VerificationOf = Literal["wires", "guide"]
 
 
 class LocalisedImage(WireModel):
@@ -285,11 +287,12 @@ class PlanReply(Message):
 
 
 class VerificationRequest(Message):
-    """Asks registration to compare the K-wires in one image or two with the nail's hole axes."""
+    """Asks registration to compare the K-wires in one image or two, or the guide's own holes, with the nail's axes."""
 
     schema_name: Literal["distalock/verification-request/1"] = Field("distalock/verification-request/1", alias="schema")
     case_id: Identifier
     image_sha256: tuple[Sha256, ...] = Field(min_length=1, max_length=2)
+    of: VerificationOf = "wires"
 
 
 class VerifiedWire(WireModel):
@@ -323,6 +326,9 @@ class Verification(Message):
     images: tuple[Sha256, ...]
     wires: tuple[VerifiedWire, ...]
     guide_holes: tuple[VerifiedGuideHole, ...] = ()
+    of: VerificationOf = Field(
+        "wires", description="What was to be verified: wires, or the guide alone.", exclude_if=lambda of: of == "wires"
+    )
     notes: tuple[str, ...] = Field(
         (), description="Header values that were ignored, and nominal values that were assumed.", exclude_if=is_empty
     )

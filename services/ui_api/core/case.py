@@ -229,9 +229,8 @@ def _(data: OperationEnded, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 @_after.register
 def _(data: VerificationMade, case: Case, event: Event) -> Case:  # noqa: ARG001
-    accepted = data.verdict == "accepted"
     known = replace(case, verifications=(*case.verifications, data))
-    return _moved(known, Trigger.VERIFICATION_ACCEPTED if accepted else Trigger.VERIFICATION_REJECTED)
+    return _moved(known, Trigger.VERIFICATION_ACCEPTED if data.allows_drilling else Trigger.VERIFICATION_REJECTED)
 
 
 @_after.register

@@ -178,13 +178,22 @@ class ApprovalWithdrawn:
 
 @dataclass(frozen=True, slots=True)
 class VerificationMade:
-    """Wires or guide holes compared with the nail's hole axes."""
+    """Wires or guide holes compared with the nail's hole axes.
+
+    `passing_hole_ids` are those through which a drill would pass; None in records of older versions.
+    """
 
     number: int
     images: tuple[str, ...]
     verdict: str
     reason_codes: tuple[str, ...]
     document_sha256: str
+    passing_hole_ids: tuple[str, ...] | None = None
+
+    @property
+    def allows_drilling(self) -> bool:
+        """Whether it is accepted and a drill would pass a hole."""
+        return self.verdict == "accepted" and (self.passing_hole_ids is None or bool(self.passing_hole_ids))
 
 
 @dataclass(frozen=True, slots=True)

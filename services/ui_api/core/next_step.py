@@ -277,9 +277,9 @@ _TO_THE_MOTION: Final = (
         Phase.DRILLING,
         lambda s: s.some_drilled,
         Step.DRILLED,
-        "Drill the remaining hole through the guide, or plan the move to it.",
+        "Drill what is left through the guide ({verified_holes}), or plan the move to the next hole.",
     ),
-    NextStep(Phase.DRILLING, lambda _: True, Step.DRILLED, "Drill through the guide."),
+    NextStep(Phase.DRILLING, lambda _: True, Step.DRILLED, "Drill through the guide: {verified_holes}."),
 )
 NEXT: Final = (*_WHILE_MOVING, *_AFTER_DRILLING, *_ROBOT_FIRST, *_TO_THE_MOTION)
 

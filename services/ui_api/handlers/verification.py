@@ -10,8 +10,16 @@ from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import UnitOfWork
 from shared.bus.keys import Keys
 from shared.bus.port import Bus
+from shared.equipment import LEAST_CHANCE_TO_PASS
 from shared.messages.base import decode, encode
-from shared.messages.registration import Verification, VerificationReply, VerificationRequest
+from shared.messages.registration import (
+    Verification,
+    VerificationOf,
+    VerificationReply,
+    VerificationRequest,
+    VerifiedGuideHole,
+    VerifiedWire,
+)
 
 # Chosen: wires in several images take seconds, on a busy machine several times that.
 VERIFICATION_TIMEOUT_S = 60.0
@@ -23,13 +31,13 @@ class VerificationHandler:
     def __init__(self, bus: Bus, keys: Keys, record: CaseRecord, procedure: ProcedureHandler) -> None:
         self._bus, self._keys, self._record, self._procedure = bus, keys, record, procedure
 
-    def ask(self, case: Case, images: tuple[str, ...]) -> VerificationReply:
+    def ask(self, case: Case, images: tuple[str, ...], of: VerificationOf = "wires") -> VerificationReply:
         """Have registration verify; raises `Refused` or `NoReply`. Records nothing."""
         self._procedure.require(case, Action.VERIFY)
         for image in images:
             if case.image(image) is None:
                 raise unknown("image", image, f"GET /cases/{case.case_id}/images lists those of the case")
-        request = VerificationRequest(case_id=case.case_id, image_sha256=images)
+        request = VerificationRequest(case_id=case.case_id, image_sha256=images, of=of)
         answer = self._bus.query(self._keys.verification_request, encode(request), VERIFICATION_TIMEOUT_S)
         return decode(VerificationReply, answer.payload)
 
@@ -42,7 +50,8 @@ class VerificationHandler:
             return None
         number = len(self._record.ledger.cases[case_id].verifications) + 1
         codes = tuple(reason.code.value for reason in made.reasons)
-        data = VerificationMade(number, images, made.verdict, codes, unit.put_document(encode(made)))
+        passing = tuple(one.id for one in _measured(made) if one.chance_to_pass >= LEAST_CHANCE_TO_PASS)
+        data = VerificationMade(number, images, made.verdict, codes, unit.put_document(encode(made)), passing)
         unit.append(EventDraft(data, case_id, "registration"))
         return number
 
@@ -51,3 +60,8 @@ class VerificationHandler:
         if not 1 <= number <= len(case.verifications):
             raise unknown("verification", str(number), f"case {case.case_id} has {len(case.verifications)}")
         return decode(Verification, self._record.document(case.verifications[number - 1].document_sha256))
+
+
+def _measured(made: Verification) -> tuple[VerifiedWire, ...] | tuple[VerifiedGuideHole, ...]:
+    """What a drill is to follow: wires where they were to be verified, else the guide's own holes."""
+    return made.guide_holes if made.of == "guide" else made.wires

@@ -10,6 +10,7 @@ from services.ui_api.handlers.cases import SetupRequest
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.messages.base import Identifier, Sha256
 from shared.messages.cases import Bone, DrillDiameter, HeadExtension, Mount, Side
+from shared.messages.registration import VerificationOf
 
 # At least one visible character: an approval by "  " is nobody's. No control characters: not every database keeps them.
 PersonName = Annotated[
@@ -173,6 +174,9 @@ class VerificationBody(Body):
     """Asks for a verification from one image or two."""
 
     images: Annotated[list[Sha256], Field(min_length=1, max_length=2), AfterValidator(_each_once)]
+    of: VerificationOf = Field(
+        "wires", description="`wires` in the guide's holes, or `guide`: its own holes, from images without wires."
+    )
 
 
 class QaBody(Body):

@@ -26,11 +26,11 @@ def verify(
     gateway: TheGateway,
     idempotency: TheIdempotency,
 ) -> Response:
-    """Compare wires and guide holes in one image or two with the nail's hole axes."""
+    """Compare wires, or the guide alone, in one image or two with the nail's hole axes."""
     images = tuple(body.images)
 
     def ask() -> VerificationReply:
-        return gateway.verifications.ask(gateway.cases.case(case_id), images)
+        return gateway.verifications.ask(gateway.cases.case(case_id), images, body.of)
 
     def act(unit: UnitOfWork, reply: VerificationReply) -> Answer:
         number = gateway.verifications.keep(unit, case_id, images, reply)

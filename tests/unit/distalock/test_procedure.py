@@ -1,6 +1,7 @@
 """The procedure with a nail whose spacing the guide does not have: each hole is aligned and drilled by itself."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 from distalock.case_client import (
     AxisOffset,
@@ -77,8 +78,8 @@ class Case(CaseClient):
         self.room.aligned = plan.plan.predicted[0].id
         return REACHED
 
-    def verify(self, image_ids: Sequence[str]) -> Verification:
-        assert image_ids == [IMAGE]
+    def verify(self, image_ids: Sequence[str], of: Literal["wires", "guide"] = "wires") -> Verification:
+        assert (image_ids, of) == ([IMAGE], "guide")
         offsets = [
             AxisOffset(
                 id=e.hole_id,

@@ -12,6 +12,7 @@ from typing import Final
 from scipy.special import chdtri
 
 from shared.acceptance import Criterion, Finding, at_least, at_most
+from shared.equipment import LEAST_CHANCE_TO_PASS
 from shared.errors import ReasonCode
 
 _INSPECTION: Final = "fitted by inspection on seeded scenes of `benchmarks.scenes.random_scenes`"
@@ -225,7 +226,8 @@ AXIS_BOUND: Final = Criterion(
     ENTRY_BOUND.remedy, _REQUIREMENT)
 CHANCE_TO_PASS: Final = Criterion(
     ReasonCode.UNCERTAINTY_TOO_LARGE, "probability that a drill along the estimated axis passes the true hole",
-    at_least(0.99, "", decimals=3), ENTRY_BOUND.remedy, "required: one drill in a hundred may touch the hole's wall")
+    at_least(LEAST_CHANCE_TO_PASS, "", decimals=3), ENTRY_BOUND.remedy,
+    "required: one drill in a hundred may touch the hole's wall")
 NO_UNCERTAINTY: Final = Finding(
     ReasonCode.UNCERTAINTY_TOO_LARGE,
     "the fronto-parallel method does not estimate its own errors, and errors above the limits are usual",
@@ -358,6 +360,13 @@ WIRE_ENTRY_BOUND: Final = Criterion(
 WIRE_AXIS_BOUND: Final = Criterion(
     ReasonCode.UNCERTAINTY_TOO_LARGE, "95 % bound of a wire's angle against the hole's axis", AXIS_BOUND.limit,
     WIRE_ENTRY_BOUND.remedy, "derived: as for a hole's axis")
+GUIDE_ENTRY_BOUND: Final = Criterion(
+    ReasonCode.UNCERTAINTY_TOO_LARGE, "95 % bound of a guide hole's offset from the nail hole's axis at its entry",
+    ENTRY_BOUND.limit, "take one more image along the holes, from 5° beside this one, and verify both",
+    "derived: as for a hole's axis")
+GUIDE_AXIS_BOUND: Final = Criterion(
+    ReasonCode.UNCERTAINTY_TOO_LARGE, "95 % bound of a guide hole's angle against the nail hole's axis",
+    AXIS_BOUND.limit, GUIDE_ENTRY_BOUND.remedy, "derived: as for a hole's axis")
 NO_SHARED_HOLE: Final = Finding(
     ReasonCode.NAIL_MODEL_MISMATCH, "no hole of the guide has the id of a hole of the nail",
     "check the guide and nail files")

@@ -12,7 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.criteria import NO_SHARED_HOLE, WIRE_AXIS_BOUND, WIRE_ENTRY_BOUND
+from services.registration.core.acceptance.criteria import (
+    GUIDE_AXIS_BOUND,
+    GUIDE_ENTRY_BOUND,
+    NO_SHARED_HOLE,
+    WIRE_AXIS_BOUND,
+    WIRE_ENTRY_BOUND,
+)
 from services.registration.core.drill_clearance import AxisOffset, across_basis, axis_offset_mm
 from services.registration.core.estimation.joint import fuse
 from services.registration.core.fusion import LocalisedImage, disagreement, usable_estimate
@@ -86,6 +92,32 @@ def verify_images(
     """
     relocalised = tuple(relocalise_with_wires(image, parts, wire_diameter_mm) for image in images)
     return verify_relocalised(relocalised, earlier, parts, wire_diameter_mm)
+
+
+def verify_guide_alone(
+    images: tuple[LocalisedImage, ...], earlier: tuple[LocalisedImage, ...], parts: Parts
+) -> WireVerification:
+    """Verify the guide's own holes, without wires, in images as they were localised."""
+    joint = estimate_jointly(images, earlier, parts)
+    if joint.estimate is None:
+        return WireVerification(joint.reasons, (), ())
+    verified = verify_guide_holes(joint.estimate, parts)
+    reasons = verified.reasons
+    if reasons and len(joint.used) < len(images):
+        reasons += joint.reasons
+    return replace(verified, reasons=reasons, images_used=joint.used)
+
+
+def verify_guide_holes(estimate: JointRegistration, parts: Parts) -> WireVerification:
+    """Compare the guide's own holes with the nail's, as all images together show them."""
+    in_guide = {hole.id: hole for hole in parts.guide.holes}
+    compared = tuple(
+        _compare_guide_hole(in_guide[one.hole.id].axis, one.hole, one.by_curvature_mm2)
+        for one in _shared_holes(estimate, parts)
+    )
+    if not compared:
+        return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
+    return WireVerification(tuple(reason for one in compared for reason in _guide_too_uncertain(one)), (), compared)
 
 
 def verify_relocalised(
@@ -162,19 +194,16 @@ def _registered_images(
 def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: float) -> WireVerification:
     """Fit the wires in one image or more and compare them with the nail's holes."""
     guide, nail = parts.guide, parts.nail.bent(estimate.curvature_per_m)
-    of_pose = np.pad(estimate.nail_covariance, (0, 2))
-    found = holes_at(nail, parts.drill_diameter_mm, estimate.guide_from_nail, of_pose, estimate.camera_from_nail(0))
     in_guide = {hole.id: hole for hole in guide.holes}
-    holes = [hole for hole in found if hole.id in in_guide]
-    if not holes:
+    shared = _shared_holes(estimate, parts)
+    if not shared:
         return WireVerification((NO_SHARED_HOLE.reason(),), (), ())
     gradients = tuple(gradient_image(image, guide, nail, estimate.guide_from_nail) for image in estimate.images)
     reasons: list[Reason] = []
     wires: list[AxisComparison] = []
     guide_holes: list[AxisComparison] = []
-    for hole in holes:
-        by_nail = offsets_by_motion(nail, hole.id, estimate.guide_from_nail)
-        by_curvature_mm2 = _by_curvature_mm2(by_nail, estimate.covariance_with_bend)
+    for one in shared:
+        hole, by_nail, by_curvature_mm2 = one.hole, one.by_nail, one.by_curvature_mm2
         guide_holes.append(_compare_guide_hole(in_guide[hole.id].axis, hole, by_curvature_mm2))
         fit = detect_wire(
             gradients, guide, in_guide[hole.id], nail, estimate.guide_from_nail, estimate.covariance, wire_diameter_mm
@@ -185,6 +214,28 @@ def verify_wires(estimate: JointRegistration, parts: Parts, wire_diameter_mm: fl
         wires.append(compare_wire(fit, hole, by_nail[:, :6], by_curvature_mm2))
         reasons.extend(_too_uncertain(wires[-1], len(gradients)))
     return WireVerification(tuple(reasons), tuple(wires), tuple(guide_holes))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SharedHole:
+    """A hole of the nail that the guide has too, and how its offsets depend on the nail's pose and curvature."""
+
+    hole: HoleEstimate
+    by_nail: NDArray[np.float64]  # shape (4, 8)
+    by_curvature_mm2: NDArray[np.float64]  # shape (4, 4)
+
+
+def _shared_holes(estimate: JointRegistration, parts: Parts) -> tuple[_SharedHole, ...]:
+    nail = parts.nail.bent(estimate.curvature_per_m)
+    of_pose = np.pad(estimate.nail_covariance, (0, 2))
+    found = holes_at(nail, parts.drill_diameter_mm, estimate.guide_from_nail, of_pose, estimate.camera_from_nail(0))
+    in_guide = {hole.id for hole in parts.guide.holes}
+    shared = []
+    for hole in found:
+        if hole.id in in_guide:
+            by_nail = offsets_by_motion(nail, hole.id, estimate.guide_from_nail)
+            shared.append(_SharedHole(hole, by_nail, _by_curvature_mm2(by_nail, estimate.covariance_with_bend)))
+    return tuple(shared)
 
 
 def _by_curvature_mm2(J: NDArray[np.float64], covariance: NDArray[np.float64] | None) -> NDArray[np.float64]:
@@ -240,6 +291,14 @@ def _compare_guide_hole(axis_guide: Line, hole: HoleEstimate, by_curvature_mm2: 
     mean_mm = axis_offset_mm(hole.axis_guide, axis_guide, hole.entry_guide_mm, hole.exit_guide_mm)
     covariance = hole.offset.covariance_mm2 + by_curvature_mm2
     return AxisComparison(hole, axis_guide, AxisOffset(mean_mm, covariance, hole.offset.length_mm))
+
+
+def _guide_too_uncertain(comparison: AxisComparison) -> list[Reason]:
+    bound_mm, bound_deg = comparison.offset.entry_bound_mm, comparison.offset.axis_bound_deg
+    if GUIDE_ENTRY_BOUND.is_met(bound_mm) and GUIDE_AXIS_BOUND.is_met(bound_deg):
+        return []
+    known = f"{GUIDE_ENTRY_BOUND.quoted(bound_mm)} and {GUIDE_AXIS_BOUND.quoted(bound_deg)} with 95 % confidence"
+    return [GUIDE_ENTRY_BOUND.reason(f"guide hole '{comparison.hole.id}' is known to {known}")]
 
 
 def _too_uncertain(comparison: AxisComparison, image_count: int) -> list[Reason]:

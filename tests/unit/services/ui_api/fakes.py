@@ -142,6 +142,7 @@ class FakeRegistration(OnTheBus):
         self.count = 0
         self.plan_requests: list[PlanRequest] = []
         self.refusal: tuple[str, str] | None = None
+        self.chance_to_pass = 0.999
         self.hold = threading.Event()
         self.hold.set()
         self.asked = threading.Event()
@@ -186,7 +187,13 @@ class FakeRegistration(OnTheBus):
         if self.refusal is not None:
             code, message = self.refusal
             return Answer(encode(VerificationReply(code=code, message=message)))
-        return Answer(encode(VerificationReply(verification=samples.verification(request.image_sha256))))
+        return Answer(
+            encode(
+                VerificationReply(
+                    verification=samples.verification(request.image_sha256, request.of, self.chance_to_pass)
+                )
+            )
+        )
 
 
 class FakeRobot(OnTheBus):

@@ -26,6 +26,8 @@ from shared.messages.registration import (
     StandardUncertainty,
     Timing,
     Verification,
+    VerificationOf,
+    VerifiedGuideHole,
     VerifiedWire,
 )
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
@@ -238,15 +240,18 @@ def plan(request: PlanRequest, epoch: str, robot_boot_epoch: str = ROBOT_EPOCH) 
     )
 
 
-def verification(images: tuple[str, ...]) -> Verification:
+def verification(images: tuple[str, ...], of: VerificationOf = "wires", chance_to_pass: float = 0.999) -> Verification:
     wire = VerifiedWire(
         id="distal",
         entry_offset_mm=0.2,
         exit_offset_mm=0.3,
         angle_deg=0.4,
         standard_uncertainty=StandardUncertainty(entry_mm=0.05, axis_deg=0.1),
-        chance_to_pass=0.999,
+        chance_to_pass=chance_to_pass,
     )
+    if of == "guide":
+        hole = VerifiedGuideHole(**dict(wire))
+        return Verification(verdict="accepted", reasons=(), images=images, wires=(), guide_holes=(hole,), of=of)
     return Verification(verdict="accepted", reasons=(), images=images, wires=(wire,))
 
 

@@ -116,6 +116,26 @@ def test_an_approval_can_be_withdrawn_until_a_motion_begins(room: Room) -> None:
     assert EventKind.APPROVAL_WITHDRAWN in kinds
 
 
+def test_the_guide_alone_is_verified_and_drilling_is_then_in_order(room: Room) -> None:
+    image = room.image("image", case_id := room.open_case())
+    answer = room.post(f"/cases/{case_id}/verifications", {"images": [image.sha256], "of": "guide"})
+    assert answer.status_code == 201, answer.text
+    assert (answer.json()["of"], answer.json()["wires"]) == ("guide", [])
+    procedure = room.get(f"/cases/{case_id}").json()["procedure"]
+    assert (procedure["stage"], procedure["next"]) == ("verified", "Drill through the guide: distal.")
+    assert room.post(f"/cases/{case_id}/steps", {"step": "drilled", "hole_ids": ["distal"]}).status_code == 201
+
+
+def test_a_guide_through_which_no_drill_would_pass_is_not_drilled_through(room: Room) -> None:
+    image = room.image("image", case_id := room.open_case())
+    room.registration.chance_to_pass = 0.4
+    answer = room.post(f"/cases/{case_id}/verifications", {"images": [image.sha256], "of": "guide"})
+    assert (answer.status_code, answer.json()["verdict"]) == (201, "accepted")
+    assert room.get(f"/cases/{case_id}").json()["procedure"]["stage"] == "positioning"
+    refused = room.post(f"/cases/{case_id}/steps", {"step": "drilled", "hole_ids": ["distal"]})
+    assert refused.json()["code"] == "step_out_of_order"
+
+
 def test_the_robot_says_what_may_be_done_with_it_and_by_whom(room: Room) -> None:
     actions = {one["name"]: one for one in room.get("/robot").json()["actions"]}
     assert actions["stop"]["verdict"] == "allowed"

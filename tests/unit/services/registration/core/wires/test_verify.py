@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from services.registration.core.wires.image import RegisteredImage
-from services.registration.core.wires.verify import WireVerification, verify_wires
+from services.registration.core.wires.verify import WireVerification, verify_guide_holes, verify_wires
 from shared.errors import ReasonCode
 from tests.unit.services.registration.core.wires.wire_scene import (
     ALONG_THE_GUIDE,
@@ -108,6 +108,25 @@ def test_the_guides_own_holes_are_compared_too() -> None:
         assert (hole.offset.entry_mm, hole.offset.exit_mm) == pytest.approx((entry_mm, exit_mm), abs=1e-9)
         assert hole.angle_deg == pytest.approx(0.5, abs=0.01)
         assert hole.offset.entry_sd_mm == pytest.approx(0.02 * np.sqrt(2.0))
+
+
+def test_the_guide_alone_needs_no_wires() -> None:
+    estimate = joint(view_of(LATERAL, Wired({}), seed=43))
+    parts = replace(rendered_parts(), guide=guide_part(), nail=nail_part())
+    result = verify_guide_holes(estimate, parts)
+    assert (result.reasons, result.wires) == ((), ())
+    for hole in result.guide_holes:
+        entry_mm, exit_mm = true_offsets_mm(ALONG_THE_GUIDE, hole.hole.id)
+        assert (hole.offset.entry_mm, hole.offset.exit_mm) == pytest.approx((entry_mm, exit_mm), abs=1e-9)
+
+
+def test_a_guide_that_is_not_known_well_enough_is_rejected() -> None:
+    estimate = joint(view_of(LATERAL, Wired({}), seed=43))
+    vague = replace(estimate, covariance=1e4 * estimate.covariance)
+    result = verify_guide_holes(vague, replace(rendered_parts(), guide=guide_part(), nail=nail_part()))
+    assert [reason.code for reason in result.reasons] == [ReasonCode.UNCERTAINTY_TOO_LARGE] * len(result.guide_holes)
+    assert "guide hole 'distal' is known to" in result.reasons[0].message
+    assert "take one more image along the holes" in result.reasons[0].message
 
 
 def test_holes_that_do_not_belong_together_are_refused() -> None:
