@@ -67,12 +67,9 @@ def test_without_permission_nothing_changes_and_nothing_is_raised(monkeypatch: p
     assert in_a_thread(take_precedence) is False
 
 
-def test_what_was_imported_is_not_looked_at_again_and_the_old_rarely() -> None:
-    thresholds = gc.get_threshold()
+def test_what_was_imported_is_not_looked_at_again() -> None:
     try:
         keep_collections_short()
         assert gc.get_freeze_count() > 10_000
-        assert gc.get_threshold() == (*thresholds[:2], 100 * thresholds[2])
     finally:
         gc.unfreeze()
-        gc.set_threshold(*thresholds)
