@@ -194,6 +194,19 @@ Nothing of a procedure depends on it, and it can command nothing. This page, the
 from `tools/monitoring.py` and the gateway's registry. What is wrong right now, with remedies, `distalock doctor` and
 `GET /readyz` say ([rest.md](rest.md)).
 """
+_TRACES: Final = """
+## Following a request through the logs
+
+Log lines are JSON. A request is a trace after W3C's recommendation: the caller's own where it sends `traceparent`, or a
+new one; the answer's header `traceresponse` names it. Lines that are written while somebody works for the request have
+its `trace_id`, and `case` where its path names one, in the gateway and, over the bus, in imaging, registration and the
+robot service. The robot's line `command accepted` has the trace and the command's id, by which the lines of its states
+follow; they go on after the answer.
+
+```console
+$ grep -h 0af7651916cd43dd8448eb211c80319c STATE/logs/*.log
+```
+"""
 _COLUMNS: Final = 2
 _WIDTH, _HEIGHT = 24 // _COLUMNS, 8
 
@@ -213,7 +226,7 @@ def monitoring_page() -> str:
     return (
         f"{_HEAD}\n## Figures\n\nCounters end in `_total`, histograms have `_bucket`, `_sum` and `_count`. All count "
         f"from the gateway's start.\n\n| name | kind | meaning |\n|---|---|---|\n{figures}\n## Alerts\n\n"
-        f"| alert | severity | when | what to do |\n|---|---|---|---|\n{alerts}"
+        f"| alert | severity | when | what to do |\n|---|---|---|---|\n{alerts}{_TRACES}"
     )
 
 

@@ -171,6 +171,8 @@ class RobotService:
                 else self._refused(envelope.command_id, refusal)
             )
             self._ledger.answered(envelope.command_id, encode(reply))
+            if refusal is None:
+                _log.info("command accepted: %s (command %s)", envelope.effect, envelope.command_id)
             return Answer(encode(reply))
 
     def _begin_move(self, request: message_mapping.MoveRequest) -> Refusal | None:

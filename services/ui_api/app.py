@@ -28,6 +28,7 @@ from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
 from services.ui_api.routes.request_gate import RequestGate
+from services.ui_api.routes.request_trace import RequestTrace
 from services.ui_api.service import Gateway
 from shared.runtime.lifecycle import software_version
 
@@ -49,6 +50,7 @@ def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = ()) -> FastAPI:
     """
     app = routed_app()
     app.add_middleware(RequestGate, allowed_hosts=allowed_hosts)
+    app.add_middleware(RequestTrace)
     app.state.gateway = gateway
     app.state.idempotency = Idempotency(gateway.record)
     gateway.record.listen(app.state.metrics.note_events)

@@ -22,6 +22,7 @@ from shared.bus.memory_declarations import (
 )
 from shared.bus.port import Answer, Query, QueryHandler, Sample
 from shared.bus.replies import no_answer, no_reply_in_time, replied_with_error
+from shared.tracing import current_traceparent
 
 D = TypeVar("D", bound=Declared)
 
@@ -154,7 +155,7 @@ class MemoryBus:
         if queryable is None:
             raise no_answer(key)
         pending = Pending()
-        queryable.ask(Query(key, payload), pending)
+        queryable.ask(Query(key, payload, current_traceparent() or ""), pending)
         outcome = pending.wait(timeout_s)
         if outcome is None:
             raise no_reply_in_time(key, timeout_s)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from shared.bus.key_expressions import includes
 from shared.bus.port import Answer, Query, QueryHandler, Sample
-from shared.bus.replies import error_text, outcome_of
+from shared.bus.replies import answered, error_text, outcome_of
 from shared.bus.workers import Worker
 
 
@@ -101,7 +101,7 @@ class Queryable(_Working):
 
     def _answer(self, query: Query, pending: Pending) -> None:
         try:
-            answer = self._handler(query)
+            answer = answered(self._handler, query)
         except Exception as error:
             pending.settle(error_text(error))
             raise

@@ -22,10 +22,11 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """One question put to a queryable."""
+    """One question put to a queryable; `traceparent` names what it was asked for (`shared.tracing`), if anything."""
 
     key: str
     payload: bytes
+    traceparent: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,10 @@ class Bus(Protocol):
         """The last retained value, if any, then every sample."""
 
     def queryable(self, key: str, handler: QueryHandler) -> Subscription:
-        """Answer queries on a key expression, one after another. An exception becomes an error reply."""
+        """Answer queries on a key expression, one after another. An exception becomes an error reply.
+
+        The handler works for the trace of whoever asks.
+        """
 
     def query(self, key: str, payload: bytes, timeout_s: float) -> Answer:
         """Ask and wait for the first reply.

@@ -1,14 +1,21 @@
-"""The text of a failed query, the same on every bus."""
+"""How a question is answered and the text of one that failed, the same on every bus."""
 
 from concurrent.futures import Future
 
-from shared.bus.port import Answer
+from shared.bus.port import Answer, Query, QueryHandler
 from shared.errors import DistalockError, NoReply
+from shared.tracing import trace_id_of, traced
 
 
 def error_text(error: BaseException) -> str:
     """Error reply when a queryable's handler raises: our own sentence, or the foreign error with its kind."""
     return str(error) if isinstance(error, DistalockError) else f"{type(error).__name__}: {error}"
+
+
+def answered(handler: QueryHandler, query: Query) -> Answer | Future[Answer]:
+    """What a handler answers to a question, working for the trace of whoever asks."""
+    with traced(trace_id_of(query.traceparent)):
+        return handler(query)
 
 
 def outcome_of(done: Future[Answer]) -> Answer | str:

@@ -19,11 +19,12 @@ import zenoh
 from shared.bus.declarations import Channel, Declared, pump
 from shared.bus.liveliness import AliveView
 from shared.bus.port import Answer, Query, QueryHandler, Sample
-from shared.bus.replies import error_text, no_answer, no_reply_in_time, outcome_of, replied_with_error
+from shared.bus.replies import answered, error_text, no_answer, no_reply_in_time, outcome_of, replied_with_error
 from shared.bus.settings import BusSettings as BusSettings
 from shared.bus.shared_memory import POOL_BYTES
 from shared.bus.tls import TlsFiles
 from shared.errors import BusUnavailable
+from shared.tracing import current_traceparent
 
 # Chosen: a process that hangs is noticed within it; a keep-alive is sent several times in it.
 _LEASE_MS = 1000
@@ -184,6 +185,7 @@ class ZenohBus:
             replies = self._session.get(
                 key,
                 payload=payload,
+                attachment=current_traceparent(),
                 timeout=timeout_s,
                 target=zenoh.QueryTarget.BEST_MATCHING,
                 consolidation=zenoh.ConsolidationMode.NONE,
@@ -255,13 +257,17 @@ def _bytes(value: zenoh.ZBytes | None) -> bytes:
     return b"" if value is None else value.to_bytes()
 
 
+def _text(value: zenoh.ZBytes | None) -> str:
+    return _bytes(value).decode("ascii", "replace")
+
+
 def _sample(sample: zenoh.Sample) -> Sample:
     return Sample(str(sample.key_expr), sample.payload.to_bytes(), _bytes(sample.attachment))
 
 
 def _answer(handler: QueryHandler, query: zenoh.Query) -> None:
     try:
-        answer = handler(Query(str(query.key_expr), _bytes(query.payload)))
+        answer = answered(handler, Query(str(query.key_expr), _bytes(query.payload), _text(query.attachment)))
     except Exception as error:
         _reply(query, error_text(error))
         raise

@@ -40,6 +40,7 @@ from shared.messages.robot import (
     RobotState,
 )
 from shared.threads import described, supervised
+from shared.tracing import carried
 
 _log = structlog.stdlib.get_logger("distalock.ui_api")
 
@@ -156,7 +157,7 @@ class CommandHandler:
         return Operation(requested, draft.case_id, event.at_ns)
 
     def _hand_over(self, waiting: _Waiting) -> None:
-        self._sender.submit(supervised("commands", self._send), waiting)
+        self._sender.submit(carried(supervised("commands", self._send)), waiting)
 
     def _send(self, waiting: _Waiting) -> None:
         """Send a command and record what came of it; whatever goes wrong, the operation does not stay as it was."""

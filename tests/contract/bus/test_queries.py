@@ -5,9 +5,11 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
+from structlog.contextvars import get_contextvars
 
 from shared.bus.port import Answer, Query
 from shared.errors import BusError, InputError, NoReply
+from shared.tracing import new_trace_id, traced
 from tests.contract.bus.rooms import PATIENCE_S, Collector, Room, until_known
 
 
@@ -16,6 +18,23 @@ def test_answer_comes_back_whole(room: Room) -> None:
         server.queryable("q/echo", lambda q: Answer(q.payload[::-1], b"attached"))
         until_known(server, asker)
         assert asker.query("q/echo", b"abc", PATIENCE_S) == Answer(b"cba", b"attached")
+
+
+def test_who_answers_works_for_the_trace_of_who_asks(room: Room) -> None:
+    trace, seen = new_trace_id(), []
+
+    def answer(_: Query) -> Answer:
+        seen.append(get_contextvars().get("trace_id"))
+        return Answer(b"")
+
+    with room.open() as asker, room.open() as server:
+        server.queryable("q/traced", answer)
+        until_known(server, asker)
+        asker.query("q/traced", b"", PATIENCE_S)
+        with traced(trace):
+            asker.query("q/traced", b"", PATIENCE_S)
+        asker.query("q/traced", b"", PATIENCE_S)
+    assert seen == [None, trace, None]
 
 
 def test_queryable_sees_which_key_was_asked(room: Room) -> None:

@@ -1,0 +1,36 @@
+"""Every request is a trace: the caller's (`traceparent`), or a new one; the answer names it (`traceresponse`)."""
+
+import re
+from typing import Final
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from shared.tracing import TRACEPARENT, current_traceparent, new_trace_id, trace_id_of, traced
+
+_CASE: Final = re.compile(r"/api/v1/cases/([A-Za-z0-9_-]{1,64})(/|$)")
+
+
+class RequestTrace:
+    """Middleware: log lines made while a request is worked on name its trace, and its case where its path does."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Bind the trace, pass on."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        trace_id = trace_id_of(Headers(scope=scope).get(TRACEPARENT, "")) or new_trace_id()
+        case = _CASE.match(scope["path"])
+        with traced(trace_id, **({"case": case[1]} if case else {})):
+            answer = current_traceparent()
+            assert answer is not None
+
+            async def naming(message: Message) -> None:
+                if message["type"] == "http.response.start":
+                    MutableHeaders(scope=message)["traceresponse"] = answer
+                await send(message)
+
+            await self._app(scope, receive, naming)
