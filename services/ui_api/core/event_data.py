@@ -227,6 +227,14 @@ class StepRecorded:
 
 
 @dataclass(frozen=True, slots=True)
+class StepWithdrawn:
+    """A step that was recorded by mistake is taken back: it was not done."""
+
+    number: int
+    step: Step
+
+
+@dataclass(frozen=True, slots=True)
 class PresenceChanged:
     """A service appeared or vanished."""
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from services.ui_api.core.inside import ObjectKind, removing_step_of
 from services.ui_api.core.procedure import Stage
-from services.ui_api.core.situation import Basis, Pending, PlanStanding, RobotCondition, Situation
+from services.ui_api.core.situation import Basis, LastStep, Pending, PlanStanding, RobotCondition, Situation
 
 
 class Sort(StrEnum):
@@ -169,6 +169,21 @@ APPROVED_BY_A_USER: Final = Condition(
     "plan_not_approved",
     "plan {plan} was approved before there were users",
     "request a new plan and approve it",
+)
+A_STEP: Final = Condition(
+    "a step is recorded",
+    lambda s: s.last_step is not LastStep.NONE,
+    "step_not_found",
+    "the case has no step that was recorded and not withdrawn",
+    "GET /cases/{case}/steps lists them",
+    Sort.MISSING,
+)
+STEP_CAN_BE_UNDONE: Final = Condition(
+    "nothing but images has come since, and it changed no set-up",
+    lambda s: s.last_step is not LastStep.CANNOT_BE_UNDONE,
+    "step_not_undoable",
+    "step {step} ({step_name}) has had consequences: the set-up changed, or the case went on",
+    "record what was really done, with a reason",
 )
 HEARD: Final = Condition(
     "the robot has reported its state",

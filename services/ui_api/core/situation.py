@@ -41,6 +41,14 @@ class Pending(StrEnum):
     REFERENCE = "reference"
 
 
+class LastStep(StrEnum):
+    """Whether the step that was recorded last can be taken back."""
+
+    NONE = "none"
+    CANNOT_BE_UNDONE = "cannot_be_undone"
+    CAN_BE_UNDONE = "can_be_undone"
+
+
 class RobotCondition(StrEnum):
     """The robot as last seen, as far as it decides anything."""
 
@@ -115,6 +123,7 @@ class Situation:
     guide_seen: bool = True
     some_drilled: bool = False
     all_screwed: bool = False
+    last_step: LastStep = LastStep.NONE
     observed: Observed = field(default_factory=Observed)
 
     @property
