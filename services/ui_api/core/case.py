@@ -100,6 +100,12 @@ class Case:
         taken_off = self.progress.closed and any(step.step is Step.ROBOT_REMOVED for step in self.steps)
         return frozenset() if taken_off else self.progress.inside
 
+    @property
+    def side_of_images(self) -> str | None:
+        """The side that the newest image with one states; None when none of this set-up does."""
+        stated = (i.laterality for i in reversed(self.images) if i.case_revision == self.revision)
+        return next((side for side in stated if side is not None), None)
+
     def image(self, sha256: str) -> ImageReceived | None:
         """An image of this case, by its hash; when it came twice, the later one."""
         return next((i for i in reversed(self.images) if i.image_sha256 == sha256), None)

@@ -134,6 +134,13 @@ LOCALISED_WELL: Final = Condition(
     "localisation {localisation} was rejected ({reasons})",
     "take one more image",
 )
+SIDE_AGREES: Final = Condition(
+    "the images' headers state no other side than the case",
+    lambda s: s.side_agrees,
+    "laterality_mismatch",
+    "the case is of the {side} side, and the newest image's header states the {image_side} side",
+    "see which side it is; correct the case, or the patient's data at the C-arm, and take one more image",
+)
 PLANNED: Final = Condition(
     "there is a plan",
     lambda s: s.plan is not PlanStanding.NONE,

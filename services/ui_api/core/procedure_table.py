@@ -68,6 +68,7 @@ TABLE: Final[Mapping[Action, Row]] = {
             c.LOCALISED,
             c.LOCALISED_NOW,
             c.LOCALISED_WELL,
+            c.SIDE_AGREES,
         ),
     ),
     Action.APPROVE_PLAN: Row(

@@ -110,6 +110,8 @@ class Situation:
         Whether there is an image to verify with.
     guide_seen
         False when the newest localisation found no guide, as in the image from before the robot is mounted.
+    side_agrees
+        False when the newest image states another side of the body than the case.
     some_drilled, all_screwed
         Whether a hole of the case was drilled, and whether each has a screw.
     """
@@ -124,6 +126,7 @@ class Situation:
     some_drilled: bool = False
     all_screwed: bool = False
     last_step: LastStep = LastStep.NONE
+    side_agrees: bool = True
     observed: Observed = field(default_factory=Observed)
 
     @property

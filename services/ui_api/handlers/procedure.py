@@ -69,6 +69,7 @@ class ProcedureHandler:
             some_drilled=bool(case.drilled_hole_ids),
             all_screwed=screwed >= set(case.hole_ids),
             last_step=_last_step(case),
+            side_agrees=case.side_of_images in (None, case.setup.side),
             observed=Observed({**robot.observed.values, **self._quoted(case, newest)}),
         )
 
@@ -142,6 +143,7 @@ class ProcedureHandler:
 
     def _quoted(self, case: Case, newest: LocalisationReceived | None) -> dict[str, str]:
         quoted = {"case": case.case_id, "stage": str(case.progress.stage), **_held(tuple(sorted(case.progress.inside)))}
+        quoted |= {"side": case.setup.side, "image_side": case.side_of_images or "same"}
         if case.step_entries:
             last = case.step_entries[-1]
             quoted |= {"step": str(last.number), "step_name": last.recorded.step}

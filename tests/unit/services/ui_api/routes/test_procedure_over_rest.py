@@ -159,6 +159,26 @@ def test_steps_recorded_by_mistake_are_taken_back_the_last_first(room: Room) -> 
     assert kinds.count(EventKind.STEP_WITHDRAWN) == 3
 
 
+def test_images_of_the_other_side_allow_no_plan_until_that_is_settled(room: Room) -> None:
+    case_id = room.open_case()
+    header = room.imaging.store("other side", case_id).model_copy(update={"laterality": "right"})
+    room.imaging.keep(header)
+    room.imaging.publish(header)
+    ledger = room.gateway.record.ledger
+    room.log.wait_for(lambda: ledger.cases[case_id].image(header.sha256) is not None)
+    epoch = room.registration.publish(header).registration_epoch
+    room.log.wait_for(lambda: ledger.cases[case_id].knows_localisation(header.sha256, epoch))
+    assert "request_plan" in _assert_case_and_requests_agree(room, case_id)
+    answer = room.post(f"/cases/{case_id}/plans", {"localisation": 1, "hole_ids": ["distal"]})
+    assert (answer.status_code, answer.json()["code"]) == (409, "laterality_mismatch")
+    assert "the case is of the left side, and the newest image's header states the right side" in answer.text
+    assert room.get(f"/cases/{case_id}").json()["procedure"]["next_action"] == "change_setup"
+    room.image("from now on without a side", case_id)
+    assert room.post(f"/cases/{case_id}/plans", {"localisation": 2, "hole_ids": ["distal"]}).status_code == 409
+    room.client.patch(f"/api/v1/cases/{case_id}", json={"side": "right"})
+    assert ledger.cases[case_id].side_of_images is None, "older images are of another set-up"
+
+
 def test_the_robot_says_what_may_be_done_with_it_and_by_whom(room: Room) -> None:
     actions = {one["name"]: one for one in room.get("/robot").json()["actions"]}
     assert actions["stop"]["verdict"] == "allowed"
