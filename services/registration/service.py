@@ -29,6 +29,7 @@ from shared.messages.registration import (
 )
 from shared.messages.robot import RobotState
 from shared.messages.stored_images import LocalisationRequest
+from shared.runtime.impairments import is_lack_of_memory
 from shared.runtime.lifecycle import Runtime, software_version
 from shared.threads import supervised_thread
 
@@ -179,15 +180,18 @@ class RegistrationService:
             except BusError as error:  # imaging is gone, or its link: whoever has the image on record asks again
                 self._runtime.log.error("image not localised", sha256=job.image.sha256, detail=str(error))  # noqa: TRY400
                 impairment = f"image {job.image.sha256[:12]} was not localised: {error}; check imaging"
-            except MemoryError as error:  # of the process, not of the image, which is asked for again as well
-                self._runtime.log.error("image not localised", sha256=job.image.sha256, detail=str(error))  # noqa: TRY400
-                impairment = f"image {job.image.sha256[:12]} waits for memory ({error}); raise the limit of memory"
-            except Exception as error:
-                self._runtime.log.exception("fault", sha256=job.image.sha256)
-                impairment = f"image {job.image.sha256[:12]} brought a fault: {error}; take another image"
-                fault = str(error)
+            except Exception as error:  # noqa: BLE001 - the border of a task: the next image must not suffer from this one
+                fault, impairment = self._fault_of(job, error)
             self._runtime.status.impair("localisation", impairment)
             self._jobs.done(fault)
+
+    def _fault_of(self, job: CalibrationMessage, error: Exception) -> tuple[str | None, str]:
+        """What the image brought, None where it was the process's memory that failed, and what impairs the service."""
+        if is_lack_of_memory(error):  # the image is asked for again
+            self._runtime.log.error("image not localised", sha256=job.image.sha256, detail=str(error))
+            return None, f"image {job.image.sha256[:12]} waits for memory ({error}); raise the limit of memory"
+        self._runtime.log.exception("fault", sha256=job.image.sha256)
+        return str(error), f"image {job.image.sha256[:12]} brought a fault: {error}; take another image"
 
     def _localise(self, job: CalibrationMessage) -> None:
         assert job.case_id is not None  # `_on_calibration` queues no others

@@ -27,6 +27,7 @@ DISK: Final = "disk"
 _HANDLES: Final = Path("/proc/self/fd")
 _MEMORY_USED: Final = Path("/proc/self/statm")
 _MIB: Final = 2**20
+_OPENCV_NO_MEMORY: Final = -4  # cv::Error::StsNoMem
 
 
 class Impaired(Protocol):
@@ -150,6 +151,12 @@ def nearly_out_of_memory() -> str | None:
         f"{max(free_mib, 0.0):.0f} MiB of the process's address space are left (limit {LEAST_FREE_MEMORY_MIB:g} MiB); "
         "raise its limit (ulimit -v)"
     )
+
+
+def is_lack_of_memory(error: BaseException) -> bool:
+    """Whether an error is the process's lack of memory: Python's and NumPy's, or OpenCV's, which is of another kind."""
+    by_opencv = type(error).__module__ == "cv2" and getattr(error, "code", None) == _OPENCV_NO_MEMORY
+    return by_opencv or isinstance(error, MemoryError)
 
 
 class _DroppedLines:

@@ -29,7 +29,7 @@ from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext
 from shared.messages.imaging import FrameHeader
 from shared.messages.stored_images import SkipCode
-from shared.runtime.impairments import nearly_out_of_memory
+from shared.runtime.impairments import is_lack_of_memory, nearly_out_of_memory
 from shared.runtime.latest import LatestSlot
 from shared.runtime.lifecycle import Runtime
 from shared.threads import supervised_thread
@@ -115,17 +115,22 @@ class Calibrator:
             except OSError as error:  # of the disk, not of the image, which waits in the index until it can be read
                 self._note_index(error)
                 self._ended.wait(_DISK_AGAIN_S)
-            except MemoryError as error:  # of the process, not of the image, which waits in the index as well
-                self._wait_for_memory(header, error)
-            except Exception as error:  # the border of a task: the next image must not suffer from this one
-                self._runtime.log.exception("fault", sha256=header.sha256)
-                sentence = f"image {header.sha256[:12]} brought a fault: {error}; take another image"
-                self._runtime.status.impair(_CALIBRATION, sentence)
-                self._skip(header, SkipCode.FAULT, f"it brought a fault ({error}); take another image")
+            except Exception as error:  # noqa: BLE001 - the border of a task: the next image must not suffer from this one
+                self._note_fault(header, error)
             else:
                 self._runtime.status.impair(_CALIBRATION, None)
 
-    def _wait_for_memory(self, header: FrameHeader, error: MemoryError) -> None:
+    def _note_fault(self, header: FrameHeader, error: Exception) -> None:
+        """The image is left out, unless it was the process's memory that failed: then it waits in the index as well."""
+        if is_lack_of_memory(error):
+            self._wait_for_memory(header, error)
+            return
+        self._runtime.log.exception("fault", sha256=header.sha256)
+        sentence = f"image {header.sha256[:12]} brought a fault: {error}; take another image"
+        self._runtime.status.impair(_CALIBRATION, sentence)
+        self._skip(header, SkipCode.FAULT, f"it brought a fault ({error}); take another image")
+
+    def _wait_for_memory(self, header: FrameHeader, error: Exception) -> None:
         """Until the process may have as much again as an image needs; it is degraded meanwhile."""
         self._runtime.log.error("image waits for memory", sha256=header.sha256, detail=str(error))
         sentence = f"image {header.sha256[:12]} waits for memory ({error}); raise the limit, or end what takes it"

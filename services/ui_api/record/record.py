@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from sqlalchemy import Connection, Engine, RowMapping, Select, delete, func, insert, select
-from sqlalchemy.exc import DBAPIError, IntegrityError, ProgrammingError
+from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError, ProgrammingError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from services.ui_api.core.chain import GENESIS_SHA256, ChainEntry, why_broken
@@ -120,6 +120,7 @@ class CaseRecord:
         with (
             _unavailable("written"),
             engine.connect().execution_options(**{WRITES: True}, **options) as connection,
+            _given_up_when_it_fails(connection),
             connection.begin(),
         ):
             yield connection
@@ -250,6 +251,16 @@ def _unavailable(done: str) -> Iterator[None]:
         raise RecordUnavailable(
             f"the case record cannot be {done} now ({cause_of(error)}); see to its disk, and who else holds it"
         ) from error
+
+
+@contextmanager
+def _given_up_when_it_fails(connection: Connection) -> Iterator[None]:
+    """The next transaction gets a new connection: SQLite opens a file for reading alone when memory or handles lack."""
+    try:
+        yield
+    except OperationalError:
+        connection.invalidate()
+        raise
 
 
 def _in_one_line(error: Exception) -> str:

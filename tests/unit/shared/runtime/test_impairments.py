@@ -7,9 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
-from shared.runtime.impairments import _filling_of, _lack_of, nearly_full
+from shared.runtime.impairments import _filling_of, _lack_of, is_lack_of_memory, nearly_full
 
 
 def test_enough_space_impairs_nothing(tmp_path: Path) -> None:
@@ -94,3 +96,16 @@ def test_a_process_with_little_memory_left_is_impaired() -> None:
     limit = "RLIMIT_AS, (pages * resource.getpagesize() + 2**20,) * 2"
     said = _in_a_process_with(limit, "nearly_out_of_memory")
     assert said.endswith("MiB of the process's address space are left (limit 64 MiB); raise its limit (ulimit -v)")
+
+
+def test_what_counts_as_lack_of_memory() -> None:
+    with pytest.raises(cv2.error) as lacking:
+        cv2.resize(np.zeros((1, 1), np.uint8), (2**30, 2**30))
+    with pytest.raises(cv2.error) as other:
+        cv2.resize(np.zeros((0, 0), np.uint8), (1, 1))
+    assert [is_lack_of_memory(e) for e in (MemoryError(), lacking.value, other.value, ZeroDivisionError())] == [
+        True,
+        True,
+        False,
+        False,
+    ]

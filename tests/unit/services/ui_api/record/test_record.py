@@ -2,6 +2,7 @@
 
 import random
 import re
+import sqlite3
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import Engine, text
+from sqlalchemy import event as sqlalchemy_event
 from sqlalchemy.exc import IntegrityError
 
 from services.ui_api.core.chain import ChainBroken, ChainIntact
@@ -344,3 +346,20 @@ def _damage(file: Path, rng: random.Random) -> None:
 def _write_with_effect(record: CaseRecord, effect: Callable[[], None]) -> None:
     with record.write() as unit:
         unit.after_commit(effect)
+
+
+def test_a_connection_that_was_opened_for_reading_alone_is_not_used_again(tmp_path: Path) -> None:
+    """As SQLite does while the process may have no memory or handle more."""
+    engine = open_database(sqlite_url(tmp_path))
+    record = record_of(engine)
+    engine.dispose()
+
+    @sqlalchemy_event.listens_for(engine, "connect", once=True)
+    def for_reading_alone(connection: sqlite3.Connection, _: object) -> None:
+        connection.execute("PRAGMA query_only=ON")
+
+    with pytest.raises(RecordUnavailable, match="attempt to write a readonly database"):
+        record.append(STEP)
+    record.append(STEP)
+    assert record.ledger.head_sequence == 1
+    record.close()
