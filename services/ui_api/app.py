@@ -27,6 +27,7 @@ from services.ui_api.routes.guards import SECURITY_SCHEMES
 from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
+from services.ui_api.routes.request_checks import PathMethods
 from services.ui_api.routes.request_gate import RequestGate
 from services.ui_api.routes.request_trace import RequestTrace
 from services.ui_api.service import Gateway
@@ -70,7 +71,7 @@ def routed_app() -> FastAPI:
     app.state.metrics = Metrics()
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
-    api = APIRouter(prefix=PREFIX)
+    api, methods = APIRouter(prefix=PREFIX), PathMethods()
     for resource in (
         cases,
         images,
@@ -88,8 +89,11 @@ def routed_app() -> FastAPI:
         setup,
     ):
         api.include_router(resource.router)
+        methods.add(PREFIX, resource.router.routes)
     app.include_router(api)
     app.include_router(health.router)
+    methods.add("", health.router.routes)
+    app.state.methods = methods
     add_problem_handlers(app)
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]  # FastAPI's own way to extend it
     return app

@@ -20,6 +20,7 @@ class RefusalKind(StrEnum):
     CONFLICT = "conflict"
     PRECONDITION_MISSING = "precondition_missing"
     PRECONDITION_FAILED = "precondition_failed"
+    MEDIA_TYPE = "media_type"
     NO_REPLY = "no_reply"
     UNAVAILABLE = "unavailable"
 

@@ -21,7 +21,7 @@ router = APIRouter(route_class=GuardedRoute, tags=["events"])
 # Chosen: below the 30 s after which proxies close what says nothing.
 PING_S = 10.0
 LastEventId = Annotated[
-    str | None, Header(alias="Last-Event-ID", pattern=r"^\d{1,18}$", description="Id of the last event received.")
+    str | None, Header(alias="Last-Event-ID", pattern=r"^[0-9]{1,18}$", description="Id of the last event received.")
 ]
 After = Annotated[int | None, Query(ge=0, lt=10**18, description="Sequence number after which to begin.")]
 

@@ -5,11 +5,12 @@ left out.
 """
 
 import base64
+import re
 from collections.abc import Callable, Sequence
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Final, Generic, TypeVar
 
 from fastapi import Query
-from pydantic import BaseModel
+from pydantic import BaseModel, WithJsonSchema
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
 
@@ -17,8 +18,13 @@ T = TypeVar("T")
 V = TypeVar("V")
 
 Limit = Annotated[int, Query(ge=1, le=200)]
-Cursor = Annotated[str | None, Query(max_length=64, description="`next_cursor` of the page before.")]
 _MARK = "after:"
+# What `_cursor` makes: the mark and a number, in base64.
+_CURSOR_PATTERN: Final = "^YWZ0ZXI6[A-Za-z0-9_-]{1,32}$"
+Cursor = Annotated[
+    Annotated[str, WithJsonSchema({"type": "string", "pattern": _CURSOR_PATTERN})] | None,
+    Query(description="`next_cursor` of the page before."),
+]
 
 
 class Page(BaseModel, Generic[V]):
@@ -47,12 +53,14 @@ def _cursor(position: int) -> str:
 
 
 def _position(cursor: str) -> int:
+    if re.fullmatch(_CURSOR_PATTERN, cursor) is None:
+        return _refuse()
     try:
         text = base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode("ascii")
     except ValueError:  # what is not base64, and what is not ASCII: both are kinds of it
         return _refuse()
     number = text.removeprefix(_MARK)
-    return int(number) if text.startswith(_MARK) and number.isdigit() else _refuse()
+    return int(number) if number.isascii() and number.isdigit() else _refuse()
 
 
 def _refuse() -> int:

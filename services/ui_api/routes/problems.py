@@ -14,6 +14,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import Response
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
+from services.ui_api.routes.request_checks import PathMethods
 from shared.errors import BusError, DistalockError, InputError, NoReply, RecordUnavailable
 from shared.messages.base import MessageInvalid
 
@@ -30,6 +31,7 @@ _STATUS_OF_KIND: Mapping[RefusalKind, int] = {
     RefusalKind.UNKNOWN: 404,
     RefusalKind.CONFLICT: 409,
     RefusalKind.PRECONDITION_FAILED: 412,
+    RefusalKind.MEDIA_TYPE: 415,
     RefusalKind.INVALID: 422,
     RefusalKind.PRECONDITION_MISSING: 428,
     RefusalKind.UNAVAILABLE: 503,
@@ -174,7 +176,13 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     code = _CODE_OF_STATUS.get(error.status_code, "request_refused")
     detail = f"{request.method} {request.url.path}: {error.detail}"
-    return _refusal(request, problem(error.status_code, code, detail, request.url.path), error.headers)
+    headers = dict(error.headers or {})
+    if error.status_code == http.HTTPStatus.METHOD_NOT_ALLOWED:
+        # The framework names the methods of the first route alone that has the path.
+        methods_of: PathMethods = request.app.state.methods
+        methods = ", ".join(methods_of.of(request.scope["path"])) or headers.get("allow", "GET")
+        headers, detail = {**headers, "Allow": methods}, f"{request.url.path} has no {request.method}; it has {methods}"
+    return _refusal(request, problem(error.status_code, code, detail, request.url.path), headers)
 
 
 async def _on_fault(request: Request, error: Exception) -> Response:
