@@ -13,6 +13,7 @@ from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
 from services.ui_api.routes.motion_views import LeaseView, OperationView
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
 from services.ui_api.service import Gateway
 
 router = APIRouter(route_class=GuardedRoute, tags=["motions"])
@@ -26,6 +27,7 @@ def begin_motion(
     request: Request,
     body: MotionBody,
     key: IdempotencyKey,
+    if_match: CaseMatch,
     gateway: TheGateway,
     idempotency: TheIdempotency,
     user: TheUser,
@@ -34,7 +36,9 @@ def begin_motion(
 
     def act(unit: UnitOfWork) -> Answer:
         wanted = MotionRequest(body.plan, body.hold_to_move, user.name)
-        return accepted(gateway.planning.begin_motion(unit, gateway.cases.case(case_id), wanted))
+        case = matched_case(gateway, case_id, if_match)
+        begun = gateway.planning.begin_motion(unit, case, wanted)
+        return accepted(begun, case_etag=case_etag_after(gateway, case_id, unit))
 
     return idempotency.once(keyed(request, key, body), act)
 
@@ -64,10 +68,10 @@ def renew_lease(operation_id: str, gateway: TheGateway) -> LeaseView:
     return LeaseView(operation=operation_id, expires_in_s=gateway.leases.lease_s)
 
 
-def accepted(operation: Operation) -> Answer:
+def accepted(operation: Operation, **headers: str) -> Answer:
     """202 with the operation and where to follow it."""
     location = f"/api/v1/operations/{operation.requested.operation_id}"
-    return json_answer(202, OperationView.of(operation), location=location)
+    return json_answer(202, OperationView.of(operation), location=location, **headers)
 
 
 def _operation(gateway: Gateway, operation_id: str) -> Operation:

@@ -53,7 +53,7 @@ _MISSING_HEADERS: Mapping[str, tuple[int, str, str]] = {
     "if-match": (
         428,
         "precondition_required",
-        "the header If-Match is missing; send the ETag of the plan that was read, so that exactly it is approved",
+        "the header If-Match is missing; send the ETag that was read: a plan's to approve it, a case's to change it",
     ),
 }
 
@@ -80,6 +80,7 @@ class Problem(BaseModel):
     instance: str
     errors: list[Place] | None = None
     checks: list[dict[str, str | bool]] | None = None
+    current: dict[str, object] | None = None
 
 
 def problem(status: int, code: str, detail: str, instance: str, errors: Sequence[Place] = ()) -> Problem:
@@ -103,7 +104,10 @@ def problem_response(document: Problem, headers: Mapping[str, str] | None = None
 
 def problem_of(error: DistalockError, instance: str) -> Problem:
     """The problem document of an error that was raised on purpose."""
-    return problem(_status_of(error), error.code, str(error), instance)
+    document = problem(_status_of(error), error.code, str(error), instance)
+    if not isinstance(error, Refused) or error.current is None:
+        return document
+    return document.model_copy(update={"current": dict(error.current)})
 
 
 def add_problem_handlers(app: FastAPI) -> None:
@@ -148,12 +152,15 @@ def _refusal(request: Request, document: Problem, headers: Mapping[str, str] | N
 
 async def _on_distalock_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, DistalockError)
-    return _refusal(request, problem_of(error, request.url.path), _headers_of(error))
+    return _refusal(request, problem_of(error, request.url.path), headers_of(error))
 
 
-def _headers_of(error: DistalockError) -> dict[str, str]:
+def headers_of(error: DistalockError) -> dict[str, str]:
+    """What goes with an error beside its document."""
     if not isinstance(error, Refused):
         return {}
+    if error.etag is not None:
+        return {"etag": error.etag}
     asked = {"www-authenticate": "Bearer"} if error.kind is RefusalKind.UNAUTHENTICATED else {}
     return asked if error.retry_after_s is None else {**asked, "retry-after": str(math.ceil(error.retry_after_s))}
 
