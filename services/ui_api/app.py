@@ -19,6 +19,7 @@ from services.ui_api.routes import (
     robot,
     sessions,
     setup,
+    timeline,
     users,
     verifications,
 )
@@ -74,6 +75,7 @@ def routed_app() -> FastAPI:
     api, methods = APIRouter(prefix=PREFIX), PathMethods()
     for resource in (
         cases,
+        timeline,
         images,
         localisations,
         plans,

@@ -1,7 +1,10 @@
 """`/cases`: open, list, read, change; `/cases/{id}/steps`: what people did with their hands."""
 
-from fastapi import APIRouter, Request, Response
+from typing import Annotated, Literal
 
+from fastapi import APIRouter, Query, Request, Response
+
+from services.ui_api.core.case import Case
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.cases import StepRequest
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
@@ -9,12 +12,14 @@ from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import CaseBody, CasePatch, StepBody
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag, case_etag_after, case_view, matched_case
+from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.routes.views import CaseView
 from services.ui_api.service import Gateway
 
 router = APIRouter(route_class=GuardedRoute, prefix="/cases", tags=["cases"])
+CaseStatus = Annotated[Literal["open", "closed"] | None, Query(description="Only those that are so.")]
 
 
 @router.post("", status_code=201, response_model=CaseView, openapi_extra=needs(Action.OPEN_CASE))
@@ -36,10 +41,24 @@ def open_case(
     return idempotency.once(keyed(request, key, body), act)
 
 
-@router.get("", openapi_extra=needs(Action.READ))
-def list_cases(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[CaseView]:
-    """All cases, the oldest first."""
-    return page(list(gateway.record.ledger.cases.values()), cursor, limit, lambda case: case_view(gateway, case))
+@router.get("", dependencies=SPARSE, openapi_extra=needs(Action.READ))
+def list_cases(
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    status: CaseStatus = None,
+    since: Since = None,
+    sort: Sort = "oldest",
+) -> Page[CaseView]:
+    """All cases; `since` is of the last change."""
+
+    def wanted(case: Case) -> bool:
+        return status in (None, "closed" if case.progress.closed else "open") and is_since(case.changed_at_ns, since)
+
+    def view(case: Case) -> CaseView:
+        return case_view(gateway, case)
+
+    return page(list(gateway.record.ledger.cases.values()), cursor, limit, view, wanted=wanted, sort=sort)
 
 
 @router.get("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.READ))

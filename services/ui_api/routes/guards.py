@@ -15,8 +15,10 @@ from starlette.responses import Response
 from services.ui_api.core.identity import User
 from services.ui_api.core.roles import PERMISSION_OF, Action, WithoutLogin
 from services.ui_api.handlers.refusals import Refused
+from services.ui_api.routes.conditional import conditional
 from services.ui_api.routes.problems import log_refusal, problem_of, sender_of
 from services.ui_api.routes.request_checks import query_parameters, require_json, require_known_parameters
+from services.ui_api.routes.sparse import sparse
 from services.ui_api.service import Gateway
 
 ACTION_KEY: Final = "x-distalock-action"
@@ -57,7 +59,7 @@ class GuardedRoute(APIRoute):
                 require_known_parameters(request, known)
             if takes_json:
                 require_json(request)
-            return await handler(request)
+            return conditional(request, sparse(request, await handler(request)))
 
         return guarded
 

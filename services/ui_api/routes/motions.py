@@ -1,6 +1,8 @@
 """`/cases/{id}/motions` and `/operations`: motions are begun here and followed there."""
 
-from fastapi import APIRouter, Request, Response
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
 
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.roles import Action
@@ -11,12 +13,13 @@ from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import MotionBody
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
-from services.ui_api.routes.motion_views import LeaseView, OperationView
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.motion_views import LeaseView, OperationStatusName, OperationView, status_name
+from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
 from services.ui_api.service import Gateway
 
 router = APIRouter(route_class=GuardedRoute, tags=["motions"])
+StatusFilter = Annotated[OperationStatusName | None, Query(description="Only those with this status.")]
 
 
 @router.post(
@@ -44,9 +47,22 @@ def begin_motion(
 
 
 @router.get("/operations", openapi_extra=needs(Action.READ))
-def list_operations(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[OperationView]:
-    """All operations, the oldest first."""
-    return page(list(gateway.record.ledger.operations.values()), cursor, limit, OperationView.of)
+def list_operations(
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    status: StatusFilter = None,
+    since: Since = None,
+    sort: Sort = "oldest",
+) -> Page[OperationView]:
+    """All operations."""
+
+    def wanted(operation: Operation) -> bool:
+        return status in (None, status_name(operation)) and is_since(operation.requested_at_ns, since)
+
+    return page(
+        list(gateway.record.ledger.operations.values()), cursor, limit, OperationView.of, wanted=wanted, sort=sort
+    )
 
 
 @router.get("/operations/{operation_id}", openapi_extra=needs(Action.READ))

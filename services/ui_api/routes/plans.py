@@ -14,9 +14,10 @@ from services.ui_api.routes.bodies import ApprovalBody, PlanBody
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.motion_views import ApprovalView, PlanView
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.pages import Cursor, HoleFilter, Limit, Page, Since, Sort, is_since, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case, stale_precondition
 from services.ui_api.routes.problems import problem, sender_of
+from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.service import Gateway
 from shared.messages.registration import PlanReply
 
@@ -57,11 +58,23 @@ def make_plan(
     return idempotency.once_after(keyed(request, key, body), ask, act)
 
 
-@router.get("", openapi_extra=needs(Action.READ))
-def list_plans(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[PlanView]:
-    """The plans of a case, the oldest first."""
+@router.get("", dependencies=SPARSE, openapi_extra=needs(Action.READ))
+def list_plans(
+    case_id: str,
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    hole: HoleFilter = None,
+    since: Since = None,
+    sort: Sort = "oldest",
+) -> Page[PlanView]:
+    """The plans of a case."""
     case = gateway.cases.case(case_id)
-    return page(case.plans, cursor, limit, lambda entry: _view(gateway, case, entry))
+
+    def wanted(entry: PlanEntry) -> bool:
+        return (hole is None or hole in entry.made.hole_ids) and is_since(entry.made_at_ns, since)
+
+    return page(case.plans, cursor, limit, lambda entry: _view(gateway, case, entry), wanted=wanted, sort=sort)
 
 
 @router.get("/{number}", response_model=PlanView, openapi_extra=needs(Action.READ))
@@ -69,7 +82,8 @@ def read_plan(case_id: str, number: int, response: Response, gateway: TheGateway
     """A plan; its ETag is what an approval quotes."""
     case = gateway.cases.case(case_id)
     entry = plan_of(case, number)
-    response.headers["ETag"] = etag(entry)
+    # The ETag is of what is approved; approval and validity beside it change, so that 304 would hide something.
+    response.headers["ETag"], response.headers["Cache-Control"] = etag(entry), "no-store"
     return _view(gateway, case, entry)
 
 

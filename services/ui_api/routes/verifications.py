@@ -9,7 +9,7 @@ from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import VerificationBody
 from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.pages import Cursor, Limit, Page, Sort, VerdictFilter, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
 from services.ui_api.routes.problems import problem
 from services.ui_api.routes.result_views import VerificationView
@@ -47,15 +47,23 @@ def verify(
 
 @router.get("", openapi_extra=needs(Action.READ))
 def list_verifications(
-    case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50
+    case_id: str,
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    verdict: VerdictFilter = None,
+    sort: Sort = "oldest",
 ) -> Page[VerificationView]:
-    """The verifications of a case, the oldest first."""
+    """The verifications of a case."""
     case = gateway.cases.case(case_id)
 
     def view(made: VerificationMade) -> VerificationView:
         return _view(made.number, gateway.verifications.content(case, made.number))
 
-    return page(case.verifications, cursor, limit, view)
+    def wanted(made: VerificationMade) -> bool:
+        return verdict in (None, made.verdict)
+
+    return page(case.verifications, cursor, limit, view, wanted=wanted, sort=sort)
 
 
 @router.get("/{number}", openapi_extra=needs(Action.READ))
