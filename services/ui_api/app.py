@@ -42,16 +42,18 @@ _SUMMARY = (
 )
 
 
-def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = ()) -> FastAPI:
+def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = (), cors_origins: Sequence[str] = ()) -> FastAPI:
     """The application on an open gateway; the caller closes the gateway after the server has ended.
 
     Parameters
     ----------
     allowed_hosts
         Names under which this machine may be called, besides addresses and `localhost`.
+    cors_origins
+        Other origins whose pages may call this machine.
     """
     app = routed_app()
-    app.add_middleware(RequestGate, allowed_hosts=allowed_hosts)
+    app.add_middleware(RequestGate, allowed_hosts=allowed_hosts, cors_origins=cors_origins)
     app.add_middleware(RequestTrace)
     app.state.gateway = gateway
     app.state.idempotency = Idempotency(gateway.record)

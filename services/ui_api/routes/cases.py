@@ -36,7 +36,7 @@ def open_case(
     def act(unit: UnitOfWork) -> Answer:
         case_id = gateway.cases.open_case(unit, body.request(), user.name)
         etag = case_etag_after(gateway, case_id, unit)
-        return json_answer(201, _preview(unit, gateway, case_id), location=f"/api/v1/cases/{case_id}", etag=etag)
+        return json_answer(201, _preview(unit, gateway, case_id), location=f"/api/v1/cases/{case_id}", case_etag=etag)
 
     return idempotency.once(keyed(request, key, body), act)
 
@@ -65,7 +65,7 @@ def list_cases(
 def read_case(case_id: str, response: Response, gateway: TheGateway) -> CaseView:
     """A case with the state of its procedure and the next allowed actions."""
     case = gateway.cases.case(case_id)
-    response.headers["ETag"] = case_etag(gateway, case)
+    response.headers["ETag"] = response.headers["Case-ETag"] = case_etag(gateway, case)
     return case_view(gateway, case)
 
 
@@ -103,7 +103,7 @@ def record_step(
         step = StepRequest(body.as_step(), tuple(body.hole_ids), user.name, body.why)
         gateway.cases.record_step(unit, case_id, step)
         etag = case_etag_after(gateway, case_id, unit)
-        return json_answer(201, _preview(unit, gateway, case_id), etag=etag, case_etag=etag)
+        return json_answer(201, _preview(unit, gateway, case_id), case_etag=etag)
 
     return idempotency.once(keyed(request, key, body), act)
 

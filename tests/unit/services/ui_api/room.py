@@ -131,7 +131,9 @@ def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
         log = LogWatch(gateway.record)
         client = stack.enter_context(
             httpx.Client(
-                base_url=stack.enter_context(served(gateway, router, Keys(ROOM), room_networks=chosen.room_networks)),
+                base_url=stack.enter_context(
+                    served(gateway, router, Keys(ROOM), None, chosen.room_networks, chosen.cors_origins)
+                ),
                 headers=bearer(TOKEN),
                 timeout=PATIENCE_S,
             )

@@ -58,7 +58,7 @@ def _assert_case_and_requests_agree(room: Room, case_id: str) -> list[str]:
         "withdraw_approval": lambda: room.client.delete(f"/api/v1{path}/plans/{plan}/approval"),
         "start_motion": lambda: room.post(f"{path}/motions", {"plan": plan}),
         "verify": lambda: room.post(f"{path}/verifications", {"images": [samples.sha("image")]}),
-        "change_setup": lambda: room.client.patch(f"/api/v1{path}", json={"side": "right"}),
+        "change_setup": lambda: room.patch(path, {"side": "right"}),
         "record_step": lambda: room.post(f"{path}/steps", {"step": "mount_moved", "why": "it was"}),
         "reference": lambda: room.post("/robot/reference"),
         "acknowledge_stop": lambda: room.post("/robot/acknowledge-stop"),
