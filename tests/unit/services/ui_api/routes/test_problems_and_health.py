@@ -59,7 +59,9 @@ def test_method_not_allowed_names_the_methods_that_are(quiet_room: Room, path: s
 
 def test_an_unknown_parameter_is_named_with_those_there_are(quiet_room: Room) -> None:
     detail = quiet_room.client.get("/api/v1/cases?open=true").json()["detail"]
-    assert detail == "GET /api/v1/cases has no query parameter 'open'; it has cursor, limit"
+    assert (
+        detail == "GET /api/v1/cases has no query parameter 'open'; it has cursor, limit, status, since, sort, fields"
+    )
     assert quiet_room.client.post("/api/v1/robot/stop?now=yes").status_code == 200
 
 
