@@ -16,6 +16,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from shared.errors import ConfigurationError
 from shared.runtime.variables import misspelt_own
 from simulation.dicom.target import DicomTarget, parse_target
+from simulation.scenario.values import BoneKind
 
 _ONE_OF = frozenset({"seed", "scenario"})
 # What an installation of several processes decides itself.
@@ -58,12 +59,15 @@ class VirtualRoomSettings(BaseSettings):
         None, description="[TITLE@]HOST:PORT to send images to; they stay in the room without it"
     )
     seed: Seed | None = Field(None, description="seed of a random scenario; 0 without seed and scenario file")
+    bone: BoneKind | None = Field(None, description="femur or tibia, of a scenario by seed; femur without it")
     scenario: ExistingFile | None = Field(None, description="scenario file, instead of a seed")
 
     @model_validator(mode="after")
     def _one_scenario(self) -> "VirtualRoomSettings":
         if self.seed is not None and self.scenario is not None:
             raise ValueError("a seed and a scenario file were both given; give one of them")
+        if self.bone is not None and self.scenario is not None:
+            raise ValueError("a bone and a scenario file were both given; the file names the bone")
         return self
 
     @property

@@ -25,7 +25,7 @@ from simulation.room.foot_pedal import FootPedal
 from simulation.room.operating_room import OperatingRoom
 from simulation.scenario.files import read_scenario_file, scenario_file_of_seed
 from simulation.scenario.sampling import scenario_from_file
-from simulation.scenario.values import Scenario
+from simulation.scenario.values import BoneKind, Scenario
 from simulation.settings import VirtualRoomSettings
 from simulation.world.poses import starting_state
 
@@ -95,7 +95,7 @@ def chosen_scenario(settings: VirtualRoomSettings) -> Scenario:
     if settings.scenario is not None:
         return scenario_from_file(read_scenario_file(settings.scenario), settings.scenario.parent)
     seed = _DEFAULT_SEED if settings.seed is None else settings.seed
-    return scenario_from_file(scenario_file_of_seed(seed), Path())
+    return scenario_from_file(scenario_file_of_seed(seed, settings.bone or BoneKind.FEMUR), Path())
 
 
 @contextlib.contextmanager

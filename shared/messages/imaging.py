@@ -81,6 +81,9 @@ class FrameHeader(Message):
     nominal_pixel_mm: Finite
     positioner_primary_angle_deg: Finite | None = None
     positioner_secondary_angle_deg: Finite | None = None
+    laterality: Literal["left", "right"] | None = Field(
+        None, description="Side of the body, as the file states it.", exclude_if=lambda side: side is None
+    )
     run_interval_s: RunInterval = Field(None, description=_RUN_INTERVAL)
     focal_spot_mm: Finite | None = Field(None, exclude_if=lambda spot: spot is None)
     inverted: bool = Field(

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, TypeAdapter
 from simulation.room.drilling import Passage, Strike
 from simulation.scenario.c_arm_angles import CArmAngles
 from simulation.scenario.imaging_values import FlatPanel
-from simulation.scenario.values import MountKind, PartSource, Scenario, Side
+from simulation.scenario.values import BoneKind, MountKind, PartSource, Scenario, Side
 
 Vector = tuple[float, float, float]
 JsonObject = dict[str, JsonValue]
@@ -42,7 +42,7 @@ class CaseOfScenario(Body):
     """What the surgeon enters at the console when a case is opened: parts by catalogue name or as in a file."""
 
     side: Side
-    bone: Literal["femur"] = "femur"
+    bone: BoneKind
     mount: MountKind
     nail: str | JsonObject
     guide: str | JsonObject
@@ -69,6 +69,7 @@ def scenario_body(scenario: Scenario) -> ScenarioBody:
     parts, sources = scenario.parts, scenario.sources
     case = CaseOfScenario(
         side=scenario.side,
+        bone=scenario.bone,
         mount=scenario.mount,
         nail=_part(sources.nail),
         guide=_part(sources.guide),

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from shared.errors import InputError
-from simulation.scenario.values import MountKind, Side
+from simulation.scenario.values import BoneKind, MountKind, Side
 
 Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
 Probability: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -118,8 +118,18 @@ class DisplayRanges(ScenarioModel):
     twelve_bits_probability: Probability
 
 
+class CondyleRanges(ScenarioModel):
+    """One condyle that is not like the other."""
+
+    centre_x_mm: Range
+    back_mm: Range
+    length_mm: PositiveRange
+    depth_mm: PositiveRange
+    width_mm: PositiveRange
+
+
 class AnatomyRanges(ScenarioModel):
-    """Femur and thigh (see `values.Anatomy`)."""
+    """Bone and limb (see `values.Anatomy`). Without `far_condyle` both condyles are picked from the same ranges."""
 
     shaft_half_axis_mm: PositiveRange
     flare_front_back_mm: PositiveRange
@@ -139,6 +149,7 @@ class AnatomyRanges(ScenarioModel):
     thigh_front_back_mm: PositiveRange
     thigh_side_mm: PositiveRange
     thigh_offset_mm: Range
+    far_condyle: CondyleRanges | None = None
 
 
 class DrillingRanges(ScenarioModel):
@@ -178,6 +189,7 @@ class ScenarioFile(ScenarioModel):
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
     description: Annotated[str, Field(max_length=500)] = ""
     side: Side | None = None
+    bone: BoneKind = BoneKind.FEMUR
     mount: MountKind | None = None
     head_extension_mm: Number | None = None
     ring: str | None = None
@@ -194,9 +206,9 @@ class ScenarioInvalid(InputError):
     code = "scenario_invalid"
 
 
-def scenario_file_of_seed(seed: int) -> ScenarioFile:
-    """The scenario that a seed alone makes."""
-    return ScenarioFile(schema_name="distalock/scenario/1", seed=seed)
+def scenario_file_of_seed(seed: int, bone: BoneKind = BoneKind.FEMUR) -> ScenarioFile:
+    """The scenario that a seed alone makes, with a bone."""
+    return ScenarioFile(schema_name="distalock/scenario/1", seed=seed, bone=bone)
 
 
 def read_scenario_file(path: Path) -> ScenarioFile:
@@ -213,21 +225,28 @@ def read_scenario_file(path: Path) -> ScenarioFile:
         raise ScenarioInvalid(f"{path}: cannot be read: {error.strerror or error}") from None
     try:
         file = ScenarioFile.model_validate_json(content)
-        merged_ranges(file.ranges)
+        merged_ranges(file.ranges, file.bone)
     except ValidationError as error:
         raise ScenarioInvalid(f"{path}: {_first(error)}") from None
     return file
 
 
-def merged_ranges(overrides: dict[str, JsonValue]) -> Ranges:
-    """The default ranges with some of them replaced; raises pydantic's `ValidationError`."""
-    defaults = json.loads(files("simulation.scenario").joinpath("ranges.json").read_text(encoding="utf-8"))
-    for section, values in overrides.items():
-        if isinstance(values, dict) and isinstance(defaults.get(section), dict):
-            defaults[section] = {**defaults[section], **values}
-        else:
-            defaults[section] = values
-    return Ranges.model_validate(defaults)
+def merged_ranges(overrides: dict[str, JsonValue], bone: BoneKind = BoneKind.FEMUR) -> Ranges:
+    """A bone's default ranges with some of them replaced; raises pydantic's `ValidationError`."""
+    merged = _shipped("ranges.json")
+    for changes in (_shipped("tibia.json") if bone is BoneKind.TIBIA else {}, overrides):
+        for section, values in changes.items():
+            before = merged.get(section)
+            if isinstance(values, dict) and isinstance(before, dict):
+                merged[section] = {**before, **values}
+            else:
+                merged[section] = values
+    return Ranges.model_validate(merged)
+
+
+def _shipped(name: str) -> dict[str, JsonValue]:
+    content: dict[str, JsonValue] = json.loads(files("simulation.scenario").joinpath(name).read_text(encoding="utf-8"))
+    return content
 
 
 def _first(error: ValidationError) -> str:

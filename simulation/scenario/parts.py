@@ -11,7 +11,7 @@ from shared.parts.catalogue import PartKind, catalogue_entry, catalogue_names
 from shared.parts.files import guide_from_json, nail_from_json, read_part_file, ring_from_json
 from shared.parts.hexapod_file import hexapod_from_json
 from simulation.scenario.files import ScenarioFile, ScenarioInvalid
-from simulation.scenario.values import Parts, PartSource, PartSources
+from simulation.scenario.values import BoneKind, Parts, PartSource, PartSources
 
 P = TypeVar("P")
 
@@ -23,6 +23,9 @@ DRAWN_BY_SEEDS: Mapping[PartKind, tuple[str, ...]] = {
     "nail": ("nail-femur-steel-11", "nail-femur-steel-12", "nail-femur-ti-10", "nail-femur-ti-11"),
     "hexapod": ("hexapod-h70",),
 }
+
+
+_TIBIAL_NAILS = ("nail-tibia-ti-10",)
 
 
 def choose_parts(file: ScenarioFile, folder: Path, generator: np.random.Generator) -> tuple[Parts, PartSources]:
@@ -38,10 +41,11 @@ def choose_parts(file: ScenarioFile, folder: Path, generator: np.random.Generato
     ScenarioInvalid
         When a part is neither in the catalogue nor a readable, valid file.
     """
+    nails = _TIBIAL_NAILS if file.bone is BoneKind.TIBIA else None
     sources = PartSources(
         ring=_source(_name(file.ring, "ring", generator), "ring", folder),
         guide=_source(_name(file.guide, "guide", generator), "guide", folder),
-        nail=_source(_name(file.nail, "nail", generator), "nail", folder),
+        nail=_source(_name(file.nail, "nail", generator, nails), "nail", folder),
         hexapod=_source(_name(file.hexapod, "hexapod", generator), "hexapod", folder),
     )
     parts = Parts(
@@ -53,10 +57,12 @@ def choose_parts(file: ScenarioFile, folder: Path, generator: np.random.Generato
     return parts, sources
 
 
-def _name(given: str | None, kind: PartKind, generator: np.random.Generator) -> str:
+def _name(
+    given: str | None, kind: PartKind, generator: np.random.Generator, among: tuple[str, ...] | None = None
+) -> str:
     # Drawn even when the name is given, so that the choices that follow do not depend on it.
     pick = generator.random()
-    names = DRAWN_BY_SEEDS[kind]
+    names = among or DRAWN_BY_SEEDS[kind]
     return names[int(pick * len(names))] if given is None else given
 
 

@@ -15,7 +15,7 @@ _TRAVEL_STEPS = 9
 
 
 def sample_placement(
-    ranges: PlacementRanges, parts: Parts, side: Side, head_extension_mm: float, generator: np.random.Generator
+    ranges: PlacementRanges, parts: Parts, drilled_from: Side, head_extension_mm: float, generator: np.random.Generator
 ) -> Placement:
     """Pick until the robot can correct the guide's error within its limits and the margins that the ranges ask for.
 
@@ -28,7 +28,7 @@ def sample_placement(
         head = parts.hexapod.top_from_guide(head_extension_mm)
     except ValueError as error:
         raise ScenarioInvalid(str(error)) from None
-    room_from_bone = _patient(ranges, side, generator)
+    room_from_bone = _patient(ranges, drilled_from, generator)
     bone_from_nail = _nail_in_bone(ranges, generator)
     for _ in range(_ATTEMPTS):
         bone_from_base = _mount(ranges, parts, head, bone_from_nail, generator)
@@ -42,9 +42,9 @@ def sample_placement(
     )
 
 
-def _patient(ranges: PlacementRanges, side: Side, generator: np.random.Generator) -> Transform[Room, Bone]:
-    """Room: x to the patient's feet, y to the left, z up. Drilling goes inwards: from the right on the right side."""
-    inwards = 1.0 if side is Side.RIGHT else -1.0
+def _patient(ranges: PlacementRanges, drilled_from: Side, generator: np.random.Generator) -> Transform[Room, Bone]:
+    """Room: x to the patient's feet, y to the left, z up. A femur is drilled into from its own side."""
+    inwards = 1.0 if drilled_from is Side.RIGHT else -1.0
     axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, inwards], [0.0, -inwards, 0.0]])
     offset = generator.uniform(*ranges.bone_offset_from_isocentre_mm, size=3)
     turn = np.radians(generator.uniform(*ranges.bone_turn_in_room_deg, size=3))

@@ -18,7 +18,7 @@ from simulation.scenario.imaging_sampling import (
 )
 from simulation.scenario.parts import choose_parts
 from simulation.scenario.placement_sampling import sample_placement
-from simulation.scenario.values import Drilling, MountKind, MountYield, Scenario, Side
+from simulation.scenario.values import Drilling, MountKind, MountYield, Scenario, Side, side_of_drilling
 
 
 def section_generator(seed: int, section: str) -> np.random.Generator:
@@ -44,13 +44,14 @@ def scenario_from_file(file: ScenarioFile, folder: Path) -> Scenario:
     ScenarioInvalid
         When a part cannot be read, or no placement within the ranges can be corrected by the robot.
     """
-    ranges = merged_ranges(file.ranges)
+    ranges = merged_ranges(file.ranges, file.bone)
     case = section_generator(file.seed, "case")
     side, mount = _side(file, case), _mount(file, ranges, case)
+    drilled_from = side_of_drilling(file.bone, side)
     extension = _head_extension(file, ranges, case)
     parts, sources = choose_parts(file, folder, section_generator(file.seed, "parts"))
     placed = section_generator(file.seed, "placement")
-    placement = sample_placement(ranges.placement, parts, side, extension, placed)
+    placement = sample_placement(ranges.placement, parts, drilled_from, extension, placed)
     body = sample_c_arm_body(ranges.c_arm, section_generator(file.seed, "c_arm"))
     drilling = ranges.drilling
     share = drilling.nail_head_stiffness_share if mount is MountKind.NAIL_HEAD else 1.0
@@ -61,7 +62,7 @@ def scenario_from_file(file: ScenarioFile, folder: Path) -> Scenario:
         head_extension_mm=extension,
         parts=parts,
         sources=sources,
-        anatomy=sample_anatomy(ranges.anatomy, side, section_generator(file.seed, "anatomy")),
+        anatomy=sample_anatomy(ranges.anatomy, drilled_from, section_generator(file.seed, "anatomy")),
         placement=placement,
         c_arm=start_angles(ranges.placement, body, placement, section_generator(file.seed, "tilt")),
         detector=sample_detector(ranges, body, section_generator(file.seed, "detector")),
@@ -69,6 +70,7 @@ def scenario_from_file(file: ScenarioFile, folder: Path) -> Scenario:
         display=sample_display(ranges.display, section_generator(file.seed, "display")),
         drilling=Drilling(drilling.drill_diameter_mm, drilling.drill_force_n, share),
         mount_yield=None if file.mount_yield is None else MountYield(**file.mount_yield.model_dump()),
+        bone=file.bone,
     )
 
 

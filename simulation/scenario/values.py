@@ -17,6 +17,20 @@ class Side(StrEnum):
     RIGHT = "right"
 
 
+class BoneKind(StrEnum):
+    """The bone that is nailed."""
+
+    FEMUR = "femur"
+    TIBIA = "tibia"
+
+
+def side_of_drilling(bone: BoneKind, side: Side) -> Side:
+    """The side of the patient from which is drilled: laterally into the femur, medially into the tibia."""
+    if bone is BoneKind.FEMUR:
+        return side
+    return Side.LEFT if side is Side.RIGHT else Side.RIGHT
+
+
 class MountKind(StrEnum):
     """What the robot's base is fixed to."""
 
@@ -61,10 +75,11 @@ class PartSources:
 
 @dataclass(frozen=True, slots=True)
 class Anatomy:
-    """Distal femur and thigh, in the bone's frame: +x distal along the canal, +z in the direction of drilling.
+    """A bone's distal end and what is around it, in the bone's frame: +x distal along the canal, +z as is drilled.
 
-    `posterior_y` is +1 or -1: the side of y on which the condyles bulge. Half-axes are given along y (front to back)
-    and z (side to side).
+    Of a tibia the two condyles are the medial malleolus, where drilling begins, and the fibula on the far side; the
+    thigh is the lower leg. `posterior_y` is +1 or -1: the side of y on which the condyles bulge. Half-axes are given
+    along y (front to back) and z (side to side).
     """
 
     posterior_y: float
@@ -145,3 +160,4 @@ class Scenario:
     display: Display
     drilling: Drilling
     mount_yield: MountYield | None = None
+    bone: BoneKind = BoneKind.FEMUR

@@ -1,4 +1,4 @@
-"""The whole procedure over seeded scenarios: `make bench` runs twenty, this runs two."""
+"""The whole procedure over seeded scenarios: `make bench` runs twenty, this runs three, one of them a tibia."""
 
 import pytest
 
@@ -8,11 +8,11 @@ from distalock.procedure import Ending
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-def test_drills_pass_or_the_system_refuses(seed: int) -> None:
-    print(f"scenario seed {seed}")
+@pytest.mark.parametrize(("bone", "seed"), [("femur", 1), ("femur", 3), ("tibia", 2)])
+def test_drills_pass_or_the_system_refuses(bone: str, seed: int) -> None:
+    print(f"scenario of a {bone}, seed {seed}")
     lines: list[str] = []
-    outcome = demonstrate(DemoRequest(("--seed", str(seed))), lines.append)
+    outcome = demonstrate(DemoRequest(("--seed", str(seed), "--bone", bone)), lines.append)
     print("\n".join(lines))
     assert outcome.ending is Ending.DRILLED, outcome.why
     assert len(outcome.drills) == 2

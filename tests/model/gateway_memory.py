@@ -162,7 +162,8 @@ def plain_case(case: Case, names: dict[str, str] | None = None, pending: tuple[O
         progress=replace(case.progress, seen=False),
         motions=tuple(m for m in motions if m in waits),
         stage_before_motion=case.stage_before_motion if moving else Stage.POSITIONING,
-        steps=(),
+        step_entries=(),
+        steps_recorded=0,
     )
 
 

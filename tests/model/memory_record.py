@@ -58,6 +58,7 @@ class MemoryRecord(CaseRecord):
         self.database = NoDatabase()
         self._engine = self.database  # type: ignore[assignment]  # the four methods that a transaction uses
         self._clock_ns = lambda: 0
+        self.on_write = lambda _: None
         self._writer = threading.RLock()
         self._listeners = []
         self._head_sha256 = GENESIS_SHA256

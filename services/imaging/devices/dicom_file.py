@@ -7,8 +7,9 @@ A run of frames is averaged over its longest piece in which nothing moves. What 
 import hashlib
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +142,9 @@ def _still(frames: NDArray[np.float32], source: str) -> NDArray[np.float32]:
     return run.mean
 
 
+_SIDES: Final[Mapping[str, Literal["left", "right"]]] = {"L": "left", "R": "right"}
+
+
 def _acquisition(dataset: Dataset) -> Acquisition:
     stated = {
         HeaderValue.SOURCE_TO_DETECTOR: _numbers(dataset.get("DistanceSourceToDetector")),
@@ -157,8 +161,15 @@ def _acquisition(dataset: Dataset) -> Acquisition:
         positioner_primary_angle_deg=_number(dataset.get("PositionerPrimaryAngle")),
         positioner_secondary_angle_deg=_number(dataset.get("PositionerSecondaryAngle")),
         focal_spot_mm=usable.get(HeaderValue.FOCAL_SPOT),
+        laterality=_laterality(dataset),
         unusable=tuple(length for length in lengths.values() if isinstance(length, UnusableValue)),
     )
+
+
+def _laterality(dataset: Dataset) -> Literal["left", "right"] | None:
+    """The side that the file states, of the image before that of the series; None for both, unpaired and nothing."""
+    stated = str(dataset.get("ImageLaterality") or dataset.get("Laterality") or "").strip().upper()
+    return _SIDES.get(stated)
 
 
 def _numbers(value: object) -> tuple[float, ...]:

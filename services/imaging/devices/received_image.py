@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from enum import Enum, StrEnum
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,8 @@ class Acquisition:
         Angles of the C-arm.
     focal_spot_mm
         Edge of the focal spot.
+    laterality
+        Side of the body that was imaged.
     unusable
         What the file states and what cannot be right; the value itself is then None.
     """
@@ -71,6 +73,7 @@ class Acquisition:
     positioner_primary_angle_deg: float | None = None
     positioner_secondary_angle_deg: float | None = None
     focal_spot_mm: float | None = None
+    laterality: Literal["left", "right"] | None = None
     unusable: tuple[UnusableValue, ...] = ()
 
     def why_unusable(self, attribute: HeaderValue) -> str | None:

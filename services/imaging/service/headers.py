@@ -99,6 +99,7 @@ def frame_header(
         inverted=defaults.polarity is Polarity.INVERTED,
         positioner_primary_angle_deg=made.positioner_primary_angle_deg,
         positioner_secondary_angle_deg=made.positioner_secondary_angle_deg,
+        laterality=made.laterality,
         run_interval_s=arrival.run_interval_s,
     )
 

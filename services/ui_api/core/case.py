@@ -17,6 +17,7 @@ from services.ui_api.core.event_data import (
     SetupChanged,
     Step,
     StepRecorded,
+    StepWithdrawn,
     VerificationMade,
 )
 from services.ui_api.core.events import Event, EventData
@@ -36,6 +37,22 @@ class PlanEntry:
     made_at_ns: int
     approval: PlanApproved | None = None
     used: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class StepEntry:
+    """A step that counts, by its number in the case, and what it changed: so that it can be taken back."""
+
+    number: int
+    recorded: StepRecorded
+    before: Progress
+    drilled_before: frozenset[str]
+    after: Progress
+
+    def is_undone_safely(self, now: Progress) -> bool:
+        """Whether nothing but images has come since, and nothing was made stale by it."""
+        unchanged = (self.after.stage, self.after.inside) == (now.stage, now.inside)
+        return unchanged and self.recorded.step not in STEPS_THAT_CHANGE_THE_SETUP
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +80,8 @@ class Case:
     motions: tuple[str, ...] = ()
     verifications: tuple[VerificationMade, ...] = ()
     qa_reports: tuple[QaReported, ...] = ()
-    steps: tuple[StepRecorded, ...] = ()
+    step_entries: tuple[StepEntry, ...] = ()
+    steps_recorded: int = 0
     drilled_hole_ids: frozenset[str] = frozenset()
 
     @property
@@ -72,10 +90,21 @@ class Case:
         return tuple(h for h in self.setup.nail.hole_ids if h in self.setup.guide.hole_ids)
 
     @property
+    def steps(self) -> tuple[StepRecorded, ...]:
+        """Steps that count: those that were not withdrawn."""
+        return tuple(entry.recorded for entry in self.step_entries)
+
+    @property
     def inside_beside_robot(self) -> frozenset[Inside]:
         """What is in the guide or the bone; nothing that matters once the robot was taken off and the case closed."""
         taken_off = self.progress.closed and any(step.step is Step.ROBOT_REMOVED for step in self.steps)
         return frozenset() if taken_off else self.progress.inside
+
+    @property
+    def side_of_images(self) -> str | None:
+        """The side that the newest image with one states; None when none of this set-up does."""
+        stated = (i.laterality for i in reversed(self.images) if i.case_revision == self.revision)
+        return next((side for side in stated if side is not None), None)
 
     def image(self, sha256: str) -> ImageReceived | None:
         """An image of this case, by its hash; when it came twice, the later one."""
@@ -240,17 +269,31 @@ def _(data: QaReported, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 @_after.register
 def _(data: StepRecorded, case: Case, event: Event) -> Case:  # noqa: ARG001
+    done = _with_step(case, data)
+    entry = StepEntry(case.steps_recorded + 1, data, case.progress, case.drilled_hole_ids, done.progress)
+    return replace(done, step_entries=(*case.step_entries, entry), steps_recorded=entry.number)
+
+
+@_after.register
+def _(data: StepWithdrawn, case: Case, event: Event) -> Case:  # noqa: ARG001
+    entry = case.step_entries[-1]
+    if entry.number != data.number:
+        raise ValueError(f"step {data.number} was withdrawn, but step {entry.number} is the last")
+    progress = replace(case.progress, stage=entry.before.stage, inside=entry.before.inside, seen=False)
+    known = replace(case, step_entries=case.step_entries[:-1], drilled_hole_ids=entry.drilled_before)
+    return replace(known, progress=progress)
+
+
+def _with_step(case: Case, data: StepRecorded) -> Case:
     holes = frozenset(data.hole_ids or case.hole_ids)
     inside = inside_after(case.progress.inside, data.step, holes)
     seen = case.progress.seen and inside == case.progress.inside
-    progress = replace(case.progress, inside=inside, seen=seen)
-    known = replace(case, steps=(*case.steps, data), progress=progress)
+    known = replace(case, progress=replace(case.progress, inside=inside, seen=seen))
     match data.step:
         case Step.DRILLED:
             drilled = replace(known, drilled_hole_ids=case.drilled_hole_ids | holes)
-            return (
-                _moved(drilled, Trigger.ALL_HOLES_DRILLED) if drilled.drilled_hole_ids >= {*case.hole_ids} else drilled
-            )
+            all_drilled = drilled.drilled_hole_ids >= {*case.hole_ids}
+            return _moved(drilled, Trigger.ALL_HOLES_DRILLED) if all_drilled else drilled
         case Step.ROBOT_REMOVED:
             return _moved(known, Trigger.ROBOT_REMOVED)
         case Step.FINISHED:

@@ -82,7 +82,8 @@ class ImageReceived:
     """The C-arm delivered an image. `header_sha256` names its header's document (None: only its name is known).
 
     `sequence` is its number in the image store `store_id`; records of older versions have neither. `in_run`: it is a
-    frame of running fluoroscopy, of which not every one is calibrated and localised.
+    frame of running fluoroscopy, of which not every one is calibrated and localised. `laterality`: the side that
+    its file states, None where it states none.
     """
 
     image_sha256: str
@@ -93,6 +94,7 @@ class ImageReceived:
     store_id: str | None = None
     sequence: int | None = None
     in_run: bool = False
+    laterality: str | None = None
 
     def precedes(self, other: "ImageReceived") -> bool:
         """Whether it was received before another one, by their numbers; False where nobody can know."""
@@ -224,6 +226,14 @@ class StepRecorded:
     hole_ids: tuple[str, ...]
     out_of_order: bool
     why: str
+
+
+@dataclass(frozen=True, slots=True)
+class StepWithdrawn:
+    """A step that was recorded by mistake is taken back: it was not done."""
+
+    number: int
+    step: Step
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from services.ui_api.core.event_data import (
     QaReported,
     SetupChanged,
     StepRecorded,
+    StepWithdrawn,
     VerificationMade,
     VerificationRefused,
 )
@@ -59,6 +60,7 @@ class EventKind(StrEnum):
     VERIFICATION_REFUSED = "verification_refused"
     QA_REPORTED = "qa_reported"
     STEP_RECORDED = "step_recorded"
+    STEP_WITHDRAWN = "step_withdrawn"
     ROBOT_CHANGED = "robot_changed"
     PRESENCE_CHANGED = "presence_changed"
     BUS_REFUSED = "bus_refused"
@@ -87,6 +89,7 @@ EventData = (
     | VerificationRefused
     | QaReported
     | StepRecorded
+    | StepWithdrawn
     | RobotChanged
     | PresenceChanged
     | BusRefused
@@ -115,6 +118,7 @@ DATA_OF_KIND: dict[EventKind, type[EventData]] = {
     EventKind.VERIFICATION_REFUSED: VerificationRefused,
     EventKind.QA_REPORTED: QaReported,
     EventKind.STEP_RECORDED: StepRecorded,
+    EventKind.STEP_WITHDRAWN: StepWithdrawn,
     EventKind.ROBOT_CHANGED: RobotChanged,
     EventKind.PRESENCE_CHANGED: PresenceChanged,
     EventKind.BUS_REFUSED: BusRefused,

@@ -225,6 +225,13 @@ _TO_THE_MOTION: Final = (
         "A surgeon approves the plan, quoting its hash.",
     ),
     NextStep(
+        Phase.LOCALISATION,
+        lambda s: s.progress.stage is Stage.POSITIONING and s.basis is Basis.ACCEPTED and not s.side_agrees,
+        Action.CHANGE_SETUP,
+        "The newest image's header states the {image_side} side, the case the {side} side: correct the case, or the "
+        "patient's data at the C-arm, and take one more image.",
+    ),
+    NextStep(
         Phase.PLAN,
         _basis(Basis.ACCEPTED),
         Action.REQUEST_PLAN,

@@ -11,7 +11,7 @@ from typing import Final
 
 from services.ui_api.core.inside import ObjectKind, removing_step_of
 from services.ui_api.core.procedure import Stage
-from services.ui_api.core.situation import Basis, Pending, PlanStanding, RobotCondition, Situation
+from services.ui_api.core.situation import Basis, LastStep, Pending, PlanStanding, RobotCondition, Situation
 
 
 class Sort(StrEnum):
@@ -134,6 +134,13 @@ LOCALISED_WELL: Final = Condition(
     "localisation {localisation} was rejected ({reasons})",
     "take one more image",
 )
+SIDE_AGREES: Final = Condition(
+    "the images' headers state no other side than the case",
+    lambda s: s.side_agrees,
+    "laterality_mismatch",
+    "the case is of the {side} side, and the newest image's header states the {image_side} side",
+    "see which side it is; correct the case, or the patient's data at the C-arm, and take one more image",
+)
 PLANNED: Final = Condition(
     "there is a plan",
     lambda s: s.plan is not PlanStanding.NONE,
@@ -169,6 +176,21 @@ APPROVED_BY_A_USER: Final = Condition(
     "plan_not_approved",
     "plan {plan} was approved before there were users",
     "request a new plan and approve it",
+)
+A_STEP: Final = Condition(
+    "a step is recorded",
+    lambda s: s.last_step is not LastStep.NONE,
+    "step_not_found",
+    "the case has no step that was recorded and not withdrawn",
+    "GET /cases/{case}/steps lists them",
+    Sort.MISSING,
+)
+STEP_CAN_BE_UNDONE: Final = Condition(
+    "nothing but images has come since, and it changed no set-up",
+    lambda s: s.last_step is not LastStep.CANNOT_BE_UNDONE,
+    "step_not_undoable",
+    "step {step} ({step_name}) has had consequences: the set-up changed, or the case went on",
+    "record what was really done, with a reason",
 )
 HEARD: Final = Condition(
     "the robot has reported its state",

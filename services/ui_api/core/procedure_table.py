@@ -29,6 +29,7 @@ class Action(StrEnum):
     VERIFY = "verify"
     CHANGE_SETUP = "change_setup"
     RECORD_STEP = "record_step"
+    WITHDRAW_STEP = "withdraw_step"
     STOP = "stop"
     ACKNOWLEDGE_STOP = "acknowledge_stop"
     REFERENCE = "reference"
@@ -67,6 +68,7 @@ TABLE: Final[Mapping[Action, Row]] = {
             c.LOCALISED,
             c.LOCALISED_NOW,
             c.LOCALISED_WELL,
+            c.SIDE_AGREES,
         ),
     ),
     Action.APPROVE_PLAN: Row(
@@ -104,6 +106,11 @@ TABLE: Final[Mapping[Action, Row]] = {
     ),
     Action.CHANGE_SETUP: Row(roles.Action.CHANGE_SET_UP, "`PATCH /cases/{id}`", (c.OPEN, c.HANDS_OFF)),
     Action.RECORD_STEP: Row(roles.Action.RECORD_STEP, "`POST /cases/{id}/steps`", (c.OPEN, c.HANDS_OFF)),
+    Action.WITHDRAW_STEP: Row(
+        roles.Action.RECORD_STEP,
+        "`DELETE /cases/{id}/steps/{n}`",
+        (c.OPEN, c.HANDS_OFF, c.A_STEP, c.STEP_CAN_BE_UNDONE),
+    ),
     Action.STOP: Row(roles.Action.STOP, "`POST /robot/stop`", ()),
     Action.ACKNOWLEDGE_STOP: Row(
         roles.Action.PREPARE_ROBOT,

@@ -41,6 +41,14 @@ class Pending(StrEnum):
     REFERENCE = "reference"
 
 
+class LastStep(StrEnum):
+    """Whether the step that was recorded last can be taken back."""
+
+    NONE = "none"
+    CANNOT_BE_UNDONE = "cannot_be_undone"
+    CAN_BE_UNDONE = "can_be_undone"
+
+
 class RobotCondition(StrEnum):
     """The robot as last seen, as far as it decides anything."""
 
@@ -102,6 +110,8 @@ class Situation:
         Whether there is an image to verify with.
     guide_seen
         False when the newest localisation found no guide, as in the image from before the robot is mounted.
+    side_agrees
+        False when the newest image states another side of the body than the case.
     some_drilled, all_screwed
         Whether a hole of the case was drilled, and whether each has a screw.
     """
@@ -115,6 +125,8 @@ class Situation:
     guide_seen: bool = True
     some_drilled: bool = False
     all_screwed: bool = False
+    last_step: LastStep = LastStep.NONE
+    side_agrees: bool = True
     observed: Observed = field(default_factory=Observed)
 
     @property

@@ -5,7 +5,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from services.ui_api.core.case import STEPS_THAT_CHANGE_THE_SETUP, Case
-from services.ui_api.core.event_data import CaseOpened, CaseSetup, PartUse, SetupChanged, Step, StepRecorded
+from services.ui_api.core.event_data import (
+    CaseOpened,
+    CaseSetup,
+    PartUse,
+    SetupChanged,
+    Step,
+    StepRecorded,
+    StepWithdrawn,
+)
 from services.ui_api.core.events import EventDraft
 from services.ui_api.core.procedure_table import Action, Verdict, decide_step
 from services.ui_api.handlers.head_calibration import calibrated_hexapod, is_head_calibration
@@ -118,6 +126,18 @@ class CaseHandler:
         unit.append(EventDraft(step, case_id, request.who, request.why))
         if request.step in STEPS_THAT_CHANGE_THE_SETUP:
             unit.append(EventDraft(SetupChanged(case.revision + 1, case.setup), case_id, request.who, request.step))
+        unit.after_commit(self._announce)
+
+    def withdraw_step(self, unit: UnitOfWork, case_id: str, number: int, who: str) -> None:
+        """Take back the step that was recorded last, because it was not done; raises `Refused`."""
+        case = self.case(case_id)
+        self._procedure.require(case, Action.WITHDRAW_STEP)
+        last = case.step_entries[-1]
+        if number > last.number or number < 1:
+            raise unknown("step", str(number), f"GET /cases/{case_id}/steps lists them")
+        if number != last.number:
+            raise conflict("step_not_undoable", f"step {number} is not the last; withdraw step {last.number} first")
+        unit.append(EventDraft(StepWithdrawn(number, last.recorded.step), case_id, who))
         unit.after_commit(self._announce)
 
     def _require_approved(self, request: SetupRequest) -> None:

@@ -319,6 +319,7 @@ class Inbox:
             reference.store_id,
             None if reference.store_id is None else reference.sequence,
             reference.run_interval_s is not None,
+            None if header is None else header.laterality,
         )
         unit.append(EventDraft(data, case.case_id if case else None, "imaging"))
 

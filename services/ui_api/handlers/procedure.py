@@ -12,6 +12,7 @@ from services.ui_api.core.procedure_conditions import Judge, Sort
 from services.ui_api.core.procedure_table import Action, Decision, Verdict, decide
 from services.ui_api.core.situation import (
     Basis,
+    LastStep,
     Observed,
     Pending,
     PlanStanding,
@@ -67,6 +68,8 @@ class ProcedureHandler:
             guide_seen=newest is None or ReasonCode.GUIDE_NOT_FOUND not in newest.reason_codes,
             some_drilled=bool(case.drilled_hole_ids),
             all_screwed=screwed >= set(case.hole_ids),
+            last_step=_last_step(case),
+            side_agrees=case.side_of_images in (None, case.setup.side),
             observed=Observed({**robot.observed.values, **self._quoted(case, newest)}),
         )
 
@@ -140,6 +143,10 @@ class ProcedureHandler:
 
     def _quoted(self, case: Case, newest: LocalisationReceived | None) -> dict[str, str]:
         quoted = {"case": case.case_id, "stage": str(case.progress.stage), **_held(tuple(sorted(case.progress.inside)))}
+        quoted |= {"side": case.setup.side, "image_side": case.side_of_images or "same"}
+        if case.step_entries:
+            last = case.step_entries[-1]
+            quoted |= {"step": str(last.number), "step_name": last.recorded.step}
         if newest is not None:
             stale = localisation_staleness(case, newest)
             quoted |= {"localisation": str(newest.number), "reasons": ", ".join(newest.reason_codes) or "no reason"}
@@ -167,6 +174,13 @@ def localisation_staleness(case: Case, measured: LocalisationReceived) -> str | 
     if newest is not None and newest.number != measured.number:
         return f"localisation {newest.number} is newer"
     return case.staleness_of_image(measured.image_sha256, measured.case_revision)
+
+
+def _last_step(case: Case) -> LastStep:
+    if not case.step_entries:
+        return LastStep.NONE
+    safe = case.step_entries[-1].is_undone_safely(case.progress)
+    return LastStep.CAN_BE_UNDONE if safe else LastStep.CANNOT_BE_UNDONE
 
 
 def _basis(case: Case, newest: LocalisationReceived | None) -> Basis:

@@ -14,6 +14,7 @@ from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
 from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag, case_etag_after, case_view, matched_case
+from services.ui_api.routes.procedure_views import StepView
 from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.routes.views import CaseView
 from services.ui_api.service import Gateway
@@ -106,6 +107,20 @@ def record_step(
         return json_answer(201, _preview(unit, gateway, case_id), case_etag=etag)
 
     return idempotency.once(keyed(request, key, body), act)
+
+
+@router.get("/{case_id}/steps", openapi_extra=needs(Action.READ))
+def list_steps(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[StepView]:
+    """Steps that were recorded and not withdrawn, the oldest first."""
+    return page(gateway.cases.case(case_id).step_entries, cursor, limit, StepView.of)
+
+
+@router.delete("/{case_id}/steps/{number}", response_model=CaseView, openapi_extra=needs(Action.RECORD_STEP))
+def withdraw_step(case_id: str, number: int, response: Response, gateway: TheGateway, user: TheUser) -> CaseView:
+    """Take back the step that was recorded last, because it was not done."""
+    with gateway.record.write() as unit:
+        gateway.cases.withdraw_step(unit, case_id, number, user.name)
+    return read_case(case_id, response, gateway)
 
 
 def _preview(unit: UnitOfWork, gateway: Gateway, case_id: str) -> CaseView:

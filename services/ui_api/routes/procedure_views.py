@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from services.ui_api.core.case import Case
+from services.ui_api.core.case import Case, StepEntry
 from services.ui_api.core.event_data import Step
 from services.ui_api.core.next_step import next_sentence, next_step
 from services.ui_api.core.procedure_conditions import Judge
@@ -30,6 +30,28 @@ class InsideView(View):
 
     kind: Literal["wire", "drill", "screw"]
     hole_id: str
+
+
+class StepView(View):
+    """A step that was recorded and not withdrawn."""
+
+    number: int
+    step: str
+    hole_ids: list[str] = Field(description="Empty: it concerned all holes.")
+    out_of_order: bool
+    why: str
+
+    @staticmethod
+    def of(entry: StepEntry) -> "StepView":
+        """From the case's value."""
+        recorded = entry.recorded
+        return StepView(
+            number=entry.number,
+            step=recorded.step,
+            hole_ids=list(recorded.hole_ids),
+            out_of_order=recorded.out_of_order,
+            why=recorded.why,
+        )
 
 
 class ActionView(View):

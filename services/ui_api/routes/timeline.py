@@ -158,6 +158,11 @@ def _(data: told.StepRecorded) -> str:
     return f"Step recorded: {data.step.replace('_', ' ')}{holes}{order}."
 
 
+@_what.register
+def _(data: told.StepWithdrawn) -> str:
+    return f"Step {data.number} ({data.step.replace('_', ' ')}) taken back: it was not done."
+
+
 def _href(data: EventData, case: str) -> str | None:
     match data:
         case told.ImageReceived() | told.ImageSkipped():

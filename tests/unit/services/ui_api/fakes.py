@@ -96,8 +96,11 @@ class FakeImaging(OnTheBus):
 
     def send(self, name: str, case_id: str | None, revision: int = 1) -> FrameHeader:
         header = self.store(name, case_id, revision)
-        self._frames.put(samples.pixels(), encode(header))
+        self.publish(header)
         return header
+
+    def publish(self, header: FrameHeader) -> None:
+        self._frames.put(samples.pixels(), encode(header))
 
     def store(self, name: str, case_id: str | None, revision: int = 1, calibration: str = "pending") -> FrameHeader:
         """Have an image without publishing it, as if the bus had dropped the frame, or nobody had listened."""

@@ -11,10 +11,10 @@ from shared.geometry.hexapod import base_from_top
 from shared.geometry.hexapod_limits import limit_violations, path_violations
 from shared.parts.catalogue import catalogue_entry
 from simulation.render.truth import guide_axis_errors
-from simulation.scenario.files import ScenarioFile, ScenarioInvalid, merged_ranges
+from simulation.scenario.files import ScenarioFile, ScenarioInvalid, merged_ranges, scenario_file_of_seed
 from simulation.scenario.placement_sampling import correcting_pose
 from simulation.scenario.sampling import scenario_from_file, scenario_of_seed
-from simulation.scenario.values import MountKind, Side
+from simulation.scenario.values import BoneKind, MountKind, Side
 from simulation.world.poses import bone_from_guide, starting_state, world_at
 
 SEEDS = range(40)
@@ -35,6 +35,22 @@ def test_seeds_differ() -> None:
     assert len({s.c_arm.pixel_mm for s in drawn}) == 12
     assert {s.side for s in drawn} == {Side.LEFT, Side.RIGHT}
     assert len({s.sources.nail.name for s in drawn}) > 1
+
+
+@pytest.mark.parametrize("mount", MountKind)
+def test_a_tibia_is_drilled_from_within_and_has_its_own_shape_and_nail(mount: MountKind) -> None:
+    femur = scenario_of_seed(3)
+    file = scenario_file_of_seed(3, BoneKind.TIBIA).model_copy(update={"mount": mount, "side": femur.side})
+    tibia = scenario_from_file(file, Path())
+    assert (tibia.bone, tibia.side, tibia.mount) == (BoneKind.TIBIA, femur.side, mount)
+    assert tibia.sources.nail.name == "nail-tibia-ti-10"
+    assert set(tibia.parts.common_hole_ids) == {"proximal", "distal"}
+    assert max(tibia.anatomy.shaft_half_axes_mm) < min(femur.anatomy.shaft_half_axes_mm)
+    assert tibia.anatomy.posterior_y == -femur.anatomy.posterior_y
+    inwards_femur, inwards_tibia = (s.placement.room_from_bone.rotation[1, 2] for s in (femur, tibia))
+    assert inwards_femur * inwards_tibia < 0.0
+    fibula, malleolus = (max(tibia.anatomy.condyle_half_axes_mm[k]) for k in (1, 0))
+    assert fibula > 4.0 * malleolus
 
 
 def test_pinning_one_section_leaves_the_others() -> None:

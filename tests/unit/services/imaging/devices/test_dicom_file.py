@@ -63,11 +63,17 @@ def test_nominal_geometry_is_read_and_nonsense_left_out() -> None:
     dataset.ImagerPixelSpacing = [0.21, 0.21]
     dataset.DistanceSourceToDetector = 985.0
     dataset.PositionerPrimaryAngle, dataset.PositionerSecondaryAngle = -12.5, 3.0
+    dataset.Laterality = "R"
     dataset.Manufacturer, dataset.ManufacturerModelName = "Maker", "Model"
     made = read_dicom(file_of(dataset), "test").acquisition
     assert (made.pixel_mm, made.source_to_detector_mm) == (0.21, 985.0)
     assert (made.positioner_primary_angle_deg, made.positioner_secondary_angle_deg) == (-12.5, 3.0)
     assert (made.manufacturer, made.model_name) == ("Maker", "Model")
+    assert made.laterality == "right"
+    dataset.ImageLaterality = "L"
+    assert read_dicom(file_of(dataset), "test").acquisition.laterality == "left"
+    dataset.ImageLaterality = "B"
+    assert read_dicom(file_of(dataset), "test").acquisition.laterality is None
     dataset.DistanceSourceToDetector = 0.0
     assert read_dicom(file_of(dataset), "test").acquisition.source_to_detector_mm is None
 

@@ -45,7 +45,18 @@ def _situations() -> Iterator[Situation]:
         ):
             if (pending is Pending.MOVE) is not (stage is Stage.MOVING):
                 continue
-            yield Situation(progress, basis, plan, pending, robot, seen, not drilled, drilled, not drilled)
+            yield Situation(
+                progress,
+                basis,
+                plan,
+                pending,
+                robot,
+                seen,
+                guide_seen=not drilled,
+                some_drilled=drilled,
+                all_screwed=not drilled,
+                side_agrees=drilled,
+            )
 
 
 @cache

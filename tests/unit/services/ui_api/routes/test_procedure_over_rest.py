@@ -60,6 +60,7 @@ def _assert_case_and_requests_agree(room: Room, case_id: str) -> list[str]:
         "verify": lambda: room.post(f"{path}/verifications", {"images": [samples.sha("image")]}),
         "change_setup": lambda: room.patch(path, {"side": "right"}),
         "record_step": lambda: room.post(f"{path}/steps", {"step": "mount_moved", "why": "it was"}),
+        "withdraw_step": lambda: room.client.delete(f"/api/v1{path}/steps/1"),
         "reference": lambda: room.post("/robot/reference"),
         "acknowledge_stop": lambda: room.post("/robot/acknowledge-stop"),
         "reset": lambda: room.post("/robot/reset"),
@@ -76,7 +77,7 @@ def test_what_a_case_refuses_a_request_is_refused_with_the_same_code(room: Room)
     case_id = room.open_case()
     assert "request_plan" in _assert_case_and_requests_agree(room, case_id)
     plan = room.approved_plan(case_id)
-    assert _assert_case_and_requests_agree(room, case_id) == ["approve_plan"]
+    assert _assert_case_and_requests_agree(room, case_id) == ["approve_plan", "withdraw_step"]
     room.robot.say(MotionState.STOPPED, stop=StopLatch.LATCHED)
     room.log.wait_for_event(lambda e: getattr(e.data, "stop", "") == "latched")
     procedure = room.get(f"/cases/{case_id}").json()["procedure"]
@@ -134,6 +135,48 @@ def test_a_guide_through_which_no_drill_would_pass_is_not_drilled_through(room: 
     assert room.get(f"/cases/{case_id}").json()["procedure"]["stage"] == "positioning"
     refused = room.post(f"/cases/{case_id}/steps", {"step": "drilled", "hole_ids": ["distal"]})
     assert refused.json()["code"] == "step_out_of_order"
+
+
+def test_steps_recorded_by_mistake_are_taken_back_the_last_first(room: Room) -> None:
+    case_id = room.open_case()
+    path = f"/cases/{case_id}/steps"
+    none = room.client.delete(f"/api/v1{path}/1")
+    assert (none.status_code, none.json()["code"]) == (404, "step_not_found")
+    room.post(path, {"step": "wires_inserted", "hole_ids": ["distal"], "why": "by hand"})
+    room.post(path, {"step": "drilled", "why": "by hand"})
+    room.image("image", case_id)
+    assert room.client.delete(f"/api/v1{path}/1").json()["code"] == "step_not_undoable"
+    after = room.client.delete(f"/api/v1{path}/2").json()["procedure"]
+    assert (after["stage"], after["drilled_hole_ids"], after["wired_hole_ids"]) == ("positioning", [], ["distal"])
+    assert room.client.delete(f"/api/v1{path}/1").json()["procedure"]["inside"] == []
+    room.post(path, {"step": "robot_removed"})
+    assert [(one["number"], one["step"]) for one in room.get(path).json()["items"]] == [(3, "robot_removed")]
+    assert room.client.delete(f"/api/v1{path}/3").json()["procedure"]["stage"] == "positioning"
+    room.post(path, {"step": "mount_moved"})
+    refused = room.client.delete(f"/api/v1{path}/4")
+    assert (refused.status_code, refused.json()["code"]) == (409, "step_not_undoable")
+    kinds = [e.kind for e in room.gateway.record.events_after(0, case_id)]
+    assert kinds.count(EventKind.STEP_WITHDRAWN) == 3
+
+
+def test_images_of_the_other_side_allow_no_plan_until_that_is_settled(room: Room) -> None:
+    case_id = room.open_case()
+    header = room.imaging.store("other side", case_id).model_copy(update={"laterality": "right"})
+    room.imaging.keep(header)
+    room.imaging.publish(header)
+    ledger = room.gateway.record.ledger
+    room.log.wait_for(lambda: ledger.cases[case_id].image(header.sha256) is not None)
+    epoch = room.registration.publish(header).registration_epoch
+    room.log.wait_for(lambda: ledger.cases[case_id].knows_localisation(header.sha256, epoch))
+    assert "request_plan" in _assert_case_and_requests_agree(room, case_id)
+    answer = room.post(f"/cases/{case_id}/plans", {"localisation": 1, "hole_ids": ["distal"]})
+    assert (answer.status_code, answer.json()["code"]) == (409, "laterality_mismatch")
+    assert "the case is of the left side, and the newest image's header states the right side" in answer.text
+    assert room.get(f"/cases/{case_id}").json()["procedure"]["next_action"] == "change_setup"
+    room.image("from now on without a side", case_id)
+    assert room.post(f"/cases/{case_id}/plans", {"localisation": 2, "hole_ids": ["distal"]}).status_code == 409
+    room.client.patch(f"/api/v1/cases/{case_id}", json={"side": "right"})
+    assert ledger.cases[case_id].side_of_images is None, "older images are of another set-up"
 
 
 def test_the_robot_says_what_may_be_done_with_it_and_by_whom(room: Room) -> None:
