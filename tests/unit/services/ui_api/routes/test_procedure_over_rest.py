@@ -175,7 +175,7 @@ def test_images_of_the_other_side_allow_no_plan_until_that_is_settled(room: Room
     assert room.get(f"/cases/{case_id}").json()["procedure"]["next_action"] == "change_setup"
     room.image("from now on without a side", case_id)
     assert room.post(f"/cases/{case_id}/plans", {"localisation": 2, "hole_ids": ["distal"]}).status_code == 409
-    room.client.patch(f"/api/v1/cases/{case_id}", json={"side": "right"})
+    room.patch(f"/cases/{case_id}", {"side": "right"})
     assert ledger.cases[case_id].side_of_images is None, "older images are of another set-up"
 
 
