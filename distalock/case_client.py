@@ -1,7 +1,7 @@
 """One case through the gateway's REST interface, as a console sees it."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict
@@ -211,24 +211,40 @@ class CaseClient:
     def plan(self, localisation: int, hole_ids: Sequence[str]) -> Plan:
         """Ask for the move that makes the axes of these holes coincide; raises `RequestRefused`."""
         body = {"localisation": localisation, "hole_ids": list(hole_ids)}
-        return Plan.model_validate(self._rest.post(f"{self._path}/plans", body))
+        return Plan.model_validate(self._change("plans", body))
 
     def approve(self, plan: Plan) -> None:
         """Consent to exactly this plan, as the user who is signed in; raises `RequestRefused`."""
         self._rest.post(f"{self._path}/plans/{plan.number}/approval", if_match=f'"{plan.sha256}"')
 
+    def begin_motion(self, plan: Plan) -> JsonObject:
+        """Start the approved motion; its operation. Raises `RequestRefused`."""
+        return self._change("motions", {"plan": plan.number})
+
+    def change_set_up(self, changes: JsonObject) -> JsonObject:
+        """Change the set-up; the case after it. Raises `RequestRefused`."""
+        return self._rest.patch(self._path, changes, self.etag())
+
+    def etag(self) -> str:
+        """The case as it is now, for `If-Match`."""
+        return self._rest.etag(self._path)
+
+    def _change(self, what: str, body: Mapping[str, object]) -> JsonObject:
+        """Change the case as it is now: this client decides by what it has just read."""
+        return self._rest.post(f"{self._path}/{what}", body, self.etag())
+
     def move(self, plan: Plan) -> Operation:
         """Start the approved motion and follow it to its end; raises `RequestRefused`."""
-        return self.follow(self._rest.post(f"{self._path}/motions", {"plan": plan.number}))
+        return self.follow(self.begin_motion(plan))
 
     def verify(self, image_ids: Sequence[str], of: Literal["wires", "guide"] = "wires") -> Verification:
         """Compare wires, or the guide alone, with the nail's holes; raises `RequestRefused`."""
         body = {"images": list(image_ids), "of": of}
-        return Verification.model_validate(self._rest.post(f"{self._path}/verifications", body))
+        return Verification.model_validate(self._change("verifications", body))
 
     def record_step(self, step: str, hole_ids: Sequence[str] = (), why: str = "") -> None:
         """Tell the record what people did with their hands; raises `RequestRefused`."""
-        self._rest.post(f"{self._path}/steps", {"step": step, "hole_ids": list(hole_ids), "why": why})
+        self._change("steps", {"step": step, "hole_ids": list(hole_ids), "why": why})
 
     def follow(self, begun: JsonObject) -> Operation:
         """Follow an operation to its end; raises `TimeoutError`."""

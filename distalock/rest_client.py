@@ -80,13 +80,20 @@ class RestClient:
         headers = {"Idempotency-Key": str(uuid.uuid4()), **({"If-Match": if_match} if if_match else {})}
         return _content(self._http.post(path, json={} if body is None else body, headers=headers))
 
+    def etag(self, path: str) -> str:
+        """The ETag of a resource as it is now; raises `RequestRefused`."""
+        response = self._http.get(path)
+        _content(response)
+        return response.headers["etag"]
+
     def put(self, path: str, body: Mapping[str, object]) -> JsonObject:
         """Replace a resource."""
         return _content(self._http.put(path, json=body))
 
-    def patch(self, path: str, body: Mapping[str, object]) -> JsonObject:
+    def patch(self, path: str, body: Mapping[str, object], if_match: str | None = None) -> JsonObject:
         """Change a resource."""
-        return _content(self._http.patch(path, json=body))
+        headers = {"If-Match": if_match} if if_match else {}
+        return _content(self._http.patch(path, json=body, headers=headers))
 
     def delete(self, path: str) -> JsonObject:
         """Remove a resource."""

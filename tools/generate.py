@@ -11,6 +11,7 @@ from pathlib import Path
 
 from services.ui_api.app import openapi_document, routed_app
 from shared.messages.schema_files import SCHEMAS, schema_texts
+from tools.asyncapi import asyncapi_text
 from tools.keys_page import keys_page
 from tools.monitoring import alert_rules, dashboard, monitoring_page
 from tools.part_schemas import part_schema_texts
@@ -25,6 +26,7 @@ _PART_SCHEMAS = _DOCS / "schemas"
 _MONITORING = _DOCS.parent / "deploy" / "monitoring"
 _PAGES: dict[str, Callable[[], str]] = {
     "openapi.json": lambda: json.dumps(openapi_document(routed_app()), indent=1, ensure_ascii=False) + "\n",
+    "asyncapi.json": asyncapi_text,
     "keys.md": keys_page,
     "monitoring.md": monitoring_page,
     "procedure.md": procedure_page,

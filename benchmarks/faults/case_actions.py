@@ -71,7 +71,7 @@ class CaseActions:
     def ask_to_move(self, rest: AcknowledgingClient) -> None:
         """Ask for the approved motion."""
         assert self.plan is not None
-        self.motion = rest.post(f"/api/v1/cases/{self.case_id}/motions", {"plan": self.plan.number})
+        self.motion = CaseClient(rest, self.case_id).begin_motion(self.plan)
 
     def begin_to_move(self, rest: AcknowledgingClient) -> None:
         """The same, and wait until the hexapod moves, or has been at the target already."""

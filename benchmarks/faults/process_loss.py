@@ -108,7 +108,7 @@ def _begin_to_move(site: Site) -> None:
             seen = case.localisation_of(room.take_shot())
             plan = case.plan(seen.number, room.scenario().hole_ids)
             case.approve(plan)
-            site.rest.post(f"/api/v1/cases/{case.id}/motions", {"plan": plan.number})
+            case.begin_motion(plan)
             _wait(lambda: site.hexapod().moving, within_s=2.0)
         except (RequestRefused, NotDone, TimeoutError, httpx.HTTPError) as error:
             print(f"again: {error}")

@@ -19,6 +19,7 @@ from services.ui_api.routes import (
     robot,
     sessions,
     setup,
+    timeline,
     users,
     verifications,
 )
@@ -27,6 +28,7 @@ from services.ui_api.routes.guards import SECURITY_SCHEMES
 from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
+from services.ui_api.routes.request_checks import PathMethods
 from services.ui_api.routes.request_gate import RequestGate
 from services.ui_api.routes.request_trace import RequestTrace
 from services.ui_api.service import Gateway
@@ -40,16 +42,18 @@ _SUMMARY = (
 )
 
 
-def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = ()) -> FastAPI:
+def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = (), cors_origins: Sequence[str] = ()) -> FastAPI:
     """The application on an open gateway; the caller closes the gateway after the server has ended.
 
     Parameters
     ----------
     allowed_hosts
         Names under which this machine may be called, besides addresses and `localhost`.
+    cors_origins
+        Other origins whose pages may call this machine.
     """
     app = routed_app()
-    app.add_middleware(RequestGate, allowed_hosts=allowed_hosts)
+    app.add_middleware(RequestGate, allowed_hosts=allowed_hosts, cors_origins=cors_origins)
     app.add_middleware(RequestTrace)
     app.state.gateway = gateway
     app.state.idempotency = Idempotency(gateway.record)
@@ -70,9 +74,10 @@ def routed_app() -> FastAPI:
     app.state.metrics = Metrics()
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
-    api = APIRouter(prefix=PREFIX)
+    api, methods = APIRouter(prefix=PREFIX), PathMethods()
     for resource in (
         cases,
+        timeline,
         images,
         localisations,
         plans,
@@ -88,8 +93,11 @@ def routed_app() -> FastAPI:
         setup,
     ):
         api.include_router(resource.router)
+        methods.add(PREFIX, resource.router.routes)
     app.include_router(api)
     app.include_router(health.router)
+    methods.add("", health.router.routes)
+    app.state.methods = methods
     add_problem_handlers(app)
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]  # FastAPI's own way to extend it
     return app

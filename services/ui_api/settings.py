@@ -19,6 +19,8 @@ from shared.runtime.settings import ServiceSettings
 _LEAST_TOKEN_CHARACTERS: Final = 32
 HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$")]
 
+Origin = Annotated[str, Field(max_length=300, pattern=r"^https?://[A-Za-z0-9.\[\]:-]+$")]
+
 
 class UiApiSettings(ServiceSettings):
     """What the gateway needs to know beyond what every service does."""
@@ -41,6 +43,11 @@ class UiApiSettings(ServiceSettings):
     )
     allowed_hosts: tuple[HostName, ...] = Field(
         (), description="Names under which browsers may call this machine, besides its addresses and localhost."
+    )
+    cors_origins: tuple[Origin, ...] = Field(
+        (),
+        description="Origins of other servers whose pages may call this machine with an access token, such as "
+        "https://console.hospital:8443. Default: none.",
     )
     unapproved_parts: bool = Field(
         default=False, description="Take part files that no administrator has approved, as a simulation may."

@@ -17,7 +17,11 @@ def _moved_guide(site: Site) -> str:
     guide = json.loads((files("shared.parts") / "catalogue" / "guide-28.json").read_text())
     guide["holes"][0]["point_mm"][0] += 3.0
     return code_of(
-        httpx.patch(f"{site.api}/cases/{site.case.id}", json={"guide": guide}, headers=bearer(site.installation.token))
+        httpx.patch(
+            f"{site.api}/cases/{site.case.id}",
+            json={"guide": guide},
+            headers={"If-Match": site.case.etag(), **bearer(site.installation.token)},
+        )
     )
 
 

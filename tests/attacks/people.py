@@ -74,7 +74,10 @@ def _guessing(site: Site) -> str:
 
 def _foreign_answer(site: Site) -> str:
     """Somebody's key, sent by somebody else: the stored answer is not his."""
-    path, key = f"{site.api}/cases/{site.case.id}/steps", {"Idempotency-Key": "seen on somebody's screen"}
+    path, key = (
+        f"{site.api}/cases/{site.case.id}/steps",
+        {"Idempotency-Key": "seen on somebody's screen", "If-Match": site.case.etag()},
+    )
     step = {"step": "finished", "hole_ids": ["none"]}
     first = httpx.post(path, json=step, headers={**key, **bearer(site.installation.token)})
     assert first.is_client_error, first.text

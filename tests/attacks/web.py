@@ -38,6 +38,7 @@ def request_to(
         own = {
             "Idempotency-Key": uuid.uuid4().hex,
             "Content-Type": "application/json",
+            "If-Match": site.case.etag(),
             **bearer(site.installation.token),
         }
         where = httpx.URL(site.installation.ports.rest_url, raw_path=_path(path, site).encode())

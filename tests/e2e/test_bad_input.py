@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -115,6 +116,8 @@ def refused(site: OperatingRoom, method: str, path: str, body: object) -> httpx.
     """A request that must be refused with one sentence in a problem document."""
     url = f"{site.installation.ports.rest_url}/api/v1{path}"
     headers = {"Idempotency-Key": os.urandom(8).hex(), **bearer(site.installation.token)}
+    if (case := re.match(r"/cases/[^/]+", path)) is not None:
+        headers["If-Match"] = site.rest.etag(f"/api/v1{case[0]}")
     response = httpx.request(method, url, json=body, headers=headers)
     assert 400 <= response.status_code < 500, response.text
     assert response.headers["content-type"].startswith("application/problem+json")

@@ -87,7 +87,7 @@ def test_a_wrong_extension_is_refused_before_the_first_plan_and_a_right_one_is_n
     assert refused.value.problem_code == "head_extension"
     assert f"entered as {entered_mm:g} mm, {true_mm:.0f} mm would fit" in str(refused.value)
 
-    mounted.rest.patch(f"/api/v1/cases/{case.id}", {"head_extension_mm": true_mm})
+    case.change_set_up({"head_extension_mm": true_mm})
     seen = case.localisation_of(mounted.room.take_shot())
     assert seen.accepted, seen.summary
     assert case.plan(seen.number, scenario.hole_ids).plan.travel_mm > 0.0

@@ -47,7 +47,7 @@ class CaseRoom:
         return plan
 
     def begin(self, plan: Plan) -> JsonObject:
-        return self.room.rest.post(f"/api/v1/cases/{self.case.id}/motions", {"plan": plan.number})
+        return self.case.begin_motion(plan)
 
     def begin_to_move(self) -> JsonObject:
         begun = self.begin(self.approved_plan())

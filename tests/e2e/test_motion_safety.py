@@ -32,8 +32,7 @@ class Planned:
         return robot_of(self.site)
 
     def start_motion(self) -> Operation:
-        begun = self.site.rest.post(f"/api/v1/cases/{self.case.id}/motions", {"plan": self.plan.number})
-        return Operation.model_validate(begun)
+        return Operation.model_validate(self.case.begin_motion(self.plan))
 
     def true_pose(self) -> object:
         return self.site.control.get("/truth")["base_from_top"]
@@ -171,6 +170,7 @@ def test_a_second_identical_motion_request_moves_once(planned: Planned) -> None:
     planned.case.approve(planned.plan)
     url = f"{planned.site.installation.ports.rest_url}/api/v1/cases/{planned.case.id}/motions"
     headers = {"Idempotency-Key": str(uuid.uuid4()), **bearer(planned.site.installation.token)}
+    headers["If-Match"] = planned.case.etag()
     body = {"plan": planned.plan.number}
     first, second = (httpx.post(url, json=body, headers=headers) for _ in range(2))
     assert first.status_code == second.status_code == 202

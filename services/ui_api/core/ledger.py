@@ -2,14 +2,33 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from services.ui_api.core.case import Case, applied, opened_case
 from services.ui_api.core.event_data import CaseOpened, CasePruned, ImageReceived
-from services.ui_api.core.events import Event
+from services.ui_api.core.events import Event, EventKind
 from services.ui_api.core.image_numbers import NumbersOnRecord
 from services.ui_api.core.inside import Inside
 from services.ui_api.core.operations import Operation, ended, progressed
 from services.ui_api.core.robot_event_data import OperationEnded, OperationProgressed, OperationRequested
+
+# What happens by itself, or decides nothing: whoever changes a case need not have seen it.
+_DECIDES_NOTHING: Final = frozenset(
+    {
+        EventKind.IMAGE_RECEIVED,
+        EventKind.IMAGE_CALIBRATED,
+        EventKind.IMAGE_SKIPPED,
+        EventKind.LOCALISATION_RECEIVED,
+        EventKind.PLAN_REFUSED,
+        EventKind.VERIFICATION_REFUSED,
+        EventKind.QA_REPORTED,
+        EventKind.OPERATION_PROGRESSED,
+        EventKind.STOP_REQUESTED,
+        EventKind.ROBOT_CHANGED,
+        EventKind.PRESENCE_CHANGED,
+        EventKind.BUS_REFUSED,
+    }
+)
 
 
 @dataclass(slots=True)
@@ -27,6 +46,8 @@ class Ledger:
     head_sequence: int = 0
     images: dict[str, NumbersOnRecord] = field(default_factory=dict)  # by image store, of all cases and none
 
+    _decided: dict[str, int] = field(default_factory=dict)  # by case, the last event by which something was decided
+
     def take(self, event: Event) -> None:
         """Fold in one more event, which must be the next of the log."""
         if event.sequence != self.head_sequence + 1:
@@ -34,6 +55,7 @@ class Ledger:
         self._take_case(event)
         self._take_operation(event)
         self._take_image(event)
+        self._take_decision(event)
         self.head_sequence = event.sequence
 
     def pass_over(self, sequence: int) -> None:
@@ -44,7 +66,7 @@ class Ledger:
 
     def with_events(self, events: Sequence[Event]) -> "Ledger":
         """The ledger after more events; this one stays as it is. Raises what an event brings that does not fit."""
-        after = Ledger(self.images_held, self.cases, self.operations, self.head_sequence, self.images)
+        after = Ledger(self.images_held, self.cases, self.operations, self.head_sequence, self.images, self._decided)
         for event in events:
             after.take(event)
         return after
@@ -52,7 +74,7 @@ class Ledger:
     def become(self, after: "Ledger") -> None:
         """Take over another ledger's contents."""
         self.cases, self.operations, self.head_sequence = after.cases, after.operations, after.head_sequence
-        self.images = after.images
+        self.images, self._decided = after.images, after._decided
 
     def open_case(self) -> Case | None:
         """The case that is open in this room, if any."""
@@ -76,6 +98,15 @@ class Ledger:
         if case is None:
             raise KeyError(case_id)
         return case
+
+    def decided(self, case_id: str, events: Sequence[Event] = ()) -> int:
+        """Number of the last event by which somebody has decided something in a case; with events not taken yet."""
+        newer = [event.sequence for event in events if event.case_id == case_id and _decides(event)]
+        return newer[-1] if newer else self._decided.get(case_id, 0)
+
+    def _take_decision(self, event: Event) -> None:
+        if event.case_id is not None and _decides(event):
+            self._decided = {**self._decided, event.case_id: event.sequence}
 
     def _take_case(self, event: Event) -> None:
         if event.case_id is None:
@@ -116,3 +147,7 @@ def _case_with(case: Case | None, event: Event) -> Case | None:
     if isinstance(event.data, CaseOpened):
         return opened_case(event, event.data)
     return None if case is None else applied(case, event)
+
+
+def _decides(event: Event) -> bool:
+    return event.kind not in _DECIDES_NOTHING

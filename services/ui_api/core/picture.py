@@ -36,6 +36,17 @@ def png_of(grey: NDArray[np.uint8]) -> bytes:
     return bytes(encoded.tobytes())
 
 
+def narrowed(png: bytes, width_px: int) -> bytes:
+    """A PNG made so narrow, in its own proportions; one that is narrower already stays as it is."""
+    picture = cv2.imdecode(np.frombuffer(png, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    if picture is None or picture.shape[1] <= width_px:
+        return png
+    height, width = picture.shape[:2]
+    size = (width_px, max(1, round(height * width_px / width)))
+    _, encoded = cv2.imencode(".png", cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
+    return bytes(encoded.tobytes())
+
+
 def _stretched(pixels: NDArray[np.float32], ends: NDArray[np.float64]) -> NDArray[np.uint8]:
     low, high = ends
     stretched = (pixels - low) * (255.0 / max(float(high - low), 1e-6))

@@ -26,6 +26,8 @@ _SAFE: Final[Mapping[str, str]] = {
     # Answers are of patients, or soon out of date.
     "cache-control": "no-store",
 }
+_EXPOSED: Final = "ETag, Case-ETag, Location, Retry-After, Allow"
+_TAKEN: Final = "Authorization, Content-Type, Idempotency-Key, If-Match, If-None-Match, Last-Event-ID"
 _HSTS: Final = "max-age=31536000"
 
 
@@ -67,13 +69,17 @@ class RequestFacts:
     framings: int = 0
 
 
-def refused_request(request: RequestFacts, allowed_hosts: Sequence[str]) -> RefusedRequest | None:
+def refused_request(
+    request: RequestFacts, allowed_hosts: Sequence[str], cors_origins: Sequence[str] = ()
+) -> RefusedRequest | None:
     """Why a request is refused; None when it is not.
 
     Parameters
     ----------
     allowed_hosts
         Names under which this machine may be called, besides addresses and `localhost`.
+    cors_origins
+        Other origins whose pages may call this machine.
     """
     if request.framings > 1:
         return RefusedRequest(
@@ -87,7 +93,30 @@ def refused_request(request: RequestFacts, allowed_hosts: Sequence[str]) -> Refu
             f"the request is for the host {request.host[:80]!r}; call this machine by its address, or add the name to "
             "the setting allowed_hosts (DISTALOCK_UI_API_ALLOWED_HOSTS)",
         )
-    return None if request.method in _ONLY_READING else _cross_site(request)
+    if request.method in _ONLY_READING or request.origin in cors_origins:
+        return None
+    return _cross_site(request)
+
+
+def cors_headers(origin: str | None, cors_origins: Sequence[str]) -> dict[str, str]:
+    """What lets a page of another origin read an answer; empty for pages whose origin was not set.
+
+    Cookies are not let through: such a page sends an access token.
+    """
+    if origin is None or origin not in cors_origins:
+        return {}
+    return {"access-control-allow-origin": origin, "access-control-expose-headers": _EXPOSED, "vary": "Origin"}
+
+
+def preflight_headers(origin: str | None, cors_origins: Sequence[str]) -> dict[str, str]:
+    """The answer to a browser that asks first; empty for origins that were not set."""
+    allowed = cors_headers(origin, cors_origins)
+    return allowed and {
+        **allowed,
+        "access-control-allow-methods": "GET, POST, PUT, PATCH, DELETE",
+        "access-control-allow-headers": _TAKEN,
+        "access-control-max-age": "600",
+    }
 
 
 def safe_headers(scheme: str) -> dict[str, str]:

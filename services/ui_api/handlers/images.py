@@ -72,6 +72,14 @@ class ImageHandler:
             "images_pruned then says, or image_dir is not the folder in which imaging stores its files",
         )
 
+    def basis(self, sha256: str, view: str) -> str:
+        """Hash of what a view is drawn with beside the pixels; empty without any. Raises `Refused`."""
+        case = self.find(sha256).case
+        calibrated, measured = case.calibration_of(sha256), case.localisation_of(sha256)
+        if view == "corrected":
+            return "" if calibrated is None else calibrated.document_sha256
+        return "" if view == "raw" or measured is None else measured.overlay_sha256 or ""
+
     def raw_png(self, sha256: str) -> bytes:
         """The image as received, with its grey values stretched to 8 bits."""
         self.find(sha256)

@@ -3,6 +3,7 @@
 `RefusalKind` says what sort of refusal it is without speaking HTTP; `routes.problems` gives each kind its status.
 """
 
+from collections.abc import Mapping
 from enum import StrEnum
 
 from shared.errors import DistalockError
@@ -20,6 +21,7 @@ class RefusalKind(StrEnum):
     CONFLICT = "conflict"
     PRECONDITION_MISSING = "precondition_missing"
     PRECONDITION_FAILED = "precondition_failed"
+    MEDIA_TYPE = "media_type"
     NO_REPLY = "no_reply"
     UNAVAILABLE = "unavailable"
 
@@ -35,7 +37,15 @@ class Refused(DistalockError):
         One sentence: what was found, the limit, what to do.
     retry_after_s
         When it may be tried again, where only time helps.
+
+    Attributes
+    ----------
+    current, etag
+        The newest state, as it is read, where what was quoted is not the newest; None otherwise.
     """
+
+    current: Mapping[str, object] | None = None
+    etag: str | None = None
 
     def __init__(self, kind: RefusalKind, code: str, message: str, retry_after_s: float | None = None) -> None:
         super().__init__(message)

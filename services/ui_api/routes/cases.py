@@ -1,24 +1,26 @@
 """`/cases`: open, list, read, change; `/cases/{id}/steps`: what people did with their hands."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.cases import StepRequest
-from services.ui_api.handlers.refusals import RefusalKind, Refused
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import CaseBody, CasePatch, StepBody
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
+from services.ui_api.routes.preconditions import CaseMatch, case_etag, case_etag_after, case_view, matched_case
 from services.ui_api.routes.procedure_views import StepView
+from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.routes.views import CaseView
 from services.ui_api.service import Gateway
 
 router = APIRouter(route_class=GuardedRoute, prefix="/cases", tags=["cases"])
+CaseStatus = Annotated[Literal["open", "closed"] | None, Query(description="Only those that are so.")]
 
 
 @router.post("", status_code=201, response_model=CaseView, openapi_extra=needs(Action.OPEN_CASE))
@@ -34,23 +36,38 @@ def open_case(
 
     def act(unit: UnitOfWork) -> Answer:
         case_id = gateway.cases.open_case(unit, body.request(), user.name)
-        return json_answer(201, _preview(unit, gateway, case_id), location=f"/api/v1/cases/{case_id}")
+        etag = case_etag_after(gateway, case_id, unit)
+        return json_answer(201, _preview(unit, gateway, case_id), location=f"/api/v1/cases/{case_id}", case_etag=etag)
 
     return idempotency.once(keyed(request, key, body), act)
 
 
-@router.get("", openapi_extra=needs(Action.READ))
-def list_cases(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[CaseView]:
-    """All cases, the oldest first."""
-    return page(list(gateway.record.ledger.cases.values()), cursor, limit, lambda case: _view(gateway, case))
+@router.get("", dependencies=SPARSE, openapi_extra=needs(Action.READ))
+def list_cases(
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    status: CaseStatus = None,
+    since: Since = None,
+    sort: Sort = "oldest",
+) -> Page[CaseView]:
+    """All cases; `since` is of the last change."""
+
+    def wanted(case: Case) -> bool:
+        return status in (None, "closed" if case.progress.closed else "open") and is_since(case.changed_at_ns, since)
+
+    def view(case: Case) -> CaseView:
+        return case_view(gateway, case)
+
+    return page(list(gateway.record.ledger.cases.values()), cursor, limit, view, wanted=wanted, sort=sort)
 
 
 @router.get("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.READ))
 def read_case(case_id: str, response: Response, gateway: TheGateway) -> CaseView:
     """A case with the state of its procedure and the next allowed actions."""
     case = gateway.cases.case(case_id)
-    response.headers["ETag"] = _etag(case.revision)
-    return _view(gateway, case)
+    response.headers["ETag"] = response.headers["Case-ETag"] = case_etag(gateway, case)
+    return case_view(gateway, case)
 
 
 @router.patch("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.CHANGE_SET_UP))
@@ -60,17 +77,11 @@ def change_case(
     response: Response,
     gateway: TheGateway,
     user: TheUser,
-    if_match: Annotated[str | None, Header(description="ETag of the case that was read.")] = None,
+    if_match: CaseMatch,
 ) -> CaseView:
     """Change the set-up: the revision counts up, and everything measured before is stale."""
     with gateway.record.write() as unit:
-        revision = gateway.cases.case(case_id).revision
-        if if_match is not None and if_match != _etag(revision):
-            raise Refused(
-                RefusalKind.PRECONDITION_FAILED,
-                "case_changed",
-                f"If-Match is {if_match}, but the case is at {_etag(revision)}; read it again",
-            )
+        matched_case(gateway, case_id, if_match)
         gateway.cases.change_setup(unit, case_id, body.request(), user.name, body.why)
     return read_case(case_id, response, gateway)
 
@@ -81,6 +92,7 @@ def record_step(
     request: Request,
     body: StepBody,
     key: IdempotencyKey,
+    if_match: CaseMatch,
     gateway: TheGateway,
     idempotency: TheIdempotency,
     user: TheUser,
@@ -88,9 +100,11 @@ def record_step(
     """Record what people did with their hands; `finished` and `abandoned` close the case."""
 
     def act(unit: UnitOfWork) -> Answer:
+        matched_case(gateway, case_id, if_match)
         step = StepRequest(body.as_step(), tuple(body.hole_ids), user.name, body.why)
         gateway.cases.record_step(unit, case_id, step)
-        return json_answer(201, _preview(unit, gateway, case_id))
+        etag = case_etag_after(gateway, case_id, unit)
+        return json_answer(201, _preview(unit, gateway, case_id), case_etag=etag)
 
     return idempotency.once(keyed(request, key, body), act)
 
@@ -111,12 +125,4 @@ def withdraw_step(case_id: str, number: int, response: Response, gateway: TheGat
 
 def _preview(unit: UnitOfWork, gateway: Gateway, case_id: str) -> CaseView:
     """The case as it will be once the transaction is on the disk."""
-    return _view(gateway, gateway.record.ledger.case_after(case_id, unit.events))
-
-
-def _view(gateway: Gateway, case: Case) -> CaseView:
-    return CaseView.of(case, gateway.procedure.situation(case))
-
-
-def _etag(revision: int) -> str:
-    return f'"{revision}"'
+    return case_view(gateway, gateway.record.ledger.case_after(case_id, unit.events))

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Header, Query
 from sse_starlette import EventSourceResponse, ServerSentEvent
@@ -20,13 +20,19 @@ from services.ui_api.service import Gateway
 router = APIRouter(route_class=GuardedRoute, tags=["events"])
 # Chosen: below the 30 s after which proxies close what says nothing.
 PING_S = 10.0
+_STREAM: Final[dict[int | str, dict[str, Any]]] = {
+    200: {
+        "description": "Server-sent events; docs/asyncapi.json has the schema of each kind.",
+        "content": {"text/event-stream": {"schema": {"type": "string"}}},
+    }
+}
 LastEventId = Annotated[
-    str | None, Header(alias="Last-Event-ID", pattern=r"^\d{1,18}$", description="Id of the last event received.")
+    str | None, Header(alias="Last-Event-ID", pattern=r"^[0-9]{1,18}$", description="Id of the last event received.")
 ]
 After = Annotated[int | None, Query(ge=0, lt=10**18, description="Sequence number after which to begin.")]
 
 
-@router.get("/events", response_class=EventSourceResponse, openapi_extra=needs(Action.READ))
+@router.get("/events", response_class=EventSourceResponse, responses=_STREAM, openapi_extra=needs(Action.READ))
 async def all_events(
     gateway: TheGateway, user: TheUser, last_event_id: LastEventId = None, after: After = None
 ) -> EventSourceResponse:
@@ -35,7 +41,9 @@ async def all_events(
     return EventSourceResponse(_stream(gateway, user, start, None), ping=PING_S)
 
 
-@router.get("/cases/{case_id}/events", response_class=EventSourceResponse, openapi_extra=needs(Action.READ))
+@router.get(
+    "/cases/{case_id}/events", response_class=EventSourceResponse, responses=_STREAM, openapi_extra=needs(Action.READ)
+)
 async def case_events(
     case_id: str, gateway: TheGateway, user: TheUser, last_event_id: LastEventId = None, after: After = None
 ) -> EventSourceResponse:

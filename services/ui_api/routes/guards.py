@@ -15,7 +15,10 @@ from starlette.responses import Response
 from services.ui_api.core.identity import User
 from services.ui_api.core.roles import PERMISSION_OF, Action, WithoutLogin
 from services.ui_api.handlers.refusals import Refused
+from services.ui_api.routes.conditional import conditional
 from services.ui_api.routes.problems import log_refusal, problem_of, sender_of
+from services.ui_api.routes.request_checks import query_parameters, require_json, require_known_parameters
+from services.ui_api.routes.sparse import sparse
 from services.ui_api.service import Gateway
 
 ACTION_KEY: Final = "x-distalock-action"
@@ -48,10 +51,15 @@ class GuardedRoute(APIRoute):
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """The route's handler behind its guard; raises `TypeError` when the route names no action."""
         action, handler = self.action, super().get_route_handler()
+        known, takes_json = query_parameters(self.dependant), self.body_field is not None
 
         async def guarded(request: Request) -> Response:
             request.state.user = _admitted(request, action)
-            return await handler(request)
+            if action is not Action.STOP:  # a stop is refused for nothing that it says
+                require_known_parameters(request, known)
+            if takes_json:
+                require_json(request)
+            return conditional(request, sparse(request, await handler(request)))
 
         return guarded
 

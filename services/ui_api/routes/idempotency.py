@@ -11,10 +11,10 @@ import itertools
 import json
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, TypeVar
+from typing import Annotated, Final, TypeVar
 
 from fastapi import Header, Request
 from pydantic import BaseModel
@@ -23,13 +23,14 @@ from starlette.responses import Response
 from services.ui_api.handlers.refusals import invalid
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
-from services.ui_api.routes.problems import PROBLEM_JSON, Problem, log_refusal, problem_of, sender_of
+from services.ui_api.routes.problems import PROBLEM_JSON, Problem, headers_of, log_refusal, problem_of, sender_of
 from shared.errors import DistalockError
 
 T = TypeVar("T")
 
 # Stored answers that are too old are looked for with the first of so many requests.
 _FORGET_EVERY = 100
+_NO_HEADERS: Final[Mapping[str, str]] = {}
 
 IdempotencyKey = Annotated[
     str, Header(alias="Idempotency-Key", min_length=1, max_length=255, description="New for every new action.")
@@ -60,9 +61,10 @@ def json_answer(status: int, body: BaseModel, **headers: str) -> Answer:
     return Answer(status, body.model_dump_json(by_alias=True), {"content-type": "application/json"} | named)
 
 
-def problem_answer(document: Problem) -> Answer:
+def problem_answer(document: Problem, headers: Mapping[str, str] = _NO_HEADERS) -> Answer:
     """A problem document as an answer to be remembered."""
-    return Answer(document.status, document.model_dump_json(exclude_none=True), {"content-type": PROBLEM_JSON})
+    named = {"content-type": PROBLEM_JSON, **headers}
+    return Answer(document.status, document.model_dump_json(exclude_none=True), named)
 
 
 class Idempotency:
@@ -105,7 +107,7 @@ class Idempotency:
             if refusal.status >= 500:
                 raise
             log_refusal(refusal, request.sender)
-            answer = problem_answer(refusal)
+            answer = problem_answer(refusal, headers_of(error))
             with self._record.write() as unit:
                 unit.remember(request.key, request.request_sha256, answer)
         return answer

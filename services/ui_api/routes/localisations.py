@@ -10,8 +10,9 @@ from services.ui_api.handlers.procedure import localisation_staleness
 from services.ui_api.handlers.refusals import unknown
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.guards import GuardedRoute, needs
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.pages import Cursor, Limit, Page, Sort, VerdictFilter, page
 from services.ui_api.routes.result_views import AlignmentView, GuidanceView, HoleTilt, LocalisationView, age_s
+from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.service import Gateway
 from shared.messages.base import decode
 from shared.messages.registration import LocalisationRecord
@@ -19,16 +20,28 @@ from shared.messages.registration import LocalisationRecord
 router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}", tags=["localisations"])
 
 
-@router.get("/localisations", openapi_extra=needs(Action.READ))
+@router.get("/localisations", dependencies=SPARSE, openapi_extra=needs(Action.READ))
 def list_localisations(
-    case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50
+    case_id: str,
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    verdict: VerdictFilter = None,
+    sort: Sort = "oldest",
 ) -> Page[LocalisationView]:
-    """The localisations of a case, the oldest first."""
+    """The localisations of a case."""
     case = gateway.cases.case(case_id)
-    return page(case.localisations, cursor, limit, lambda measured: _view(gateway, case, measured))
+
+    def wanted(measured: LocalisationReceived) -> bool:
+        return verdict in (None, measured.verdict)
+
+    def view(measured: LocalisationReceived) -> LocalisationView:
+        return _view(gateway, case, measured)
+
+    return page(case.localisations, cursor, limit, view, wanted=wanted, sort=sort)
 
 
-@router.get("/localisations/{number}", openapi_extra=needs(Action.READ))
+@router.get("/localisations/{number}", dependencies=SPARSE, openapi_extra=needs(Action.READ))
 def read_localisation(case_id: str, number: int, gateway: TheGateway) -> LocalisationView:
     """What `locate` prints, plus provenance and whether it still holds."""
     case = gateway.cases.case(case_id)

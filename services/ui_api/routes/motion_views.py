@@ -106,7 +106,7 @@ class OperationView(View):
             case_id=operation.case_id,
             plan=requested.plan_number,
             hold_to_move=requested.hold_to_move,
-            status=_STATUS_NAMES[operation.status],
+            status=status_name(operation),
             began=operation.began,
             code=operation.code,
             detail=operation.message,
@@ -118,6 +118,11 @@ class OperationView(View):
             authenticated_by=requested.authenticated_by,
             permit_sha256=requested.permit_sha256,
         )
+
+
+def status_name(operation: Operation) -> OperationStatusName:
+    """How far an operation has come, as clients see it."""
+    return _STATUS_NAMES[operation.status]
 
 
 class LeaseView(View):

@@ -1,6 +1,8 @@
 """`/cases/{id}/motions` and `/operations`: motions are begun here and followed there."""
 
-from fastapi import APIRouter, Request, Response
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
 
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.roles import Action
@@ -11,11 +13,13 @@ from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import MotionBody
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
-from services.ui_api.routes.motion_views import LeaseView, OperationView
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.motion_views import LeaseView, OperationStatusName, OperationView, status_name
+from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
+from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
 from services.ui_api.service import Gateway
 
 router = APIRouter(route_class=GuardedRoute, tags=["motions"])
+StatusFilter = Annotated[OperationStatusName | None, Query(description="Only those with this status.")]
 
 
 @router.post(
@@ -26,6 +30,7 @@ def begin_motion(
     request: Request,
     body: MotionBody,
     key: IdempotencyKey,
+    if_match: CaseMatch,
     gateway: TheGateway,
     idempotency: TheIdempotency,
     user: TheUser,
@@ -34,15 +39,30 @@ def begin_motion(
 
     def act(unit: UnitOfWork) -> Answer:
         wanted = MotionRequest(body.plan, body.hold_to_move, user.name)
-        return accepted(gateway.planning.begin_motion(unit, gateway.cases.case(case_id), wanted))
+        case = matched_case(gateway, case_id, if_match)
+        begun = gateway.planning.begin_motion(unit, case, wanted)
+        return accepted(begun, case_etag=case_etag_after(gateway, case_id, unit))
 
     return idempotency.once(keyed(request, key, body), act)
 
 
 @router.get("/operations", openapi_extra=needs(Action.READ))
-def list_operations(gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[OperationView]:
-    """All operations, the oldest first."""
-    return page(list(gateway.record.ledger.operations.values()), cursor, limit, OperationView.of)
+def list_operations(
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    status: StatusFilter = None,
+    since: Since = None,
+    sort: Sort = "oldest",
+) -> Page[OperationView]:
+    """All operations."""
+
+    def wanted(operation: Operation) -> bool:
+        return status in (None, status_name(operation)) and is_since(operation.requested_at_ns, since)
+
+    return page(
+        list(gateway.record.ledger.operations.values()), cursor, limit, OperationView.of, wanted=wanted, sort=sort
+    )
 
 
 @router.get("/operations/{operation_id}", openapi_extra=needs(Action.READ))
@@ -64,10 +84,10 @@ def renew_lease(operation_id: str, gateway: TheGateway) -> LeaseView:
     return LeaseView(operation=operation_id, expires_in_s=gateway.leases.lease_s)
 
 
-def accepted(operation: Operation) -> Answer:
+def accepted(operation: Operation, **headers: str) -> Answer:
     """202 with the operation and where to follow it."""
     location = f"/api/v1/operations/{operation.requested.operation_id}"
-    return json_answer(202, OperationView.of(operation), location=location)
+    return json_answer(202, OperationView.of(operation), location=location, **headers)
 
 
 def _operation(gateway: Gateway, operation_id: str) -> Operation:

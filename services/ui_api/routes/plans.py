@@ -8,15 +8,16 @@ from services.ui_api.core.case import Case, PlanEntry
 from services.ui_api.core.identity import Approver
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.planning import PlanBasis, plan_of
-from services.ui_api.handlers.refusals import RefusalKind, Refused
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import ApprovalBody, PlanBody
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.motion_views import ApprovalView, PlanView
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.pages import Cursor, HoleFilter, Limit, Page, Since, Sort, is_since, page
+from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case, stale_precondition
 from services.ui_api.routes.problems import problem, sender_of
+from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.service import Gateway
 from shared.messages.registration import PlanReply
 
@@ -31,6 +32,7 @@ def make_plan(
     request: Request,
     body: PlanBody,
     key: IdempotencyKey,
+    if_match: CaseMatch,
     gateway: TheGateway,
     idempotency: TheIdempotency,
 ) -> Response:
@@ -39,7 +41,7 @@ def make_plan(
     basis = PlanBasis(body.localisation, tuple(body.localisations), body.verification)
 
     def ask() -> PlanReply:
-        return gateway.planning.ask_for_plan(gateway.cases.case(case_id), basis, hole_ids)
+        return gateway.planning.ask_for_plan(matched_case(gateway, case_id, if_match), basis, hole_ids)
 
     def act(unit: UnitOfWork, reply: PlanReply) -> Answer:
         number = gateway.planning.keep_plan(unit, case_id, body.localisation, hole_ids, reply)
@@ -50,16 +52,29 @@ def make_plan(
         entry = plan_of(case, number)
         view = PlanView.of(entry, reply.plan, gateway.planning.staleness_of(case, entry, reply.plan))
         location = f"{request.url.path}/{number}"
-        return json_answer(201, view, etag=etag(entry), location=location)
+        newest = case_etag_after(gateway, case_id, unit)
+        return json_answer(201, view, etag=etag(entry), location=location, case_etag=newest)
 
     return idempotency.once_after(keyed(request, key, body), ask, act)
 
 
-@router.get("", openapi_extra=needs(Action.READ))
-def list_plans(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[PlanView]:
-    """The plans of a case, the oldest first."""
+@router.get("", dependencies=SPARSE, openapi_extra=needs(Action.READ))
+def list_plans(
+    case_id: str,
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    hole: HoleFilter = None,
+    since: Since = None,
+    sort: Sort = "oldest",
+) -> Page[PlanView]:
+    """The plans of a case."""
     case = gateway.cases.case(case_id)
-    return page(case.plans, cursor, limit, lambda entry: _view(gateway, case, entry))
+
+    def wanted(entry: PlanEntry) -> bool:
+        return (hole is None or hole in entry.made.hole_ids) and is_since(entry.made_at_ns, since)
+
+    return page(case.plans, cursor, limit, lambda entry: _view(gateway, case, entry), wanted=wanted, sort=sort)
 
 
 @router.get("/{number}", response_model=PlanView, openapi_extra=needs(Action.READ))
@@ -67,7 +82,8 @@ def read_plan(case_id: str, number: int, response: Response, gateway: TheGateway
     """A plan; its ETag is what an approval quotes."""
     case = gateway.cases.case(case_id)
     entry = plan_of(case, number)
-    response.headers["ETag"] = etag(entry)
+    # The ETag is of what is approved; approval and validity beside it change, so that 304 would hide something.
+    response.headers["ETag"], response.headers["Cache-Control"] = etag(entry), "no-store"
     return _view(gateway, case, entry)
 
 
@@ -91,7 +107,7 @@ def approve_plan(
 
     def act(unit: UnitOfWork) -> Answer:
         case = gateway.cases.case(case_id)
-        _require_match(plan_of(case, number), if_match)
+        _require_match(gateway, case, plan_of(case, number), if_match)
         approved = gateway.planning.approve(unit, case, number, Approver(user.name, shown))
         view = ApprovalView(
             plan=number,
@@ -100,7 +116,7 @@ def approve_plan(
             approved_at_ns=approved.approved_at_ns,
             authenticated_by=approved.authenticated_by,
         )
-        return json_answer(201, view)
+        return json_answer(201, view, case_etag=case_etag_after(gateway, case_id, unit))
 
     return idempotency.once(keyed(request, key, body, if_match), act)
 
@@ -119,14 +135,15 @@ def etag(entry: PlanEntry) -> str:
     return f'"{entry.made.plan_sha256}"'
 
 
-def _require_match(entry: PlanEntry, if_match: str) -> None:
+def _require_match(gateway: Gateway, case: Case, entry: PlanEntry, if_match: str) -> None:
     """Neither `*` nor a list will do: consent is to one plan, by its hash."""
     if if_match.strip() != etag(entry):
-        raise Refused(
-            RefusalKind.PRECONDITION_FAILED,
+        raise stale_precondition(
             "plan_hash_mismatch",
             f"If-Match is {if_match[:80]}, but the ETag of plan {entry.made.number} is {etag(entry)}; read the plan "
             "that is to be approved",
+            _view(gateway, case, entry),
+            etag(entry),
         )
 
 

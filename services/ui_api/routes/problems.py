@@ -14,6 +14,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import Response
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
+from services.ui_api.routes.request_checks import PathMethods
 from shared.errors import BusError, DistalockError, InputError, NoReply, RecordUnavailable
 from shared.messages.base import MessageInvalid
 
@@ -30,6 +31,7 @@ _STATUS_OF_KIND: Mapping[RefusalKind, int] = {
     RefusalKind.UNKNOWN: 404,
     RefusalKind.CONFLICT: 409,
     RefusalKind.PRECONDITION_FAILED: 412,
+    RefusalKind.MEDIA_TYPE: 415,
     RefusalKind.INVALID: 422,
     RefusalKind.PRECONDITION_MISSING: 428,
     RefusalKind.UNAVAILABLE: 503,
@@ -51,7 +53,7 @@ _MISSING_HEADERS: Mapping[str, tuple[int, str, str]] = {
     "if-match": (
         428,
         "precondition_required",
-        "the header If-Match is missing; send the ETag of the plan that was read, so that exactly it is approved",
+        "the header If-Match is missing; send the ETag that was read: a plan's to approve it, a case's to change it",
     ),
 }
 
@@ -78,6 +80,7 @@ class Problem(BaseModel):
     instance: str
     errors: list[Place] | None = None
     checks: list[dict[str, str | bool]] | None = None
+    current: dict[str, object] | None = None
 
 
 def problem(status: int, code: str, detail: str, instance: str, errors: Sequence[Place] = ()) -> Problem:
@@ -101,7 +104,10 @@ def problem_response(document: Problem, headers: Mapping[str, str] | None = None
 
 def problem_of(error: DistalockError, instance: str) -> Problem:
     """The problem document of an error that was raised on purpose."""
-    return problem(_status_of(error), error.code, str(error), instance)
+    document = problem(_status_of(error), error.code, str(error), instance)
+    if not isinstance(error, Refused) or error.current is None:
+        return document
+    return document.model_copy(update={"current": dict(error.current)})
 
 
 def add_problem_handlers(app: FastAPI) -> None:
@@ -146,12 +152,15 @@ def _refusal(request: Request, document: Problem, headers: Mapping[str, str] | N
 
 async def _on_distalock_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, DistalockError)
-    return _refusal(request, problem_of(error, request.url.path), _headers_of(error))
+    return _refusal(request, problem_of(error, request.url.path), headers_of(error))
 
 
-def _headers_of(error: DistalockError) -> dict[str, str]:
+def headers_of(error: DistalockError) -> dict[str, str]:
+    """What goes with an error beside its document."""
     if not isinstance(error, Refused):
         return {}
+    if error.etag is not None:
+        return {"etag": error.etag}
     asked = {"www-authenticate": "Bearer"} if error.kind is RefusalKind.UNAUTHENTICATED else {}
     return asked if error.retry_after_s is None else {**asked, "retry-after": str(math.ceil(error.retry_after_s))}
 
@@ -174,7 +183,13 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     code = _CODE_OF_STATUS.get(error.status_code, "request_refused")
     detail = f"{request.method} {request.url.path}: {error.detail}"
-    return _refusal(request, problem(error.status_code, code, detail, request.url.path), error.headers)
+    headers = dict(error.headers or {})
+    if error.status_code == http.HTTPStatus.METHOD_NOT_ALLOWED:
+        # The framework names the methods of the first route alone that has the path.
+        methods_of: PathMethods = request.app.state.methods
+        methods = ", ".join(methods_of.of(request.scope["path"])) or headers.get("allow", "GET")
+        headers, detail = {**headers, "Allow": methods}, f"{request.url.path} has no {request.method}; it has {methods}"
+    return _refusal(request, problem(error.status_code, code, detail, request.url.path), headers)
 
 
 async def _on_fault(request: Request, error: Exception) -> Response:

@@ -10,6 +10,7 @@ from services.ui_api.routes.bodies import QaBody
 from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
 from services.ui_api.routes.problems import problem
 from shared.messages.qa import QaReply, QaReport
 
@@ -33,6 +34,7 @@ def report(
     request: Request,
     body: QaBody,
     key: IdempotencyKey,
+    if_match: CaseMatch,
     gateway: TheGateway,
     idempotency: TheIdempotency,
 ) -> Response:
@@ -40,13 +42,14 @@ def report(
     images = tuple(body.images)
 
     def ask() -> QaReply:
-        return gateway.quality.ask(gateway.cases.case(case_id), images)
+        return gateway.quality.ask(matched_case(gateway, case_id, if_match), images)
 
     def act(unit: UnitOfWork, reply: QaReply) -> Answer:
         if reply.report is None:
             return problem_answer(problem(409, reply.code or "no_report", reply.message, request.url.path))
         number = gateway.quality.keep(unit, case_id, images, reply.report, reply.page)
-        return json_answer(201, _view(number, reply.report), location=f"{request.url.path}/{number}")
+        location, newest = f"{request.url.path}/{number}", case_etag_after(gateway, case_id, unit)
+        return json_answer(201, _view(number, reply.report), location=location, case_etag=newest)
 
     return idempotency.once_after(keyed(request, key, body), ask, act)
 

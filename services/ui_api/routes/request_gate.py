@@ -12,6 +12,8 @@ from services.ui_api.core.request_policy import (
     RefusedRequest,
     RequestFacts,
     RequestRefusal,
+    cors_headers,
+    preflight_headers,
     refused_request,
     safe_headers,
 )
@@ -35,19 +37,25 @@ class RequestGate:
     ----------
     allowed_hosts
         Names under which this machine may be called, besides addresses and `localhost`.
+    cors_origins
+        Other origins whose pages may call this machine.
     """
 
-    def __init__(self, app: ASGIApp, allowed_hosts: Sequence[str]) -> None:
-        self._app, self._allowed_hosts = app, tuple(allowed_hosts)
+    def __init__(self, app: ASGIApp, allowed_hosts: Sequence[str], cors_origins: Sequence[str] = ()) -> None:
+        self._app, self._allowed_hosts, self._cors_origins = app, tuple(allowed_hosts), tuple(cors_origins)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, or pass on with headers on the answer."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        refused = refused_request(_facts(scope), self._allowed_hosts)
+        facts = _facts(scope)
+        refused = refused_request(facts, self._allowed_hosts, self._cors_origins)
         if refused is None:
-            await self._app(scope, receive, _with_headers(send, _safe(scope)))
+            preflight = preflight_headers(facts.origin, self._cors_origins) if facts.method == "OPTIONS" else {}
+            send = _with_headers(send, _safe(scope) | cors_headers(facts.origin, self._cors_origins))
+            app = Response(status_code=204, headers=preflight) if preflight else self._app
+            await app(scope, receive, send)
             return
         safely = _with_headers(send, _safe(scope) | {"connection": "close"})
         if scope["path"] == _NEVER_REFUSED:

@@ -9,7 +9,8 @@ from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import VerificationBody
 from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
-from services.ui_api.routes.pages import Cursor, Limit, Page, page
+from services.ui_api.routes.pages import Cursor, Limit, Page, Sort, VerdictFilter, page
+from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
 from services.ui_api.routes.problems import problem
 from services.ui_api.routes.result_views import VerificationView
 from shared.messages.registration import Verification, VerificationReply
@@ -23,6 +24,7 @@ def verify(
     request: Request,
     body: VerificationBody,
     key: IdempotencyKey,
+    if_match: CaseMatch,
     gateway: TheGateway,
     idempotency: TheIdempotency,
 ) -> Response:
@@ -30,29 +32,38 @@ def verify(
     images = tuple(body.images)
 
     def ask() -> VerificationReply:
-        return gateway.verifications.ask(gateway.cases.case(case_id), images, body.of)
+        return gateway.verifications.ask(matched_case(gateway, case_id, if_match), images, body.of)
 
     def act(unit: UnitOfWork, reply: VerificationReply) -> Answer:
         number = gateway.verifications.keep(unit, case_id, images, reply)
         if number is None or reply.verification is None:
             return problem_answer(problem(409, reply.code or "no_verification", reply.message, request.url.path))
         location = f"{request.url.path}/{number}"
-        return json_answer(201, _view(number, reply.verification), location=location)
+        newest = case_etag_after(gateway, case_id, unit)
+        return json_answer(201, _view(number, reply.verification), location=location, case_etag=newest)
 
     return idempotency.once_after(keyed(request, key, body), ask, act)
 
 
 @router.get("", openapi_extra=needs(Action.READ))
 def list_verifications(
-    case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50
+    case_id: str,
+    gateway: TheGateway,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+    verdict: VerdictFilter = None,
+    sort: Sort = "oldest",
 ) -> Page[VerificationView]:
-    """The verifications of a case, the oldest first."""
+    """The verifications of a case."""
     case = gateway.cases.case(case_id)
 
     def view(made: VerificationMade) -> VerificationView:
         return _view(made.number, gateway.verifications.content(case, made.number))
 
-    return page(case.verifications, cursor, limit, view)
+    def wanted(made: VerificationMade) -> bool:
+        return verdict in (None, made.verdict)
+
+    return page(case.verifications, cursor, limit, view, wanted=wanted, sort=sort)
 
 
 @router.get("/{number}", openapi_extra=needs(Action.READ))

@@ -12,6 +12,7 @@ _TOP = Path(__file__).parents[3]
 _RAISED = (
     r'\b(?:conflict|invalid|forbidden|unauthenticated)\(\s*"(\w+)"',
     r'RefusalKind\.\w+,\s*"(\w+)"',
+    r'\bstale_precondition\(\s*"(\w+)"',
     r'\bproblem\(\s*\d+,\s*"(\w+)"',
     r'\b_refuse\(request, "(\w+)"',
     r'\n        \d+,\n        "(\w+)",\n        "the header',

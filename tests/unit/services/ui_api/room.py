@@ -1,5 +1,6 @@
 """A gateway with its fakes around it on an in-memory bus, and a client that speaks HTTP to it."""
 
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -62,8 +63,19 @@ class Room:
     def post(
         self, path: str, body: object | None = None, key: str | None = None, if_match: str | None = None
     ) -> httpx.Response:
-        headers = {"Idempotency-Key": key or new_key(), **({"If-Match": if_match} if if_match else {})}
+        quoted = if_match or self.etag_for(path)
+        headers = {"Idempotency-Key": key or new_key(), **({"If-Match": quoted} if quoted else {})}
         return self.client.post(f"/api/v1{path}", json={} if body is None else body, headers=headers)
+
+    def patch(self, path: str, body: object, if_match: str | None = None) -> httpx.Response:
+        return self.client.patch(f"/api/v1{path}", json=body, headers={"If-Match": if_match or self.etag_for(path)})
+
+    def etag_for(self, path: str) -> str:
+        """The newest ETag of the case that a path is about, as somebody who has just read it; empty without one."""
+        within = re.match(r"/cases/[^/]+", path)
+        if within is None or path.endswith("/approval"):
+            return ""
+        return str(self.get(within[0]).headers.get("etag", '"0-none"'))
 
     def open_case(self) -> str:
         answer = self.post("/cases", samples.case_body())
@@ -119,7 +131,9 @@ def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
         log = LogWatch(gateway.record)
         client = stack.enter_context(
             httpx.Client(
-                base_url=stack.enter_context(served(gateway, router, Keys(ROOM), room_networks=chosen.room_networks)),
+                base_url=stack.enter_context(
+                    served(gateway, router, Keys(ROOM), None, chosen.room_networks, chosen.cors_origins)
+                ),
                 headers=bearer(TOKEN),
                 timeout=PATIENCE_S,
             )

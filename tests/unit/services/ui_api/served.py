@@ -35,12 +35,13 @@ def served(
     keys: Keys,
     https: ssl.SSLContext | None = None,
     room_networks: tuple[Network, ...] = PRIVATE_NETWORKS,
+    cors_origins: tuple[str, ...] = (),
 ) -> Iterator[str]:
     """Serve on a free port for as long as the context lasts; the address to call."""
     scheme = "http" if https is None else "https"
     with ExitStack() as stack:
         address, inner = unix_listening(stack)
-        app = make_app(gateway)
+        app = make_app(gateway, cors_origins=cors_origins)
         ours, its = (stack.enter_context(end) for end in socket.socketpair())
         link = ApplicationLink()
         stops = FrontStops(StopSender(StopHandler(stack.enter_context(router.open()), keys, "front").stop), link.tell)

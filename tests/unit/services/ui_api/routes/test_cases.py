@@ -115,14 +115,14 @@ def test_a_calibrated_guide_takes_the_place_of_the_nominal_one(room: Room) -> No
 def test_a_change_of_the_set_up_counts_the_revision_up(room: Room) -> None:
     case_id = room.open_case()
     etag = room.get(f"/cases/{case_id}").headers["etag"]
-    path = f"/api/v1/cases/{case_id}"
-    changed = room.client.patch(path, json={"mount": "nail_head"}, headers={"If-Match": etag})
+    path = f"/cases/{case_id}"
+    changed = room.patch(path, {"mount": "nail_head"}, etag)
     assert (changed.json()["revision"], changed.json()["mount"]) == (2, "nail_head")
-    stale = room.client.patch(path, json={"mount": "bone"}, headers={"If-Match": etag})
+    stale = room.patch(path, {"mount": "bone"}, etag)
     assert (stale.status_code, stale.json()["code"]) == (412, "case_changed")
-    same = room.client.patch(path, json={"mount": "nail_head"})
+    same = room.patch(path, {"mount": "nail_head"})
     assert same.json()["revision"] == 2, "nothing changed, so nothing is stale"
-    thinner = room.client.patch(path, json={"drill_diameter_mm": 3.2})
+    thinner = room.patch(path, {"drill_diameter_mm": 3.2})
     assert (thinner.json()["revision"], thinner.json()["drill_diameter_mm"]) == (3, 3.2)
 
 
@@ -150,7 +150,7 @@ def test_a_closed_case_takes_nothing_more(room: Room) -> None:
     room.post(f"/cases/{case_id}/steps", {"step": "abandoned"})
     for answer in (
         room.post(f"/cases/{case_id}/steps", {"step": "drilled", "why": "late"}),
-        room.client.patch(f"/api/v1/cases/{case_id}", json={"side": "right"}),
+        room.patch(f"/cases/{case_id}", {"side": "right"}),
         room.post(f"/cases/{case_id}/plans", {"localisation": 1, "hole_ids": ["distal"]}),
         room.post(f"/cases/{case_id}/verifications", {"images": [samples.sha("x")]}),
     ):

@@ -81,9 +81,9 @@ def test_a_calibration_that_cannot_be_used_is_refused(
 
 def test_a_change_names_the_hexapod_beside_the_calibration(room: Room) -> None:
     case_id = room.open_case()
-    path = f"/api/v1/cases/{case_id}"
-    alone = room.client.patch(path, json={"guide_calibration": printed()})
+    path = f"/cases/{case_id}"
+    alone = room.patch(path, {"guide_calibration": printed()})
     assert (alone.status_code, alone.json()["code"]) == (422, "guide_calibration_mismatch")
     assert "none is given beside it" in alone.json()["detail"]
-    both = room.client.patch(path, json={"hexapod": "hexapod-h70", "guide_calibration": printed()})
+    both = room.patch(path, {"hexapod": "hexapod-h70", "guide_calibration": printed()})
     assert both.json()["guide_calibrated"] is True

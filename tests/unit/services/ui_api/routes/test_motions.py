@@ -62,7 +62,7 @@ def test_motion_from_a_plan_older_than_the_newest_image_moves_nothing(room: Room
 
 def test_motion_after_the_set_up_changed_moves_nothing(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
-    changed = room.client.patch(f"/api/v1/cases/{case_id}", json={"head_extension_mm": 70.0})
+    changed = room.patch(f"/cases/{case_id}", {"head_extension_mm": 70.0})
     assert changed.json()["revision"] == 2
     assert "revision 1" in _assert_refused(room, case_id, plan, "plan_stale")
 

@@ -38,5 +38,5 @@ def test_an_unapproved_file_is_refused_with_its_hash_and_the_remedy(careful_room
 def test_the_catalogue_needs_no_approval_and_a_calibration_does(careful_room: Room) -> None:
     opened = careful_room.post("/cases", samples.case_body() | SHIPPED)
     assert opened.status_code == 201
-    answer = careful_room.client.patch(f"/api/v1/cases/{opened.json()['id']}", json={"guide_calibration": GUIDE})
+    answer = careful_room.patch(f"/cases/{opened.json()['id']}", {"guide_calibration": GUIDE})
     assert answer.json()["code"] == "part_not_approved"

@@ -23,6 +23,10 @@ from tests.unit.services.ui_api.room import Room, open_room, wait_until
         ("GET", "/api/v1/cases/none/plans/first", 422, "request_invalid"),
         ("GET", "/api/v1/cases?cursor=YWZ0ZXI6wrI", 400, "cursor_invalid"),
         ("GET", "/api/v1/cases?cursor=%C3%A9", 400, "cursor_invalid"),
+        ("GET", "/api/v1/cases?open=true", 400, "unknown_parameter"),
+        ("GET", "/api/v1/cases?limit=1&limit=2", 400, "repeated_parameter"),
+        ("GET", "/api/v1/robot?x=", 400, "unknown_parameter"),
+        ("GET", "/healthz?x=1", 400, "unknown_parameter"),
         ("GET", "/api/v1/events?after=9223372036854775808", 422, "request_invalid"),
     ],
 )
@@ -37,9 +41,38 @@ def test_every_error_is_a_problem_document(quiet_room: Room, method: str, path: 
     assert document["detail"]
 
 
-def test_method_not_allowed_names_the_methods_that_are(quiet_room: Room) -> None:
-    allowed = quiet_room.client.delete("/api/v1/robot").headers["allow"]
-    assert "GET" in allowed
+@pytest.mark.parametrize(
+    ("path", "methods"),
+    [
+        ("/api/v1/robot", "GET"),
+        ("/api/v1/cases", "GET, POST"),
+        ("/api/v1/cases/none", "GET, PATCH"),
+        ("/healthz", "GET"),
+        ("/openapi.json", "GET"),
+    ],
+)
+def test_method_not_allowed_names_the_methods_that_are(quiet_room: Room, path: str, methods: str) -> None:
+    answer = quiet_room.client.delete(path)
+    assert (answer.status_code, answer.headers["allow"]) == (405, methods)
+    assert answer.json()["detail"] == f"{path} has no DELETE; it has {methods}"
+
+
+def test_an_unknown_parameter_is_named_with_those_there_are(quiet_room: Room) -> None:
+    detail = quiet_room.client.get("/api/v1/cases?open=true").json()["detail"]
+    assert (
+        detail == "GET /api/v1/cases has no query parameter 'open'; it has cursor, limit, status, since, sort, fields"
+    )
+    assert quiet_room.client.post("/api/v1/robot/stop?now=yes").status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("kind", "found"), [(None, "no Content-Type"), ("text/plain", "the Content-Type 'text/plain'")]
+)
+def test_a_body_that_does_not_say_that_it_is_json_is_refused(quiet_room: Room, kind: str | None, found: str) -> None:
+    headers = {"Idempotency-Key": "k"} | ({} if kind is None else {"Content-Type": kind})
+    answer = quiet_room.client.post("/api/v1/cases", content="{}", headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (415, "content_type_unsupported")
+    assert answer.json()["detail"] == f"the body has {found}; send Content-Type: application/json"
 
 
 @pytest.mark.parametrize("body", ["{", "[]", '"x"', "", '{"side": NaN}'])

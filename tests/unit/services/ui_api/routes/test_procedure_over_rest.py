@@ -58,7 +58,7 @@ def _assert_case_and_requests_agree(room: Room, case_id: str) -> list[str]:
         "withdraw_approval": lambda: room.client.delete(f"/api/v1{path}/plans/{plan}/approval"),
         "start_motion": lambda: room.post(f"{path}/motions", {"plan": plan}),
         "verify": lambda: room.post(f"{path}/verifications", {"images": [samples.sha("image")]}),
-        "change_setup": lambda: room.client.patch(f"/api/v1{path}", json={"side": "right"}),
+        "change_setup": lambda: room.patch(path, {"side": "right"}),
         "record_step": lambda: room.post(f"{path}/steps", {"step": "mount_moved", "why": "it was"}),
         "withdraw_step": lambda: room.client.delete(f"/api/v1{path}/steps/1"),
         "reference": lambda: room.post("/robot/reference"),
@@ -175,7 +175,7 @@ def test_images_of_the_other_side_allow_no_plan_until_that_is_settled(room: Room
     assert room.get(f"/cases/{case_id}").json()["procedure"]["next_action"] == "change_setup"
     room.image("from now on without a side", case_id)
     assert room.post(f"/cases/{case_id}/plans", {"localisation": 2, "hole_ids": ["distal"]}).status_code == 409
-    room.client.patch(f"/api/v1/cases/{case_id}", json={"side": "right"})
+    room.patch(f"/cases/{case_id}", {"side": "right"})
     assert ledger.cases[case_id].side_of_images is None, "older images are of another set-up"
 
 

@@ -109,7 +109,8 @@ def test_an_answer_is_its_users_alone(room: Room, outside: httpx.Client) -> None
     key = new_key()
     assert room.post("/cases/none/steps", {"step": "finished"}, key=key).status_code == 404
     with signed_in(room, "nora") as nora:
-        asked = nora.post("/api/v1/cases/none/steps", json={"step": "finished"}, headers={"Idempotency-Key": key})
+        headers = {"Idempotency-Key": key, "If-Match": '"0-none"'}
+        asked = nora.post("/api/v1/cases/none/steps", json={"step": "finished"}, headers=headers)
     assert _outcome(asked) == (422, "idempotency_key_reused")
 
 

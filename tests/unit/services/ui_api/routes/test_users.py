@@ -130,9 +130,8 @@ def test_approval_asks_for_the_password_again_and_the_permit_says_so(room: Room)
         assert (approved.json()["approved_by"], approved.json()["authenticated_by"]) == ("dr.a", "password")
         room.robot.say(MotionState.LOCKED, controller_identity="another")  # comparing passwords took its time
         room.log.wait_for_event(lambda e: getattr(e.data, "controller_identity", "") == "another")
-        begun = surgeon.post(
-            f"/api/v1/cases/{case_id}/motions", json={"plan": 1}, headers={"Idempotency-Key": new_key()}
-        )
+        quoted = {"Idempotency-Key": new_key(), "If-Match": room.etag_for(f"/cases/{case_id}")}
+        begun = surgeon.post(f"/api/v1/cases/{case_id}/motions", json={"plan": 1}, headers=quoted)
     room.wait_for_status(begun.json()["id"], "running")
     permit = decode(Permit, room.robot.moves[0].permit.permit_json.encode())
     assert (permit.approver, permit.authenticated_by) == ("dr.a", "password")
