@@ -27,7 +27,7 @@ DISK: Final = "disk"
 _HANDLES: Final = Path("/proc/self/fd")
 _MEMORY_USED: Final = Path("/proc/self/statm")
 _MIB: Final = 2**20
-_OPENCV_NO_MEMORY: Final = -4  # cv::Error::StsNoMem
+_OPENCV_NO_MEMORY: Final = "(-4:"  # cv::Error::StsNoMem, in the text: the attribute `code` is that of the newest error
 
 
 class Impaired(Protocol):
@@ -155,7 +155,7 @@ def nearly_out_of_memory() -> str | None:
 
 def is_lack_of_memory(error: BaseException) -> bool:
     """Whether an error is the process's lack of memory: Python's and NumPy's, or OpenCV's, which is of another kind."""
-    by_opencv = type(error).__module__ == "cv2" and getattr(error, "code", None) == _OPENCV_NO_MEMORY
+    by_opencv = type(error).__module__ == "cv2" and _OPENCV_NO_MEMORY in str(error)
     return by_opencv or isinstance(error, MemoryError)
 
 
