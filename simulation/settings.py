@@ -16,7 +16,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from shared.errors import ConfigurationError
 from shared.runtime.variables import misspelt_own
 from simulation.dicom.target import DicomTarget, parse_target
-from simulation.scenario.values import BoneKind
+from simulation.scenario.bones import BoneKind
 
 _ONE_OF = frozenset({"seed", "scenario"})
 # What an installation of several processes decides itself.

@@ -23,9 +23,10 @@ from simulation.controller.virtual_controller import VirtualController
 from simulation.render.image import render_scene
 from simulation.room.foot_pedal import FootPedal
 from simulation.room.operating_room import OperatingRoom
+from simulation.scenario.bones import BoneKind
 from simulation.scenario.files import read_scenario_file, scenario_file_of_seed
 from simulation.scenario.sampling import scenario_from_file
-from simulation.scenario.values import BoneKind, Scenario
+from simulation.scenario.values import Scenario
 from simulation.settings import VirtualRoomSettings
 from simulation.world.poses import starting_state
 

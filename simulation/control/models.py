@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, TypeAdapter
 
 from simulation.room.drilling import Passage, Strike
+from simulation.scenario.bones import BoneKind
 from simulation.scenario.c_arm_angles import CArmAngles
 from simulation.scenario.imaging_values import FlatPanel
-from simulation.scenario.values import BoneKind, MountKind, PartSource, Scenario, Side
+from simulation.scenario.values import MountKind, PartSource, Scenario, Side
 
 Vector = tuple[float, float, float]
 JsonObject = dict[str, JsonValue]

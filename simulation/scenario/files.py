@@ -11,7 +11,8 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from shared.errors import InputError
-from simulation.scenario.values import BoneKind, MountKind, Side
+from simulation.scenario.bones import BoneKind
+from simulation.scenario.values import MountKind, Side
 
 Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
 Probability: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]

@@ -10,8 +10,9 @@ from shared.errors import PartFileInvalid
 from shared.parts.catalogue import PartKind, catalogue_entry, catalogue_names
 from shared.parts.files import guide_from_json, nail_from_json, read_part_file, ring_from_json
 from shared.parts.hexapod_file import hexapod_from_json
+from simulation.scenario.bones import BoneKind
 from simulation.scenario.files import ScenarioFile, ScenarioInvalid
-from simulation.scenario.values import BoneKind, Parts, PartSource, PartSources
+from simulation.scenario.values import Parts, PartSource, PartSources
 
 P = TypeVar("P")
 

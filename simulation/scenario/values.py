@@ -7,6 +7,7 @@ from shared.geometry.frames import Bone, Nail, RobotBase, Room
 from shared.geometry.hexapod import HexapodPart
 from shared.geometry.parts import GuidePart, NailPart, RingPart
 from shared.geometry.transform import Transform
+from simulation.scenario.bones import BoneKind
 from simulation.scenario.imaging_values import CArm, Display, Exposure, FlatPanel, Intensifier
 
 
@@ -15,13 +16,6 @@ class Side(StrEnum):
 
     LEFT = "left"
     RIGHT = "right"
-
-
-class BoneKind(StrEnum):
-    """The bone that is nailed."""
-
-    FEMUR = "femur"
-    TIBIA = "tibia"
 
 
 def side_of_drilling(bone: BoneKind, side: Side) -> Side:

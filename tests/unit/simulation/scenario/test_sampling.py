@@ -11,10 +11,11 @@ from shared.geometry.hexapod import base_from_top
 from shared.geometry.hexapod_limits import limit_violations, path_violations
 from shared.parts.catalogue import catalogue_entry
 from simulation.render.truth import guide_axis_errors
+from simulation.scenario.bones import BoneKind
 from simulation.scenario.files import ScenarioFile, ScenarioInvalid, merged_ranges, scenario_file_of_seed
 from simulation.scenario.placement_sampling import correcting_pose
 from simulation.scenario.sampling import scenario_from_file, scenario_of_seed
-from simulation.scenario.values import BoneKind, MountKind, Side
+from simulation.scenario.values import MountKind, Side
 from simulation.world.poses import bone_from_guide, starting_state, world_at
 
 SEEDS = range(40)
