@@ -108,7 +108,7 @@ AN_IMAGE: Final = Condition(
     "the case has an image",
     lambda s: s.has_images,
     "image_not_found",
-    "the case has none",
+    "the case has no image",
     "take one",
     Sort.MISSING,
 )

@@ -31,60 +31,17 @@ class Metrics:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
+        self.front = FrontFigures(connections=0, relays=0, streams=0, stops=0, closed_idle=0, refused=0)
+        self._counted_here()
+        self._read_off_the_gateway()
+
+    def _counted_here(self) -> None:
+        """What is counted as it happens."""
         self.requests = Counter(
             "distalock_http_requests", "Answered requests.", ("method", "route", "status"), registry=self.registry
         )
         self.seconds = Histogram(
             "distalock_http_request_duration_seconds", "Time to the first byte.", ("route",), registry=self.registry
-        )
-        self._events = Gauge("distalock_log_events", "Events in the log.", registry=self.registry)
-        self._robot_age = Gauge(
-            "distalock_robot_state_age_seconds",
-            "Age of the newest robot state; NaN before the first.",
-            registry=self.registry,
-        )
-        self._pending = Gauge("distalock_operations_pending", "Operations not ended.", registry=self.registry)
-        self._dropped_lines = Gauge(
-            "distalock_log_lines_dropped", "Log lines that could not be written.", registry=self.registry
-        )
-        self.front = FrontFigures(connections=0, relays=0, streams=0, stops=0, closed_idle=0, refused=0)
-        self._front = Gauge(
-            "distalock_front",
-            "The process that owns the port, a second ago at most: open connections, requests that the application "
-            "works on, streams handed to it, stops not on record yet; since its start: connections closed to make "
-            "room, requests refused.",
-            ("figure",),
-            registry=self.registry,
-        )
-        self._refused = Gauge(
-            "distalock_bus_refusals",
-            "What the router has refused since its start; NaN before it has reported.",
-            ("code",),
-            registry=self.registry,
-        )
-        self._queued = Gauge(
-            "distalock_queued", "What waits in a queue of the gateway.", ("queue",), registry=self.registry
-        )
-        self._not_queued = Gauge(
-            "distalock_queue_refused",
-            "What a full queue of the gateway has refused since its start; images are asked for again.",
-            ("queue",),
-            registry=self.registry,
-        )
-        self._alive = Gauge(
-            "distalock_service_alive", "Whether a service is on the bus.", ("service",), registry=self.registry
-        )
-        self._heartbeat_age = Gauge(
-            "distalock_heartbeat_age_seconds",
-            "Time since a service's last heartbeat; infinite before the first.",
-            ("service",),
-            registry=self.registry,
-        )
-        self._leases = Gauge(
-            "distalock_leases",
-            "Hold-to-move leases: held now; lapsed since the gateway's start, each of which stopped the robot.",
-            ("state",),
-            registry=self.registry,
         )
         self._images = Counter(
             "distalock_images",
@@ -115,6 +72,41 @@ class Metrics:
             self._images.labels(by)
         for confirmed in ("yes", "no"):
             self._stops.labels(confirmed)
+
+    def _read_off_the_gateway(self) -> None:
+        """What `observe` reads when somebody asks."""
+        self._events = self._gauge("log_events", "Events in the log.")
+        self._robot_age = self._gauge("robot_state_age_seconds", "Age of the newest robot state; NaN before the first.")
+        self._pending = self._gauge("operations_pending", "Operations not ended.")
+        self._dropped_lines = self._gauge("log_lines_dropped", "Log lines that could not be written.")
+        self._front = self._gauge(
+            "front",
+            "The process that owns the port, a second ago at most: open connections, requests that the application "
+            "works on, streams handed to it, stops not on record yet; since its start: connections closed to make "
+            "room, requests refused.",
+            "figure",
+        )
+        self._refused = self._gauge(
+            "bus_refusals", "What the router has refused since its start; NaN before it has reported.", "code"
+        )
+        self._queued = self._gauge("queued", "What waits in a queue of the gateway.", "queue")
+        self._not_queued = self._gauge(
+            "queue_refused",
+            "What a full queue of the gateway has refused since its start; images are asked for again.",
+            "queue",
+        )
+        self._alive = self._gauge("service_alive", "Whether a service is on the bus.", "service")
+        self._heartbeat_age = self._gauge(
+            "heartbeat_age_seconds", "Time since a service's last heartbeat; infinite before the first.", "service"
+        )
+        self._leases = self._gauge(
+            "leases",
+            "Hold-to-move leases: held now; lapsed since the gateway's start, each of which stopped the robot.",
+            "state",
+        )
+
+    def _gauge(self, name: str, meaning: str, *labels: str) -> Gauge:
+        return Gauge(f"distalock_{name}", meaning, labels, registry=self.registry)
 
     def note_stop(self, *, confirmed: bool, took_s: float) -> None:
         """Count a stop, which the front has answered: the requests of this process do not show it."""

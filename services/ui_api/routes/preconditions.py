@@ -1,4 +1,4 @@
-"""`If-Match`: whoever changes a case quotes it as he read it, and is told the newest state when somebody was faster.
+"""`If-Match`: whoever changes a case quotes it as it was read, and gets its newest state where somebody was faster.
 
 The ETag of a case has two parts, `"<decided>-<content>"`. `decided` is the number of the last event by which somebody
 has decided something; a change needs that part alone, for images arrive thirty times a second while fluoroscopy runs.
@@ -17,7 +17,7 @@ from services.ui_api.record.unit_of_work import UnitOfWork
 from services.ui_api.routes.views import CaseView
 from services.ui_api.service import Gateway
 
-# Of SHA-256; chosen: what changes by accident is told apart, and nothing depends on more.
+# Of SHA-256; chosen: two contents differ in it but for chance, and nothing depends on more.
 _HASH_CHARACTERS: Final = 16
 # In place of a hash, in an ETag for `If-Match` alone: no content has it, so that `If-None-Match` never finds it.
 _UNREAD: Final = "unread"

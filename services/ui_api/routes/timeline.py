@@ -6,8 +6,7 @@ from functools import singledispatch
 from fastapi import APIRouter
 from pydantic import Field
 
-from services.ui_api.core import event_data as told
-from services.ui_api.core import robot_event_data as robot
+from services.ui_api.core import event_data, robot_event_data
 from services.ui_api.core.events import Event, EventData
 from services.ui_api.core.roles import Action
 from services.ui_api.record.record import PAGE
@@ -73,109 +72,109 @@ def _what(data: EventData) -> str | None:  # noqa: ARG001 - the signature all ki
 
 
 @_what.register
-def _(data: told.CaseOpened) -> str:
+def _(data: event_data.CaseOpened) -> str:
     setup = data.setup
     return f"Case opened: {setup.side} {setup.bone}, nail {setup.nail.name}, mounted on {setup.mount}."
 
 
 @_what.register
-def _(data: told.SetupChanged) -> str:
+def _(data: event_data.SetupChanged) -> str:
     return f"Set-up changed to revision {data.revision}; what was measured before is stale."
 
 
 @_what.register
-def _(data: told.ImageReceived) -> str | None:
+def _(data: event_data.ImageReceived) -> str | None:
     return None if data.in_run else f"Image {data.image_sha256[:12]} received."
 
 
 @_what.register
-def _(data: told.ImageSkipped) -> str | None:
+def _(data: event_data.ImageSkipped) -> str | None:
     return None if data.code == "superseded" else f"Image {data.image_sha256[:12]}: no {data.step}. {data.message}"
 
 
 @_what.register
-def _(data: told.LocalisationReceived) -> str:
+def _(data: event_data.LocalisationReceived) -> str:
     why = f" ({', '.join(data.reason_codes)})" if data.reason_codes else ""
     return f"Localisation {data.number} {data.verdict}{why}."
 
 
 @_what.register
-def _(data: told.PlanMade) -> str:
+def _(data: event_data.PlanMade) -> str:
     return f"Plan {data.number} made from localisation {data.localisation}, for {', '.join(data.hole_ids)}."
 
 
 @_what.register
-def _(data: told.PlanRefused) -> str:
+def _(data: event_data.PlanRefused) -> str:
     return f"No plan from localisation {data.localisation}: {data.message}"
 
 
 @_what.register
-def _(data: told.PlanApproved) -> str:
+def _(data: event_data.PlanApproved) -> str:
     return f"Plan {data.number} approved by {data.approved_by}."
 
 
 @_what.register
-def _(data: told.ApprovalWithdrawn) -> str:
+def _(data: event_data.ApprovalWithdrawn) -> str:
     return f"The approval of plan {data.number} was withdrawn."
 
 
 @_what.register
-def _(data: robot.OperationRequested) -> str:
+def _(data: robot_event_data.OperationRequested) -> str:
     plan = "" if data.plan_number is None else f" to the target of plan {data.plan_number}"
     return f"Robot asked to {data.verb.replace('_', ' ')}{plan}."
 
 
 @_what.register
-def _(data: robot.OperationEnded) -> str:
+def _(data: robot_event_data.OperationEnded) -> str:
     return f"Robot's command {data.status}{': ' + data.message if data.message else '.'}"
 
 
 @_what.register
-def _(data: robot.StopRequested) -> str:
+def _(data: robot_event_data.StopRequested) -> str:
     return f"Stop, {'confirmed' if data.confirmed else 'not confirmed'}: {data.message}"
 
 
 @_what.register
-def _(data: told.VerificationMade) -> str:
+def _(data: event_data.VerificationMade) -> str:
     why = f" ({', '.join(data.reason_codes)})" if data.reason_codes else ""
     return f"Verification {data.number} {data.verdict}{why}."
 
 
 @_what.register
-def _(data: told.VerificationRefused) -> str:
+def _(data: event_data.VerificationRefused) -> str:
     return f"No verification: {data.message}"
 
 
 @_what.register
-def _(data: told.QaReported) -> str:
+def _(data: event_data.QaReported) -> str:
     return f"Quality report {data.number} {data.verdict}."
 
 
 @_what.register
-def _(data: told.StepRecorded) -> str:
+def _(data: event_data.StepRecorded) -> str:
     holes = f" ({', '.join(data.hole_ids)})" if data.hole_ids else ""
     order = ", out of order" if data.out_of_order else ""
     return f"Step recorded: {data.step.replace('_', ' ')}{holes}{order}."
 
 
 @_what.register
-def _(data: told.StepWithdrawn) -> str:
+def _(data: event_data.StepWithdrawn) -> str:
     return f"Step {data.number} ({data.step.replace('_', ' ')}) taken back: it was not done."
 
 
 def _href(data: EventData, case: str) -> str | None:
     match data:
-        case told.ImageReceived() | told.ImageSkipped():
+        case event_data.ImageReceived() | event_data.ImageSkipped():
             return f"/api/v1/images/{data.image_sha256}"
-        case told.LocalisationReceived():
+        case event_data.LocalisationReceived():
             return f"{case}/localisations/{data.number}"
-        case told.PlanMade() | told.PlanApproved() | told.ApprovalWithdrawn():
+        case event_data.PlanMade() | event_data.PlanApproved() | event_data.ApprovalWithdrawn():
             return f"{case}/plans/{data.number}"
-        case robot.OperationRequested() | robot.OperationEnded():
+        case robot_event_data.OperationRequested() | robot_event_data.OperationEnded():
             return f"/api/v1/operations/{data.operation_id}"
-        case told.VerificationMade():
+        case event_data.VerificationMade():
             return f"{case}/verifications/{data.number}"
-        case told.QaReported():
+        case event_data.QaReported():
             return f"{case}/qa-reports/{data.number}"
         case _:
             return case
@@ -183,11 +182,11 @@ def _href(data: EventData, case: str) -> str | None:
 
 def _picture(data: EventData) -> str | None:
     match data:
-        case told.ImageReceived():
+        case event_data.ImageReceived():
             return f"/api/v1/images/{data.image_sha256}.png"
-        case told.LocalisationReceived() if data.overlay_sha256 is not None:
+        case event_data.LocalisationReceived() if data.overlay_sha256 is not None:
             return f"/api/v1/images/{data.image_sha256}.png?view=overlay"
-        case told.VerificationMade():
+        case event_data.VerificationMade():
             return f"/api/v1/images/{data.images[0]}.png"
         case _:
             return None
