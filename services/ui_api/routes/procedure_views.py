@@ -22,7 +22,7 @@ from services.ui_api.core.procedure_table import (
 )
 from services.ui_api.core.roles import Role
 from services.ui_api.core.situation import Situation
-from services.ui_api.routes.view import View
+from services.ui_api.routes.base_view import View
 
 
 class InsideView(View):

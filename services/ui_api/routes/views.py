@@ -7,8 +7,8 @@ from services.ui_api.core.event_data import ImageReceived, PartUse
 from services.ui_api.core.events import Event
 from services.ui_api.core.situation import Situation
 from services.ui_api.record.codec import data_json
+from services.ui_api.routes.base_view import View as View
 from services.ui_api.routes.procedure_views import ProcedureView
-from services.ui_api.routes.view import View as View
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
 from shared.messages.imaging import FrameHeader
 
