@@ -10,6 +10,7 @@ from services.robot.core.tuning import SUPERVISION
 from services.robot.devices.gcs.controller import LOCK_UNCONFIRMED, GcsController
 from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
+from shared.scheduling import precedence
 from simulation.controller.gcs_protocol import SingleByte
 from simulation.controller.line_rate import LineRate
 from simulation.controller.servers import tcp_server, terminal_server
@@ -40,8 +41,15 @@ def virtual() -> Recorder:
     return Recorder()
 
 
+@pytest.fixture
+def before_others() -> Iterator[None]:
+    """As the robot service runs where the system allows it: other tests on the same processors do not hold it up."""
+    with precedence():
+        yield
+
+
 @pytest.fixture(params=["tcp", "pty"])
-def drive(request: pytest.FixtureRequest, virtual: Recorder) -> Iterator[Drive]:
+def drive(request: pytest.FixtureRequest, before_others: None, virtual: Recorder) -> Iterator[Drive]:
     if request.param == "tcp":
         with tcp_server(virtual, baud=BAUD) as port:
             yield from connected(f"socket://127.0.0.1:{port}")
