@@ -154,9 +154,13 @@ def nearly_out_of_memory() -> str | None:
 
 
 def is_lack_of_memory(error: BaseException) -> bool:
-    """Whether an error is the process's lack of memory: Python's and NumPy's, or OpenCV's, which is of another kind."""
+    """Whether an error is the process's lack of memory, not the fault of what it worked on.
+
+    That of Python, NumPy and OpenCV says so. Others, as of extensions that do not look, count as such while the process
+    is short of memory: what is tried again then shows whose fault it was.
+    """
     by_opencv = type(error).__module__ == "cv2" and _OPENCV_NO_MEMORY in str(error)
-    return by_opencv or isinstance(error, MemoryError)
+    return by_opencv or isinstance(error, MemoryError) or nearly_out_of_memory() is not None
 
 
 class _DroppedLines:

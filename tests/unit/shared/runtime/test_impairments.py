@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from shared.runtime import impairments
 from shared.runtime.impairments import _filling_of, _lack_of, is_lack_of_memory, nearly_full
 
 
@@ -109,3 +110,8 @@ def test_what_counts_as_lack_of_memory() -> None:
         False,
         False,
     ]
+
+
+def test_any_error_of_a_process_that_is_short_of_memory_counts_as_lack_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(impairments, "nearly_out_of_memory", lambda: "3 MiB are left")
+    assert is_lack_of_memory(SystemError("a function returned a result with an exception set"))
