@@ -94,6 +94,15 @@ def _verify_arguments(parser: argparse.ArgumentParser) -> None:
     add_drill_argument(parser)
 
 
+def _mounting_site_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("image", type=named_path, metavar="IMAGE", help="lateral, of the nail's end: PNG, TIFF, DICOM")
+    for kind, default in (("ring", None), ("nail", None), ("guide", "guide-28"), ("hexapod", "hexapod-h70")):
+        wanted = {"required": True} if default is None else {"default": default}
+        parser.add_argument(f"--{kind}", type=part_file, metavar="PART", help=PART_HELP.format(kind), **wanted)
+    add_c_arm_arguments(parser)
+    parser.add_argument("--overlay", type=named_path, metavar="PNG", help="write the image with the screws' axes drawn")
+
+
 def _align_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "images", type=named_path, nargs="+", metavar="IMAGE", help="frames in order: images, folders of them, videos"
@@ -266,6 +275,12 @@ COMMANDS = (
         "K-wires against the nail's hole axes, from one image or a pair",
         _verify_arguments,
         _imported("distalock.verify"),
+    ),
+    Command(
+        "mounting-site",
+        "where the screws of the robot's mount go, from a lateral image of the nail",
+        _mounting_site_arguments,
+        _imported("distalock.mounting_site"),
     ),
     Command(
         "align",

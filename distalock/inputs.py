@@ -25,6 +25,8 @@ def require_inputs(given: argparse.Namespace) -> None:
         if path is not None and (why := _unreadable(path)):
             known = ", ".join(catalogue_names(kind))
             raise PartFileInvalid(f"{path}: cannot be read: {why}; check its name (the catalogue has {known})")
+    if given.command == "mounting-site":
+        _require_images([given.image], folders=False)
     if given.command in ("locate", "verify"):
         _require_images((*getattr(given, "before", ()), *given.images), folders=getattr(given, "each", False))
 

@@ -8,6 +8,7 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide.measure import shadows
 from services.registration.core.hole_axes import rims_of
 from services.registration.core.localise import LocalisationResult, Parts, unmirrored
+from services.registration.core.mounting_site import MountingSite
 from services.registration.core.tuning import OVERLAY
 from services.registration.core.wires.nail_outline import axis_about_holes_mm, touched_normals
 from shared.geometry.bend import section_frame
@@ -25,12 +26,17 @@ GUIDE: Colour = (80, 200, 80)
 LOST: Colour = (60, 60, 220)
 NAIL: Colour = (0, 190, 255)
 AXIS: Colour = (255, 80, 255)
+SITE: Colour = (255, 220, 80)
 
 
 def overlay_png(
-    pixels: NDArray[np.float32], calibration: CArmCalibration | None, result: LocalisationResult, parts: Parts
+    pixels: NDArray[np.float32],
+    calibration: CArmCalibration | None,
+    result: LocalisationResult,
+    parts: Parts,
+    site: MountingSite | None = None,
 ) -> bytes:
-    """PNG of the image as received, shape (rows, columns), with everything drawn on it that was found."""
+    """PNG of the image as received, shape (rows, columns), with everything drawn on it that was found or advised."""
     if calibration is None:
         return _encoded(_canvas(pixels))
     canvas = _canvas(unmirrored(pixels, calibration))
@@ -39,8 +45,10 @@ def overlay_png(
         _draw_guide(canvas, calibration, result.guide, parts)
     if result.nail is not None:
         _draw_nail(canvas, calibration, result.nail.camera_from_nail, parts.with_nail_as_found(result.nail).nail)
+    if site is not None:
+        _draw_site(canvas, site)
     shown = np.ascontiguousarray(canvas[:, ::-1]) if calibration.mirrored else canvas
-    _write(shown, _caption(result))
+    _write(shown, _caption(result) + _site_caption(site))
     return _encoded(shown)
 
 
@@ -115,6 +123,23 @@ def _draw_nail(
         ends = hole_surface_points(nail, hole)
         axis = np.stack([ends[0] - OVERLAY.axis_mm * hole_axis(nail, hole).direction, ends[1]])
         _line(canvas, calibration.image_from_camera(camera_from_nail.points(axis)), AXIS)
+
+
+def _draw_site(canvas: Canvas, site: MountingSite) -> None:
+    """Draw where the base's middle may be, and both screws with their axes."""
+    _line(canvas, site.range_px, SITE)
+    for screw in site.screws:
+        _line(canvas, screw.axis_px, SITE)
+        for end in screw.axis_px:
+            _circle(canvas, end, 0.5 * site.screw_diameter_px, SITE)
+
+
+def _site_caption(site: MountingSite | None) -> list[str]:
+    if site is None:
+        return []
+    places = " and ".join(f"{screw.proximal_mm:.0f}" for screw in site.screws)
+    lines = [f"mount: screws {places} mm proximal of the holes' middle, head at {site.head_extension_mm:.0f} mm"]
+    return lines if site.shown else [*lines, "the image does not show this place: move the C-arm proximally"]
 
 
 def _caption(result: LocalisationResult) -> list[str]:

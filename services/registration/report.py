@@ -13,11 +13,13 @@ from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.hole_axes import HoleEstimate
 from services.registration.core.localise import LocalisationResult, Parts, Step, localise
+from services.registration.core.mounting_site import MountingScrew, MountingSite
 from shared.errors import Accepted, Rejected
 from shared.geometry.bend import MM_PER_M
 from shared.geometry.calibration import CArmCalibration
-from shared.messages.base import ReasonMessage, matrix3, matrix4, vector3
+from shared.messages.base import ReasonMessage, matrix3, matrix4, pixel, vector3
 from shared.messages.registration import (
+    AdvisedScrew,
     CArmCorrection,
     Curvature,
     FusedImage,
@@ -29,6 +31,7 @@ from shared.messages.registration import (
     LocalisedImage,
     LocalisedNail,
     Method,
+    MountingSiteMessage,
     StandardUncertainty,
     Timing,
     Verification,
@@ -147,6 +150,30 @@ def timed_localisation(
     nail_ms = 1e3 * (ends[Step.NAIL] - ends[Step.GUIDE])
     times = Timing(total=ring_ms + 1e3 * (clock_s() - start), ring=ring_ms, guide=guide_ms, nail=nail_ms)
     return result, localisation_message(result, calibrated.value, image_sha256, times, name)
+
+
+def mounting_site_message(site: MountingSite) -> MountingSiteMessage:
+    """Where the mount's screws go, as a message."""
+    distal, proximal = (_advised(screw) for screw in site.screws)
+    begin_px, end_px = (pixel(end) for end in site.range_px)
+    return MountingSiteMessage(
+        head_extension_mm=site.head_extension_mm,
+        screws=(distal, proximal),
+        screw_diameter_mm=site.screw_diameter_mm,
+        range_px=(begin_px, end_px),
+    )
+
+
+def _advised(screw: MountingScrew) -> AdvisedScrew:
+    outside_px, at_nail_px = (pixel(end) for end in screw.axis_px)
+    return AdvisedScrew(
+        id=screw.id,
+        proximal_mm=screw.proximal_mm,
+        outside_px=outside_px,
+        at_nail_px=at_nail_px,
+        tilt_to_ray_deg=screw.tilt_to_ray_deg,
+        shown=screw.shown,
+    )
 
 
 def verification_message(

@@ -5,13 +5,14 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+from services.registration.core.mounting_site import site_without_guide
 from services.registration.core.wires.verify import verify_guide_alone, verify_images
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, calibration_of, pose_at_rest
 from services.registration.jobs import LocalisationJobs
 from services.registration.live import LiveGuidance
 from services.registration.overlay import overlay_png
 from services.registration.planning import another_set_up, answer_plan_request
-from services.registration.report import timed_localisation, verification_message
+from services.registration.report import mounting_site_message, timed_localisation, verification_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
 from shared.bus.port import Answer, Bus, Query, Sample
@@ -209,9 +210,13 @@ class RegistrationService:
         calibrated = calibration_of(job)
         result, found = timed_localisation(frame.pixels, calibrated, case.parts, job.image.sha256, job.elapsed_ms)
         calibration = calibrated.value if isinstance(calibrated, Accepted) else None
-        drawn = overlay_png(frame.pixels, calibration, result, case.parts)
+        site = site_without_guide(result, calibration, case.parts, case.hexapod)
+        drawn = overlay_png(frame.pixels, calibration, result, case.parts, site)
         noted = found.model_copy(update={"notes": frame.header.notes})
-        record = _record(frame, job, case, noted, drawn, frame.age_s(self._state.now_s()))
+        record = _record(frame, job, case, noted, frame.age_s(self._state.now_s()))
+        told = None if site is None else mounting_site_message(site)
+        overlay = base64.b64encode(drawn).decode()
+        record = record.model_copy(update={"mounting_site": told, "overlay_png_base64": overlay})
         localised = LocalisedFrame(frame, case, record, calibration, result)
         self._state.images.note(localised)
         self._localisations.put(encode(record))
@@ -240,7 +245,6 @@ def _record(
     job: CalibrationMessage,
     case: OpenCase,
     found: Localisation,
-    drawn: bytes,
     age_s: float | None,
 ) -> LocalisationRecord:
     pose = pose_at_rest(frame.robot)
@@ -256,7 +260,6 @@ def _record(
         guide_sha256=case.parts.guide.sha256,
         nail_sha256=case.parts.nail.sha256,
         software_version=software_version(),
-        overlay_png_base64=base64.b64encode(drawn).decode(),
         image_age_s=age_s,
     )
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shared.geometry.frames import Guide, RobotBase, RobotTop
-from shared.geometry.hexapod_mount import MountPlace, usual_place
+from shared.geometry.hexapod_mount import USUAL_BONE_SCREWS, BoneScrews, MountPlace, usual_place
 from shared.geometry.lines import read_only
 from shared.geometry.transform import Transform
 
@@ -115,6 +115,8 @@ class HexapodPart:
         Thickness of a leg; 0 when the file does not give it: then legs may come as near to one another as lines can.
     mounts
         Where its mounts hold it, as far as the file describes it.
+    bone_screws
+        The screws of the mount on the bone.
     """
 
     name: str
@@ -134,6 +136,7 @@ class HexapodPart:
     sha256: str
     leg_diameter_mm: float = 0.0
     mounts: tuple[MountPlace, ...] = ()
+    bone_screws: BoneScrews = USUAL_BONE_SCREWS
 
     def __post_init__(self) -> None:
         if self.base_joints_mm.shape != (LEGS, 3) or self.top_joints_mm.shape != (LEGS, 3):

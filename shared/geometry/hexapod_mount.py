@@ -15,6 +15,18 @@ _USUAL_ROTATION = np.diag([1.0, -1.0, -1.0])
 USUAL_TOLERANCE_DEG = 30.0
 
 
+@dataclass(frozen=True, slots=True)
+class BoneScrews:
+    """The two screws that hold the base on the bone, side by side along the nail, their middle under the base's."""
+
+    spacing_mm: float
+    diameter_mm: float
+
+
+# Self-tapping screws of the published prototype.
+USUAL_BONE_SCREWS = BoneScrews(spacing_mm=25.0, diameter_mm=5.0)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MountPlace:
     """Where a mount holds the base, and how exactly.

@@ -11,6 +11,7 @@ from shared.errors import InputError, Reason, ReasonCode
 from shared.geometry.transform import From, To, Transform
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Pixel = tuple[Finite, Finite]  # column and row
 Vector3 = tuple[Finite, Finite, Finite]
 Quaternion = tuple[Finite, Finite, Finite, Finite]
 Matrix3 = tuple[Vector3, Vector3, Vector3]
@@ -112,6 +113,11 @@ class TransformMessage(WireModel):
         return Transform(
             RigidTransform.from_components(np.array(self.translation_mm), Rotation.from_quat([x, y, z, w]))
         )
+
+
+def pixel(values: NDArray[np.float64]) -> Pixel:
+    """Array of shape (2,), column and row, to a tuple of floats."""
+    return (float(values[0]), float(values[1]))
 
 
 def vector3(values: NDArray[np.float64]) -> Vector3:

@@ -11,6 +11,7 @@ from shared.messages.base import (
     Matrix3,
     Matrix4,
     Message,
+    Pixel,
     ReasonMessage,
     Sha256,
     Vector3,
@@ -173,6 +174,35 @@ class Fusion(WireModel):
     degrees_of_freedom: int = Field(ge=0)
 
 
+class AdvisedScrew(WireModel):
+    """The axis of one screw of the mount, for the jig; pixels are those of the un-mirrored image."""
+
+    id: Literal["distal", "proximal"]
+    proximal_mm: Finite = Field(description="From the middle between the nail's holes, along the nail.")
+    outside_px: Pixel = Field(description="A point of the axis towards the surgeon.")
+    at_nail_px: Pixel = Field(description="Where the axis would meet the nail; the screw ends in the near cortex.")
+    tilt_to_ray_deg: Finite = Field(description="Between the axis and the X-ray to it.")
+    shown: bool = Field(description="Whether the image shows this place.")
+
+
+class MountingSiteMessage(WireModel):
+    """Where the two screws that hold the robot's base go in the bone, from an image of the nail without a guide."""
+
+    head_extension_mm: Finite = Field(description="To which the head is then set: the guide stands over the holes.")
+    screws: tuple[AdvisedScrew, AdvisedScrew]
+    screw_diameter_mm: Finite
+    range_px: tuple[Pixel, Pixel] = Field(description="Ends on the nail of where screws may be.")
+
+
+class MountingAdvice(Message):
+    """What `distalock mounting-site` prints: where the mount's screws go, or why the image does not say."""
+
+    schema_name: Literal["distalock/mounting-advice/1"] = Field("distalock/mounting-advice/1", alias="schema")
+    image: LocalisedImage
+    reasons: tuple[ReasonMessage, ...]
+    mounting_site: MountingSiteMessage | None
+
+
 class LocalisationRecord(Message):
     """A localisation with its provenance, as registration publishes it for every image of an open case.
 
@@ -199,6 +229,9 @@ class LocalisationRecord(Message):
     software_version: str
     overlay_png_base64: str | None = Field(None, description="What was found, drawn on the image, for people.")
     image_age_s: ImageAge = Field(None, description=IMAGE_AGE)
+    mounting_site: MountingSiteMessage | None = Field(
+        None, description="Where to mount the robot: of an image that shows the nail and no guide."
+    )
 
 
 class RegistrationEpoch(Message):

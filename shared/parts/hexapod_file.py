@@ -11,7 +11,7 @@ from shared.errors import PartFileInvalid
 from shared.geometry.frames import Guide, RobotTop
 from shared.geometry.hexapod import ZERO_POSE, HexapodPart, Interval, PlatformPose, SpeedLimits, Stiffness
 from shared.geometry.hexapod_limits import limit_violations
-from shared.geometry.hexapod_mount import MountPlace
+from shared.geometry.hexapod_mount import USUAL_BONE_SCREWS, BoneScrews, MountPlace
 from shared.geometry.transform import Transform
 from shared.parts.catalogue import DEFAULT_HEXAPOD as DEFAULT_HEXAPOD
 from shared.parts.files import Finite, Name, PartModel, Positive, Vector, parse_part, read_part_file, sha256_of
@@ -108,6 +108,21 @@ class MountsFile(PartModel):
         return tuple(mount.place(name) for name, mount in given if mount is not None)
 
 
+class BoneScrewsFile(PartModel):
+    """The screws of the mount on the bone: distance of their axes along the nail, and their diameter."""
+
+    spacing_mm: Annotated[float, Field(allow_inf_nan=False, ge=5.0, le=100.0)]
+    diameter_mm: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=10.0)]
+
+    @model_validator(mode="after")
+    def _apart(self) -> "BoneScrewsFile":
+        if self.spacing_mm <= self.diameter_mm:
+            raise ValueError(
+                f"bone_screws: screws of {self.diameter_mm:g} mm overlap at a spacing of {self.spacing_mm:g} mm"
+            )
+        return self
+
+
 class HexapodFile(PartModel):
     """A hexapod with its head."""
 
@@ -127,6 +142,7 @@ class HexapodFile(PartModel):
     head: HeadFile
     leg_diameter_mm: Positive | None = None
     mounts: MountsFile | None = None
+    bone_screws: BoneScrewsFile | None = None
 
     @model_validator(mode="after")
     def _leg_names(self) -> "HexapodFile":
@@ -203,6 +219,9 @@ def _hexapod(file: HexapodFile, source: str) -> HexapodPart:
         sha256=sha256_of(file.model_dump_json(by_alias=True, exclude_none=True).encode()),
         leg_diameter_mm=file.leg_diameter_mm or 0.0,
         mounts=mounts,
+        bone_screws=USUAL_BONE_SCREWS
+        if file.bone_screws is None
+        else BoneScrews(file.bone_screws.spacing_mm, file.bone_screws.diameter_mm),
     )
 
 

@@ -822,6 +822,15 @@ class PlanSearch:
 
 
 @dataclass(frozen=True, slots=True)
+class MountingSiteSettings:
+    """Where the mount's screws are advised (`core/mounting_site.py`)."""
+
+    step_mm: float = tuned(1.0, "mm", "spacing of the places tried", derived("nobody drills by hand more exactly"))
+    border_px: float = tuned(20.0, "px", "margin from the border of what the image shows", _DRAWN)
+    towards_surgeon_mm: float = tuned(40.0, "mm", "a screw's axis beyond the nail's surface", _DRAWN)
+
+
+@dataclass(frozen=True, slots=True)
 class Overlay:
     """How what was found is drawn on the image (`overlay.py`)."""
 
@@ -881,6 +890,7 @@ FRAME_TRACKING: Final = FrameTracking()
 DISPLAY_ROTATION: Final = DisplayRotation()
 HOLE_RIMS: Final = HoleRims()
 PLAN_SEARCH: Final = PlanSearch()
+MOUNTING_SITE: Final = MountingSiteSettings()
 OVERLAY: Final = Overlay()
 
 SETTINGS: Final = declared_groups(globals())

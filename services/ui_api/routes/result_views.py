@@ -9,7 +9,13 @@ from services.ui_api.handlers.procedure import localisation_staleness
 from services.ui_api.routes.views import View
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
 from shared.messages.guidance import Guidance
-from shared.messages.registration import CArmCorrection, Localisation, LocalisationRecord, Verification
+from shared.messages.registration import (
+    CArmCorrection,
+    Localisation,
+    LocalisationRecord,
+    MountingSiteMessage,
+    Verification,
+)
 from shared.messages.robot import PlatformPoseMessage
 
 ResultValidity = Literal["current", "stale"]
@@ -41,6 +47,7 @@ class LocalisationView(Localisation):
     age_s: float
     validity: ResultValidity
     stale_because: str | None
+    mounting_site: MountingSiteMessage | None
     provenance: Provenance
 
     @staticmethod
@@ -66,6 +73,7 @@ class LocalisationView(Localisation):
             age_s=age_s(record.image.received_at_ns),
             validity="current" if clause is None else "stale",
             stale_because=clause,
+            mounting_site=record.mounting_site,
             provenance=provenance,
         )
 

@@ -257,3 +257,27 @@ def test_a_header_that_cannot_be_right_is_one_sentence(
     assert main(locate(files)) == EXIT_BAD_INPUT
     assert "ImagerPixelSpacing (0018,1164) is 1e-09 and 1e-09 mm (0.05 to 2); correct" in one_sentence(capsys)
     assert main(locate(files, "--pixel-mm=0.2")) == EXIT_REJECTED
+
+
+def _advise(files: dict[str, Path], *more: str) -> list[str]:
+    return ["mounting-site", str(files["image"]), "--ring", str(files["ring"]), "--nail", str(files["nail"]), *more]
+
+
+def test_no_mounting_site_is_advised_without_a_ring(
+    files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    overlay = tmp_path / "drawn.png"
+    assert main(_advise(files, "--overlay", str(overlay))) == EXIT_REJECTED
+    said = json.loads(capsys.readouterr().out)
+    assert said["mounting_site"] is None
+    assert [reason["code"] for reason in said["reasons"]] == ["ring_not_found"]
+    assert cv2.imread(str(overlay)) is not None
+
+
+def test_a_mounting_site_does_not_overwrite_what_it_reads(
+    files: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = files["nail"].read_bytes()
+    assert main(_advise(files, "--overlay", str(files["nail"]))) == EXIT_BAD_INPUT
+    assert capsys.readouterr().err.count("\n") == 1
+    assert files["nail"].read_bytes() == before
