@@ -192,6 +192,9 @@ BENCHMARKS: Final = {
     "start": Benchmark(
         "bus.start", "start", "starts of `up --simulate` with certificates beside starts without, until it is ready"
     ),
+    "state_read": Benchmark(
+        "gateway.state_read", "state-read", "robot and case over the gateway beside a bare FastAPI route with a login"
+    ),
     "verification": Benchmark(
         "accuracy.verification",
         "verification",

@@ -26,6 +26,7 @@ from services.ui_api.routes import (
 from services.ui_api.routes.body_limit import BodyLimitMiddleware
 from services.ui_api.routes.guards import SECURITY_SCHEMES
 from services.ui_api.routes.idempotency import Idempotency
+from services.ui_api.routes.kept_views import KeptViews
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
 from services.ui_api.routes.request_checks import PathMethods
@@ -57,6 +58,7 @@ def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = (), cors_origins: 
     app.add_middleware(RequestTrace)
     app.state.gateway = gateway
     app.state.idempotency = Idempotency(gateway.record)
+    app.state.kept_views = KeptViews()
     gateway.record.listen(app.state.metrics.note_events)
     gateway.record.on_write = app.state.metrics.write_seconds.observe
     return app

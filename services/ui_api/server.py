@@ -12,6 +12,8 @@ from shared.threads import supervised_thread
 
 # Chosen: requests under way end within it; then their connections are closed.
 _LEAVE_WITHIN_S = 3
+# Longer than the front keeps a connection that waits for its next request (`front.application_socket`).
+_KEEP_FOR_S = 10
 
 
 @contextmanager
@@ -35,6 +37,7 @@ def serving(
         log_config=None,
         access_log=False,
         timeout_graceful_shutdown=_LEAVE_WITHIN_S,
+        timeout_keep_alive=_KEEP_FOR_S,
         forwarded_allow_ips="*",  # nobody but the front reaches this server
         ws_per_message_deflate=False,  # the pictures are compressed, and each viewer would have them compressed again
         http="h11",  # as strict as the front, which has read the request before

@@ -4,7 +4,6 @@ import asyncio
 import logging
 import random
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import h11
@@ -12,7 +11,7 @@ import h11
 from services.ui_api.core.networks import PRIVATE_NETWORKS, Network, is_in_networks
 from services.ui_api.front.admission import Admission, Place
 from services.ui_api.front.answers import Asked, problem_answer, stop_answer
-from services.ui_api.front.application_socket import PIECE_BYTES, ApplicationGone
+from services.ui_api.front.application_socket import PIECE_BYTES, ApplicationConnections, ApplicationGone
 from services.ui_api.front.handover import Handover
 from services.ui_api.front.heads import forwarded, is_stop, is_stream, path_of, stays_open
 from services.ui_api.front.relay import Client, Relay
@@ -40,8 +39,8 @@ class FrontParts:
 
     Attributes
     ----------
-    address
-        The application's socket.
+    application
+        Connections to the application.
     scheme
         ``http``, or ``https`` where TLS ends here.
     room_networks
@@ -52,7 +51,7 @@ class FrontParts:
 
     stops: FrontStops
     admission: Admission
-    address: Path
+    application: ApplicationConnections
     scheme: str
     room_networks: tuple[Network, ...] = PRIVATE_NETWORKS
     handover: Handover | None = None
@@ -163,7 +162,7 @@ class Connection:
 
     async def _relayed(self, request: h11.Request) -> bool:
         client = Client(self._parser, self._reader, self._writer, self._received)
-        relay = Relay(client, self._parts.address)
+        relay = Relay(client, self._parts.application)
         try:
             return await relay.carry(request, self._peer, self._parts.scheme, keeps_open=stays_open(request))
         except ApplicationGone as error:

@@ -8,6 +8,7 @@ from typing import Final
 
 from services.ui_api.front.admission import Admission, Limits, raised_handle_limit
 from services.ui_api.front.application import ApplicationLink, running_application
+from services.ui_api.front.application_socket import ApplicationConnections
 from services.ui_api.front.connection import FrontParts
 from services.ui_api.front.handover import Handover
 from services.ui_api.front.server import FrontServer, serving_front
@@ -63,7 +64,8 @@ class _Gateway:
             handover = Handover(application.streams) if self._https is None else None
             admission = Admission(Limits.of(self._handles))
             self._link.on_streams = admission.note_streams
-            parts = FrontParts(stops, admission, application.address, scheme, self._settings.room_networks, handover)
+            connections = ApplicationConnections(application.address)
+            parts = FrontParts(stops, admission, connections, scheme, self._settings.room_networks, handover)
             with serving_front(FrontServer(parts, self._link, self._https), self._listening, application.line):
                 self._announce(runtime)
                 yield

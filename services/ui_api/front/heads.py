@@ -16,6 +16,7 @@ _EVENTS: Final = "/events"
 _END: Final = b"\r\n\r\n"
 _CHUNKED_END: Final = b"0\r\n\r\n"
 _NO_BODY: Final = frozenset((204, 304))
+_READING: Final = frozenset((b"GET", b"HEAD"))
 
 
 def is_stop(request: h11.Request) -> bool:
@@ -41,6 +42,11 @@ def is_stream(request: h11.Request) -> bool:
     return is_upgrade(request) or (request.method == b"GET" and path_of(request).endswith(_EVENTS))
 
 
+def is_repeatable(request: h11.Request) -> bool:
+    """Whether a request may be sent again where a kept connection turns out to be closed: it only reads."""
+    return request.method in _READING and not any(name in _FRAMING for name, _ in request.headers)
+
+
 def stays_open(request: h11.Request) -> bool:
     """Whether the connection is kept for more requests.
 
@@ -62,10 +68,11 @@ def is_chunked(request: h11.Request) -> bool:
 
 
 def forwarded(request: h11.Request, peer: str, scheme: str) -> bytes:
-    """The head as the application gets it: one request for each connection, and who has sent it."""
+    """The head as the application gets it: who has sent it; its connection takes more requests unless this streams."""
     lines = [b"%s %s HTTP/%s" % (request.method, request.target, request.http_version)]
     lines += [b"%s: %s" % field for field in _kept(request)]
-    lines.append(b"connection: upgrade" if is_upgrade(request) else b"connection: close")
+    if is_stream(request):
+        lines.append(b"connection: upgrade" if is_upgrade(request) else b"connection: close")
     lines.append(b"x-forwarded-for: " + peer.encode("ascii", "replace"))
     lines.append(b"x-forwarded-proto: " + scheme.encode("ascii"))
     return b"\r\n".join(lines) + _END
@@ -90,10 +97,13 @@ class AnswerFraming:
     ----------
     length_bytes
         Of the body, when the head says it.
+    keeps_open
+        Whether the application's connection takes another request afterwards.
     """
 
     chunked: bool
     length_bytes: int | None
+    keeps_open: bool = True
     received_bytes: int = 0
     tail: bytes = b""
 
@@ -102,11 +112,12 @@ class AnswerFraming:
         """Read an answer's head, to a request with this method."""
         status_line, *fields = head[: -len(_END)].split(b"\r\n")
         named = {name.strip().lower(): value.strip() for name, _, value in (field.partition(b":") for field in fields)}
+        keeps_open = named.get(b"connection", b"").lower() != b"close"
         if method == b"HEAD" or int(status_line.split(b" ", 2)[1]) in _NO_BODY:
-            return AnswerFraming(chunked=False, length_bytes=0)
+            return AnswerFraming(chunked=False, length_bytes=0, keeps_open=keeps_open)
         length = named.get(b"content-length")
         chunked = named.get(b"transfer-encoding", b"").lower() == b"chunked"
-        return AnswerFraming(chunked, None if length is None else int(length))
+        return AnswerFraming(chunked, None if length is None else int(length), keeps_open)
 
     def take(self, content: bytes) -> None:
         """Note what has come of the body."""

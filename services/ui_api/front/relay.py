@@ -1,18 +1,29 @@
 """One request and its answer between a client and the application, piece by piece, as fast as the slower of the two.
 
-The application gets each request on a connection of its own, which ends with the answer: so the front need not know
-where answers end, only whether they came whole.
+An answer ends where its length says, or with the application's connection, which the application closes wherever it
+states no length. A connection on which an answer ended by its length takes the next request; the others are closed.
 """
 
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import h11
 
-from services.ui_api.front.application_socket import PIECE_BYTES, ApplicationSocket
-from services.ui_api.front.heads import AnswerFraming, answer_head, forwarded, is_chunked, is_upgrade
+from services.ui_api.front.application_socket import (
+    PIECE_BYTES,
+    ApplicationConnections,
+    ApplicationGone,
+    ApplicationSocket,
+)
+from services.ui_api.front.heads import (
+    AnswerFraming,
+    answer_head,
+    forwarded,
+    is_chunked,
+    is_repeatable,
+    is_upgrade,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +45,12 @@ class Client:
 
 
 class Relay:
-    """Carries one request; `address` is the application's socket."""
+    """Carries one request."""
 
-    def __init__(self, client: Client, address: Path) -> None:
-        self._client, self._address = client, address
+    def __init__(self, client: Client, connections: ApplicationConnections) -> None:
+        self._client, self._connections = client, connections
         self._body_sent = False
+        self._reusable = False
 
     async def carry(self, request: h11.Request, peer: str, scheme: str, *, keeps_open: bool) -> bool:
         """Pass on the request and its answer; whether the client's connection can take another request.
@@ -48,10 +60,21 @@ class Relay:
         ApplicationGone
             When nothing was answered.
         """
-        application = ApplicationSocket()
+        connection = await self._connections.take()
         try:
-            await application.connect(self._address)
-            await application.send(forwarded(request, peer, scheme))
+            return await self._exchange(connection, request, forwarded(request, peer, scheme), keeps_open=keeps_open)
+        except ApplicationGone:
+            if not (connection.used and is_repeatable(request)):
+                raise
+        anew = await self._connections.take_new()
+        return await self._exchange(anew, request, forwarded(request, peer, scheme), keeps_open=keeps_open)
+
+    async def _exchange(
+        self, application: ApplicationSocket, request: h11.Request, head: bytes, *, keeps_open: bool
+    ) -> bool:
+        """Carry it over one connection."""
+        try:
+            await application.send(head)
             if is_upgrade(request):
                 await _first_of(self._outward(application), self._inward(application))
                 return False
@@ -61,7 +84,10 @@ class Relay:
             )
             return keeps_open and answered and self._body_sent
         finally:
-            application.close()
+            if self._reusable and self._body_sent:
+                self._connections.give_back(application)
+            else:
+                application.close()
 
     async def _send_body(self, application: ApplicationSocket, *, chunked: bool) -> bool:
         """Pass on the body, then wait until the client leaves; what it sends meanwhile stays with the parser."""
@@ -87,12 +113,15 @@ class Relay:
         """Pass on the answer; whether it came whole."""
         head = await application.receive_head()
         framing = AnswerFraming.of(head, method)
-        self._client.writer.write(answer_head(head, keeps_open=keeps_open))
+        content = application.read_ahead()
+        framing.take(content)
+        self._client.writer.write(answer_head(head, keeps_open=keeps_open) + content)
         while not framing.ended and (content := await application.receive()):
             framing.take(content)
             self._client.writer.write(content)
             await self._client.writer.drain()
         await self._client.writer.drain()
+        self._reusable = framing.ended and framing.keeps_open
         return framing.whole
 
     async def _inward(self, application: ApplicationSocket) -> bool:

@@ -68,6 +68,7 @@ class FrontServer:
             for task in (*helpers, *self._connections):
                 task.cancel()
             await asyncio.gather(*self._connections, return_exceptions=True)
+            self._parts.application.close()
             await asyncio.sleep(0.0)  # transports close with the loop's next turn
 
     async def _on_connection(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

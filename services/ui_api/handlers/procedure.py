@@ -97,6 +97,10 @@ class ProcedureHandler:
             return "the robot service restarted since"
         return case.staleness_of_image(entry.made.image_sha256, entry.made.case_revision)
 
+    def is_at_hand(self, case: Case) -> bool:
+        """Whether the situation of a case can be told without asking the database."""
+        return not case.plans or case.plans[-1].made.plan_sha256 in self._epochs
+
     def _robot_epoch(self, plan_sha256: str) -> str:
         """Run of the robot service that a plan is for; a plan does not change, and views are read often."""
         known = self._epochs.get(plan_sha256)
@@ -138,7 +142,9 @@ class ProcedureHandler:
         seen, age_s = self._view.newest(), self._view.age_s()
         quoted = {"robot_age_limit": f"{self._view.stale_after_s:g} s"}
         if seen is not None and age_s is not None:
-            quoted |= {"robot_state": seen.state.state, "robot_age": f"{age_s:.1f} s"}
+            quoted["robot_state"] = seen.state.state
+            if self._view.validity() is Validity.STALE:  # else nothing quotes it, and each reading would differ
+                quoted["robot_age"] = f"{age_s:.1f} s"
         return quoted
 
     def _quoted(self, case: Case, newest: LocalisationReceived | None) -> dict[str, str]:

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from services.ui_api.routes.idempotency import Idempotency
+from services.ui_api.routes.kept_views import KeptViews
 from services.ui_api.service import Gateway
 
 
@@ -18,6 +19,12 @@ async def _idempotency(request: Request) -> Idempotency:
     return idempotency
 
 
-# Both are coroutines on purpose: plain functions would wait for a thread of the pool, and stop must wait for nothing.
+async def _kept_views(request: Request) -> KeptViews:
+    kept: KeptViews = request.app.state.kept_views
+    return kept
+
+
+# All are coroutines on purpose: plain functions would wait for a thread of the pool, and stop must wait for nothing.
 TheGateway = Annotated[Gateway, Depends(_gateway)]
 TheIdempotency = Annotated[Idempotency, Depends(_idempotency)]
+TheKeptViews = Annotated[KeptViews, Depends(_kept_views)]

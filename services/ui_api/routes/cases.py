@@ -3,17 +3,19 @@
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.cases import StepRequest
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
-from services.ui_api.routes.access import TheGateway, TheIdempotency
+from services.ui_api.routes.access import TheGateway, TheIdempotency, TheKeptViews
 from services.ui_api.routes.bodies import CaseBody, CasePatch, StepBody
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
+from services.ui_api.routes.kept_views import KeptViews
 from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
-from services.ui_api.routes.preconditions import CaseMatch, case_etag, case_etag_after, case_view, matched_case
+from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, case_view, matched_case
 from services.ui_api.routes.procedure_views import StepView
 from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.routes.views import CaseView
@@ -63,27 +65,28 @@ def list_cases(
 
 
 @router.get("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.READ))
-def read_case(case_id: str, response: Response, gateway: TheGateway) -> CaseView:
+async def read_case(case_id: str, gateway: TheGateway, kept: TheKeptViews) -> Response:
     """A case with the state of its procedure and the next allowed actions."""
     case = gateway.cases.case(case_id)
-    response.headers["ETag"] = response.headers["Case-ETag"] = case_etag(gateway, case)
-    return case_view(gateway, case)
+    if gateway.procedure.is_at_hand(case):
+        return _answer(gateway, kept, case)
+    return await run_in_threadpool(_answer, gateway, kept, case)  # the database is asked
 
 
 @router.patch("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.CHANGE_SET_UP))
 def change_case(
     case_id: str,
     body: CasePatch,
-    response: Response,
     gateway: TheGateway,
+    kept: TheKeptViews,
     user: TheUser,
     if_match: CaseMatch,
-) -> CaseView:
+) -> Response:
     """Change the set-up: the revision counts up, and everything measured before is stale."""
     with gateway.record.write() as unit:
         matched_case(gateway, case_id, if_match)
         gateway.cases.change_setup(unit, case_id, body.request(), user.name, body.why)
-    return read_case(case_id, response, gateway)
+    return _answer(gateway, kept, gateway.cases.case(case_id))
 
 
 @router.post("/{case_id}/steps", status_code=201, response_model=CaseView, openapi_extra=needs(Action.RECORD_STEP))
@@ -116,11 +119,18 @@ def list_steps(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: 
 
 
 @router.delete("/{case_id}/steps/{number}", response_model=CaseView, openapi_extra=needs(Action.RECORD_STEP))
-def withdraw_step(case_id: str, number: int, response: Response, gateway: TheGateway, user: TheUser) -> CaseView:
+def withdraw_step(case_id: str, number: int, gateway: TheGateway, kept: TheKeptViews, user: TheUser) -> Response:
     """Take back the step that was recorded last, because it was not done."""
     with gateway.record.write() as unit:
         gateway.cases.withdraw_step(unit, case_id, number, user.name)
-    return read_case(case_id, response, gateway)
+    return _answer(gateway, kept, gateway.cases.case(case_id))
+
+
+def _answer(gateway: Gateway, kept: KeptViews, case: Case) -> Response:
+    """A case and its ETag."""
+    found = kept.case(gateway, case)
+    headers = {"ETag": found.etag, "Case-ETag": found.etag}
+    return Response(found.content, headers=headers, media_type="application/json")
 
 
 def _preview(unit: UnitOfWork, gateway: Gateway, case_id: str) -> CaseView:

@@ -28,6 +28,7 @@ _STATUS: Final = {
 }
 # Whoever asks for a stop gets it: a stop that a foreign page sends disturbs, one that is refused hurts.
 _NEVER_REFUSED: Final = "/api/v1/robot/stop"
+_NO_BODY: Final = frozenset((204, 304))
 
 
 class RequestGate:
@@ -94,13 +95,18 @@ def _is_encrypted(scope: Scope) -> bool:
 
 
 def _with_headers(send: Send, added: Mapping[str, str]) -> Send:
-    """Add headers to the answer; what a route has set itself stays."""
+    """Add headers to the answer; what a route has set itself stays.
+
+    An answer that states no length ends with its connection: by that the front sees its end (`front.relay`).
+    """
 
     async def adding(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
             for name, value in added.items():
                 headers.setdefault(name, value)
+            if "content-length" not in headers and message["status"] not in _NO_BODY:
+                headers["connection"] = "close"
         await send(message)
 
     return adding

@@ -9,14 +9,13 @@ from services.ui_api.core.identity import Approver, User
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.commands import PlainVerb
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
-from services.ui_api.routes.access import TheGateway, TheIdempotency
+from services.ui_api.routes.access import TheGateway, TheIdempotency, TheKeptViews
 from services.ui_api.routes.bodies import CommandBody
 from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import Idempotency, IdempotencyKey, Keyed, keyed
 from services.ui_api.routes.motion_views import OperationView, RobotView, StopView, says_simulated
 from services.ui_api.routes.motions import accepted
 from services.ui_api.routes.problems import problem, problem_response
-from services.ui_api.routes.procedure_views import robot_action_views
 from services.ui_api.service import Gateway
 
 router = APIRouter(route_class=GuardedRoute, prefix="/robot", tags=["robot"])
@@ -25,12 +24,12 @@ _BY_REST = "stop requested over REST"
 _ANONYMOUS = CommandBody()
 
 
-@router.get("", openapi_extra=needs(Action.READ))
-def read_robot(gateway: TheGateway) -> RobotView:
+@router.get("", response_model=RobotView, openapi_extra=needs(Action.READ))
+async def read_robot(gateway: TheGateway, kept: TheKeptViews) -> Response:
     """The robot as last seen, its age, and whether it says that it is simulated."""
     seen = gateway.view.newest()
     presence = gateway.inbox.presence
-    return RobotView(
+    view = RobotView(
         state=None if seen is None else seen.state,
         age_s=gateway.view.age_s(),
         validity=gateway.view.validity(),
@@ -38,8 +37,9 @@ def read_robot(gateway: TheGateway) -> RobotView:
         simulated=None if seen is None else says_simulated(seen.state.controller_identity),
         image_source=presence.image_source,
         image_source_simulated=says_simulated(presence.image_source),
-        actions=robot_action_views(gateway.procedure.robot_situation()),
+        actions=kept.robot_actions(gateway),
     )
+    return Response(view.model_dump_json(by_alias=True), media_type="application/json")
 
 
 @router.post("/stop", response_model=StopView, openapi_extra=needs(Action.STOP))

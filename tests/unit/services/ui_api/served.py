@@ -12,6 +12,7 @@ from services.ui_api.application import FrontRecording
 from services.ui_api.core.networks import PRIVATE_NETWORKS, Network
 from services.ui_api.front.admission import Admission, Limits
 from services.ui_api.front.application import ApplicationLink
+from services.ui_api.front.application_socket import ApplicationConnections
 from services.ui_api.front.connection import FrontParts
 from services.ui_api.front.handover import Handover
 from services.ui_api.front.port import listening_socket
@@ -49,7 +50,12 @@ def served(
         outer = stack.enter_context(listening_socket("127.0.0.1", 0))
         giving, taking = (stack.enter_context(end) for end in socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
         parts = FrontParts(
-            stops, Admission(ROOMY), address, scheme, room_networks, Handover(giving) if https is None else None
+            stops,
+            Admission(ROOMY),
+            ApplicationConnections(address),
+            scheme,
+            room_networks,
+            Handover(giving) if https is None else None,
         )
         stack.enter_context(serving(app, inner, lambda: None, taking))
         stack.enter_context(serving_front(FrontServer(parts, link, https), outer, ours))

@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from services.ui_api.core.networks import PRIVATE_NETWORKS, Network
 from services.ui_api.front.admission import Admission, Limits
 from services.ui_api.front.application import ApplicationLink
+from services.ui_api.front.application_socket import ApplicationConnections
 from services.ui_api.front.connection import FrontParts
 from services.ui_api.front.handover import Handover
 from services.ui_api.front.port import listening_socket
@@ -57,7 +58,14 @@ class FrontRig:
         outer = stack.enter_context(listening_socket("127.0.0.1", 0))
         self.address = outer.getsockname()
         parts = FrontParts(
-            self.stops, self.admission, place, "http", room_networks, handover, head_within_s, head_within_s
+            self.stops,
+            self.admission,
+            ApplicationConnections(place),
+            "http",
+            room_networks,
+            handover,
+            head_within_s,
+            head_within_s,
         )
         server = FrontServer(parts, self.link)
         threading.Thread(target=self._serve, args=(inner, application), daemon=True).start()

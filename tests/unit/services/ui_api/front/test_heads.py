@@ -42,7 +42,7 @@ def test_what_is_forwarded_says_who_asks_and_nothing_that_a_client_claims() -> N
     )
     assert head == (
         b"POST /api/v1/cases HTTP/1.1\r\nhost: gateway\r\nidempotency-key: k\r\ncontent-length: 2\r\n"
-        b"connection: close\r\nx-forwarded-for: 10.0.0.7\r\nx-forwarded-proto: https\r\n\r\n"
+        b"x-forwarded-for: 10.0.0.7\r\nx-forwarded-proto: https\r\n\r\n"
     )
 
 

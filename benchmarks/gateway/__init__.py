@@ -1,0 +1,1 @@
+"""The gateway beside what it is compared with, and under many hands at once."""

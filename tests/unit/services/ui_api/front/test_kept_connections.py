@@ -1,0 +1,84 @@
+"""Connections to the application are used again, and one that it has closed meanwhile loses no request."""
+
+import socket
+import threading
+
+import pytest
+
+from services.ui_api.front.heads import AnswerFraming
+from tests.unit.services.ui_api.front.rig import GET, answer_of, front
+
+ANSWER = b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\n\r\n{}"
+LAST = b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\nconnection: close\r\n\r\n{}"
+POST = b"POST /api/v1/cases HTTP/1.1\r\nhost: g\r\ncontent-length: 2\r\n\r\n{}"
+
+
+class Counting:
+    """An application that answers so many requests on each connection, and then ends it."""
+
+    def __init__(self, answers: int, answer: bytes = ANSWER) -> None:
+        self.answers, self.answer = answers, answer
+        self.connections = 0
+        self.closed = threading.Semaphore(0)
+
+    def __call__(self, connection: socket.socket) -> None:
+        self.connections += 1
+        for _ in range(self.answers):
+            content = b""
+            while not content.endswith((b"\r\n\r\n", b"\r\n\r\n{}")):
+                piece = connection.recv(65536)
+                if not piece:
+                    return
+                content += piece
+            connection.sendall(self.answer)
+        connection.close()
+        self.closed.release()
+
+
+def test_requests_share_a_connection_to_the_application() -> None:
+    application = Counting(answers=100)
+    with front(application) as rig, rig.connect() as client:
+        for _ in range(3):
+            client.sendall(GET)
+            assert answer_of(client) == ANSWER
+            client.sendall(POST)
+            assert answer_of(client) == ANSWER
+    assert application.connections == 1
+
+
+def test_a_connection_is_not_used_again_when_the_application_says_so() -> None:
+    application = Counting(answers=100, answer=LAST)
+    with front(application) as rig, rig.connect() as client:
+        for _ in range(3):
+            client.sendall(GET)
+            assert answer_of(client) == ANSWER
+    assert application.connections == 3
+
+
+def test_what_only_reads_is_asked_again_where_the_connection_was_closed_meanwhile() -> None:
+    application = Counting(answers=1)
+    with front(application) as rig, rig.connect() as client:
+        for _ in range(3):
+            client.sendall(GET)
+            assert answer_of(client) == ANSWER
+            assert application.closed.acquire(timeout=10.0)
+    assert application.connections == 3
+
+
+def test_what_acts_is_not_sent_twice() -> None:
+    application = Counting(answers=1)
+    with front(application) as rig, rig.connect() as client:
+        client.sendall(POST)
+        assert answer_of(client) == ANSWER
+        assert application.closed.acquire(timeout=10.0)
+        client.sendall(POST)
+        answer = answer_of(client)
+    assert answer.startswith(b"HTTP/1.1 503 ")
+    assert b"application_unavailable" in answer
+    assert application.connections == 1
+
+
+@pytest.mark.parametrize(("field", "keeps_open"), [("connection: close", False), ("x: y", True)])
+def test_an_answer_says_whether_its_connection_goes_on(field: str, keeps_open: object) -> None:
+    head = f"HTTP/1.1 204 No Content\r\n{field}\r\n\r\n".encode()
+    assert AnswerFraming.of(head, b"GET").keeps_open is keeps_open
