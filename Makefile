@@ -53,10 +53,14 @@ $(COMPILED): $(INSTALLED) $(KERNELS)
 demo: $(COMPILED)
 	$(BIN)/distalock demo $(ARGS)
 
-# Each part prints little unless it fails, so that they can run at the same time.
+# Each part prints little unless it fails, so that they can run at the same time. How the tests of requirements ended is
+# kept for the last step: every control of the risk file needs tests that ran and passed.
+test: export DISTALOCK_TEST_RESULTS := $(CURDIR)/.test-results
 test: setup
+	@rm -rf $(DISTALOCK_TEST_RESULTS)
 	@$(MAKE) --no-print-directory --jobs=3 lint contract-tests tests
 	@$(MAKE) --no-print-directory e2e-tests
+	@$(BIN)/distalock risk check
 
 check: setup
 	@$(MAKE) --no-print-directory --jobs=3 lint contract-tests quick-tests
@@ -117,4 +121,4 @@ generated: setup
 	$(BIN)/python -m tools.generate
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info
+	rm -rf .venv .test-results .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info

@@ -248,6 +248,12 @@ def _doctor_arguments(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _risk_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.risk import add_arguments
+
+    add_arguments(parser)
+
+
 def _benchmark_name(text: str) -> str:
     if not is_benchmark(text):
         raise argparse.ArgumentTypeError(f"there is no benchmark {text!r}; `distalock bench` lists them")
@@ -333,6 +339,12 @@ COMMANDS = (
         "what of this machine and installation would keep a procedure from going well, with remedies",
         _doctor_arguments,
         _imported("distalock.doctor.command"),
+    ),
+    Command(
+        "risk",
+        "the risk file against the tests that ran",
+        _risk_arguments,
+        _imported("distalock.risk"),
     ),
     Command(
         "bench",

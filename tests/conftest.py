@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from tests import kept
+from tests import kept, results_of_marks
 
 # One core for each worker and for each process that it starts; the libraries read this when they are imported.
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
@@ -23,8 +23,9 @@ settings.load_profile("distalock")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep slow results for all workers of the session."""
+    """Keep slow results for all workers of the session, and how tests of requirements ended."""
     kept.begin(config)
+    results_of_marks.begin(config)
 
 
 @pytest.fixture(autouse=True)

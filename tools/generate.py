@@ -18,6 +18,7 @@ from tools.part_schemas import part_schema_texts
 from tools.procedure_page import procedure_page
 from tools.refusals_page import refusals_page
 from tools.rest_page import rest_page
+from tools.risk.pages import hazards_page, requirements_page, software_page
 from tools.settings_page import settings_page
 from tools.tuning_page import tuning_page
 
@@ -32,6 +33,9 @@ _PAGES: dict[str, Callable[[], str]] = {
     "procedure.md": procedure_page,
     "refusals.md": refusals_page,
     "rest.md": rest_page,
+    "risk/hazards.md": hazards_page,
+    "risk/requirements.md": requirements_page,
+    "risk/software.md": software_page,
     "settings.md": settings_page,
     "tuning.md": tuning_page,
 }

@@ -17,6 +17,7 @@ from simulation.world.poses import starting_state
 SEEDS = range(7000, 7004)
 
 
+@pytest.mark.requirement("REG-01")
 @pytest.mark.slow
 def test_random_scenes_are_localised_or_refused_but_never_wrong() -> None:
     found = statistics(SEEDS)
@@ -34,6 +35,7 @@ def test_random_scenes_are_localised_or_refused_but_never_wrong() -> None:
 
 
 # Two balls lie over a hole in each: one search ended 11° off, and one on a slope.
+@pytest.mark.requirement("REG-02")
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [5106, 20221])
 def test_balls_over_a_hole_do_not_hide_which_tilt_is_right(seed: int) -> None:

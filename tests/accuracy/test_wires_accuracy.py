@@ -65,6 +65,7 @@ def errors(kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 # measured: medians 0.093 and 0.324 mm, largest 0.210 and 0.868 mm; normalised rms 1.14 and 0.71, largest 2.13 and 1.19
+@pytest.mark.requirement("REG-06")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "median_mm", "largest_mm", "normalised_rms", "normalised_largest"),

@@ -72,6 +72,7 @@ def require_all_finished(site: Shooting) -> None:
 
 
 # Without imaging nothing is acknowledged.
+@pytest.mark.requirement("IMG-02")
 @pytest.mark.parametrize(("service", "shots_while_down"), [("imaging", 0), ("registration", 2), ("ui_api", 2)])
 def test_a_killed_process_loses_no_acknowledged_image(site: Shooting, service: str, shots_while_down: int) -> None:
     for _ in range(2):
@@ -83,6 +84,7 @@ def test_a_killed_process_loses_no_acknowledged_image(site: Shooting, service: s
     require_all_finished(site)
 
 
+@pytest.mark.requirement("IMG-02")
 @pytest.mark.parametrize("service", ["imaging", "registration", "ui_api"])
 def test_a_hung_process_loses_no_acknowledged_image(site: Shooting, service: str) -> None:
     site.shoot()

@@ -92,6 +92,7 @@ def test_a_tagged_image_of_the_other_polarity_is_normalised(
     assert seen.accepted, seen.summary
 
 
+@pytest.mark.requirement("IMG-01")
 def test_an_untagged_inverted_image_is_rejected(site: OperatingRoom, case: CaseClient, good_dicom: bytes) -> None:
     inverted = changed_dicom(good_dicom, invert=True, tagged=False)
     assert store(site, inverted) == 0

@@ -8,6 +8,7 @@ from distalock.procedure import Ending
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
+@pytest.mark.requirement("REG-01")
 @pytest.mark.parametrize(("bone", "seed"), [("femur", 1), ("femur", 3), ("tibia", 2)])
 def test_drills_pass_or_the_system_refuses(bone: str, seed: int) -> None:
     print(f"scenario of a {bone}, seed {seed}")

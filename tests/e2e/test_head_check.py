@@ -72,6 +72,7 @@ def mounted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Mounted
         yield MountedRoom(rest, RoomClient(control))
 
 
+@pytest.mark.requirement("REG-11")
 def test_a_wrong_extension_is_refused_before_the_first_plan_and_a_right_one_is_not(mounted: MountedRoom) -> None:
     scenario = mounted.room.scenario()
     true_mm = float(str(scenario.set_up["head_extension_mm"]))

@@ -98,6 +98,7 @@ def require_standstill(site: CaseRoom) -> None:
     assert site.true_pose() == here, "what is stopped must still be there later"
 
 
+@pytest.mark.requirement("ROB-06")
 def test_a_frozen_gateway_stops_the_move(site: CaseRoom) -> None:
     begun = site.begin_to_move()
     with site.frozen("ui_api"):
@@ -120,6 +121,7 @@ def test_a_frozen_application_stops_the_move(site: CaseRoom) -> None:
     assert site.robot()["stop"] == "latched"
 
 
+@pytest.mark.requirement("ROB-10")
 def test_a_command_that_waited_in_a_frozen_robot_service_moves_nothing(site: CaseRoom) -> None:
     plan = site.approved_plan()
     here = site.true_pose()
@@ -146,6 +148,7 @@ def test_nothing_moves_while_registration_cannot_vouch_for_the_plan(site: CaseRo
     wait_until(lambda: site.outcome(site.begin(plan)).status == "succeeded", "registration vouches again")
 
 
+@pytest.mark.requirement("ROB-06")
 def test_a_killed_router_stops_the_move_and_everything_comes_back(site: CaseRoom) -> None:
     begun = site.begin_to_move()
     os.kill(site.room.fleet.pids["router"], signal.SIGKILL)
@@ -158,6 +161,7 @@ def test_a_killed_router_stops_the_move_and_everything_comes_back(site: CaseRoom
     assert site.robot()["stop"] == "latched"
 
 
+@pytest.mark.requirement("ROB-15")
 def test_a_pressed_stop_button_stops_the_move_and_holds(site: CaseRoom) -> None:
     begun = site.begin_to_move()
     site.room.control.post("/faults", {"kind": "controller", "name": "emergency_stop"})

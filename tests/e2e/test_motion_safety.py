@@ -71,6 +71,7 @@ def moving(planned: Planned) -> bool:
     return planned.robot()["state"] == "moving"
 
 
+@pytest.mark.requirement("ROB-03")
 def test_stop_during_motion_locks_at_a_known_position(planned: Planned) -> None:
     planned.case.approve(planned.plan)
     operation = planned.start_motion()
@@ -99,6 +100,7 @@ def no_deviation() -> JsonObject:
     return {"deviation_mm": None, "deviation_deg": None}
 
 
+@pytest.mark.requirement("GW-01")
 def test_without_approval_and_with_a_wire_in_the_bone_nothing_moves(planned: Planned) -> None:
     here = planned.true_pose()
     with pytest.raises(RequestRefused, match=r"(?i)approv") as refusal:
@@ -126,6 +128,7 @@ def test_approval_must_quote_the_plan(planned: Planned) -> None:
     assert other.value.status == 412
 
 
+@pytest.mark.requirement("REG-08")
 def test_a_new_image_makes_an_approved_plan_stale(planned: Planned) -> None:
     planned.case.approve(planned.plan)
     here = planned.true_pose()

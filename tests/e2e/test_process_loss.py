@@ -21,6 +21,7 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield site
 
 
+@pytest.mark.requirement("ROB-07")
 @pytest.mark.parametrize("number", SIGNALS)
 def test_a_robot_service_that_is_lost_in_motion_leaves_the_robot_locked(services: Site, number: signal.Signals) -> None:
     loss = lose(services, "robot", number)
@@ -28,6 +29,7 @@ def test_a_robot_service_that_is_lost_in_motion_leaves_the_robot_locked(services
     assert loss.within_limits, loss
 
 
+@pytest.mark.requirement("OPS-01")
 def test_an_installation_that_hangs_in_motion_leaves_the_robot_locked(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:

@@ -7,6 +7,7 @@ from benchmarks.robot.stop_latency import LIMIT_P99_S, LIMIT_WORST_S, measured, 
 TRIALS = 20
 
 
+@pytest.mark.requirement("ROB-03")
 @pytest.mark.slow
 @pytest.mark.alone
 @pytest.mark.timeout(600)

@@ -17,6 +17,7 @@ _LARGEST_SCOPE = "another client"
 _FOUND_SOON = tuple(mutation for mutation in MUTATIONS if mutation.scope != _LARGEST_SCOPE)
 
 
+@pytest.mark.requirement("ROB-01")
 def test_every_property_holds_in_every_order_of_late_lost_and_repeated_commands() -> None:
     found = searched(SCOPES[0])
     assert found.violation is None, str(found.violation)

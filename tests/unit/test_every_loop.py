@@ -488,6 +488,7 @@ def test_nothing_else_begins_work_beside_the_callers() -> None:
     assert found == set(SEEN_OTHERWISE)
 
 
+@pytest.mark.requirement("ROB-16")
 @pytest.mark.parametrize("place", sorted(INJECTIONS), ids=lambda place: place[1])
 def test_an_exception_in_any_loop_is_a_fault_and_stops_the_robot(place: tuple[str, str], tmp_path: Path) -> None:
     listener = Listener()

@@ -91,6 +91,7 @@ def test_the_drive_stops_within_a_fifth_of_a_second(drive: Drive, virtual: Virtu
 
 
 # What kind of line it is does not matter to faults of the controller: two kinds will do.
+@pytest.mark.requirement("ROB-08")
 @pytest.mark.parametrize("url", ["tcp", "pty"], indirect=True)
 @pytest.mark.parametrize(
     ("fault", "state", "words"),
@@ -122,6 +123,7 @@ def test_every_fault_ends_a_move(
     wait_until(lambda: virtual.snapshot().brake_on and not virtual.snapshot().servo_on)
 
 
+@pytest.mark.requirement("ROB-12")
 def test_a_brake_that_slips_is_noticed_at_rest(drive: Drive, virtual: VirtualController) -> None:
     make_ready(drive)
     reach(drive, lambda s: s.held is not None)
@@ -131,6 +133,7 @@ def test_a_brake_that_slips_is_noticed_at_rest(drive: Drive, virtual: VirtualCon
     virtual.clear(Fault.BRAKE_SLIPS)
 
 
+@pytest.mark.requirement("ROB-17")
 def test_after_a_power_cycle_nothing_moves_before_reset_acknowledgement_and_reference(
     drive: Drive, virtual: VirtualController
 ) -> None:

@@ -30,6 +30,7 @@ def test_connecting_finds_a_locked_controller_that_says_what_it_is(
     assert virtual.snapshot().brake_on
 
 
+@pytest.mark.requirement("ROB-14")
 def test_reference_with_absolute_encoders_moves_nothing(referenced: GcsController, virtual: VirtualController) -> None:
     assert virtual.snapshot().measured_pose == HEXAPOD.home_pose
     assert referenced.read().locked
@@ -108,6 +109,7 @@ def test_silence_and_garbage_become_sentences(referenced: GcsController, virtual
     assert referenced.read().locked
 
 
+@pytest.mark.requirement("ROB-17")
 def test_connecting_to_a_moving_robot_stops_and_locks_it(referenced: GcsController, virtual: VirtualController) -> None:
     referenced.move(FAR, 2.0)
     referenced.close()

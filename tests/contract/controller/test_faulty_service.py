@@ -71,6 +71,7 @@ def break_handler(service: RobotService) -> None:
     service._bus.publisher(KEYS.registration_epoch).put(b"")
 
 
+@pytest.mark.requirement("ROB-16")
 @pytest.mark.parametrize("broken", [break_worker, break_reader, break_state, break_watch, break_handler])
 def test_an_exception_in_motion_stops_locks_and_ends_the_service_with_an_error(
     broken: Callable[[RobotService], None], capfd: pytest.CaptureFixture[str], tmp_path: Path

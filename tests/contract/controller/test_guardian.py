@@ -47,6 +47,7 @@ def require_locked(virtual: VirtualController, since_s: float, began_mm: np.ndar
     assert way_mm <= LOCKED_WITHIN_MM
 
 
+@pytest.mark.requirement("ROB-07")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_service_that_is_killed_or_hangs_in_motion_leaves_the_robot_locked(
     service: subprocess.Popen[str], virtual: VirtualController, url: str, number: signal.Signals
@@ -85,6 +86,7 @@ def test_a_service_that_goes_on_after_it_hung_moves_nothing(
     assert (truth.brake_on, truth.servo_on, truth.was_unheld) == (True, False, False)
 
 
+@pytest.mark.requirement("ROB-07")
 @pytest.mark.parametrize("url", ["pty"], indirect=True)
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_guardian_that_is_killed_or_hangs_in_motion_stops_it(

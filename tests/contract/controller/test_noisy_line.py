@@ -58,6 +58,7 @@ class NoisyPort:
         return bytes(spoiled(256) if self._noise.random() < WRONG_BYTES else byte for byte in content)
 
 
+@pytest.mark.requirement("ROB-08")
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_with_noise_on_the_line_every_motion_is_right_or_refused(seed: int) -> None:
     noise = random.Random(seed)

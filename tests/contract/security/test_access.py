@@ -120,6 +120,7 @@ def publish_as_everybody(providers: Sessions, table: list[Row]) -> None:
                 bus._session.put(concrete(row.key), service.encode())
 
 
+@pytest.mark.requirement("SEC-02")
 def test_samples_arrive_from_their_provider_at_their_consumers_and_nowhere_else(
     providers: Sessions, consumers: Sessions
 ) -> None:
@@ -274,6 +275,7 @@ WIDER = ("**", "distalock/**", f"distalock/v1/{ROOM}/**", f"distalock/v1/{ROOM}/
 ELSEWHERE = ("other", f"distalock/v1/other/{KEYS.robot_state.split('/', 3)[3]}", f"distalock/v1/{ROOM}/robot/more")
 
 
+@pytest.mark.requirement("SEC-02")
 def test_no_expression_wider_than_a_row_brings_anything(providers: Sessions, consumers: Sessions) -> None:
     table, record = rows(Exchange.STREAM, Exchange.RETAINED), Record()
     for service, bus in consumers.items():

@@ -58,6 +58,7 @@ FORGERIES: dict[str, Forgery] = {
 }
 
 
+@pytest.mark.requirement("SEC-01")
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_certificate_that_does_not_count_gets_no_link(room: SecureRoom, tmp_path: Path, name: str) -> None:
     authority = authority_of(room.keystore)
@@ -76,6 +77,7 @@ def test_a_certificate_with_another_key_gets_no_link(room: SecureRoom, tmp_path:
         open_bus(BusSettings(room.endpoint, REFUSED_WITHIN_S, written(tmp_path, mixed, authority)))
 
 
+@pytest.mark.requirement("SEC-01")
 def test_a_link_ends_with_its_certificate(room: SecureRoom, tmp_path: Path) -> None:
     authority = authority_of(room.keystore)
     ends_soon = issue(
@@ -87,6 +89,7 @@ def test_a_link_ends_with_its_certificate(room: SecureRoom, tmp_path: Path) -> N
         eventually(lambda: not imaging.link_up())
 
 
+@pytest.mark.requirement("SEC-01")
 def test_without_a_certificate_there_is_no_link(room: SecureRoom) -> None:
     config = client_config(BusSettings(room.endpoint))
     config.insert_json5("transport/link/tls/root_ca_certificate", json.dumps(str(room.files_of("robot").authority)))

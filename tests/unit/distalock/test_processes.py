@@ -139,6 +139,7 @@ with Fleet([spec], folder / "logs"):
 """
 
 
+@pytest.mark.requirement("OPS-01")
 def test_processes_end_when_what_started_them_is_killed(tmp_path: Path) -> None:
     write_module(tmp_path, "notices", NOTICES)
     path = os.pathsep.join([str(tmp_path), *sys.path])

@@ -79,12 +79,14 @@ def test_axes_and_places_are_accurate() -> None:
     assert max(o.across_mm for o in outcomes()) < 0.015
 
 
+@pytest.mark.requirement("REG-06")
 def test_predicted_errors_are_those_that_occur() -> None:
     normalised = np.array([o.normalised for o in outcomes()])
     # measured: rms 1.19
     assert 0.79 < float(np.sqrt(np.mean(normalised**2))) < 1.78
 
 
+@pytest.mark.requirement("REG-02")
 def test_the_reflected_tilt_is_worse_by_a_margin() -> None:
     assert min(o.fit.evidence.mirror_margin for o in outcomes()) > 53.0  # measured: 80.5
 
@@ -168,6 +170,7 @@ def refused(shot: Shot, nail: NailPart, start: Transform[Camera, Nail], occluder
     return {reason.code for reason in result.reasons}
 
 
+@pytest.mark.requirement("REG-03")
 @pytest.mark.parametrize(
     "wrong",
     [nail_part("steel", 13.0, 6.0), nail_part("steel", 12.0, 5.5), nail_part("steel", 12.0, 6.6)],
@@ -179,6 +182,7 @@ def test_another_nail_than_the_files_is_refused(wrong: NailPart) -> None:
     assert ReasonCode.NAIL_MODEL_MISMATCH in codes
 
 
+@pytest.mark.requirement("REG-03")
 def test_a_nail_without_holes_there_is_refused() -> None:
     shot = tilted_shot()
     along = Transform[Nail, Nail].from_rotvec(np.zeros(3), [45.0, 0.0, 0.0])
@@ -186,12 +190,14 @@ def test_a_nail_without_holes_there_is_refused() -> None:
     assert ReasonCode.HOLE_NOT_VISIBLE in codes
 
 
+@pytest.mark.requirement("REG-05")
 def test_a_nail_outside_the_image_is_refused() -> None:
     shot = tilted_shot()
     away = Transform[Camera, Nail].from_rotation_translation(shot.camera_from_nail.rotation, [200.0, 0.0, 740.0])
     assert refused(shot, shot.nail, away, shot.occluders) == {ReasonCode.HOLE_NOT_VISIBLE}
 
 
+@pytest.mark.requirement("REG-05")
 def test_a_hole_that_is_covered_is_refused() -> None:
     shot = tilted_shot()
     pixels = shot.pixels.copy()

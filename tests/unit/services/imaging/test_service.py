@@ -233,6 +233,7 @@ def test_images_with_a_pause_between_them_are_single_shots(tmp_path: Path) -> No
     assert marks_of_two_images(tmp_path, 1e-9) == [None, None]
 
 
+@pytest.mark.requirement("OPS-02")
 @pytest.mark.parametrize(("since_s", "run_interval_s"), [(0.0, 0.5), (0.499, 0.5), (0.5, None), (10.0, None)])
 @pytest.mark.parametrize("stepped_s", [0, 3, -3, 3600, -3600])
 def test_the_monotonic_time_since_the_image_before_decides(
@@ -306,6 +307,7 @@ def left_behind(folder: Path, count: int) -> None:
         store.index.add(sequence, header.sha256, encode(header), in_run=False)
 
 
+@pytest.mark.requirement("IMG-02")
 def test_images_that_a_killed_imaging_left_behind_are_calibrated_the_newest_first(tmp_path: Path) -> None:
     left_behind(tmp_path, 3)
     with room_of(ImageStore(tmp_path), tmp_path / "positions") as room:

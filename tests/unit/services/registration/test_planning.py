@@ -111,6 +111,7 @@ def test_an_image_that_was_only_uncertain_counts_with_others() -> None:
     planned(asked(newest, frame(localised("a"))))
 
 
+@pytest.mark.requirement("REG-07")
 def test_images_that_contradict_one_another_are_refused_with_the_reason() -> None:
     reply = refusal(asked(frame(localised("b", 2.0)), frame(localised("a"))))
     assert reply.code == "not_accepted"

@@ -51,6 +51,7 @@ def outside() -> Iterator[Outside]:
             runtime.stop.set()
 
 
+@pytest.mark.requirement("REG-10")
 def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     pixels, view = rendered(Shown(), seed=1)
     outside.robot_rests()
@@ -122,6 +123,7 @@ def test_a_rejected_calibration_is_recorded_with_its_reasons(outside: Outside) -
     assert outside.ask_plan("one").code == "not_accepted"
 
 
+@pytest.mark.requirement("REG-10")
 def test_no_plan_is_made_from_an_image_whose_age_nobody_knows(outside: Outside) -> None:
     outside.robot_rests()
     outside.open_case()
@@ -150,6 +152,7 @@ def test_missed_pixels_are_fetched_and_bind_no_robot_pose(outside: Outside) -> N
     assert len(asked) == 1
 
 
+@pytest.mark.requirement("REG-08")
 def test_every_image_begins_an_epoch(outside: Outside) -> None:
     outside.open_case()
     epochs = []
@@ -160,6 +163,7 @@ def test_every_image_begins_an_epoch(outside: Outside) -> None:
     assert len(set(epochs)) == 2
 
 
+@pytest.mark.requirement("REG-09")
 @pytest.mark.parametrize(
     ("moved_to", "rested_s", "bound"),
     [(HOME, 0.6, True), (HOME, 0.4, False), (HOME.model_copy(update={"w_deg": 0.02}), 0.4, False)],
@@ -177,6 +181,7 @@ def test_an_image_that_arrives_just_after_a_move_binds_no_pose(
     assert (outside.next_record().robot_pose is not None) is bound
 
 
+@pytest.mark.requirement("REG-09")
 def test_an_image_that_arrives_during_a_move_binds_no_pose(outside: Outside) -> None:
     outside.robot_rests()
     outside.robot_is(MotionState.MOVING)
@@ -187,6 +192,7 @@ def test_an_image_that_arrives_during_a_move_binds_no_pose(outside: Outside) -> 
     assert outside.next_record().robot_pose is None
 
 
+@pytest.mark.requirement("REG-08")
 def test_the_epoch_changes_before_any_image_is_understood(outside: Outside) -> None:
     words: queue.Queue[RegistrationEpoch] = queue.Queue()
     outside.bus.subscribe(KEYS.registration_epoch, lambda s: words.put(decode(RegistrationEpoch, s.payload)))

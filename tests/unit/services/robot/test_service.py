@@ -12,6 +12,7 @@ from shared.messages.robot import (
 from tests.unit.services.robot.room import HEXAPOD, KEYS, Room, plan, wait_for
 
 
+@pytest.mark.requirement("ROB-17")
 def test_it_starts_with_the_stop_in_force_and_publishes_steadily(room: Room) -> None:
     state = room.wait(lambda s: s.state is MotionState.STOPPED)
     assert state.stop is StopLatch.LATCHED
@@ -21,6 +22,7 @@ def test_it_starts_with_the_stop_in_force_and_publishes_steadily(room: Room) -> 
     assert later.controller_identity == "fake controller"
 
 
+@pytest.mark.requirement("ROB-13")
 def test_an_approved_fresh_plan_moves_once_and_ends_locked_on_the_target(room: Room) -> None:
     room.begin_move()
     room.controller.arrive()
@@ -32,6 +34,7 @@ def test_an_approved_fresh_plan_moves_once_and_ends_locked_on_the_target(room: R
     assert len(room.controller.motions) == 1
 
 
+@pytest.mark.requirement("ROB-10")
 def test_a_repeat_gets_the_same_answer_and_moves_once(room: Room) -> None:
     plan_json = room.ready_with_plan()
     assert room.until_known(plan_json).verdict == "accepted"
@@ -60,6 +63,7 @@ def test_the_same_message_twice_moves_once(room: Room) -> None:
     assert len(room.controller.motions) == 1
 
 
+@pytest.mark.requirement("ROB-18")
 def test_a_move_without_a_plan_of_registration_is_refused(room: Room) -> None:
     room.make_ready()
     room.begin_epoch("reg.1")
@@ -69,6 +73,7 @@ def test_a_move_without_a_plan_of_registration_is_refused(room: Room) -> None:
     assert room.controller.motions == []
 
 
+@pytest.mark.requirement("REG-08")
 def test_a_newer_epoch_makes_the_plan_stale_before_any_localisation(room: Room) -> None:
     plan_json = room.ready_with_plan()
     room.begin_epoch("reg.2")
@@ -118,6 +123,7 @@ def test_a_word_that_comes_again_vouches_for_nothing(room: Room) -> None:
     assert room.until_known(plan_json).code == "plan_stale"
 
 
+@pytest.mark.requirement("ROB-18")
 def test_a_plan_of_another_revision_of_the_case_is_refused() -> None:
     room = Room()
     room.case_revision = 2
@@ -149,6 +155,7 @@ def test_without_the_gateways_heartbeat_nothing_is_referenced(room: Room) -> Non
     assert room.reference().code == "heartbeat_missing"
 
 
+@pytest.mark.requirement("ROB-10")
 def test_a_late_command_is_refused_and_nothing_moves(room: Room) -> None:
     plan_json = room.ready_with_plan()
     command = room.move(plan_json)

@@ -41,6 +41,7 @@ def signed_nonsense() -> SignedPermit:
     return SignedPermit(permit_json=text, permit_sha256=hashed(text), key_sha256=SIGNER.key_sha256, signature=signature)
 
 
+@pytest.mark.requirement("ROB-01")
 @pytest.mark.parametrize(
     ("forge", "code"),
     [
@@ -106,6 +107,7 @@ def test_a_permit_that_was_taken_is_on_record(room: Room) -> None:
     assert room.wait(lambda s: s.state is MotionState.MOVING).permit_sha256 == sha256
 
 
+@pytest.mark.requirement("ROB-01")
 def test_a_permit_is_taken_once_whatever_comes_of_it(room: Room) -> None:
     plan_json = room.ready_with_plan()
     envelope = room.envelope()
@@ -136,6 +138,7 @@ def test_a_move_of_version_1_is_read_and_has_no_permit(room: Room) -> None:
     assert room.controller.motions == []
 
 
+@pytest.mark.requirement("ROB-01")
 def test_a_reference_without_a_permit_moves_nothing(room: Room) -> None:
     room.wait(lambda s: s.state is MotionState.STOPPED and s.locked)
     room.acknowledge()
@@ -148,6 +151,7 @@ def test_a_reference_without_a_permit_moves_nothing(room: Room) -> None:
     assert room.ask("reference", encode(permitted)).code == "permit_for_another_motion"
 
 
+@pytest.mark.requirement("ROB-11")
 def test_what_is_in_the_bone_forbids_every_motion_until_it_is_out(room: Room) -> None:
     plan_json = room.ready_with_plan()
     room.say_case(WIRE, ObjectInside(kind="screw", hole_id="proximal"))
@@ -159,6 +163,7 @@ def test_what_is_in_the_bone_forbids_every_motion_until_it_is_out(room: Room) ->
     wait_for(lambda: room.until_known(plan_json).verdict == "accepted")
 
 
+@pytest.mark.requirement("ROB-11")
 def test_a_wire_that_goes_in_during_a_move_stops_it(room: Room) -> None:
     room.begin_move()
     room.say_case(WIRE)
@@ -166,6 +171,7 @@ def test_a_wire_that_goes_in_during_a_move_stops_it(room: Room) -> None:
     assert "wire in distal" in state.detail
 
 
+@pytest.mark.requirement("ROB-11")
 def test_a_case_that_cannot_be_read_forbids_every_motion(room: Room) -> None:
     plan_json = room.ready_with_plan()
     room.cases.put(b"{}")

@@ -24,6 +24,7 @@ from tests.unit.services.robot.room import KEYS, Room, wait_for
 STOP = encode(StopCommand(client="console"))
 
 
+@pytest.mark.requirement("ROB-03")
 def test_a_stop_during_a_move_locks_within_a_fifth_of_a_second(room: Room) -> None:
     room.begin_move()
     asked_s = time.monotonic()
@@ -37,12 +38,14 @@ def test_a_stop_during_a_move_locks_within_a_fifth_of_a_second(room: Room) -> No
     assert state.detail == "'console' asked for a stop: pressed"
 
 
+@pytest.mark.requirement("ROB-02")
 def test_a_stop_that_cannot_be_read_stops_all_the_same(room: Room) -> None:
     room.begin_move()
     assert room.ask("stop", b"\xff\x00").verdict == "accepted"
     assert room.controller.feedback.locked
 
 
+@pytest.mark.requirement("ROB-04")
 def test_a_stop_is_confirmed_by_what_the_controller_shows_after_it(room: Room) -> None:
     room.begin_move()
     reply = room.ask("stop", STOP)
@@ -51,6 +54,7 @@ def test_a_stop_is_confirmed_by_what_the_controller_shows_after_it(room: Room) -
     assert reply.message == ""
 
 
+@pytest.mark.requirement("ROB-04")
 def test_a_stop_of_a_controller_that_is_silent_is_not_confirmed(room: Room) -> None:
     room.begin_move()
     room.controller.silent = True
@@ -99,6 +103,7 @@ def test_stops_that_wait_for_their_confirmation_keep_no_other_stop_waiting(room:
     assert all(report is not None and report.confirmed for report in reports)
 
 
+@pytest.mark.requirement("ROB-03")
 def test_a_stop_waits_for_no_other_command(room: Room) -> None:
     room.begin_move()
     # As if another command were being decided on and never ended.
@@ -108,6 +113,7 @@ def test_a_stop_waits_for_no_other_command(room: Room) -> None:
     assert room.controller.feedback.locked
 
 
+@pytest.mark.requirement("ROB-06")
 def test_a_gateway_that_falls_silent_stops_the_move(room: Room) -> None:
     room.begin_move()
     room.clock_offset_s += 1.1
@@ -129,6 +135,7 @@ def test_a_gateway_whose_token_vanishes_stops_the_move(room: Room) -> None:
     assert "token vanished" in room.wait(lambda s: s.state is MotionState.STOPPED).detail
 
 
+@pytest.mark.requirement("ROB-06")
 @pytest.mark.parametrize("service", ["imaging", "registration"])
 def test_a_service_that_falls_silent_in_motion_stops_it(room: Room, service: ServiceName) -> None:
     beats = room.bus.publisher(KEYS.heartbeat(service))
@@ -158,6 +165,7 @@ def test_a_service_whose_token_vanishes_in_motion_stops_it(room: Room, service: 
     assert f"{service} has gone" in room.wait(lambda s: s.state is MotionState.STOPPED).detail
 
 
+@pytest.mark.requirement("ROB-06")
 def test_what_started_the_service_is_missed_in_motion_when_it_hangs(room: Room) -> None:
     heard_s = [time.monotonic()]
     room.service.watch._others._silent_for_s["what started it"] = lambda: time.monotonic() - heard_s[0]
@@ -203,6 +211,7 @@ def test_repeated_heartbeats_are_no_sign_of_life(room: Room) -> None:
     assert "silent" in room.state.detail
 
 
+@pytest.mark.requirement("ROB-06")
 def test_a_lost_router_stops_the_move(room: Room) -> None:
     room.begin_move()
     room.router.cut()
@@ -259,6 +268,7 @@ def test_it_does_not_move_what_it_found_elsewhere(room: Room) -> None:
     assert room.until_known(plan_json).code == "start_pose_differs"
 
 
+@pytest.mark.requirement("ROB-12")
 def test_a_locked_robot_that_shifts_is_a_fault(room: Room) -> None:
     room.ready_with_plan()
     room.controller.feedback = replace(room.controller.feedback, pose=PlatformPose(0.0, 0.0, -0.3, 0.0, 0.0, 0.0))
@@ -279,6 +289,7 @@ def test_a_stop_button_goes_through_its_states(room: Room) -> None:
     room.wait(lambda s: s.stop_button is StopButton.CLEAR and s.state is MotionState.LOCKED)
 
 
+@pytest.mark.requirement("ROB-05")
 def test_an_acknowledgement_that_was_under_way_when_a_stop_came_releases_nothing(room: Room) -> None:
     room.make_ready()
     room.ask("stop", STOP)

@@ -108,12 +108,14 @@ def test_nominal_values_that_are_ten_per_cent_wrong_change_nothing() -> None:
     assert np.sqrt(np.mean(miss_px(wrong, rendered) ** 2)) < 0.1
 
 
+@pytest.mark.requirement("IMG-01")
 def test_an_image_without_ring_is_refused_with_figures() -> None:
     outcome = rejected(render(Scene(seed=9, present=0.0, others=30), default_ring()).pixels)
     assert outcome.reasons[0].code is ReasonCode.RING_NOT_FOUND
     assert "dark discs" in outcome.reasons[0].message
 
 
+@pytest.mark.requirement("IMG-01")
 def test_an_inverted_image_without_tag_is_refused_as_inverted() -> None:
     pixels = render(Scene(seed=10), default_ring()).pixels
     outcome = rejected(np.asarray(pixels.max() - pixels, np.float32))
@@ -127,6 +129,7 @@ def test_too_few_balls_are_refused_as_such() -> None:
     assert "at least 48" in outcome.reasons[0].message
 
 
+@pytest.mark.requirement("IMG-01")
 def test_a_moved_image_is_refused_as_blurred() -> None:
     pixels = render(Scene(seed=12), default_ring()).pixels
     moved = cv2.blur(pixels, (9, 1)).astype(np.float32)
@@ -147,6 +150,7 @@ def test_a_thumbnail_is_refused() -> None:
     assert "128 x 128 pixels" in outcome.reasons[0].message
 
 
+@pytest.mark.requirement("IMG-01")
 def test_an_overexposed_image_is_refused_as_saturated() -> None:
     scene = Scene(seed=14, aperture=False)
     pixels = render(scene, default_ring()).pixels

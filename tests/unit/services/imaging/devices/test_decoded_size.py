@@ -30,6 +30,7 @@ def test_a_deflated_image_is_read() -> None:
     assert (read_dicom(deflated(dataset_of(grey_ramp())), "C-arm").pixels == grey_ramp()).all()
 
 
+@pytest.mark.requirement("IMG-03")
 def test_a_deflated_file_that_grows_without_end_is_refused() -> None:
     """A thousand times its size, and only a little more than allowed is ever made of it."""
     start = deflated(dataset_of(grey_ramp()))
@@ -67,6 +68,7 @@ def test_a_picture_larger_than_stated_is_refused() -> None:
         require_stated_size(dataset, "C-arm")
 
 
+@pytest.mark.requirement("IMG-03")
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_tiff_that_states_a_large_size_is_refused(order: str) -> None:
     mark = {"<": b"II", ">": b"MM"}[order]

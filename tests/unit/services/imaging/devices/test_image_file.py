@@ -66,6 +66,7 @@ def test_a_png_whose_chunks_claim_another_length_is_refused_before_it_is_decoded
         read_image(bytes(content), "file")
 
 
+@pytest.mark.requirement("IMG-03")
 def test_a_png_that_claims_to_be_huge_is_refused_before_it_is_decoded() -> None:
     content = bytearray(encoded(np.zeros((64, 64), np.uint8), ".png"))
     content[16:20] = (40_000).to_bytes(4, "big")

@@ -65,6 +65,7 @@ def test_a_nail_beside_the_axis_is_turned_to_its_own_rays() -> None:
     assert (turn.about_x_deg, turn.about_y_deg) == pytest.approx((0.0, -5.71), abs=0.01)
 
 
+@pytest.mark.requirement("REG-13")
 def test_after_the_correction_the_mean_tilt_is_zero_and_the_holes_are_where_they_were() -> None:
     nail = nail_part()
     pose = nail_pose(Rotation.from_euler("zxy", [50.0, 6.0, -7.0], degrees=True), (12.0, -9.0, 720.0))

@@ -102,12 +102,14 @@ def test_a_guide_that_moved_parts_the_images_in_time() -> None:
     assert "use only the images after it" in words
 
 
+@pytest.mark.requirement("REG-07")
 def test_a_loose_guide_lets_no_images_agree() -> None:
     places = (across_mm(0.0, 0.0), across_mm(1.5, 0.0), across_mm(0.0, 1.5), across_mm(-1.5, 0.5))
     words = message(tuple(shifted(image, place) for image, place in zip(AGREEING, places, strict=True)))
     assert "no images of the 4 agree" in words
 
 
+@pytest.mark.requirement("REG-04")
 @pytest.mark.parametrize("count", [2, 3])
 def test_a_guide_of_another_size_is_told_from_one_that_moved(count: int) -> None:
     """A guide 1 % larger than its file, about 600 mm away: the nail appears 6 mm too far away, along each ray."""
@@ -184,6 +186,7 @@ def test_images_too_uncertain_together_stay_refused() -> None:
     assert {reason.code for reason in fused.result.reasons} == {ReasonCode.UNCERTAINTY_TOO_LARGE}
 
 
+@pytest.mark.requirement("REG-07")
 def test_contradicting_images_keep_the_newest_but_refuse_it() -> None:
     fused = fuse_localisations((localised("a"), localised("b", 2.0)), PARTS)
     assert fused is not None

@@ -82,6 +82,7 @@ def test_a_move_that_does_not_turn_cannot_tell_the_extension() -> None:
     assert code(*views(HEXAPOD.top_from_guide(70.0), shifted)) is None
 
 
+@pytest.mark.requirement("REG-11")
 @pytest.mark.parametrize("c_arm_deg", [0.0, 4.0])
 @pytest.mark.parametrize(
     ("turn_deg", "said"), [((0.0, 0.0, 180.0), "turned by 180°"), ((0.0, 0.0, 90.0), "turned by 90°")]
@@ -142,6 +143,7 @@ def test_what_fits_the_mount_is_let_pass() -> None:
     assert checked(with_mount((2.9, -4.9, 4.9))) is None
 
 
+@pytest.mark.requirement("REG-11")
 @pytest.mark.parametrize(("entered_mm", "fitting"), [(50.0, "60 mm would fit"), (70.0, "60 mm would fit")])
 def test_an_extension_entered_10_mm_wrong_is_noticed_from_the_first_image(entered_mm: float, fitting: str) -> None:
     refused = checked(with_mount(), entered_mm)
@@ -164,6 +166,7 @@ def test_of_a_mount_that_no_file_describes_only_directions_are_known() -> None:
     assert checked(default_hexapod(), entered_mm=45.0) is None
 
 
+@pytest.mark.requirement("REG-11")
 @pytest.mark.parametrize("turn_deg", [(0.0, 0.0, 180.0), (0.0, 0.0, 90.0), (180.0, 0.0, 0.0), (0.0, 35.0, 0.0)])
 def test_a_guide_on_turned_is_noticed_from_the_first_image(turn_deg: tuple[float, float, float]) -> None:
     turned: Transform[Guide, Guide] = Transform.from_rotvec(np.radians(turn_deg), np.zeros(3))

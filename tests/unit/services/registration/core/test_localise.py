@@ -34,6 +34,7 @@ def codes(result: LocalisationResult) -> set[ReasonCode]:
     return {reason.code for reason in result.reasons}
 
 
+@pytest.mark.requirement("REG-01")
 @pytest.mark.parametrize("shown", [Shown(), Shown(mirrored=True)], ids=["as it is", "mirrored"])
 def test_both_axes_are_found_where_they_are(shown: Shown) -> None:
     result = run(shown, seed=1)

@@ -88,6 +88,7 @@ tilts = st.floats(-4.0, 4.0)
 offsets = st.floats(-4.0, 4.0)
 
 
+@pytest.mark.requirement("REG-14")
 @settings(max_examples=25, deadline=None)
 @given(u=tilts, v=tilts, w=tilts, x=offsets, y=offsets)
 def test_both_axes_coincide_after_the_move(u: float, v: float, w: float, x: float, y: float) -> None:
@@ -120,6 +121,7 @@ def test_a_guide_that_is_right_already_stays() -> None:
     assert np.allclose(move.target_pose.as_array(), HEXAPOD.home_pose.as_array(), atol=1e-9)
 
 
+@pytest.mark.requirement("REG-14")
 def test_unequal_spacings_are_planned_one_by_one() -> None:
     holes = holes_at(nail_at((1.0, 1.0, 0.0), (1.0, 1.0)), (12.5, -12.5))
     refusal = refused(holes, BOTH)
@@ -159,6 +161,7 @@ def test_free_travel_brings_a_far_target_into_reach() -> None:
     assert path_violations(HEXAPOD, robot.pose, move.target_pose, robot.pivot_mm) == ()
 
 
+@pytest.mark.requirement("REG-14")
 def test_out_of_reach_says_which_leg_and_how_far() -> None:
     refusal = refused(holes_at(nail_at((0.0, 0.0, 0.0), (60.0, 0.0))), BOTH)
     assert refusal.code is PlanRefusal.OUT_OF_REACH

@@ -65,11 +65,13 @@ def test_before_the_first_state_nothing_is_admitted() -> None:
     assert code_of(CommandLedger("boot").admit(ENVELOPE, 0.0, stops=0)) is RefusalCode.STATE_NOT_PUBLISHED
 
 
+@pytest.mark.requirement("ROB-10")
 def test_another_boot_is_refused(ledger: CommandLedger) -> None:
     outcome = ledger.admit(replace(ENVELOPE, robot_boot_epoch="before"), PUBLISHED_S, stops=0)
     assert code_of(outcome) is RefusalCode.WRONG_BOOT_EPOCH
 
 
+@pytest.mark.requirement("ROB-10")
 @pytest.mark.parametrize("sequence", [0, 1])
 def test_commands_out_of_order_are_refused_per_client(ledger: CommandLedger, sequence: int) -> None:
     ledger.admit(ENVELOPE, PUBLISHED_S, stops=0)
@@ -99,6 +101,7 @@ def test_a_forgotten_client_cannot_bring_an_old_command_in_late(ledger: CommandL
     assert code_of(ledger.admit(replay, PUBLISHED_S + 2.0, stops=0)) is RefusalCode.COMMAND_EXPIRED
 
 
+@pytest.mark.requirement("ROB-05")
 def test_a_command_asked_for_before_a_stop_is_not_carried_out_after_it(ledger: CommandLedger) -> None:
     outcome = ledger.admit(ENVELOPE, PUBLISHED_S, stops=1)
     assert code_of(outcome) is RefusalCode.STOPPED_SINCE, "the stop has not even been published"

@@ -128,6 +128,7 @@ def test_every_refusal_of_the_guard_has_a_test_here() -> None:
     assert guards_own <= asked_for_here
 
 
+@pytest.mark.requirement("ROB-09")
 def test_the_speed_keeps_to_both_limits_of_the_hexapod_file() -> None:
     for rotation, translation in [((0.0, 0.0, 0.0), (4.0, 0.0, 0.0)), ((0.0, 0.0, 6.0), (0.1, 0.0, 0.0))]:
         plan = planned(rotation, translation)
@@ -195,6 +196,7 @@ def test_a_move_to_where_it_stands_has_a_speed() -> None:
     assert outcome.speed_mm_per_s > 0.0
 
 
+@pytest.mark.requirement("ROB-18")
 @pytest.mark.parametrize(
     ("context", "code", "words"),
     [
@@ -287,6 +289,7 @@ def test_contexts_that_refuse_a_good_plan(context: GuardContext, code: RefusalCo
     assert words in outcome.message
 
 
+@pytest.mark.requirement("ROB-18")
 @pytest.mark.parametrize(
     ("spoil", "code", "words"),
     [
@@ -320,6 +323,7 @@ def test_plans_that_are_refused(spoil: Callable[[PlannedMove], PlannedMove], cod
     assert words in outcome.message
 
 
+@pytest.mark.requirement("ROB-09")
 def test_a_step_that_is_too_large_is_refused() -> None:
     outcome = checked(planned((0.0, 0.0, 0.0), (20.5, 0.0, 0.0)), CONTEXT)
     assert isinstance(outcome, Refusal)
@@ -329,6 +333,7 @@ def test_a_step_that_is_too_large_is_refused() -> None:
     assert turned.code is RefusalCode.STEP_TOO_LARGE
 
 
+@pytest.mark.requirement("ROB-09")
 def test_a_target_out_of_reach_is_refused_with_the_leg() -> None:
     outcome = checked(planned((0.0, 0.0, 0.0), (0.0, 0.0, 10.0)), CONTEXT)
     assert isinstance(outcome, Refusal)
@@ -336,6 +341,7 @@ def test_a_target_out_of_reach_is_refused_with_the_leg() -> None:
     assert "leg 1 would be 35.46 mm long" in outcome.message
 
 
+@pytest.mark.requirement("ROB-09")
 @pytest.mark.parametrize("seed", [3])
 def test_limits_hold_along_the_way_and_not_only_at_its_end(seed: int) -> None:
     start, shift_mm, narrow = _move_whose_ends_are_allowed_and_whose_middle_is_not(seed)

@@ -33,6 +33,7 @@ def test_the_table_is_total(state: MotionState, event: Event) -> None:
         assert outcome.message.endswith(("first", "cable", "it", "reset", "already"))
 
 
+@pytest.mark.requirement("ROB-02")
 @pytest.mark.parametrize(("state", "event"), ALL_PAIRS)
 def test_moving_is_entered_from_locked_by_a_move_alone(state: MotionState, event: Event) -> None:
     outcome = next_motion(state, event)
@@ -42,6 +43,7 @@ def test_moving_is_entered_from_locked_by_a_move_alone(state: MotionState, event
         assert (state, event) == (MotionState.LOCKED, Event.MOVE)
 
 
+@pytest.mark.requirement("ROB-12")
 @pytest.mark.parametrize(("state", "event"), ALL_PAIRS)
 def test_every_change_to_a_state_at_rest_locks(state: MotionState, event: Event) -> None:
     outcome = next_motion(state, event)
@@ -49,6 +51,7 @@ def test_every_change_to_a_state_at_rest_locks(state: MotionState, event: Event)
         assert Effect.LOCK in outcome.effects
 
 
+@pytest.mark.requirement("ROB-02")
 @pytest.mark.parametrize("state", list(MotionState))
 def test_stop_is_legal_in_every_state_and_leaves_the_latch_in_force(state: MotionState) -> None:
     outcome = next_motion(state, Event.STOP)
@@ -57,6 +60,7 @@ def test_stop_is_legal_in_every_state_and_leaves_the_latch_in_force(state: Motio
     assert stop_is_latched(outcome.state)
 
 
+@pytest.mark.requirement("ROB-05")
 @pytest.mark.parametrize(("state", "event"), ALL_PAIRS)
 def test_only_a_person_releases_the_latch(state: MotionState, event: Event) -> None:
     outcome = next_motion(state, event)
@@ -67,6 +71,7 @@ def test_only_a_person_releases_the_latch(state: MotionState, event: Event) -> N
         assert Effect.RELEASE_STOP not in outcome.effects
 
 
+@pytest.mark.requirement("ROB-02")
 @pytest.mark.parametrize("state", UNDER_WAY)
 @pytest.mark.parametrize(
     "event", [Event.STOP, Event.SUPERVISION_LOST, Event.CONTROLLER_STOPPED, Event.FAULT_SEEN, Event.SHUT_DOWN]

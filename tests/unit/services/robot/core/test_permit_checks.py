@@ -65,6 +65,7 @@ def test_a_plan_that_the_robot_does_not_know_is_left_to_the_guard() -> None:
     assert check_permit(PERMIT, replace(CONTEXT, asked=AskedMotion(Motion.MOVE, SHA, None))) == PERMIT
 
 
+@pytest.mark.requirement("ROB-01")
 @pytest.mark.parametrize(
     ("failure", "code", "sentence"),
     [
@@ -81,6 +82,7 @@ def test_what_is_not_the_gateways_word_is_refused(failure: SignatureFailure, cod
     assert sentence in outcome.message
 
 
+@pytest.mark.requirement("ROB-01")
 @pytest.mark.parametrize(
     ("change", "code", "sentence"),
     [

@@ -32,6 +32,7 @@ def test_the_button_follows_the_errors(button: StopButton, error: ControllerErro
     assert after_feedback(button, error) is expected
 
 
+@pytest.mark.requirement("ROB-15")
 def test_only_an_acknowledgement_clears_it_and_not_while_it_is_pressed() -> None:
     assert [after_acknowledgement(b) for b in StopButton] == [ABSENT, PRESSED, CLEAR, CLEAR]
 

@@ -39,6 +39,7 @@ def test_a_move_on_its_target_has_arrived() -> None:
     assert finding.event is Event.ARRIVED
 
 
+@pytest.mark.requirement("ROB-08")
 @pytest.mark.parametrize(
     ("feedback", "now_s", "event", "words"),
     [

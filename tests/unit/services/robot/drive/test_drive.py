@@ -4,6 +4,8 @@ import threading
 import time
 from dataclasses import replace
 
+import pytest
+
 from services.robot.core.guard import PermittedMove
 from services.robot.core.refusals import RefusalCode
 from services.robot.core.status import DriveStatus
@@ -48,6 +50,7 @@ def test_a_move_ends_locked_on_its_target(bench: Bench) -> None:
     assert bench.drive.status.deviation.distance_mm == 0.0
 
 
+@pytest.mark.requirement("ROB-13")
 def test_the_outcome_is_not_told_before_the_lock_is_read_back(bench: Bench) -> None:
     bench.start_move()
     bench.controller.arrive()
@@ -55,6 +58,7 @@ def test_the_outcome_is_not_told_before_the_lock_is_read_back(bench: Bench) -> N
     assert bench.outcome == "moving"
 
 
+@pytest.mark.requirement("ROB-13")
 def test_a_move_that_ends_beside_its_target_is_a_fault(bench: Bench) -> None:
     bench.start_move()
     bench.controller.arrive(PlatformPose(1.94, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -65,6 +69,7 @@ def test_a_move_that_ends_beside_its_target_is_a_fault(bench: Bench) -> None:
     assert bench.controller.feedback.locked
 
 
+@pytest.mark.requirement("ROB-07")
 def test_nothing_is_begun_without_a_guardian(bench: Bench) -> None:
     bench.make_ready()
     bench.guardian.reason = "the guardian process has ended"
@@ -95,6 +100,7 @@ def test_a_stop_during_a_move_locks_at_once_and_the_position_is_known(bench: Ben
     assert len(bench.controller.motions) == 1
 
 
+@pytest.mark.requirement("ROB-05")
 def test_a_stop_before_the_worker_begins_the_move_keeps_it_from_beginning(bench: Bench) -> None:
     bench.make_ready()
     assert bench.begin_move() is None

@@ -104,6 +104,7 @@ def test_a_robot_that_cannot_be_locked_is_a_fault(bench: Bench) -> None:
     assert "does not lock" in bench.drive.status.detail
 
 
+@pytest.mark.requirement("ROB-15")
 def test_a_stop_by_the_controllers_own_button_is_noticed(bench: Bench) -> None:
     bench.start_move()
     bench.controller.stop_now()
@@ -112,6 +113,7 @@ def test_a_stop_by_the_controllers_own_button_is_noticed(bench: Bench) -> None:
     assert "not by this service: the controller was stopped by a command" in bench.drive.status.detail
 
 
+@pytest.mark.requirement("ROB-14")
 def test_reference_that_moves_an_absolute_robot_is_a_fault(bench: Bench) -> None:
     bench.work()
     bench.drive.acknowledge_stop()
@@ -123,6 +125,7 @@ def test_reference_that_moves_an_absolute_robot_is_a_fault(bench: Bench) -> None
     assert "reference moved the robot by 1.000 mm" in bench.drive.status.detail
 
 
+@pytest.mark.requirement("ROB-08")
 def test_a_move_that_takes_too_long_is_a_fault(bench: Bench) -> None:
     bench.start_move()
     bench.now_s += 4.6
@@ -207,6 +210,7 @@ def test_a_controller_that_stays_silent_at_rest_is_a_fault(bench: Bench) -> None
     assert bench.has(MotionState.FAULT)
 
 
+@pytest.mark.requirement("ROB-08")
 def test_a_controller_that_is_silent_in_a_move_is_a_fault_at_once(bench: Bench) -> None:
     bench.start_move()
     bench.controller.silent = True

@@ -141,6 +141,7 @@ def test_what_goes_in_is_inside_until_it_is_reported_out(
     assert log.ledger.inside() == ()
 
 
+@pytest.mark.requirement("GW-13")
 def test_what_an_abandoned_case_left_beside_the_robot_stays_inside(log: Log) -> None:
     log.add(StepRecorded(Step.WIRES_INSERTED, ("distal",), True, "why"))
     log.add(StepRecorded(Step.ABANDONED, (), False, ""))

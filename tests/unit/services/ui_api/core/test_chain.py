@@ -23,6 +23,7 @@ def test_an_untouched_chain_holds() -> None:
     assert check_chain([]) == ChainIntact(0, GENESIS_SHA256)
 
 
+@pytest.mark.requirement("GW-06")
 @pytest.mark.parametrize(
     "change",
     [

@@ -42,5 +42,6 @@ def test_a_plan_from_several_images_can_be_approved_and_the_approval_withdrawn()
     assert approved.after(Trigger.APPROVAL_WITHDRAWN).aim is Aim.PLANNED
 
 
+@pytest.mark.requirement("GW-04")
 def test_a_rejected_verification_takes_the_leave_to_drill_back() -> None:
     assert Progress(Stage.VERIFIED).after(Trigger.VERIFICATION_REJECTED).stage is Stage.ALIGNED

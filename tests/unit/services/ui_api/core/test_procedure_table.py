@@ -64,6 +64,7 @@ def _all() -> tuple[Situation, ...]:
     return tuple(_situations())
 
 
+@pytest.mark.requirement("GW-14")
 def test_what_is_next_is_what_the_table_allows() -> None:
     """In every situation: the sentence asks for nothing that would be refused, and there is always one."""
     for situation in _all():
@@ -83,6 +84,7 @@ def test_every_row_of_what_is_next_is_reached() -> None:
     assert {row.phase for row in NEXT} == set(Phase)
 
 
+@pytest.mark.requirement("GW-14")
 def test_a_refusal_has_code_reason_and_remedy_and_a_permission_has_none() -> None:
     for situation in _all()[::7]:
         for action in Action:
@@ -119,6 +121,7 @@ def test_nothing_is_offered_in_a_closed_case() -> None:
             assert decide(situation, Action.RECORD_STEP).code == "case_closed"
 
 
+@pytest.mark.requirement("GW-04")
 @pytest.mark.parametrize("stage", [s for s in Stage if s not in (Stage.VERIFIED, Stage.DRILLED)])
 def test_drilling_is_in_order_only_after_an_accepted_verification(stage: Stage) -> None:
     assert Step.DRILLED not in steps_in_order(Situation(Progress(stage)))

@@ -66,6 +66,7 @@ def test_what_follows_a_request_that_states_its_length_twice_is_not_taken_for_a_
     assert b"connection: close" in received
 
 
+@pytest.mark.requirement("GW-05")
 def test_a_stop_goes_out_and_is_answered_while_the_application_hangs() -> None:
     hanging = Hanging()
     with front(hanging, Limits(connections=100, relays=30)) as rig:

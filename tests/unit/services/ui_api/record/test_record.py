@@ -136,6 +136,7 @@ def test_postgresqls_way_round_a_refused_deletion_is_refused(postgresql: Server,
     engine.dispose()
 
 
+@pytest.mark.requirement("GW-06")
 @pytest.mark.parametrize(
     ("statement", "finding"),
     [

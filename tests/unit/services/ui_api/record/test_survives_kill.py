@@ -28,6 +28,7 @@ while True:
 """
 
 
+@pytest.mark.requirement("GW-06")
 @pytest.mark.parametrize("acknowledged", [1, 40])
 def test_a_killed_writer_leaves_every_acknowledged_event(tmp_path: Path, acknowledged: int) -> None:
     with subprocess.Popen([sys.executable, "-c", _WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True) as writer:

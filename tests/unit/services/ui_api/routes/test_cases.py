@@ -126,6 +126,7 @@ def test_a_change_of_the_set_up_counts_the_revision_up(room: Room) -> None:
     assert (thinner.json()["revision"], thinner.json()["drill_diameter_mm"]) == (3, 3.2)
 
 
+@pytest.mark.requirement("GW-04")
 def test_steps_out_of_order_need_a_reason(room: Room) -> None:
     case_id = room.open_case()
     path = f"/cases/{case_id}/steps"
@@ -208,6 +209,7 @@ def test_a_refusal_is_remembered_with_its_key(room: Room) -> None:
     assert again.headers["content-type"] == "application/problem+json"
 
 
+@pytest.mark.requirement("OPS-03")
 def test_no_case_is_opened_while_a_disk_fills(tmp_path: Path) -> None:
     with open_room(tmp_path / "here", announce_free_percent=100.0, announce_free_mib=1e12) as room:
         answer = room.post("/cases", samples.case_body())
@@ -215,6 +217,7 @@ def test_no_case_is_opened_while_a_disk_fills(tmp_path: Path) -> None:
         assert "no new case is opened: the disk of" in answer.json()["detail"]
 
 
+@pytest.mark.requirement("OPS-03")
 def test_no_case_is_opened_while_imagings_disk_fills_and_an_open_one_goes_on(room: Room) -> None:
     case_id = room.open_case()
     room.imaging.status.impair("disk", "the disk of /elsewhere fills")

@@ -33,6 +33,7 @@ def test_alignment_tells_the_newest_word_and_its_frame(room: Room) -> None:
     assert guidance["age_s"] >= 7.5  # what the frame's age was, and the time since: the wall clock is not asked
 
 
+@pytest.mark.requirement("REG-13")
 def test_a_word_about_an_old_frame_is_stale_as_soon_as_there_is_a_newer_image(room: Room) -> None:
     case_id = room.open_case()
     image = room.image("one", case_id)
@@ -43,6 +44,7 @@ def test_a_word_about_an_old_frame_is_stale_as_soon_as_there_is_a_newer_image(ro
     assert "newer images have come" in guidance["stale_because"]
 
 
+@pytest.mark.requirement("OPS-02")
 @pytest.mark.parametrize("stepped_s", [0, 3, -3, 3600, -3600])
 def test_an_older_frame_that_took_longer_does_not_replace_a_newer_one_whatever_the_clock_says(
     room: Room, stepped_s: int
@@ -114,6 +116,7 @@ async def _watched(
     return messages
 
 
+@pytest.mark.requirement("SEC-03")
 def test_another_page_may_not_watch(room: Room) -> None:
     from_elsewhere = (HERE, SIGNED_IN, (b"origin", b"https://elsewhere.example"))
     (answer,) = asyncio.run(_watched(room, 1, from_elsewhere))

@@ -48,18 +48,21 @@ def test_the_command_quotes_plan_approval_and_newest_state(room: Room) -> None:
     assert (permit.robot_boot_epoch, permit.after_state_sequence) == (samples.ROBOT_EPOCH, newest.sequence)
 
 
+@pytest.mark.requirement("GW-01")
 def test_motion_without_approval_moves_nothing(room: Room) -> None:
     room.image("image", case_id := room.open_case())
     room.post(f"/cases/{case_id}/plans", {"localisation": 1, "hole_ids": ["distal"]})
     assert "a surgeon approves it" in _assert_refused(room, case_id, 1, "plan_not_approved")
 
 
+@pytest.mark.requirement("GW-02")
 def test_motion_from_a_plan_older_than_the_newest_image_moves_nothing(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     room.image("newer", case_id)
     assert "a newer image has arrived" in _assert_refused(room, case_id, plan, "plan_stale")
 
 
+@pytest.mark.requirement("GW-02")
 def test_motion_after_the_set_up_changed_moves_nothing(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     changed = room.patch(f"/cases/{case_id}", {"head_extension_mm": 70.0})
@@ -67,6 +70,7 @@ def test_motion_after_the_set_up_changed_moves_nothing(room: Room) -> None:
     assert "revision 1" in _assert_refused(room, case_id, plan, "plan_stale")
 
 
+@pytest.mark.requirement("GW-02")
 def test_motion_after_the_robot_restarted_moves_nothing(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     room.robot.say(MotionState.LOCKED, boot_epoch="robot-2")
@@ -74,12 +78,14 @@ def test_motion_after_the_robot_restarted_moves_nothing(room: Room) -> None:
     assert "robot service restarted" in _assert_refused(room, case_id, plan, "plan_stale")
 
 
+@pytest.mark.requirement("GW-13")
 def test_motion_with_wires_in_place_moves_nothing(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     room.post(f"/cases/{case_id}/steps", {"step": "wires_inserted", "why": "checking by hand"})
     assert "wires are in distal, proximal" in _assert_refused(room, case_id, plan, "wires_in_place")
 
 
+@pytest.mark.requirement("GW-13")
 @pytest.mark.parametrize(
     ("inserted", "removed", "code"),
     [
@@ -238,6 +244,7 @@ def test_a_refusal_by_another_run_of_the_robot_service_proves_nothing(room: Room
     assert (ended["code"], ended["began"]) == ("robot_restarted", True)
 
 
+@pytest.mark.requirement("GW-10")
 def test_a_command_without_an_answer_is_unknown_until_the_robot_tells(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     room.robot.answers_moves = room.robot.hang
@@ -273,6 +280,7 @@ def test_a_robot_that_restarts_during_a_motion_ends_it(room: Room) -> None:
     assert (ended["code"], ended["began"]) == ("robot_restarted", True)
 
 
+@pytest.mark.requirement("GW-11")
 def test_hold_to_move_goes_on_while_renewed_and_stops_when_not(room: Room) -> None:
     plan = room.approved_plan(case_id := room.open_case())
     operation_id = _move(room, case_id, plan, hold_to_move=True)

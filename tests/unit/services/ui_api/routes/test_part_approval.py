@@ -24,6 +24,7 @@ def careful_room(tmp_path: Path) -> Iterator[Room]:
         yield opened
 
 
+@pytest.mark.requirement("GW-12")
 def test_an_unapproved_file_is_refused_with_its_hash_and_the_remedy(careful_room: Room, tmp_path: Path) -> None:
     body = samples.case_body() | SHIPPED | {"guide": GUIDE}
     answer = careful_room.post("/cases", body)

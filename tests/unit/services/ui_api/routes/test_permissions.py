@@ -71,6 +71,7 @@ def test_the_page_prints_the_table() -> None:
     assert "\n".join(permission_lines()) in page, "run make generated"
 
 
+@pytest.mark.requirement("GW-07")
 @pytest.mark.parametrize("role", list(Role))
 def test_a_role_does_what_the_table_says_and_nothing_else(quiet_room: Room, role: Role) -> None:
     name = f"{role}-of-the-table"
@@ -85,6 +86,7 @@ def test_a_role_does_what_the_table_says_and_nothing_else(quiet_room: Room, role
             assert refused is not allowed, f"{role} {method} {path}: {answer.status_code} {answer.text[:200]}"
 
 
+@pytest.mark.requirement("GW-07")
 def test_without_a_login_only_what_the_table_opens_is_done(quiet_room: Room) -> None:
     with httpx.Client(base_url=quiet_room.client.base_url, timeout=quiet_room.client.timeout) as nobody:
         for method, path, action in _routes():

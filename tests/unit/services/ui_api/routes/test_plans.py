@@ -40,6 +40,7 @@ def test_a_repeated_request_asks_registration_once(room: Room) -> None:
     assert len(room.registration.plan_requests) == 1
 
 
+@pytest.mark.requirement("GW-01")
 def test_approval_quotes_the_hash_of_the_plan(room: Room) -> None:
     case_id, etag = _planned(room)
     path = f"/cases/{case_id}/plans/1/approval"
@@ -55,6 +56,7 @@ def test_approval_quotes_the_hash_of_the_plan(room: Room) -> None:
     assert room.get(f"/cases/{case_id}/plans/1").json()["approval"]["approved_by"] == "demo"
 
 
+@pytest.mark.requirement("GW-02")
 def test_a_stale_plan_cannot_be_approved(room: Room) -> None:
     case_id, etag = _planned(room)
     room.image("newer", case_id)

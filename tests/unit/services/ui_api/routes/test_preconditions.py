@@ -21,6 +21,7 @@ def _send(room: Room, method: str, path: str, body: dict[str, object], **headers
     return answer.status_code, answer.json().get("code", "")
 
 
+@pytest.mark.requirement("GW-09")
 @pytest.mark.parametrize(("method", "what", "body"), _CHANGES)
 def test_every_change_of_a_case_quotes_it(room: Room, method: str, what: str, body: dict[str, object]) -> None:
     case_id = room.open_case()
@@ -31,6 +32,7 @@ def test_every_change_of_a_case_quotes_it(room: Room, method: str, what: str, bo
         assert _send(room, method, f"/cases/{case_id}{what}", body, If_Match=other) == (412, "case_changed"), other
 
 
+@pytest.mark.requirement("GW-09")
 def test_who_was_slower_is_told_the_newest_state(room: Room) -> None:
     case_id = room.open_case()
     stale = room.etag_for(f"/cases/{case_id}")

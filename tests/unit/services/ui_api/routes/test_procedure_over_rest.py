@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import httpx
+import pytest
 
 from services.ui_api.core.events import EventKind
 from shared.robot_states import MotionState, StopLatch
@@ -73,6 +74,7 @@ def _assert_case_and_requests_agree(room: Room, case_id: str) -> list[str]:
     return [one["name"] for one in refused]
 
 
+@pytest.mark.requirement("GW-14")
 def test_what_a_case_refuses_a_request_is_refused_with_the_same_code(room: Room) -> None:
     case_id = room.open_case()
     assert "request_plan" in _assert_case_and_requests_agree(room, case_id)
@@ -127,6 +129,7 @@ def test_the_guide_alone_is_verified_and_drilling_is_then_in_order(room: Room) -
     assert room.post(f"/cases/{case_id}/steps", {"step": "drilled", "hole_ids": ["distal"]}).status_code == 201
 
 
+@pytest.mark.requirement("GW-04")
 def test_a_guide_through_which_no_drill_would_pass_is_not_drilled_through(room: Room) -> None:
     image = room.image("image", case_id := room.open_case())
     room.registration.chance_to_pass = 0.4
@@ -159,6 +162,7 @@ def test_steps_recorded_by_mistake_are_taken_back_the_last_first(room: Room) -> 
     assert kinds.count(EventKind.STEP_WITHDRAWN) == 3
 
 
+@pytest.mark.requirement("GW-03")
 def test_images_of_the_other_side_allow_no_plan_until_that_is_settled(room: Room) -> None:
     case_id = room.open_case()
     header = room.imaging.store("other side", case_id).model_copy(update={"laterality": "right"})

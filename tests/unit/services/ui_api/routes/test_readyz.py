@@ -93,6 +93,7 @@ def lose_controller(room: Room) -> None:
     room.robot.say(MotionState.DISCONNECTED, detail="no answer on /dev/ttyUSB0")
 
 
+@pytest.mark.requirement("GW-08")
 @pytest.mark.parametrize(
     ("broken", "part", "code", "measured"),
     [
@@ -122,6 +123,7 @@ def test_a_service_that_restarts_is_starting_until_it_reports(room: Room) -> Non
         assert time.monotonic() < deadline_s
 
 
+@pytest.mark.requirement("GW-08")
 def test_a_robot_that_is_silent_is_stale(tmp_path: Path) -> None:
     with open_room(tmp_path, robot_state_stale_after_s=0.001) as room:
         checks = wait_for(room, 503, lambda checks: checks["robot_state"]["code"] == "stale")

@@ -22,10 +22,12 @@ def test_a_foreign_name_is_refused(quiet_room: Room, method: str) -> None:
     refused(quiet_room.client.request(method, CASES, headers={"Host": "evil.example"}), 421, "host_not_allowed")
 
 
+@pytest.mark.requirement("SEC-03")
 def test_a_foreign_page_changes_nothing(quiet_room: Room) -> None:
     refused(quiet_room.client.post(CASES, json={}, headers=EVIL), 403, "cross_site_request")
 
 
+@pytest.mark.requirement("GW-05")
 def test_nobody_is_refused_a_stop(quiet_room: Room) -> None:
     answer = quiet_room.client.post("/api/v1/robot/stop", headers=EVIL | {"Host": "evil.example"})
     assert answer.json()["confirmed"] is True

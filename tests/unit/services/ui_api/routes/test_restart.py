@@ -38,6 +38,7 @@ def test_the_open_case_is_taken_up_and_told_on_the_bus(tmp_path: Path) -> None:
     assert isinstance(verify_record(existing_database(sqlite_url(tmp_path))), ChainIntact)
 
 
+@pytest.mark.requirement("GW-10")
 def test_a_motion_under_way_when_the_gateway_ended_is_followed_and_not_sent_again(tmp_path: Path) -> None:
     with open_room(tmp_path) as room:
         plan = room.approved_plan(case_id := room.open_case())

@@ -25,6 +25,7 @@ def _wait_until_no_thread_is_free(room: Room) -> None:
     pytest.fail("the server always had a thread to spare: the test would prove nothing")
 
 
+@pytest.mark.requirement("GW-05")
 def test_stop_needs_no_key_and_no_body_and_is_recorded(room: Room) -> None:
     answer = room.client.post("/api/v1/robot/stop")
     assert answer.status_code == 200
@@ -74,6 +75,7 @@ def test_stop_does_not_wait_for_the_threads_of_other_requests(room: Room) -> Non
             thread.join(PATIENCE_S)
 
 
+@pytest.mark.requirement("GW-05")
 def test_stop_is_sent_while_the_record_is_locked(room: Room) -> None:
     answers: list[bool] = []
 
@@ -89,6 +91,7 @@ def test_stop_is_sent_while_the_record_is_locked(room: Room) -> None:
     room.log.wait_for_event(lambda e: e.kind is EventKind.STOP_REQUESTED)
 
 
+@pytest.mark.requirement("ROB-04")
 def test_a_stop_that_is_not_confirmed_says_what_to_do(room: Room) -> None:
     room.router.cut()
     answer = room.client.post("/api/v1/robot/stop")

@@ -113,6 +113,7 @@ def test_a_new_password_ends_the_other_sessions(room: Room) -> None:
         assert _outcome(there.get(f"{USERS}/me")) == (401, "token_invalid")
 
 
+@pytest.mark.requirement("GW-01")
 def test_approval_asks_for_the_password_again_and_the_permit_says_so(room: Room) -> None:
     add_account(room, "dr.a", Role.SURGEON)
     with signed_in(room, "dr.a") as surgeon:

@@ -94,6 +94,7 @@ def test_what_is_no_number_is_refused(evidence: FrameEvidence) -> None:
     assert len(frame_reasons(evidence)) == 1
 
 
+@pytest.mark.requirement("REG-02")
 def test_a_reflection_that_explains_as_much_is_refused() -> None:
     assert margin_reasons(None) == margin_reasons(8.0) == ()
     (reason,) = margin_reasons(7.9)

@@ -209,6 +209,7 @@ def test_a_nail_outside_the_image_says_what_to_do() -> None:
     assert "lie outside the image" in NAIL_OUTSIDE.reason().message
 
 
+@pytest.mark.requirement("REG-13")
 def test_a_tilt_is_refused_with_the_turn_that_removes_it() -> None:
     (reason,) = localisation_reasons(replace(LOCALISED, holes=(hole(tilt_deg=14.1),)))
     assert reason.code is ReasonCode.TILT_TOO_LARGE
@@ -220,6 +221,7 @@ def test_a_tilt_exactly_at_its_limit_is_accepted() -> None:
     assert localisation_reasons(replace(LOCALISED, holes=(hole(tilt_deg=14.0),))) == ()
 
 
+@pytest.mark.requirement("REG-01")
 @pytest.mark.parametrize(
     "one",
     [

@@ -130,6 +130,7 @@ def test_an_empty_image_is_refused(guide: GuidePart) -> None:
     assert codes(located(Scene(200), guide, seed=6)) == [ReasonCode.GUIDE_NOT_FOUND]
 
 
+@pytest.mark.requirement("REG-04")
 def test_the_file_of_another_guide_is_refused(guide: GuidePart) -> None:
     other = replace(guide, balls=replace(guide.balls, position_mm=guide.balls.position_mm * [-1.0, 1.0, 1.0]))
     scene = Scene(SIZE_PX, balls=balls_of(guide, posed((15.0, 2.0, 1.0)), np.ones(28, dtype=bool)))
@@ -145,6 +146,7 @@ def test_a_guide_with_other_spacings_is_not_found(guide: GuidePart) -> None:
     assert codes(located(scene, other, seed=7)) == [ReasonCode.GUIDE_NOT_FOUND]
 
 
+@pytest.mark.requirement("REG-04")
 def test_a_focal_length_that_the_balls_contradict_is_refused_and_both_are_named(guide: GuidePart) -> None:
     scene = Scene(SIZE_PX, balls=balls_of(guide, posed((15.0, 2.0, 1.0)), np.ones(28, dtype=bool)))
     pixels, found = seen(scene, calibration(SIZE_PX), seed=8)

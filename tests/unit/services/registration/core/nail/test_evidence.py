@@ -46,6 +46,7 @@ def test_what_plain_images_show_changes_nothing() -> None:
     assert USUAL.variance_ratio == 1.0
 
 
+@pytest.mark.requirement("REG-06")
 @pytest.mark.parametrize(
     ("symptom", "value", "ratio"),
     [

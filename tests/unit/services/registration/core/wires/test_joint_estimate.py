@@ -115,6 +115,7 @@ def test_an_untouched_estimate_is_not_refused_by_its_outline() -> None:
     assert innovation.chi_square < 14.0  # of two degrees of freedom: one in a thousand is larger
 
 
+@pytest.mark.requirement("REG-07")
 @pytest.mark.parametrize(
     "slip",
     [

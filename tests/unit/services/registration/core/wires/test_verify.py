@@ -42,6 +42,7 @@ def verified_pair(name: str) -> WireVerification:
     return verified(view_of(LATERAL, WIRES[name], seed=31), view_of(oblique(38.0), WIRES[name], seed=32))
 
 
+@pytest.mark.requirement("REG-12")
 @pytest.mark.parametrize("name", WIRES)
 def test_a_pair_of_images_measures_both_wires(name: str) -> None:
     result, wires = verified_pair(name), WIRES[name]
@@ -58,6 +59,7 @@ def test_wires_along_the_holes_let_the_drill_pass() -> None:
     assert [wire.chance_as_it_stands > 0.9 for wire in verified_pair("along the guide").wires] == [True, True]
 
 
+@pytest.mark.requirement("REG-12")
 def test_wires_askew_do_not() -> None:
     assert [wire.chance_as_it_stands < 0.05 for wire in verified_pair("askew in the guide").wires] == [True, True]
 
@@ -70,6 +72,7 @@ def test_the_lateral_image_alone_sees_the_stubs() -> None:
         assert wire.offset.entry_sd_mm < 1.6
 
 
+@pytest.mark.requirement("REG-12")
 def test_one_oblique_image_leaves_a_plane_open_and_is_refused() -> None:
     result = verified(view_of(oblique(38.0), ASKEW, seed=38))
     assert {reason.code for reason in result.reasons} == {ReasonCode.UNCERTAINTY_TOO_LARGE}
@@ -79,6 +82,7 @@ def test_one_oblique_image_leaves_a_plane_open_and_is_refused() -> None:
         assert_explains(wire, ASKEW)
 
 
+@pytest.mark.requirement("REG-12")
 def test_without_wires_there_are_none() -> None:
     result = verified(view_of(LATERAL, Wired({}), seed=39))
     assert result.wires == ()
@@ -120,6 +124,7 @@ def test_the_guide_alone_needs_no_wires() -> None:
         assert (hole.offset.entry_mm, hole.offset.exit_mm) == pytest.approx((entry_mm, exit_mm), abs=1e-9)
 
 
+@pytest.mark.requirement("REG-12")
 def test_a_guide_that_is_not_known_well_enough_is_rejected() -> None:
     estimate = joint(view_of(LATERAL, Wired({}), seed=43))
     vague = replace(estimate, covariance=1e4 * estimate.covariance)

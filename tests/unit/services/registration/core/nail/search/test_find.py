@@ -183,6 +183,7 @@ def test_a_nail_whose_holes_are_turned_away_is_refused() -> None:
     assert "turn the C-arm" in message
 
 
+@pytest.mark.requirement("REG-03")
 def test_another_nails_file_is_refused() -> None:
     true, view = posed_nail(15.0), calibration(SIZE_PX)
     pixels = render(Scene(SIZE_PX, nail_part(), true), view, seed=8)
