@@ -27,8 +27,8 @@ safety (IEC 62304, 5.2.3), which hazards it controls, and every test that carrie
 (`@pytest.mark.requirement("ROB-02")`). Kinds after ISO 14971, 7.1: *design* is inherently safe, *protection* is a
 protective measure, *information* tells people."""
 _SOFTWARE_HEAD: Final = f"""{_NOT_A_DEVICE} {_PRINTED.format("software.yaml")} Classes after IEC 62304, 4.3: A no
-injury, B non-serious, C serious injury possible. An item within the folder of another has its own class. Which layers may
-import which is checked by import-linter (`pyproject.toml`)."""
+injury, B non-serious, C serious injury possible. An item within the folder of another has its own class. Which layers
+may import which is checked by import-linter (`pyproject.toml`)."""
 
 
 def hazards_page() -> str:
