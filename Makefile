@@ -18,8 +18,9 @@ T ?= tests/unit
 # Sources of kernels: workers must find them compiled, or each would compile all of them.
 KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared simulation)
 COMPILED := .venv/.compiled
+CONSOLE := .venv/.console
 
-.PHONY: help setup demo test check lint tests contract-tests e2e-tests quick-tests unit attacks model-check mutation faults bench lock release \
+.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks model-check mutation faults bench lock release \
 	generated wheel-check clean
 
 help:
@@ -37,7 +38,7 @@ help:
 	@echo "make release  a signed release in OUT=FOLDER with the key KEY=FILE; docs/releases.md"
 	@echo "make setup   only the environment in .venv, with the command at .venv/bin/distalock"
 
-setup: $(COMPILED)
+setup: $(COMPILED) $(CONSOLE)
 
 $(INSTALLED): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "distalock needs Python 3.11 or newer; $(PYTHON) is " + sys.version.split()[0] + ". Call: make PYTHON=python3.12 ...")'
@@ -50,7 +51,14 @@ $(COMPILED): $(INSTALLED) $(KERNELS)
 	$(BIN)/python -m distalock.prepare
 	@touch $@
 
-demo: $(COMPILED)
+# Whether it is up to date, the command itself finds out, by the content of the files.
+$(CONSOLE): $(INSTALLED) FORCE
+	@$(BIN)/python -m tools.console build
+	@touch $@
+
+FORCE:
+
+demo: $(COMPILED) $(CONSOLE)
 	$(BIN)/distalock demo $(ARGS)
 
 # Each part prints little unless it fails, so that they can run at the same time. How the tests of requirements ended is
@@ -58,12 +66,12 @@ demo: $(COMPILED)
 test: export DISTALOCK_TEST_RESULTS := $(CURDIR)/.test-results
 test: setup
 	@rm -rf $(DISTALOCK_TEST_RESULTS)
-	@$(MAKE) --no-print-directory --jobs=3 lint contract-tests tests
+	@$(MAKE) --no-print-directory --jobs=3 lint console contract-tests tests
 	@$(MAKE) --no-print-directory e2e-tests
 	@$(BIN)/distalock risk check
 
 check: setup
-	@$(MAKE) --no-print-directory --jobs=3 lint contract-tests quick-tests
+	@$(MAKE) --no-print-directory --jobs=3 lint console contract-tests quick-tests
 
 lint: setup
 	@$(BIN)/ruff check --quiet .
@@ -71,6 +79,10 @@ lint: setup
 	@contracts=$$($(BIN)/lint-imports --no-logo 2>&1) || { echo "$$contracts"; exit 1; }
 	@$(BIN)/python -m tools.generate --check
 	@$(BIN)/mypy
+
+# Types, lint and tests of the console.
+console: setup
+	@$(BIN)/python -m tools.console check
 
 tests: $(COMPILED)
 	$(PYTEST) $(PARALLEL) -n $(UNIT_WORKERS) tests/accuracy tests/model tests/property tests/unit
@@ -121,4 +133,5 @@ generated: setup
 	$(BIN)/python -m tools.generate
 
 clean:
-	rm -rf .venv .test-results .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info
+	rm -rf services/ui_api/console/node_modules services/ui_api/console/dist .venv .test-results .mypy_cache .ruff_cache .pytest_cache \
+		.hypothesis .import_linter_cache build *.egg-info

@@ -7,6 +7,7 @@ from fastapi.openapi.utils import get_openapi
 
 from services.ui_api.routes import (
     cases,
+    console,
     events,
     health,
     images,
@@ -24,6 +25,7 @@ from services.ui_api.routes import (
     verifications,
 )
 from services.ui_api.routes.body_limit import BodyLimitMiddleware
+from services.ui_api.routes.console_files import console_files
 from services.ui_api.routes.guards import SECURITY_SCHEMES
 from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.kept_views import KeptViews
@@ -57,6 +59,7 @@ def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = (), cors_origins: 
     app.add_middleware(RequestGate, allowed_hosts=allowed_hosts, cors_origins=cors_origins)
     app.add_middleware(RequestTrace)
     app.state.gateway = gateway
+    app.state.console = console_files()
     app.state.idempotency = Idempotency(gateway.record)
     app.state.kept_views = KeptViews()
     gateway.record.listen(app.state.metrics.note_events)
@@ -99,6 +102,8 @@ def routed_app() -> FastAPI:
     app.include_router(api)
     app.include_router(health.router)
     methods.add("", health.router.routes)
+    app.include_router(console.router)
+    methods.add("", console.router.routes)
     app.state.methods = methods
     add_problem_handlers(app)
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]  # FastAPI's own way to extend it

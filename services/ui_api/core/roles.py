@@ -23,6 +23,7 @@ class Action(StrEnum):
     """What a request does."""
 
     SEE_HEALTH = "see_health"
+    OPEN_CONSOLE = "open_console"
     SIGN_IN = "sign_in"
     STOP = "stop"
     SEE_METRICS = "see_metrics"
@@ -71,6 +72,9 @@ _SURGEON: Final = frozenset({Role.SURGEON})
 
 PERMISSIONS: Final = (
     Permission(Action.SEE_HEALTH, _EVERYBODY, "whether the process runs and what is not ready", WithoutLogin.ANYBODY),
+    Permission(
+        Action.OPEN_CONSOLE, _EVERYBODY, "load the console's page, which shows nothing yet", WithoutLogin.ANYBODY
+    ),
     Permission(
         Action.SIGN_IN, _EVERYBODY, "sign in, renew a session, make the first account by its link", WithoutLogin.ANYBODY
     ),

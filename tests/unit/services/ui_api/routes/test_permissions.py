@@ -10,7 +10,7 @@ from fastapi.routing import APIRoute, APIWebSocketRoute
 
 from services.ui_api import app as application
 from services.ui_api.core.roles import PERMISSION_OF, PERMISSIONS, Action, Role, WithoutLogin, may, permission_lines
-from services.ui_api.routes import health, live
+from services.ui_api.routes import console, health, live
 from services.ui_api.routes.guards import ACTION_KEY, GuardedRoute
 from tests.unit.services.ui_api.people import add_account, signed_in
 from tests.unit.services.ui_api.room import Room, new_key
@@ -23,7 +23,7 @@ def _routers() -> list[tuple[str, APIRouter]]:
     resources = [
         getattr(application, name) for name in vars(application) if hasattr(getattr(application, name), "router")
     ]
-    return [("" if module is health else application.PREFIX, module.router) for module in resources]
+    return [("" if module in (console, health) else application.PREFIX, module.router) for module in resources]
 
 
 def _routes() -> list[tuple[str, str, Action]]:
@@ -61,7 +61,7 @@ def test_a_route_without_an_action_cannot_be_made() -> None:
 def test_the_table_has_a_row_for_every_action() -> None:
     assert [one.action for one in PERMISSIONS] == list(Action)
     open_ones = {one.action for one in PERMISSIONS if one.without_login is not WithoutLogin.NOBODY}
-    assert open_ones == {Action.SEE_HEALTH, Action.SIGN_IN, Action.STOP, Action.SEE_METRICS}
+    assert open_ones == {Action.SEE_HEALTH, Action.OPEN_CONSOLE, Action.SIGN_IN, Action.STOP, Action.SEE_METRICS}
     assert {role for role in Role if may([role], Action.APPROVE_PLAN)} == {Role.SURGEON}
     assert not may([Role.ADMINISTRATOR], Action.READ)
 

@@ -1,0 +1,48 @@
+import { useQueryClient } from "@tanstack/react-query";
+import { type FormEvent, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { act } from "../api/actions";
+import { ApiError } from "../api/client";
+
+/** Name and password; the session is kept in cookies that no script reads. */
+export default function Login() {
+  const { t } = useTranslation();
+  const client = useQueryClient();
+  const [error, setError] = useState<ApiError | null>(null);
+  const [isBusy, setBusy] = useState(false);
+  async function submit(event: FormEvent<HTMLFormElement>) {
+    event.preventDefault();
+    const form = new FormData(event.currentTarget);
+    setBusy(true);
+    try {
+      await act.signIn(String(form.get("name")), String(form.get("password")));
+      setError(null);
+      await client.invalidateQueries();
+    } catch (problem) {
+      setError(problem instanceof ApiError ? problem : new ApiError(0, "no_answer", String(problem)));
+    } finally {
+      setBusy(false);
+    }
+  }
+  return (
+    <form className="login" onSubmit={(event) => void submit(event)}>
+      <h1>{t("access.sign_in")}</h1>
+      <label>
+        {t("access.name")}
+        <input name="name" autoComplete="off" autoCapitalize="none" spellCheck={false} required />
+      </label>
+      <label>
+        {t("access.password")}
+        <input name="password" type="password" autoComplete="off" required />
+      </label>
+      {error && (
+        <p className="problem" role="alert">
+          {error.status === 0 ? t("state.no_answer") : error.detail}
+        </p>
+      )}
+      <button type="submit" className="primary" disabled={isBusy}>
+        {t("access.sign_in")}
+      </button>
+    </form>
+  );
+}

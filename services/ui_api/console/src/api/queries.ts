@@ -1,0 +1,178 @@
+// What panels read. Events of the log say when something is out of date (`follow.ts`); only ages are asked for again.
+import { keepPreviousData, QueryClient, useQuery } from "@tanstack/react-query";
+import { ApiError, answered, content, gateway } from "./client";
+import type { ReadCase, RobotSnapshot } from "./types";
+
+/** Everything that an event of a case can change stands below this key. */
+export const CASE = "case";
+// Chosen: four states of the robot a second look live, and cost the gateway less than one percent of a core.
+export const ROBOT_EVERY_MS = 250;
+const ROBOT_WITHIN_MS = 1_000;
+const HEALTH_EVERY_MS = 5_000;
+
+export function newQueryClient(): QueryClient {
+  return new QueryClient({
+    defaultOptions: {
+      queries: {
+        retry: isWorthRepeating,
+        retryDelay: 500,
+        staleTime: 5_000,
+        refetchOnWindowFocus: true,
+        networkMode: "always",
+      },
+      mutations: { retry: false, networkMode: "always" },
+    },
+  });
+}
+
+function isWorthRepeating(failures: number, error: Error): boolean {
+  const status = error instanceof ApiError ? error.status : 0;
+  return (status === 0 || status >= 500) && failures < 100;
+}
+
+export function useMe() {
+  return useQuery({
+    queryKey: ["me"],
+    queryFn: () => content(gateway.GET("/api/v1/users/me")),
+    staleTime: 60_000,
+  });
+}
+
+/** The open case; null when none is open. */
+export function useOpenCase(enabled: boolean) {
+  return useQuery({
+    queryKey: [CASE, "open"],
+    queryFn: async () => {
+      const page = await content(
+        gateway.GET("/api/v1/cases", { params: { query: { status: "open", limit: 1 } } }),
+      );
+      return page.items[0]?.id ?? null;
+    },
+    enabled,
+  });
+}
+
+export function useCases(status: "open" | "closed" | null, enabled = true) {
+  return useQuery({
+    queryKey: [CASE, "list", status],
+    queryFn: () =>
+      content(
+        gateway.GET("/api/v1/cases", {
+          params: { query: { sort: "newest", limit: 100, ...(status && { status }) } },
+        }),
+      ),
+    placeholderData: keepPreviousData,
+    enabled,
+  });
+}
+
+export async function readCase(id: string): Promise<ReadCase> {
+  const got = await answered(gateway.GET("/api/v1/cases/{case_id}", { params: { path: { case_id: id } } }));
+  return { view: got.data, etag: got.response.headers.get("ETag") ?? "" };
+}
+
+export function useCase(id: string | null) {
+  return useQuery({
+    queryKey: [CASE, id, "case"],
+    queryFn: () => readCase(id ?? ""),
+    enabled: id !== null,
+    // The robot's own refusals and ages are in it, and they change without an event.
+    refetchInterval: 2_000,
+  });
+}
+
+const newest = { sort: "newest", limit: 1 } as const;
+
+export function useNewestImage(id: string | null) {
+  return useQuery({
+    queryKey: [CASE, id, "newest image"],
+    queryFn: async () => {
+      const page = await content(
+        gateway.GET("/api/v1/cases/{case_id}/images", {
+          params: { path: { case_id: id ?? "" }, query: newest },
+        }),
+      );
+      return page.items[0] ?? null;
+    },
+    enabled: id !== null,
+  });
+}
+
+export function useNewestLocalisation(id: string | null) {
+  return useQuery({
+    queryKey: [CASE, id, "newest localisation"],
+    queryFn: async () => {
+      const page = await content(
+        gateway.GET("/api/v1/cases/{case_id}/localisations", {
+          params: { path: { case_id: id ?? "" }, query: newest },
+        }),
+      );
+      return page.items[0] ?? null;
+    },
+    enabled: id !== null,
+  });
+}
+
+export function useNewestPlan(id: string | null) {
+  return useQuery({
+    queryKey: [CASE, id, "newest plan"],
+    queryFn: async () => {
+      const page = await content(
+        gateway.GET("/api/v1/cases/{case_id}/plans", {
+          params: { path: { case_id: id ?? "" }, query: newest },
+        }),
+      );
+      return page.items[0] ?? null;
+    },
+    enabled: id !== null,
+  });
+}
+
+export function useNewestVerification(id: string | null) {
+  return useQuery({
+    queryKey: [CASE, id, "newest verification"],
+    queryFn: async () => {
+      const page = await content(
+        gateway.GET("/api/v1/cases/{case_id}/verifications", {
+          params: { path: { case_id: id ?? "" }, query: newest },
+        }),
+      );
+      return page.items[0] ?? null;
+    },
+    enabled: id !== null,
+  });
+}
+
+/** The robot's state, asked for again and again: its ages and its pose make no events. */
+export function useRobot(enabled: boolean) {
+  return useQuery({
+    queryKey: ["robot"],
+    queryFn: async ({ signal }): Promise<RobotSnapshot> => {
+      const within = AbortSignal.any([signal, AbortSignal.timeout(ROBOT_WITHIN_MS)]);
+      const view = await content(gateway.GET("/api/v1/robot", { signal: within }));
+      return { view, gotAtMs: performance.now() };
+    },
+    enabled,
+    retry: false,
+    refetchInterval: ROBOT_EVERY_MS,
+    refetchIntervalInBackground: true,
+  });
+}
+
+export function useReadiness() {
+  return useQuery({
+    queryKey: ["readiness"],
+    queryFn: async () => {
+      try {
+        return (await content(gateway.GET("/readyz"))).checks;
+      } catch (error) {
+        // 503 lists the same parts, and says what is wrong with them.
+        const checks = error instanceof ApiError ? error.problem?.checks : undefined;
+        if (checks) return checks as unknown as readonly import("./types").CheckView[];
+        throw error;
+      }
+    },
+    retry: false,
+    refetchInterval: HEALTH_EVERY_MS,
+  });
+}

@@ -1,0 +1,30 @@
+import react from "@vitejs/plugin-react";
+import { defineConfig } from "vitest/config";
+
+// `npm run dev` shows the page of a checkout against a gateway that runs already.
+const gateway = process.env.DISTALOCK_CONSOLE_GATEWAY ?? "http://127.0.0.1:8000";
+
+export default defineConfig({
+  plugins: [react()],
+  build: {
+    target: "es2022",
+    // The content security policy allows no inline code, and `data:` nowhere.
+    modulePreload: { polyfill: false },
+    assetsInlineLimit: 0,
+    // three.js is one file of its own; it is loaded after the page is there.
+    chunkSizeWarningLimit: 1200,
+  },
+  server: {
+    proxy: Object.fromEntries(
+      ["/api", "/readyz", "/healthz", "/virtual-room"].map((path) => [path, { target: gateway, ws: true }]),
+    ),
+  },
+  test: {
+    environment: "jsdom",
+    include: ["src/**/*.test.{ts,tsx}"],
+    setupFiles: ["src/testing/setup.ts"],
+    // Two processors are shared with other tests.
+    poolOptions: { threads: { maxThreads: 2 } },
+    pool: "threads",
+  },
+});
