@@ -14,6 +14,7 @@ from rich.table import Table
 
 from distalock.arguments import EXIT_BAD_INPUT
 from distalock.case_client import CaseClient
+from distalock.client import Client
 from distalock.installation import Installation, Ports
 from distalock.outputs import write_whole
 from distalock.procedure import Ending, Outcome, Procedure, Tell
@@ -80,12 +81,12 @@ def demonstrate(request: DemoRequest, tell: Tell) -> Outcome:
 
 def _procedure_in(installation: Installation, request: DemoRequest, tell: Tell) -> Outcome:
     with (
-        RestClient(installation.gateway.url, installation.token) as rest,
+        Client(installation.gateway.url, installation.token) as gateway,
         RestClient(installation.ports.control_url) as control,
     ):
         room = RoomClient(control)
         scenario = room.scenario()
-        case = CaseClient.opened(rest, scenario.set_up)
+        case = CaseClient.opened(gateway, scenario.set_up)
         tell(f"case opened: {scenario.description}")
         outcome = Procedure(case, room, scenario.hole_ids, tell).run()
         if request.overlay is not None and outcome.shots:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
-from distalock.case_client import AxisOffset, CaseClient, Localisation, Operation, Plan, Turn
-from distalock.rest_client import RequestRefused
+from distalock.case_client import CaseClient, codes_of, is_accepted, summary_of
+from distalock.client import RequestRefused
+from distalock.client.models import CArmCorrection, LocalisationView, OperationView, PlanView, VerifiedGuideHole
 from distalock.room_client import DrillResult, RoomClient, TrueError
 from shared.equipment import LEAST_CHANCE_TO_PASS
 from shared.errors import ReasonCode
@@ -17,7 +18,7 @@ MOST_MOVES_PER_ALIGNMENT: Final = 3
 WORTH_CORRECTING_MM: Final = 0.25
 # Refusals that another direction of the beam can heal; the others need hands on the guide or the patient.
 _TURNABLE: Final = frozenset(ReasonCode) - {ReasonCode.IMAGE_UNUSABLE, ReasonCode.SATURATED, ReasonCode.MOTION_BLUR}
-_ANOTHER_VIEW: Final = Turn(about_image_x=2.0, about_image_y=1.5)
+_ANOTHER_VIEW: Final = CArmCorrection(about_image_x=2.0, about_image_y=1.5)
 
 Tell = Callable[[str], None]
 
@@ -97,7 +98,7 @@ class Procedure:
             _require_success(operation, "making the robot ready")
         self.tell("robot: stop acknowledged, referenced, locked")
 
-    def _holes_that_move_together(self, seen: Localisation) -> list[tuple[str, ...]]:
+    def _holes_that_move_together(self, seen: LocalisationView) -> list[tuple[str, ...]]:
         """All holes in one move when the spacings of guide and nail agree, otherwise one hole per move."""
         try:
             self.case.plan(seen.number, self.hole_ids)
@@ -125,7 +126,7 @@ class Procedure:
                 f"with a chance of {chance} (limit {LEAST_CHANCE_TO_PASS}): {_sentence(left)}"
             )
 
-    def _move(self, plan: Plan) -> None:
+    def _move(self, plan: PlanView) -> None:
         content = plan.plan
         left = "; ".join(f"{p.id} {p.offset_mm:.2f} mm" for p in content.predicted)
         self.tell(
@@ -138,30 +139,30 @@ class Procedure:
         read_back = f"{operation.deviation_mm:.3f} mm and {operation.deviation_deg:.3f}° from the target"
         self.tell(f"approved, moved, locked {read_back}")
 
-    def _localise(self) -> Localisation:
+    def _localise(self) -> LocalisationView:
         """Take shots until one is accepted, turning the C-arm as advised."""
         seen = self._shot()
         for _ in range(MOST_SHOTS_FOR_ONE_ANSWER - 1):
-            if seen.accepted or not set(seen.codes) <= _TURNABLE:
+            if is_accepted(seen) or not set(codes_of(seen)) <= _TURNABLE:
                 break
             turn = _ANOTHER_VIEW
-            if ReasonCode.TILT_TOO_LARGE in seen.codes and seen.c_arm_correction_deg is not None:
+            if ReasonCode.TILT_TOO_LARGE in codes_of(seen) and seen.c_arm_correction_deg is not None:
                 turn = seen.c_arm_correction_deg
             self.tell(f"turning the C-arm by {turn.about_image_x:+.1f}° and {turn.about_image_y:+.1f}°")
             self.room.turn_c_arm(turn.about_image_x, turn.about_image_y)
             seen = self._shot()
-        if not seen.accepted:
-            raise Refused(f"no image was accepted; the last was {seen.summary}")
+        if not is_accepted(seen):
+            raise Refused(f"no image was accepted; the last was {summary_of(seen)}")
         return seen
 
-    def _shot(self) -> Localisation:
+    def _shot(self) -> LocalisationView:
         uid = self.room.take_shot()
         self.shots += 1
         seen = self.case.localisation_of(uid)
-        self.tell(f"shot {self.shots} {seen.summary}")
+        self.tell(f"shot {self.shots} {summary_of(seen)}")
         return seen
 
-    def _verified(self, hole_ids: tuple[str, ...]) -> list[AxisOffset]:
+    def _verified(self, hole_ids: tuple[str, ...]) -> list[VerifiedGuideHole]:
         """What the newest image leaves between the guide's holes and the nail's."""
         verification = self.case.verify([self.case.newest_image_id()], of="guide")
         left = [e for e in verification.guide_holes if e.id in hole_ids]
@@ -185,12 +186,12 @@ class Procedure:
             )
 
 
-def _require_success(operation: Operation, what: str) -> None:
+def _require_success(operation: OperationView, what: str) -> None:
     if operation.status != "succeeded":
         raise Refused(f"{what} {operation.status}: {operation.detail}")
 
 
-def _sentence(errors: Sequence[AxisOffset]) -> str:
+def _sentence(errors: Sequence[VerifiedGuideHole]) -> str:
     return "; ".join(
         f"{e.id} {e.entry_offset_mm:.2f} mm at entry, {e.exit_offset_mm:.2f} mm at exit, {e.angle_deg:.2f}°, "
         f"passes with {e.chance_to_pass:.3f}"

@@ -1,4 +1,7 @@
-"""A thin client of the REST gateway and of the virtual room: JSON in, JSON out, problems as exceptions."""
+"""JSON in, JSON out, problems as exceptions: for the virtual room, and for who asks a gateway for what it refuses.
+
+Programs that lead a case use `distalock.client`.
+"""
 
 import uuid
 from collections.abc import Mapping
@@ -7,28 +10,9 @@ from typing import Self
 
 import httpx
 
-from shared.errors import DistalockError
+from distalock.client.refusals import RequestRefused
 
 JsonObject = dict[str, object]
-
-
-class RequestRefused(DistalockError):
-    """The server answered with a problem document.
-
-    Attributes
-    ----------
-    status
-        HTTP status.
-    problem_code
-        Stable code of the problem.
-    """
-
-    code = "request_refused"
-
-    def __init__(self, status: int, problem_code: str, detail: str) -> None:
-        super().__init__(detail)
-        self.status = status
-        self.problem_code = problem_code
 
 
 # The virtual room answers a shot when it is rendered and delivered: seconds, and minutes on a busy machine.
@@ -103,7 +87,7 @@ class RestClient:
 def _content(response: httpx.Response) -> JsonObject:
     body = response.json() if response.content else {}
     if response.is_error:
-        raise RequestRefused(
+        raise RequestRefused.of(
             response.status_code, str(body.get("code", "unknown")), str(body.get("detail") or response.reason_phrase)
         )
     if not isinstance(body, dict):

@@ -1,4 +1,5 @@
-"""Write every generated file, or check that all are up to date: message schemas, `openapi.json`, tables of the docs.
+"""Write every generated file, or check that all are up to date: message schemas, `openapi.json`, tables of the docs,
+the client's modules.
 
 usage: python -m tools.generate [--check]
 """
@@ -12,6 +13,7 @@ from pathlib import Path
 from services.ui_api.app import openapi_document, routed_app
 from shared.messages.schema_files import SCHEMAS, schema_texts
 from tools.asyncapi import asyncapi_text
+from tools.client.generate import client_files
 from tools.keys_page import keys_page
 from tools.monitoring import alert_rules, dashboard, monitoring_page
 from tools.part_schemas import part_schema_texts
@@ -46,6 +48,7 @@ def generated_files() -> dict[Path, str]:
     schemas = {SCHEMAS / name: text for name, text in schema_texts().items()}
     schemas |= {_PART_SCHEMAS / name: text for name, text in part_schema_texts().items()}
     schemas |= {_MONITORING / "alerts.json": alert_rules(), _MONITORING / "dashboard.json": dashboard()}
+    schemas |= client_files()
     return schemas | {_DOCS / name: text() for name, text in _PAGES.items()}
 
 

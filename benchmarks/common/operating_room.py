@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from distalock.case_client import CaseClient
+from distalock.client import Client
 from distalock.installation import Installation
 from distalock.processes import Fleet, ProcessSpec
 from distalock.rest_client import RestClient
@@ -17,10 +18,19 @@ _START_PATIENCE_S = 300.0
 
 @dataclass(frozen=True, slots=True)
 class OperatingRoom:
-    """A running installation, as a console and a person in the room see it."""
+    """A running installation, as a console and a person in the room see it.
+
+    Attributes
+    ----------
+    gateway
+        As a console calls it.
+    rest
+        The same without types, for what no console sends.
+    """
 
     fleet: Fleet
     installation: Installation
+    gateway: Client
     rest: RestClient
     control: RestClient
 
@@ -31,7 +41,7 @@ class OperatingRoom:
 
     def open_case(self) -> CaseClient:
         """Open a case as the scenario sets it up."""
-        return CaseClient.opened(self.rest, self.room.scenario().set_up)
+        return CaseClient.opened(self.gateway, self.room.scenario().set_up)
 
 
 def patient_fleet(installation: Installation, change: Callable[[ProcessSpec], ProcessSpec] = lambda s: s) -> Fleet:
@@ -46,7 +56,8 @@ def running(
     """Start everything, and leave nothing behind."""
     with (
         patient_fleet(installation, change) as fleet,
+        Client(installation.ports.rest_url, installation.token) as gateway,
         RestClient(installation.ports.rest_url, installation.token) as rest,
         RestClient(installation.ports.control_url) as control,
     ):
-        yield OperatingRoom(fleet, installation, rest, control)
+        yield OperatingRoom(fleet, installation, gateway, rest, control)

@@ -6,15 +6,21 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
+
+from pydantic import BaseModel
 
 from distalock.case_client import CaseClient
+from distalock.client import Client, RequestRefused
+from distalock.client.call import Call
+from distalock.client.models import ImageView
 from distalock.installation import Installation
-from distalock.rest_client import JsonObject, RequestRefused, RestClient
+from distalock.rest_client import JsonObject, RestClient
 
 _WAIT_S: Final = 10.0
 _CASE: Final = r"/api/v1/cases/(?P<case>[^/]+)"
 _LOST: Final = "not_found"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,30 +89,30 @@ class Acknowledged:
         A frame of running fluoroscopy is explained by being one: of a run, those are localised that guidance needs.
         """
         return [
-            str(one["sop_instance_uid"])
+            one.sop_instance_uid
             for one in case.images()
-            if one["sop_instance_uid"] in self.images and one["localisation"] is None and not _is_explained(one)
+            if one.sop_instance_uid in self.images and one.localisation is None and not _is_explained(one)
         ]
 
 
-class AcknowledgingClient(RestClient):
+class AcknowledgingClient(Client):
     """A client that remembers what it was answered."""
 
     def __init__(self, installation: Installation, acknowledged: Acknowledged, answer_s: float) -> None:
         super().__init__(installation.ports.rest_url, installation.token, answer_s)
         self._acknowledged = acknowledged
 
-    def post(self, path: str, body: object = None, if_match: str | None = None) -> JsonObject:
+    def send(self, call: Call[T]) -> T:
         """Act, and remember the answer."""
-        answer = super().post(path, body, if_match)
-        self._acknowledged.answers.append((path, answer))
+        answer = super().send(call)
+        if not call.reads_only and isinstance(answer, BaseModel):
+            self._acknowledged.answers.append((call.path, answer.model_dump(mode="json")))
         return answer
 
 
-def _is_explained(image: JsonObject) -> bool:
-    header = image["header"]
-    in_run = isinstance(header, dict) and header["run_interval_s"] is not None
-    return in_run or image["skipped"] is not None
+def _is_explained(image: ImageView) -> bool:
+    in_run = image.header is not None and image.header.run_interval_s is not None
+    return in_run or image.skipped is not None
 
 
 def _events(record: Path, kind: str) -> list[str]:

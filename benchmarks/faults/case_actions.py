@@ -7,8 +7,9 @@ from typing import Final
 from benchmarks.faults.acknowledged import AcknowledgingClient
 from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import FaultSite
-from distalock.case_client import CaseClient, Localisation, Operation, Plan
-from distalock.rest_client import JsonObject, RestClient
+from distalock.case_client import ENDED, CaseClient, is_accepted, summary_of
+from distalock.client import Client
+from distalock.client.models import ImageView, LocalisationView, OperationView, PlanView
 
 _POLL_S: Final = 0.05
 # So long that a busy machine is not taken for a lost procedure.
@@ -29,9 +30,9 @@ class CaseActions:
     hole_ids: tuple[str, ...] = field(init=False)
     case_id: str = ""
     image_uid: str = ""
-    seen: Localisation | None = None
-    plan: Plan | None = None
-    motion: JsonObject | None = None
+    seen: LocalisationView | None = None
+    plan: PlanView | None = None
+    motion: OperationView | None = None
 
     def __post_init__(self) -> None:
         self.hole_ids = self.site.room.room.scenario().hole_ids
@@ -55,8 +56,8 @@ class CaseActions:
         """Wait for what the newest image says."""
         self._finished_image(rest)
         self.seen = CaseClient(rest, self.case_id).newest_localisation()
-        if not self.seen.accepted:
-            raise NotDone(self.seen.summary)
+        if not is_accepted(self.seen):
+            raise NotDone(summary_of(self.seen))
 
     def make_plan(self, rest: AcknowledgingClient) -> None:
         """Plan from the newest localisation."""
@@ -79,10 +80,10 @@ class CaseActions:
         assert self.motion is not None
         deadline_s = time.monotonic() + _PATIENCE_S
         while not self.site.hexapod().moving:
-            operation = Operation.model_validate(rest.get(f"/api/v1/operations/{self.motion['id']}"))
+            operation = rest.read_operation(self.motion.id)
             if operation.status == "succeeded":
                 return
-            if operation.ended or time.monotonic() > deadline_s:
+            if operation.status in ENDED or time.monotonic() > deadline_s:
                 raise NotDone(f"motion {operation.status}: {operation.detail}")
 
     def finish_to_move(self, rest: AcknowledgingClient) -> None:
@@ -105,7 +106,7 @@ class CaseActions:
         except NotDone:
             self.shoot(rest)
             raise
-        CaseClient(rest, self.case_id).verify([str(image["id"])])
+        CaseClient(rest, self.case_id).verify([image.id])
 
     def close(self, rest: AcknowledgingClient) -> None:
         """Pull the wires and close the case, if it is open still."""
@@ -115,22 +116,20 @@ class CaseActions:
             case.record_step("abandoned", why="the benchmark ends here")
         self.case_id = ""
 
-    def _finished_image(self, rest: RestClient) -> JsonObject:
+    def _finished_image(self, rest: Client) -> ImageView:
         deadline_s = time.monotonic() + _PATIENCE_S
         case = CaseClient(rest, self.case_id)
         while time.monotonic() < deadline_s:
-            image = next((i for i in case.images() if i["sop_instance_uid"] == self.image_uid), None)
-            if image is not None and image["skipped"] is not None:
-                raise NotDone(f"image skipped: {image['skipped']}")
-            if image is not None and image["localisation"] is not None:
+            image = next((i for i in case.images() if i.sop_instance_uid == self.image_uid), None)
+            if image is not None and image.skipped is not None:
+                raise NotDone(f"image skipped: {image.skipped.message}")
+            if image is not None and image.localisation is not None:
                 return image
             time.sleep(_POLL_S)
         raise NotDone(f"image {self.image_uid} is neither localised nor explained after {_PATIENCE_S:g} s")
 
 
-def open_case_of(rest: RestClient) -> CaseClient | None:
+def open_case_of(rest: Client) -> CaseClient | None:
     """The case that is open, also one whose opening nobody answered."""
-    cases = rest.get("/api/v1/cases?limit=200")["items"]
-    assert isinstance(cases, list)
-    still_open = [one for one in cases if one["procedure"]["stage"] not in ("finished", "abandoned")]
-    return CaseClient(rest, str(still_open[-1]["id"])) if still_open else None
+    still_open = rest.list_cases(status="open", limit=1, sort="newest").items
+    return CaseClient(rest, still_open[0].id) if still_open else None

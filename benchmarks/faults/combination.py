@@ -23,7 +23,7 @@ from benchmarks.faults.watch import (
     readiness_of,
 )
 from distalock.case_client import CaseClient
-from distalock.rest_client import RequestRefused
+from distalock.client import RequestRefused
 from services.ui_api.core.chain import ChainBroken
 from services.ui_api.record.database import existing_database, sqlite_url
 from services.ui_api.record.verify import verify_record
@@ -163,7 +163,7 @@ class Combination:
         verdict = verify_record(existing_database(sqlite_url(self.site.record_file.parent)))
         if isinstance(verdict, ChainBroken):
             self.wrong.append(f"the record is broken: {verdict.message}")
-        lost = self.site.acknowledged.lost_answers(self.procedure.rest)
+        lost = self.site.acknowledged.lost_answers(self.site.room.rest)
         if lost:
             self.wrong.append(f"acknowledged and lost: {', '.join(lost)}")
         if count := self.site.acknowledged.steps_lost(self.site.record_file):

@@ -12,7 +12,7 @@ from benchmarks.faults.acknowledged import AcknowledgingClient
 from benchmarks.faults.case_actions import CaseActions
 from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import FaultSite
-from distalock.rest_client import RequestRefused
+from distalock.client import RequestRefused
 
 NO_ANSWER: Final = "nobody answered"
 _MOST_ATTEMPTS: Final = 12

@@ -13,7 +13,7 @@ from benchmarks.faults.combination import Combination, Finding, NotReadyAgain
 from benchmarks.faults.passes import Pass, Planned
 from benchmarks.faults.patient import PatientProcedure, Step, Stuck
 from benchmarks.faults.site import fault_site
-from distalock.rest_client import RequestRefused
+from distalock.client import RequestRefused
 from shared.errors import ConfigurationError
 
 _ANSWER_S: Final = 180.0

@@ -24,9 +24,10 @@ from benchmarks.common.places import PAGES
 from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import Hexapod
 from distalock.case_client import CaseClient
+from distalock.client import Client, RequestRefused
 from distalock.demo_user import demo_token
 from distalock.installation import Installation, Ports
-from distalock.rest_client import RequestRefused, RestClient
+from distalock.rest_client import RestClient
 from distalock.room_client import RoomClient
 
 SEED = 2
@@ -69,7 +70,7 @@ class Site:
     """An installation, as a console and a person in the room see it; `case` is opened with the first motion."""
 
     ports: Ports
-    rest: RestClient
+    gateway: Client
     control: RestClient
     pids: Callable[[], Mapping[str, int]]
     restart: Callable[[str], None]
@@ -103,8 +104,8 @@ def _begin_to_move(site: Site) -> None:
     while time.monotonic() < deadline_s:
         try:
             _wait(lambda: httpx.get(f"{site.ports.rest_url}/readyz").is_success)
-            make_robot_ready(site.rest)
-            case = site.case = site.case or CaseClient.opened(site.rest, room.scenario().set_up)
+            make_robot_ready(site.gateway)
+            case = site.case = site.case or CaseClient.opened(site.gateway, room.scenario().set_up)
             seen = case.localisation_of(room.take_shot())
             plan = case.plan(seen.number, room.scenario().hole_ids)
             case.approve(plan)
@@ -138,7 +139,7 @@ def services_site(folder: Path) -> Iterator[Site]:
     """An installation whose processes belong to this one."""
     installation = Installation(Ports.any_free(), folder, scenario_arguments=("--seed", str(SEED)))
     with running(installation) as room:
-        yield Site(installation.ports, room.rest, room.control, lambda: room.fleet.pids, room.fleet.restart)
+        yield Site(installation.ports, room.gateway, room.control, lambda: room.fleet.pids, room.fleet.restart)
 
 
 @contextmanager
@@ -151,12 +152,12 @@ def up_site(folder: Path) -> Iterator[Site]:
     directory = folder / "installation.json"
     with (
         subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL) as up,
-        RestClient(ports.rest_url, demo_token(folder)) as rest,
+        Client(ports.rest_url, demo_token(folder)) as gateway,
         RestClient(ports.control_url) as control,
     ):
         try:
             _wait(directory.exists, within_s=300.0)
-            yield Site(ports, rest, control, lambda: {INSTALLATION: up.pid}, lambda _: None)
+            yield Site(ports, gateway, control, lambda: {INSTALLATION: up.pid}, lambda _: None)
         finally:
             up.send_signal(signal.SIGCONT)
             up.terminate()

@@ -15,10 +15,11 @@ import httpx
 from benchmarks.robot.permits import permit_for
 from benchmarks.robot.plans import HEXAPOD, plan_between, random_target
 from benchmarks.robot.rig import PlainVerb
+from distalock.client import RequestRefused
 from distalock.demo_user import TOKEN_FILE, demo_token
 from distalock.installation import DEMO_TOKEN, Installation, Ports
 from distalock.processes import Fleet
-from distalock.rest_client import RequestRefused, RestClient
+from distalock.rest_client import RestClient
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Sample
 from shared.bus.settings import BusSettings

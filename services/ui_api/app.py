@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from fastapi import APIRouter, FastAPI
-from fastapi.openapi.utils import get_openapi
 
+from services.ui_api.api_document.document import PROBLEM_REFERENCE, whole_document
 from services.ui_api.routes import (
     cases,
     console,
@@ -26,11 +26,10 @@ from services.ui_api.routes import (
 )
 from services.ui_api.routes.body_limit import BodyLimitMiddleware
 from services.ui_api.routes.console_files import console_files
-from services.ui_api.routes.guards import SECURITY_SCHEMES
 from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.kept_views import KeptViews
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
-from services.ui_api.routes.problems import PROBLEM_JSON, Problem, add_problem_handlers
+from services.ui_api.routes.problems import PROBLEM_JSON, add_problem_handlers
 from services.ui_api.routes.request_checks import PathMethods
 from services.ui_api.routes.request_gate import RequestGate
 from services.ui_api.routes.request_trace import RequestTrace
@@ -39,10 +38,6 @@ from shared.runtime.lifecycle import software_version
 
 PREFIX = "/api/v1"
 TITLE = "distalock gateway"
-_SUMMARY = (
-    "Aims a drill guide at the distal holes of an intramedullary nail from one X-ray image. "
-    "Research software, not a medical device."
-)
 
 
 def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = (), cors_origins: Sequence[str] = ()) -> FastAPI:
@@ -74,7 +69,8 @@ def routed_app() -> FastAPI:
         version=software_version(),
         docs_url=None,  # its page would load scripts from a CDN
         redoc_url=None,
-        responses={"default": {"description": "A problem.", "content": {PROBLEM_JSON: {"schema": _PROBLEM_REF}}}},
+        generate_unique_id_function=lambda route: route.name,  # one name in code, document and client
+        responses={"default": {"description": "A problem.", "content": {PROBLEM_JSON: {"schema": PROBLEM_REFERENCE}}}},
     )
     app.state.metrics = Metrics()
     app.add_middleware(BodyLimitMiddleware)
@@ -110,16 +106,8 @@ def routed_app() -> FastAPI:
     return app
 
 
-_PROBLEM_REF = {"$ref": "#/components/schemas/Problem"}
-
-
 def openapi_document(app: FastAPI) -> dict[str, object]:
-    """The OpenAPI document, with the problem document among its schemas."""
+    """The OpenAPI document, written once."""
     if app.openapi_schema is None:
-        document = get_openapi(title=app.title, version="1", summary=_SUMMARY, routes=app.routes)
-        schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
-        definitions = schema.pop("$defs", {})
-        document["components"]["securitySchemes"] = SECURITY_SCHEMES
-        document["components"]["schemas"] |= {**definitions, "Problem": schema}
-        app.openapi_schema = document
+        app.openapi_schema = whole_document(app.title, app.routes)
     return app.openapi_schema

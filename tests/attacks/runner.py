@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from distalock.rest_client import RequestRefused
+from distalock.client import RequestRefused
 from tests.attacks.attack import Attack, Record
 from tests.attacks.site import Site, wait_until
 

@@ -8,7 +8,9 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from distalock.case_client import CaseClient, Plan
+from distalock.case_client import CaseClient, is_accepted, summary_of
+from distalock.client import Client
+from distalock.client.models import PlanView
 from distalock.installation import Installation, Ports
 from distalock.processes import Fleet
 from distalock.rest_client import JsonObject, RestClient
@@ -40,7 +42,7 @@ class Site:
     rest: RestClient
     control: RestClient
     case: CaseClient
-    plan: Plan
+    plan: PlanView
     hole_ids: tuple[str, ...]
     scratch: Path
 
@@ -134,21 +136,22 @@ def running_site(folder: Path) -> Iterator[Site]:
     installation = Installation(Ports.any_free(), state, scenario_arguments=("--seed", str(SEED)))
     with (
         installation.fleet(threading.Event(), START_WITHIN_S) as fleet,
+        Client(installation.ports.rest_url, installation.token) as gateway,
         RestClient(installation.ports.rest_url, installation.token) as rest,
         RestClient(installation.ports.control_url) as control,
     ):
         room = RoomClient(control)
-        case = CaseClient.opened(rest, room.scenario().set_up)
+        case = CaseClient.opened(gateway, room.scenario().set_up)
         for operation in case.make_robot_ready():
             assert operation.status == "succeeded", operation.detail
         hole_ids = tuple(room.scenario().hole_ids)
         yield Site(fleet, installation, rest, control, case, approved_plan(case, room), hole_ids, scratch)
 
 
-def approved_plan(case: CaseClient, room: RoomClient) -> Plan:
+def approved_plan(case: CaseClient, room: RoomClient) -> PlanView:
     """Take an image, plan from it and approve the plan."""
     seen = case.localisation_of(room.take_shot())
-    assert seen.accepted, seen.summary
+    assert is_accepted(seen), summary_of(seen)
     plan = case.plan(seen.number, room.scenario().hole_ids)
     case.approve(plan)
     return plan

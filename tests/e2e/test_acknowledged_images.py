@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from benchmarks.common.operating_room import OperatingRoom
-from distalock.rest_client import JsonObject
+from distalock.client.models import ImageView
 from tests.e2e.conftest import SEED, operating_room
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
@@ -32,11 +32,9 @@ class Shooting:
         time.sleep(APART_S)
         self.acknowledged.append(self.room.room.take_shot())
 
-    def images(self) -> dict[str, JsonObject]:
+    def images(self) -> dict[str, ImageView]:
         """The case's images on record, by their SOP instance UID."""
-        items = self.room.rest.get(f"/api/v1/cases/{self.case.id}/images?limit=200")["items"]
-        assert isinstance(items, list)
-        return {str(one["sop_instance_uid"]): one for one in items}
+        return {one.sop_instance_uid: one for one in self.case.images()}
 
     def unfinished(self) -> list[str]:
         known = self.images()
@@ -46,8 +44,8 @@ class Shooting:
         os.kill(self.room.fleet.pids[service], number)
 
 
-def _is_finished(image: JsonObject) -> bool:
-    return image["localisation"] is not None or image["skipped"] is not None
+def _is_finished(image: ImageView) -> bool:
+    return image.localisation is not None or image.skipped is not None
 
 
 def wait_until(condition: Callable[[], bool], what: Callable[[], str]) -> None:
@@ -66,7 +64,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shooting]:
 def require_all_finished(site: Shooting) -> None:
     wait_until(lambda: not site.unfinished(), lambda: f"of {len(site.acknowledged)}: {site.unfinished()}")
     newest = site.images()[site.acknowledged[-1]]
-    assert newest["localisation"] is not None, f"the newest image is localised: {newest['skipped']}"
+    assert newest.localisation is not None, f"the newest image is localised: {newest.skipped}"
     listed = [uid for uid in site.images() if uid in site.acknowledged]
     assert listed == site.acknowledged, "on record in the order in which they were received"
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.common.operating_room import patient_fleet
-from distalock.case_client import CaseClient
+from distalock.case_client import CaseClient, is_accepted, summary_of
+from distalock.client import Client, RequestRefused
 from distalock.installation import Installation, Ports
-from distalock.rest_client import JsonObject, RequestRefused, RestClient
+from distalock.rest_client import JsonObject, RestClient
 from distalock.room_client import RoomClient
 from shared.parts.hexapod_file import DEFAULT_HEXAPOD
 from simulation.scenario.sampling import scenario_of_seed
@@ -23,12 +24,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 class MountedRoom:
     """A running installation whose hexapod file knows the mount on the nail's head."""
 
-    rest: RestClient
+    gateway: Client
     room: RoomClient
 
     def open_case(self, **changes: object) -> CaseClient:
         set_up: JsonObject = {**self.room.scenario().set_up, **changes}
-        return CaseClient.opened(self.rest, set_up)
+        return CaseClient.opened(self.gateway, set_up)
 
 
 def hexapod_with_mount() -> JsonObject:
@@ -66,10 +67,10 @@ def mounted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Mounted
     installation = Installation(Ports.any_free(), tmp_path / "state", scenario_arguments=("--scenario", str(scenario)))
     with (
         patient_fleet(installation),
-        RestClient(installation.ports.rest_url, installation.token) as rest,
+        Client(installation.ports.rest_url, installation.token) as gateway,
         RestClient(installation.ports.control_url) as control,
     ):
-        yield MountedRoom(rest, RoomClient(control))
+        yield MountedRoom(gateway, RoomClient(control))
 
 
 @pytest.mark.requirement("REG-11")
@@ -81,7 +82,7 @@ def test_a_wrong_extension_is_refused_before_the_first_plan_and_a_right_one_is_n
     for operation in case.make_robot_ready():
         assert operation.status == "succeeded", operation.detail
     seen = case.localisation_of(mounted.room.take_shot())
-    assert seen.accepted, seen.summary
+    assert is_accepted(seen), summary_of(seen)
     with pytest.raises(RequestRefused) as refused:
         case.plan(seen.number, scenario.hole_ids)
     print(refused.value)
@@ -90,5 +91,5 @@ def test_a_wrong_extension_is_refused_before_the_first_plan_and_a_right_one_is_n
 
     case.change_set_up({"head_extension_mm": true_mm})
     seen = case.localisation_of(mounted.room.take_shot())
-    assert seen.accepted, seen.summary
+    assert is_accepted(seen), summary_of(seen)
     assert case.plan(seen.number, scenario.hole_ids).plan.travel_mm > 0.0

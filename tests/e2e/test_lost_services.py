@@ -11,8 +11,8 @@ import httpx
 import pytest
 
 from benchmarks.common.operating_room import OperatingRoom
-from distalock.case_client import CaseClient, Operation, Plan
-from distalock.rest_client import JsonObject
+from distalock.case_client import CaseClient, is_accepted, summary_of
+from distalock.client.models import OperationView, PlanView, RobotState
 from tests.e2e.conftest import SEED, operating_room
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
@@ -28,33 +28,33 @@ class CaseRoom:
         self.room = room
         self.case: CaseClient = room.open_case()
 
-    def robot(self) -> JsonObject:
-        state = self.room.rest.get("/api/v1/robot")["state"]
-        assert isinstance(state, dict)
+    def robot(self) -> RobotState:
+        state = self.room.gateway.read_robot().state
+        assert state is not None
         return state
 
     def true_pose(self) -> object:
         return self.room.control.get("/truth")["base_from_top"]
 
-    def approved_plan(self) -> Plan:
-        if self.robot()["stop"] == "latched":
+    def approved_plan(self) -> PlanView:
+        if self.robot().stop == "latched":
             self.case.make_robot_ready()
-        wait_until(lambda: self.robot()["locked"] is True, "locked")
+        wait_until(lambda: self.robot().locked is True, "locked")
         seen = self.case.localisation_of(self.room.room.take_shot())
-        assert seen.accepted, seen.summary
+        assert is_accepted(seen), summary_of(seen)
         plan = self.case.plan(seen.number, self.room.room.scenario().hole_ids)
         self.case.approve(plan)
         return plan
 
-    def begin(self, plan: Plan) -> JsonObject:
+    def begin(self, plan: PlanView) -> OperationView:
         return self.case.begin_motion(plan)
 
-    def begin_to_move(self) -> JsonObject:
+    def begin_to_move(self) -> OperationView:
         begun = self.begin(self.approved_plan())
-        wait_until(lambda: self.robot()["state"] == "moving", "moving")
+        wait_until(lambda: self.robot().state == "moving", "moving")
         return begun
 
-    def outcome(self, begun: JsonObject) -> Operation:
+    def outcome(self, begun: OperationView) -> OperationView:
         return self.case.follow(begun)
 
     def application_pid(self) -> int:
@@ -107,7 +107,7 @@ def test_a_frozen_gateway_stops_the_move(site: CaseRoom) -> None:
     ended = site.outcome(begun)
     assert ended.status == "stopped"
     assert "gateway was silent" in ended.detail
-    assert site.robot()["stop"] == "latched"
+    assert site.robot().stop == "latched"
 
 
 def test_a_frozen_application_stops_the_move(site: CaseRoom) -> None:
@@ -118,7 +118,7 @@ def test_a_frozen_application_stops_the_move(site: CaseRoom) -> None:
         assert httpx.post(f"{site.room.installation.ports.rest_url}/api/v1/robot/stop").json()["confirmed"] is True
     ended = site.outcome(begun)
     assert ended.status == "stopped"
-    assert site.robot()["stop"] == "latched"
+    assert site.robot().stop == "latched"
 
 
 @pytest.mark.requirement("ROB-10")
@@ -131,7 +131,7 @@ def test_a_command_that_waited_in_a_frozen_robot_service_moves_nothing(site: Cas
     ended = site.outcome(begun)
     assert ended.status == "failed"
     assert "nothing moved" in ended.detail
-    assert site.robot()["state"] == "locked"
+    assert site.robot().state == "locked"
     assert site.true_pose() == here
 
 
@@ -158,7 +158,7 @@ def test_a_killed_router_stops_the_move_and_everything_comes_back(site: CaseRoom
     ready = f"{site.room.installation.ports.rest_url}/readyz"
     wait_until(lambda: httpx.get(ready).status_code == httpx.codes.OK, "everything is back")
     assert site.outcome(begun).status == "stopped"
-    assert site.robot()["stop"] == "latched"
+    assert site.robot().stop == "latched"
 
 
 @pytest.mark.requirement("ROB-15")
@@ -169,15 +169,15 @@ def test_a_pressed_stop_button_stops_the_move_and_holds(site: CaseRoom) -> None:
         ended = site.outcome(begun)
         assert ended.status == "stopped"
         assert "stop button is pressed" in ended.detail
-        wait_until(lambda: site.robot()["stop_button"] == "pressed", "the button shows")
+        wait_until(lambda: site.robot().stop_button == "pressed", "the button shows")
         here = site.true_pose()
         acknowledged, _ = site.case.make_robot_ready()
         assert acknowledged.status == "failed"
         assert "stop button is pressed" in acknowledged.detail
-        assert site.robot()["stop"] == "latched"
+        assert site.robot().stop == "latched"
         assert site.true_pose() == here, "the button is still pressed: nothing moves"
     finally:
         site.room.control.delete("/faults")
-    wait_until(lambda: site.robot()["stop_button"] == "released", "the button is seen to be released")
+    wait_until(lambda: site.robot().stop_button == "released", "the button is seen to be released")
     assert site.outcome(site.begin(site.approved_plan())).status == "succeeded"
-    assert site.robot()["stop_button"] == "clear"
+    assert site.robot().stop_button == "clear"

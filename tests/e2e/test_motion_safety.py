@@ -11,8 +11,10 @@ import httpx
 import pytest
 
 from benchmarks.common.operating_room import OperatingRoom
-from distalock.case_client import CaseClient, Operation, Plan
-from distalock.rest_client import JsonObject, RequestRefused, bearer
+from distalock.case_client import CaseClient, is_accepted, summary_of
+from distalock.client import RequestRefused
+from distalock.client.models import OperationView, PlanView, RobotState
+from distalock.rest_client import bearer
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
 
@@ -26,21 +28,21 @@ class Planned:
 
     site: OperatingRoom
     case: CaseClient
-    plan: Plan
+    plan: PlanView
 
-    def robot(self) -> JsonObject:
+    def robot(self) -> RobotState:
         return robot_of(self.site)
 
-    def start_motion(self) -> Operation:
-        return Operation.model_validate(self.case.begin_motion(self.plan))
+    def start_motion(self) -> OperationView:
+        return self.case.begin_motion(self.plan)
 
     def true_pose(self) -> object:
         return self.site.control.get("/truth")["base_from_top"]
 
 
-def robot_of(site: OperatingRoom) -> JsonObject:
-    state = site.rest.get("/api/v1/robot")["state"]
-    assert isinstance(state, dict)
+def robot_of(site: OperatingRoom) -> RobotState:
+    state = site.gateway.read_robot().state
+    assert state is not None
     return state
 
 
@@ -51,11 +53,11 @@ def planned(site: OperatingRoom) -> Iterator[Planned]:
     Whoever moves the robot all the way stands last: the others need a long way before them.
     """
     case = site.open_case()
-    if robot_of(site)["stop"] == "latched":
+    if robot_of(site).stop == "latched":
         case.make_robot_ready()  # its reference fails when the robot is referenced already
-    wait_until(lambda: robot_of(site)["state"] == "locked", "locked and ready")
+    wait_until(lambda: robot_of(site).state == "locked", "locked and ready")
     seen = case.localisation_of(site.room.take_shot())
-    assert seen.accepted, seen.summary
+    assert is_accepted(seen), summary_of(seen)
     yield Planned(site, case, case.plan(seen.number, site.room.scenario().hole_ids))
     case.record_step("abandoned", [], why="the test has ended")
 
@@ -68,7 +70,7 @@ def wait_until(condition: Callable[[], bool], what: str, patience_s: float = 60.
 
 
 def moving(planned: Planned) -> bool:
-    return planned.robot()["state"] == "moving"
+    return planned.robot().state == "moving"
 
 
 @pytest.mark.requirement("ROB-03")
@@ -77,27 +79,23 @@ def test_stop_during_motion_locks_at_a_known_position(planned: Planned) -> None:
     operation = planned.start_motion()
     wait_until(lambda: moving(planned), "moving")
     begun = time.monotonic()
-    answer = planned.site.rest.post("/api/v1/robot/stop")
-    wait_until(lambda: planned.robot()["locked"] is True, "locked")
+    answer = planned.site.gateway.stop_robot()
+    wait_until(lambda: planned.robot().locked is True, "locked")
     took_s = time.monotonic() - begun
     print(f"stop request to locked, seen through REST: {1e3 * took_s:.0f} ms")
-    assert answer["confirmed"] is True
+    assert answer.confirmed
     assert took_s <= LOCKED_WITHIN_S
     state = planned.robot()
-    assert state["state"] == "stopped"
-    assert state["pose"] is not None
+    assert state.state == "stopped"
+    assert state.pose is not None
     here = planned.true_pose()
     time.sleep(0.3)  # what is locked must still be there later
     assert planned.true_pose() == here
-    ended = planned.case.follow({"id": operation.id, "status": "running", "detail": "", **no_deviation()})
+    ended = planned.case.follow(operation)
     assert ended.status == "stopped"
     with pytest.raises(RequestRefused, match="a motion was made from it"):
         planned.start_motion()
     assert planned.true_pose() == here
-
-
-def no_deviation() -> JsonObject:
-    return {"deviation_mm": None, "deviation_deg": None}
 
 
 @pytest.mark.requirement("GW-01")
@@ -112,9 +110,9 @@ def test_without_approval_and_with_a_wire_in_the_bone_nothing_moves(planned: Pla
     with pytest.raises(RequestRefused) as wired:
         planned.start_motion()
     with pytest.raises(RequestRefused) as reference:
-        planned.site.rest.post("/api/v1/robot/reference")
+        planned.site.gateway.reference_robot()
     assert (wired.value.problem_code, reference.value.problem_code) == ("wires_in_place", "wires_in_place")
-    assert planned.robot()["state"] == "locked"
+    assert planned.robot().state == "locked"
     assert planned.true_pose() == here
 
 
@@ -136,7 +134,7 @@ def test_a_new_image_makes_an_approved_plan_stale(planned: Planned) -> None:
     with pytest.raises(RequestRefused, match=r"(?i)stale|newer|image") as refusal:
         planned.start_motion()
     print(refusal.value.problem_code, refusal.value)
-    assert planned.robot()["state"] == "locked"
+    assert planned.robot().state == "locked"
     assert planned.true_pose() == here
 
 
@@ -144,29 +142,29 @@ def test_killed_robot_service_is_noticed_and_comes_back_locked(planned: Planned)
     planned.case.approve(planned.plan)
     operation = planned.start_motion()
     wait_until(lambda: moving(planned), "moving")
-    old_epoch = planned.robot()["boot_epoch"]
+    old_epoch = planned.robot().boot_epoch
     fleet = planned.site.fleet
     os.kill(fleet.pids["robot"], signal.SIGKILL)
 
     def noticed() -> bool:
-        view = planned.site.rest.get("/api/v1/robot")
-        return view["service_alive"] is False or view["validity"] != "current"
+        view = planned.site.gateway.read_robot()
+        return not view.service_alive or view.validity != "current"
 
     wait_until(noticed, "the gateway notices the loss")
-    assert planned.site.rest.get(f"/api/v1/operations/{operation.id}")["status"] != "succeeded"
+    assert planned.site.gateway.read_operation(operation.id).status != "succeeded"
     with pytest.raises(RequestRefused):
         planned.start_motion()
 
     fleet.restart("robot")
-    wait_until(lambda: planned.robot()["boot_epoch"] != old_epoch, "the robot service is back")
-    wait_until(lambda: planned.robot()["locked"] is True, "locked after the restart")
+    wait_until(lambda: planned.robot().boot_epoch != old_epoch, "the robot service is back")
+    wait_until(lambda: planned.robot().locked is True, "locked after the restart")
     here = planned.true_pose()
-    assert planned.robot()["stop"] == "latched"
+    assert planned.robot().stop == "latched"
     with pytest.raises(RequestRefused) as refusal:
         planned.start_motion()
     print(refusal.value.problem_code, refusal.value)
     assert planned.true_pose() == here
-    assert planned.site.rest.get(f"/api/v1/operations/{operation.id}")["status"] in ("failed", "unknown", "stopped")
+    assert planned.site.gateway.read_operation(operation.id).status in ("failed", "unknown", "stopped")
 
 
 def test_a_second_identical_motion_request_moves_once(planned: Planned) -> None:
@@ -186,4 +184,4 @@ def test_a_second_identical_motion_request_moves_once(planned: Planned) -> None:
         planned.start_motion()
     print(refusal.value.problem_code, refusal.value)
     assert planned.true_pose() == there
-    assert planned.robot()["locked"] is True
+    assert planned.robot().locked is True

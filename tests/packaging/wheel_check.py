@@ -60,6 +60,7 @@ def checks(command: Path, folder: Path) -> list[str]:
         run.ended(
             ["qa", str(images), "--ring", sources.ring.name, "--out", str(folder / "qa")], {0, 3}, "1 of 1 images"
         ),
+        run.imported("distalock.client"),
         run.ended(["--version"], {0}, "distalock "),
         run.ended(["bench"], {2}, "benchmarks need a checkout"),
     ]
@@ -72,6 +73,14 @@ class Runner:
         self._command, self._folder = command, folder / "empty"
         self._folder.mkdir()
         self._environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+
+    def imported(self, name: str) -> str:
+        """A sentence unless a module can be imported."""
+        words = [str(self._command.with_name("python")), "-c", f"import {name}"]
+        done = subprocess.run(
+            words, cwd=self._folder, env=self._environment, capture_output=True, text=True, check=False
+        )
+        return f"{name} cannot be imported: {done.stderr}" if done.returncode else ""
 
     def ended(self, words: list[str], codes: set[int], text: str) -> str:
         """A sentence unless the command ends with one of the exit codes and prints the text."""

@@ -43,13 +43,13 @@ class ReadyView(View):
 
 
 @router.get("/healthz", openapi_extra=needs(Action.SEE_HEALTH))
-async def healthz() -> HealthView:
+async def read_health() -> HealthView:
     """Whether the process runs."""
     return HealthView(status=_OK, version=software_version())
 
 
 @router.get("/readyz", response_model=ReadyView, openapi_extra=needs(Action.SEE_HEALTH))
-async def readyz(request: Request, gateway: TheGateway) -> Response:
+async def read_readiness(request: Request, gateway: TheGateway) -> Response:
     """Whether bus, services, robot, database and disk do what they are there for; 503 with what does not."""
     probe = gateway.readiness.probe()
     await asyncio.wait([asyncio.wrap_future(probe)], timeout=PROBE_WITHIN_S)
@@ -72,7 +72,7 @@ def _view(check: Check) -> CheckView:
     responses={200: {"content": {"text/plain": {}}}},
     openapi_extra=needs(Action.SEE_METRICS),
 )
-def metrics(request: Request, gateway: TheGateway) -> Response:
+def read_metrics(request: Request, gateway: TheGateway) -> Response:
     """Figures for Prometheus."""
     measured: Metrics = request.app.state.metrics
     measured.observe(gateway)

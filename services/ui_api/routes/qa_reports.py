@@ -29,7 +29,7 @@ class QaReportView(QaReport):
 
 
 @router.post("", status_code=201, response_model=QaReportView, openapi_extra=needs(Action.REPORT_QUALITY))
-def report(
+def make_qa_report(
     case_id: str,
     request: Request,
     body: QaBody,
@@ -55,7 +55,7 @@ def report(
 
 
 @router.get("", openapi_extra=needs(Action.READ))
-def list_reports(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[QaReportView]:
+def list_qa_reports(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit: Limit = 50) -> Page[QaReportView]:
     """The quality reports of a case, the oldest first."""
     case = gateway.cases.case(case_id)
 
@@ -71,14 +71,14 @@ def list_reports(case_id: str, gateway: TheGateway, cursor: Cursor = None, limit
     responses={200: {"content": {"text/html": {}}}},
     openapi_extra=needs(Action.READ),
 )
-def read_page(case_id: str, number: int, gateway: TheGateway) -> Response:
+def read_qa_page(case_id: str, number: int, gateway: TheGateway) -> Response:
     """A report as a page with pictures."""
     content = gateway.quality.page(gateway.cases.case(case_id), number)
     return Response(content, media_type="text/html; charset=utf-8", headers=_SAFE)
 
 
 @router.get("/{number}", openapi_extra=needs(Action.READ))
-def read_report(case_id: str, number: int, gateway: TheGateway) -> QaReportView:
+def read_qa_report(case_id: str, number: int, gateway: TheGateway) -> QaReportView:
     """One report."""
     return _view(number, gateway.quality.content(gateway.cases.case(case_id), number))
 

@@ -43,7 +43,7 @@ async def read_robot(gateway: TheGateway, kept: TheKeptViews) -> Response:
 
 
 @router.post("/stop", response_model=StopView, openapi_extra=needs(Action.STOP))
-async def stop(request: Request, gateway: TheGateway) -> Response:
+async def stop_robot(request: Request, gateway: TheGateway) -> Response:
     """Stop the robot now. Needs no key and no body, and waits for nothing but the robot's confirmation."""
     outcome = await asyncio.wrap_future(gateway.stop_sender.begin(_BY_REST))
     recording = gateway.stop_recorder.put(outcome, _BY_REST, "rest")
@@ -55,7 +55,7 @@ async def stop(request: Request, gateway: TheGateway) -> Response:
 
 
 @router.post("/reference", status_code=202, response_model=OperationView, openapi_extra=needs(Action.PREPARE_ROBOT))
-def reference(
+def reference_robot(
     request: Request,
     key: IdempotencyKey,
     gateway: TheGateway,
@@ -83,7 +83,7 @@ def acknowledge_stop(
 
 
 @router.post("/reset", status_code=202, response_model=OperationView, openapi_extra=needs(Action.PREPARE_ROBOT))
-def reset(
+def reset_robot(
     request: Request,
     key: IdempotencyKey,
     gateway: TheGateway,

@@ -39,7 +39,9 @@ def sign_in(body: LoginBody, request: Request, response: Response, gateway: TheG
 
 
 @router.post("/refresh", openapi_extra=needs(Action.SIGN_IN))
-def refresh(request: Request, response: Response, gateway: TheGateway, body: RefreshBody = _NO_TOKEN) -> SessionView:
+def refresh_session(
+    request: Request, response: Response, gateway: TheGateway, body: RefreshBody = _NO_TOKEN
+) -> SessionView:
     """Renew access with the refresh token, which is replaced."""
     sent = None if body.refresh_token is None else body.refresh_token.get_secret_value()
     token = sent or request.cookies.get(REFRESH_COOKIE)

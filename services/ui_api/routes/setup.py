@@ -14,7 +14,7 @@ from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.session_bodies import FirstAccountBody
 
-router = APIRouter(prefix="/setup", tags=["users"], route_class=GuardedRoute)
+router = APIRouter(prefix="/setup", tags=["first account"], route_class=GuardedRoute)
 SetupToken = Annotated[str, Query(min_length=1, max_length=128, description="From the link.")]
 _FORM: Final = "application/x-www-form-urlencoded"
 _HTML: Final[dict[int | str, dict[str, Any]]] = {200: {"content": {"text/html": {}}}}
@@ -34,7 +34,7 @@ async def _sent_form(request: Request) -> FirstAccountBody:
 
 
 @router.get("", response_class=Response, responses=_HTML, openapi_extra=needs(Action.SIGN_IN))
-def show_page(token: SetupToken, gateway: TheGateway) -> Response:
+def show_setup_page(token: SetupToken, gateway: TheGateway) -> Response:
     """The page for the first account."""
     gateway.access.first_account.require(token)
     return _page(_form(token, ""))

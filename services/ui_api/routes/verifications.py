@@ -19,7 +19,7 @@ router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}/verificati
 
 
 @router.post("", status_code=201, response_model=VerificationView, openapi_extra=needs(Action.VERIFY))
-def verify(
+def make_verification(
     case_id: str,
     request: Request,
     body: VerificationBody,

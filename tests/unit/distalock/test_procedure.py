@@ -1,29 +1,48 @@
 """The procedure with a nail whose spacing the guide does not have: each hole is aligned and drilled by itself."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, TypeVar
 
-from distalock.case_client import (
-    AxisOffset,
-    CaseClient,
-    Localisation,
-    Operation,
+from pydantic import BaseModel
+
+from distalock.case_client import CaseClient
+from distalock.client import RequestRefused
+from distalock.client.models import (
+    LocalisationView,
+    OperationView,
     Plan,
-    PlanContent,
-    PlannedError,
-    Verification,
+    PlanView,
+    PredictedHoleError,
+    StandardUncertainty,
+    VerificationView,
+    VerifiedGuideHole,
 )
 from distalock.procedure import Ending, Procedure
-from distalock.rest_client import RequestRefused
 from distalock.room_client import DrillResult, RoomClient, TrueError
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def some(kind: type[M], **members: object) -> M:
+    """Of an answer, what the procedure reads of it."""
+    return kind.model_construct(**members)
+
 
 HOLES = ("distal", "proximal")
 START_MM, LEFT_MM, OTHER_SPACING_MM = 6.0, 0.1, 2.0
 SHOT, IMAGE = "1.2.3", "a" * 64
-REACHED = Operation(id="m", status="succeeded", detail="", deviation_mm=0.0, deviation_deg=0.0)
-SEEN = Localisation(
-    number=1, verdict="accepted", reasons=(), camera=None, guide=None, holes=None, c_arm_correction_deg=None
+REACHED = some(OperationView, id="m", status="succeeded", detail="", deviation_mm=0.0, deviation_deg=0.0)
+SEEN = some(
+    LocalisationView,
+    number=1,
+    verdict="accepted",
+    reasons=(),
+    camera=None,
+    guide=None,
+    holes=None,
+    c_arm_correction_deg=None,
 )
+SMALL = StandardUncertainty(entry_mm=0.1, axis_deg=0.1)
 
 
 class Room(RoomClient):
@@ -51,46 +70,50 @@ class Case(CaseClient):
     def __init__(self, room: Room) -> None:
         self.room = room
 
-    def make_robot_ready(self) -> tuple[Operation, Operation]:
+    def make_robot_ready(self) -> tuple[OperationView, OperationView]:
         return REACHED, REACHED
 
-    def localisation_of(self, sop_instance_uid: str) -> Localisation:
+    def localisation_of(self, sop_instance_uid: str) -> LocalisationView:
         assert sop_instance_uid == SHOT
         return SEEN
 
-    def newest_localisation(self) -> Localisation:
+    def newest_localisation(self) -> LocalisationView:
         return SEEN
 
     def newest_image_id(self) -> str:
         return IMAGE
 
-    def plan(self, localisation: int, hole_ids: Sequence[str]) -> Plan:
+    def plan(self, localisation: int, hole_ids: Sequence[str]) -> PlanView:
         assert localisation == SEEN.number
         if len(hole_ids) > 1:
-            raise RequestRefused(409, "unequal_spacing", "plan one hole per move")
-        left = PlannedError(id=hole_ids[0], offset_mm=0.0, angle_deg=0.0, chance_to_pass=1.0)
-        return Plan(number=1, sha256="b" * 64, plan=PlanContent(travel_mm=6.0, travel_deg=0.0, predicted=(left,)))
+            raise RequestRefused.of(409, "unequal_spacing", "plan one hole per move")
+        left = PredictedHoleError(
+            id=hole_ids[0], offset_mm=0.0, angle_deg=0.0, chance_to_pass=1.0, standard_uncertainty=SMALL
+        )
+        move = some(Plan, travel_mm=6.0, travel_deg=0.0, predicted=(left,))
+        return some(PlanView, number=1, sha256="b" * 64, plan=move)
 
-    def approve(self, plan: Plan) -> None:
+    def approve(self, plan: PlanView) -> None:
         pass
 
-    def move(self, plan: Plan) -> Operation:
+    def move(self, plan: PlanView) -> OperationView:
         self.room.aligned = plan.plan.predicted[0].id
         return REACHED
 
-    def verify(self, image_ids: Sequence[str], of: Literal["wires", "guide"] = "wires") -> Verification:
+    def verify(self, image_ids: Sequence[str], of: Literal["wires", "guide"] = "wires") -> VerificationView:
         assert (image_ids, of) == ([IMAGE], "guide")
         offsets = [
-            AxisOffset(
+            VerifiedGuideHole(
                 id=e.hole_id,
                 entry_offset_mm=e.entry_offset_mm,
                 exit_offset_mm=e.exit_offset_mm,
                 angle_deg=0.1,
                 chance_to_pass=1.0,
+                standard_uncertainty=SMALL,
             )
             for e in self.room.true_errors()
         ]
-        return Verification(verdict="accepted", reasons=(), guide_holes=tuple(offsets), wires=())
+        return some(VerificationView, verdict="accepted", reasons=(), guide_holes=tuple(offsets), wires=())
 
     def record_step(self, step: str, hole_ids: Sequence[str] = (), why: str = "") -> None:
         pass

@@ -5,7 +5,8 @@ from contextlib import closing
 from pathlib import Path
 
 from benchmarks.faults.acknowledged import Acknowledged
-from distalock.rest_client import JsonObject, RequestRefused, RestClient
+from distalock.client import RequestRefused
+from distalock.rest_client import JsonObject, RestClient
 
 
 class Shelf(RestClient):
@@ -17,7 +18,7 @@ class Shelf(RestClient):
 
     def get(self, path: str) -> JsonObject:
         if path not in self._resources:
-            raise RequestRefused(404, "plan_not_found", f"there is no {path}")
+            raise RequestRefused.of(404, "plan_not_found", f"there is no {path}")
         return self._resources[path]
 
 

@@ -1,0 +1,505 @@
+"""A method for each operation, awaited.
+
+Written by `make generated` from `docs/openapi.json`; do not edit.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator
+from datetime import datetime
+from typing import Literal, TypeVar
+
+from distalock.client import calls
+from distalock.client.base import Page
+from distalock.client.call import Call
+from distalock.client.models import (
+    AlignmentView,
+    ApprovalBody,
+    ApprovalView,
+    CaseBody,
+    CasePatch,
+    CaseView,
+    CatalogueView,
+    HealthView,
+    ImageView,
+    LeaseView,
+    LocalisationView,
+    LoginBody,
+    MeView,
+    MotionBody,
+    OperationView,
+    PasswordBody,
+    PlanBody,
+    PlanView,
+    QaBody,
+    QaReportView,
+    ReadyView,
+    RefreshBody,
+    RobotView,
+    SessionView,
+    StepBody,
+    StepView,
+    StopView,
+    TimelineEntry,
+    UserBody,
+    UserPatch,
+    UserView,
+    VerificationBody,
+    VerificationView,
+)
+
+T = TypeVar("T")
+
+
+class AsyncMethods(ABC):
+    """The interface's operations; see `docs/rest.md` for what they do."""
+
+    @abstractmethod
+    async def send(self, call: Call[T]) -> T:
+        """What is answered to a call; raises `RequestRefused`."""
+
+    async def open_case(self, body: CaseBody, *, idempotency_key: str | None = None) -> CaseView:
+        """Open a case; one at a time in this room."""
+        return await self.send(calls.open_case(body, idempotency_key=idempotency_key))
+
+    async def list_cases(
+        self,
+        *,
+        cursor: str | None = None,
+        limit: int = 50,
+        status: Literal["open", "closed"] | None = None,
+        since: datetime | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> Page[CaseView]:
+        """All cases; `since` is of the last change."""
+        return await self.send(calls.list_cases(cursor=cursor, limit=limit, status=status, since=since, sort=sort))
+
+    async def iterate_cases(
+        self,
+        *,
+        limit: int = 50,
+        status: Literal["open", "closed"] | None = None,
+        since: datetime | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> AsyncIterator[CaseView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(calls.list_cases(cursor=cursor, limit=limit, status=status, since=since, sort=sort))
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def read_case(self, case_id: str) -> CaseView:
+        """A case with the state of its procedure and the next allowed actions."""
+        return await self.send(calls.read_case(case_id))
+
+    async def change_case(
+        self, case_id: str, body: CasePatch = CasePatch(), *, if_match: str | None = None
+    ) -> CaseView:
+        """Change the set-up: the revision counts up, and everything measured before is stale."""
+        return await self.send(calls.change_case(case_id, body, if_match=if_match))
+
+    async def record_step(
+        self, case_id: str, body: StepBody, *, if_match: str | None = None, idempotency_key: str | None = None
+    ) -> CaseView:
+        """Record what people did with their hands; `finished` and `abandoned` close the case."""
+        return await self.send(calls.record_step(case_id, body, if_match=if_match, idempotency_key=idempotency_key))
+
+    async def list_steps(self, case_id: str, *, cursor: str | None = None, limit: int = 50) -> Page[StepView]:
+        """Steps that were recorded and not withdrawn, the oldest first."""
+        return await self.send(calls.list_steps(case_id, cursor=cursor, limit=limit))
+
+    async def iterate_steps(self, case_id: str, *, limit: int = 50) -> AsyncIterator[StepView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(calls.list_steps(case_id, cursor=cursor, limit=limit))
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def withdraw_step(self, case_id: str, number: int) -> CaseView:
+        """Take back the step that was recorded last, because it was not done."""
+        return await self.send(calls.withdraw_step(case_id, number))
+
+    async def read_timeline(self, case_id: str, *, cursor: str | None = None, limit: int = 50) -> Page[TimelineEntry]:
+        """What happened, the oldest first; frames of running fluoroscopy and what only machines need are left out."""
+        return await self.send(calls.read_timeline(case_id, cursor=cursor, limit=limit))
+
+    async def iterate_timeline(self, case_id: str, *, limit: int = 50) -> AsyncIterator[TimelineEntry]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(calls.read_timeline(case_id, cursor=cursor, limit=limit))
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def list_images(
+        self,
+        case_id: str,
+        *,
+        cursor: str | None = None,
+        limit: int = 50,
+        since: datetime | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> Page[ImageView]:
+        """The images of a case; of running fluoroscopy the newest frames, and those that were measured.
+
+        Older frames are among the case's events, and `GET /images/{id}` knows them.
+        """
+        return await self.send(calls.list_images(case_id, cursor=cursor, limit=limit, since=since, sort=sort))
+
+    async def iterate_images(
+        self,
+        case_id: str,
+        *,
+        limit: int = 50,
+        since: datetime | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> AsyncIterator[ImageView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(calls.list_images(case_id, cursor=cursor, limit=limit, since=since, sort=sort))
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def read_dicom(self, image_id: str) -> bytes:
+        """The file exactly as imaging stored it: its SHA-256 is the image's id, and its ETag."""
+        return await self.send(calls.read_dicom(image_id))
+
+    async def read_png(
+        self, image_id: str, *, view: Literal["raw", "corrected", "overlay"] = "raw", width: int | None = None
+    ) -> bytes:
+        """The image for people: as received, without distortion, or with what was found drawn on it."""
+        return await self.send(calls.read_png(image_id, view=view, width=width))
+
+    async def read_image(self, image_id: str) -> ImageView:
+        """What is known of an image."""
+        return await self.send(calls.read_image(image_id))
+
+    async def list_localisations(
+        self,
+        case_id: str,
+        *,
+        cursor: str | None = None,
+        limit: int = 50,
+        verdict: Literal["accepted", "rejected"] | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> Page[LocalisationView]:
+        """The localisations of a case."""
+        return await self.send(
+            calls.list_localisations(case_id, cursor=cursor, limit=limit, verdict=verdict, sort=sort)
+        )
+
+    async def iterate_localisations(
+        self,
+        case_id: str,
+        *,
+        limit: int = 50,
+        verdict: Literal["accepted", "rejected"] | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> AsyncIterator[LocalisationView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(
+                calls.list_localisations(case_id, cursor=cursor, limit=limit, verdict=verdict, sort=sort)
+            )
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def read_localisation(self, case_id: str, number: int) -> LocalisationView:
+        """What `locate` prints, plus provenance and whether it still holds."""
+        return await self.send(calls.read_localisation(case_id, number))
+
+    async def read_alignment(self, case_id: str) -> AlignmentView:
+        """How far and which way to turn the C-arm, from the newest localisation."""
+        return await self.send(calls.read_alignment(case_id))
+
+    async def make_plan(
+        self, case_id: str, body: PlanBody, *, if_match: str | None = None, idempotency_key: str | None = None
+    ) -> PlanView:
+        """Plan the move that brings guide and nail axes together; moves nothing."""
+        return await self.send(calls.make_plan(case_id, body, if_match=if_match, idempotency_key=idempotency_key))
+
+    async def list_plans(
+        self,
+        case_id: str,
+        *,
+        cursor: str | None = None,
+        limit: int = 50,
+        hole: str | None = None,
+        since: datetime | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> Page[PlanView]:
+        """The plans of a case."""
+        return await self.send(calls.list_plans(case_id, cursor=cursor, limit=limit, hole=hole, since=since, sort=sort))
+
+    async def iterate_plans(
+        self,
+        case_id: str,
+        *,
+        limit: int = 50,
+        hole: str | None = None,
+        since: datetime | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> AsyncIterator[PlanView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(
+                calls.list_plans(case_id, cursor=cursor, limit=limit, hole=hole, since=since, sort=sort)
+            )
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def read_plan(self, case_id: str, number: int) -> PlanView:
+        """A plan; its ETag is what an approval quotes."""
+        return await self.send(calls.read_plan(case_id, number))
+
+    async def approve_plan(
+        self,
+        case_id: str,
+        number: int,
+        body: ApprovalBody = ApprovalBody(),
+        *,
+        if_match: str | None = None,
+        idempotency_key: str | None = None,
+    ) -> ApprovalView:
+        """Approve exactly the plan that was read, with the credential once more."""
+        return await self.send(
+            calls.approve_plan(case_id, number, body, if_match=if_match, idempotency_key=idempotency_key)
+        )
+
+    async def withdraw_approval(self, case_id: str, number: int) -> PlanView:
+        """Take an approval back, as long as no motion has begun from it; then stop is what is left."""
+        return await self.send(calls.withdraw_approval(case_id, number))
+
+    async def begin_motion(
+        self, case_id: str, body: MotionBody, *, if_match: str | None = None, idempotency_key: str | None = None
+    ) -> OperationView:
+        """Begin the motion of an approved plan; the operation tells how it ends."""
+        return await self.send(calls.begin_motion(case_id, body, if_match=if_match, idempotency_key=idempotency_key))
+
+    async def list_operations(
+        self,
+        *,
+        cursor: str | None = None,
+        limit: int = 50,
+        status: Literal["running", "unknown", "succeeded", "failed", "stopped"] | None = None,
+        since: datetime | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> Page[OperationView]:
+        """All operations."""
+        return await self.send(calls.list_operations(cursor=cursor, limit=limit, status=status, since=since, sort=sort))
+
+    async def iterate_operations(
+        self,
+        *,
+        limit: int = 50,
+        status: Literal["running", "unknown", "succeeded", "failed", "stopped"] | None = None,
+        since: datetime | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> AsyncIterator[OperationView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(
+                calls.list_operations(cursor=cursor, limit=limit, status=status, since=since, sort=sort)
+            )
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def read_operation(self, operation_id: str) -> OperationView:
+        """How far an operation has come."""
+        return await self.send(calls.read_operation(operation_id))
+
+    async def renew_lease(self, operation_id: str) -> LeaseView:
+        """Go on holding: motion stops when this is not repeated in time. A lapsed lease cannot be renewed."""
+        return await self.send(calls.renew_lease(operation_id))
+
+    async def make_verification(
+        self, case_id: str, body: VerificationBody, *, if_match: str | None = None, idempotency_key: str | None = None
+    ) -> VerificationView:
+        """Compare wires, or the guide alone, in one image or two with the nail's hole axes."""
+        return await self.send(
+            calls.make_verification(case_id, body, if_match=if_match, idempotency_key=idempotency_key)
+        )
+
+    async def list_verifications(
+        self,
+        case_id: str,
+        *,
+        cursor: str | None = None,
+        limit: int = 50,
+        verdict: Literal["accepted", "rejected"] | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> Page[VerificationView]:
+        """The verifications of a case."""
+        return await self.send(
+            calls.list_verifications(case_id, cursor=cursor, limit=limit, verdict=verdict, sort=sort)
+        )
+
+    async def iterate_verifications(
+        self,
+        case_id: str,
+        *,
+        limit: int = 50,
+        verdict: Literal["accepted", "rejected"] | None = None,
+        sort: Literal["oldest", "newest"] = "oldest",
+    ) -> AsyncIterator[VerificationView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(
+                calls.list_verifications(case_id, cursor=cursor, limit=limit, verdict=verdict, sort=sort)
+            )
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def read_verification(self, case_id: str, number: int) -> VerificationView:
+        """One verification."""
+        return await self.send(calls.read_verification(case_id, number))
+
+    async def make_qa_report(
+        self, case_id: str, body: QaBody, *, if_match: str | None = None, idempotency_key: str | None = None
+    ) -> QaReportView:
+        """Examine ring and C-arm over images of the case, best at one angle of the C-arm and without a patient."""
+        return await self.send(calls.make_qa_report(case_id, body, if_match=if_match, idempotency_key=idempotency_key))
+
+    async def list_qa_reports(self, case_id: str, *, cursor: str | None = None, limit: int = 50) -> Page[QaReportView]:
+        """The quality reports of a case, the oldest first."""
+        return await self.send(calls.list_qa_reports(case_id, cursor=cursor, limit=limit))
+
+    async def iterate_qa_reports(self, case_id: str, *, limit: int = 50) -> AsyncIterator[QaReportView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(calls.list_qa_reports(case_id, cursor=cursor, limit=limit))
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def read_qa_page(self, case_id: str, number: int) -> str:
+        """A report as a page with pictures."""
+        return await self.send(calls.read_qa_page(case_id, number))
+
+    async def read_qa_report(self, case_id: str, number: int) -> QaReportView:
+        """One report."""
+        return await self.send(calls.read_qa_report(case_id, number))
+
+    async def read_robot(self) -> RobotView:
+        """The robot as last seen, its age, and whether it says that it is simulated."""
+        return await self.send(calls.read_robot())
+
+    async def stop_robot(self) -> StopView:
+        """Stop the robot now. Needs no key and no body, and waits for nothing but the robot's confirmation."""
+        return await self.send(calls.stop_robot())
+
+    async def reference_robot(self, *, idempotency_key: str | None = None) -> OperationView:
+        """Reference the hexapod: only in set-up, with the guide off the bone."""
+        return await self.send(calls.reference_robot(idempotency_key=idempotency_key))
+
+    async def acknowledge_stop(self, *, idempotency_key: str | None = None) -> OperationView:
+        """Acknowledge a stop, as a person who has looked."""
+        return await self.send(calls.acknowledge_stop(idempotency_key=idempotency_key))
+
+    async def reset_robot(self, *, idempotency_key: str | None = None) -> OperationView:
+        """Leave a fault."""
+        return await self.send(calls.reset_robot(idempotency_key=idempotency_key))
+
+    async def list_parts(self) -> tuple[CatalogueView, ...]:
+        """The catalogue, by name."""
+        return await self.send(calls.list_parts())
+
+    async def read_part(self, name: str) -> bytes:
+        """A part file, byte for byte."""
+        return await self.send(calls.read_part(name))
+
+    async def sign_in(self, body: LoginBody) -> SessionView:
+        """Open a session with name and password."""
+        return await self.send(calls.sign_in(body))
+
+    async def refresh_session(self, body: RefreshBody = RefreshBody()) -> SessionView:
+        """Renew access with the refresh token, which is replaced."""
+        return await self.send(calls.refresh_session(body))
+
+    async def sign_out(self) -> None:
+        """End this session and forget its cookies."""
+        return await self.send(calls.sign_out())
+
+    async def read_me(self) -> MeView:
+        """Who is signed in."""
+        return await self.send(calls.read_me())
+
+    async def change_own_password(self, body: PasswordBody) -> None:
+        """Change the own password, with the old one; other sessions end."""
+        return await self.send(calls.change_own_password(body))
+
+    async def list_users(self, *, cursor: str | None = None, limit: int = 50) -> Page[UserView]:
+        """All accounts, by name."""
+        return await self.send(calls.list_users(cursor=cursor, limit=limit))
+
+    async def iterate_users(self, *, limit: int = 50) -> AsyncIterator[UserView]:
+        """The same, item by item through all pages."""
+        cursor: str | None = None
+        while True:
+            page = await self.send(calls.list_users(cursor=cursor, limit=limit))
+            for item in page.items:
+                yield item
+            if page.next_cursor is None:
+                return
+            cursor = page.next_cursor
+
+    async def create_user(self, body: UserBody, *, idempotency_key: str | None = None) -> UserView:
+        """Make an account."""
+        return await self.send(calls.create_user(body, idempotency_key=idempotency_key))
+
+    async def read_user(self, name: str) -> UserView:
+        """One account."""
+        return await self.send(calls.read_user(name))
+
+    async def change_user(self, name: str, body: UserPatch = UserPatch()) -> UserView:
+        """Change roles or password, disable or enable; the user's sessions end."""
+        return await self.send(calls.change_user(name, body))
+
+    async def end_sessions(self, name: str) -> None:
+        """End all sessions of a user now."""
+        return await self.send(calls.end_sessions(name))
+
+    async def read_health(self) -> HealthView:
+        """Whether the process runs."""
+        return await self.send(calls.read_health())
+
+    async def read_readiness(self) -> ReadyView:
+        """Whether bus, services, robot, database and disk do what they are there for; 503 with what does not."""
+        return await self.send(calls.read_readiness())
+
+    async def read_metrics(self) -> str:
+        """Figures for Prometheus."""
+        return await self.send(calls.read_metrics())
