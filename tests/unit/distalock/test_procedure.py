@@ -25,7 +25,7 @@ M = TypeVar("M", bound=BaseModel)
 
 def some(kind: type[M], **members: object) -> M:
     """Of an answer, what the procedure reads of it."""
-    return kind.model_construct(**members)
+    return kind.model_construct(None, **members)
 
 
 HOLES = ("distal", "proximal")
