@@ -9,10 +9,12 @@ Usage: ``python deploy/subset_lock.py imaging > imaging.lock``
 import re
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 _NAME = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)")
+_EXTRAS = re.compile(r"^distalock\[([^\]]*)\]")
 _REQUIREMENT = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==")
 
 
@@ -24,8 +26,19 @@ def normalised(name: str) -> str:
 def wanted_roots(pyproject: str, extra: str) -> set[str]:
     """Direct dependencies of the project with one extra; raises `KeyError` for an unknown extra."""
     project = tomllib.loads(pyproject)["project"]
-    requirements = project["dependencies"] + project["optional-dependencies"][extra]
+    requirements = [*project["dependencies"], *_of_extra(project["optional-dependencies"], extra)]
     return {normalised(match[1]) for r in requirements if (match := _NAME.match(r))}
+
+
+def _of_extra(extras: dict[str, list[str]], extra: str) -> Iterator[str]:
+    """What an extra asks for; where it names other extras of the project, what those ask for."""
+    for requirement in extras[extra]:
+        others = _EXTRAS.match(requirement)
+        if others is None:
+            yield requirement
+        else:
+            for other in others[1].split(","):
+                yield from _of_extra(extras, other.strip())
 
 
 def lock_entries(lock: str) -> list[tuple[str, str, set[str]]]:
@@ -51,10 +64,10 @@ def subset(lock: str, roots: set[str]) -> str:
 
 
 if __name__ == "__main__":
-    service = sys.argv[1] if len(sys.argv) == 2 else sys.exit("usage: subset_lock.py EXTRA")
+    extras = sys.argv[1:] or sys.exit("usage: subset_lock.py EXTRA ...")
     pyproject_text = (ROOT / "pyproject.toml").read_text()
     try:
-        wanted = wanted_roots(pyproject_text, service)
-    except KeyError:
-        sys.exit(f"no extra named {service!r} in pyproject.toml")
+        wanted = set().union(*(wanted_roots(pyproject_text, extra) for extra in extras))
+    except KeyError as error:
+        sys.exit(f"no extra named {error} in pyproject.toml")
     sys.stdout.write(subset((ROOT / "requirements.lock").read_text(), wanted))

@@ -1,6 +1,10 @@
-"""The token of the user `demo`, whom a simulation has: kept in the state folder, made when it is first wanted."""
+"""The token of the user `demo`, whom a simulation has: kept in the state folder, made when it is first wanted.
+
+`python -m distalock.demo_user FOLDER` makes it, for containers.
+"""
 
 import secrets
+import sys
 from pathlib import Path
 from typing import Final
 
@@ -17,3 +21,7 @@ def demo_token(state_dir: Path) -> str:
         state_dir.mkdir(parents=True, exist_ok=True)
         write_private(file, f"{secrets.token_urlsafe(_TOKEN_BYTES)}\n".encode())
     return read_file(file).decode("ascii").strip()
+
+
+if __name__ == "__main__":
+    demo_token(Path(sys.argv[1]))

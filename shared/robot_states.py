@@ -1,6 +1,9 @@
-"""States of the robot: the same values in the robot's core, on the bus and at the consoles."""
+"""States of the robot, and what it is asked for: the same values in its core, on the bus and at the consoles."""
 
 from enum import StrEnum
+from typing import Literal
+
+Verb = Literal["move", "stop", "reference", "acknowledge_stop", "reset"]
 
 
 class MotionState(StrEnum):

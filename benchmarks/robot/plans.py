@@ -7,7 +7,7 @@ import numpy as np
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import PlatformPose, base_from_top, leg_lengths_mm
 from shared.geometry.transform import Transform
-from shared.messages.base import matrix4, vector3
+from shared.messages.geometry import matrix4, vector3
 from shared.messages.registration import Plan
 from shared.messages.robot import PlatformPoseMessage
 from shared.parts.hexapod_file import default_hexapod

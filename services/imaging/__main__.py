@@ -17,6 +17,7 @@ from services.imaging.service import Calibrator, Defaults, ImagingService
 from services.imaging.service.quality_handler import QualityHandler
 from services.imaging.settings import ImagingSettings
 from shared.bus.port import Bus
+from shared.compiled import load_kernels
 from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime, service_main
 from shared.runtime.logging import Log
@@ -29,6 +30,7 @@ _CASE_WITHIN_S = 1.0
 @contextmanager
 def compose(settings: ImagingSettings, bus: Bus, runtime: Runtime) -> Iterator[None]:
     """Build the service and run it for as long as the context lasts."""
+    runtime.log.info("kernels", detail=load_kernels().sentence)  # before the service is ready: no first image waits
     store = ImageStore(settings.state_dir / "images")
     defaults = Defaults(
         settings.default_source_to_detector_mm,

@@ -38,7 +38,7 @@ from shared.errors import Reason
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.hexapod import PlatformPose
 from shared.geometry.parts import GuidePart
-from shared.messages.base import matrix4, vector3
+from shared.messages.geometry import matrix4, vector3
 from shared.messages.registration import Fusion, LocalisationRecord, Plan, PlanReply, PlanRequest, PredictedHoleError
 from shared.messages.robot import PlatformPoseMessage, RobotState
 

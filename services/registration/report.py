@@ -17,7 +17,8 @@ from services.registration.core.mounting_site import MountingScrew, MountingSite
 from shared.errors import Accepted, Rejected
 from shared.geometry.bend import MM_PER_M
 from shared.geometry.calibration import CArmCalibration
-from shared.messages.base import ReasonMessage, matrix3, matrix4, pixel, vector3
+from shared.messages.base import ReasonMessage
+from shared.messages.geometry import matrix3, matrix4, pixel, vector3
 from shared.messages.registration import (
     AdvisedScrew,
     CArmCorrection,

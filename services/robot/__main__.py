@@ -11,7 +11,7 @@ from services.robot.core.refusals import Refusal
 from services.robot.core.status import DriveStatus
 from services.robot.devices.controller import HexapodController
 from services.robot.devices.dialects import DRIVERS
-from services.robot.devices.guardian import Guardian
+from services.robot.devices.guardian import Guardian, hosted_at
 from services.robot.devices.serial_line import open_port
 from services.robot.drive.drive import Drive
 from services.robot.service import RobotParts, RobotService
@@ -32,7 +32,7 @@ def compose(settings: RobotSettings, bus: Bus, runtime: Runtime) -> Iterator[Rob
     """Build the service and run it for as long as the context lasts."""
     hexapod = _hexapod(settings)
     permit_verifier = settings.permit_verifier()
-    guardian = Guardian()
+    guardian = Guardian(hosted_at(settings.guardian_socket) if settings.guardian_socket else None)
 
     def connect() -> HexapodController:
         port = open_port(settings.controller_url, settings.controller_baud)

@@ -18,8 +18,9 @@ from shared.geometry.frames import Guide
 from shared.geometry.hexapod import HexapodPart, PlatformPose, leg_lengths_mm
 from shared.geometry.transform import Transform
 from shared.messages import robot as wire
-from shared.messages.base import MessageInvalid, decode, encode, vector3
+from shared.messages.base import MessageInvalid, decode, encode
 from shared.messages.cases import CaseContext
+from shared.messages.geometry import vector3
 from shared.messages.permits import Permit as PermitMessage
 from shared.messages.permits import SignedPermit
 from shared.messages.registration import Plan, RegistrationEpoch

@@ -32,6 +32,11 @@ class RobotSettings(ServiceSettings):
     controller_baud: Annotated[int, Field(ge=1200, le=4_000_000)] = Field(
         115_200, description="Bits per second of a serial line."
     )
+    guardian_socket: Path | None = Field(
+        None,
+        description="Socket of a guardian host (`guardian_host.py`) that outlives this service's container; default: "
+        "the guardian is a process of this service.",
+    )
     reply_timeout_s: Annotated[float, Field(gt=0.0, le=2.0)] = Field(
         CONTROLLER_LINE.reply_timeout_s, description="How long the controller may take to answer a question."
     )

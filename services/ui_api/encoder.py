@@ -11,7 +11,6 @@ import struct
 import sys
 from typing import Final
 
-import cv2
 import numpy as np
 
 from services.ui_api.core.picture import jpeg_of
@@ -28,7 +27,6 @@ _LESS_URGENT: Final = 5
 def main() -> int:
     """Exit code: 0 when the gateway has closed its end."""
     os.nice(_LESS_URGENT)
-    cv2.setNumThreads(1)
     with socket.socket(fileno=sys.stdin.fileno()) as gateway:
         while encode_one(gateway):
             pass

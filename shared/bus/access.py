@@ -10,7 +10,7 @@ from typing import Final, Literal, get_args
 
 from shared.bus.keys import Keys
 from shared.messages.presence import ServiceName
-from shared.messages.robot import Verb
+from shared.robot_states import Verb
 
 SERVICES: Final[tuple[ServiceName, ...]] = get_args(ServiceName)
 # The router has a name in the table and no certificate of a service: what it says itself passes no rules.

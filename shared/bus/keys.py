@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from shared.messages.presence import ServiceName
-from shared.messages.robot import Verb
+from shared.robot_states import Verb
 
 PREFIX = "distalock/v1"
 

@@ -17,13 +17,12 @@ from shared.messages.base import (
     MessageInvalid,
     ReasonMessage,
     Sha256,
-    TransformMessage,
     UnixNanoseconds,
     Verdict,
     WireModel,
     is_empty,
-    matrix3,
 )
+from shared.messages.geometry import TransformMessage, matrix3
 
 Pixels = NDArray[np.float32]
 ImageAge = Annotated[float | None, Field(ge=0.0, allow_inf_nan=False)]

@@ -16,6 +16,7 @@ from shared.messages.permits import SignedPermit
 from shared.robot_states import MotionState as MotionState
 from shared.robot_states import StopButton as StopButton
 from shared.robot_states import StopLatch as StopLatch
+from shared.robot_states import Verb as Verb
 
 
 class PlatformPoseMessage(WireModel):
@@ -72,9 +73,6 @@ class RobotState(Message):
     permit_sha256: Sha256 | None = Field(None, description="Hash of the permit that was taken last.")
     permits_refused: int = Field(0, ge=0, description="How many permits this run of the service has refused.")
     permit_refusal: str = Field("", description="Code with which the last of them was refused.")
-
-
-Verb = Literal["move", "stop", "reference", "acknowledge_stop", "reset"]
 
 
 class CommandEnvelope(WireModel):

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Final, TypeVar
 
 import structlog
@@ -27,10 +28,11 @@ from shared.errors import BusUnavailable, ConfigurationError, DistalockError
 from shared.memory import share_arenas
 from shared.messages.presence import ServiceName
 from shared.runtime.bus_check import check_bus
+from shared.runtime.health import HealthFile
 from shared.runtime.help import service_parser
 from shared.runtime.impairments import watched
 from shared.runtime.logging import Log, configure_logging, flush_logs
-from shared.runtime.presence import StatusReporter, always, beating
+from shared.runtime.presence import StatusReporter, always, beating, nothing
 from shared.runtime.settings import ServiceSettings, bus_settings, load_settings
 from shared.runtime.sole_service import sole_service
 from shared.scheduling import has_precedence
@@ -135,7 +137,8 @@ def software_version() -> str:
 @contextmanager
 def whole_service(bus: Bus, runtime: Runtime, settings: ServiceSettings) -> Iterator[None]:
     """What a service shows that is one process: that it is there, that it lives, and how it fares."""
-    with _place_in_room(bus, runtime), reporting(runtime, settings), living(bus, runtime):
+    note_beat = _noted_in(settings.health_file, runtime)
+    with _place_in_room(bus, runtime), reporting(runtime, settings), living(bus, runtime, note_beat=note_beat):
         yield
 
 
@@ -154,10 +157,23 @@ def reporting(runtime: Runtime, settings: ServiceSettings) -> Iterator[None]:
             runtime.status.report("stopping")
 
 
-def living(bus: Bus, runtime: Runtime, is_alive: Callable[[], bool] = always) -> AbstractContextManager[None]:
+def living(
+    bus: Bus,
+    runtime: Runtime,
+    is_alive: Callable[[], bool] = always,
+    note_beat: Callable[[], None] = nothing,
+) -> AbstractContextManager[None]:
     """Liveliness token and heartbeats."""
     service = runtime.service
-    return beating(bus, runtime.keys, service, runtime.boot_epoch, HEARTBEAT_HZ[service], is_alive)
+    return beating(bus, runtime.keys, service, runtime.boot_epoch, HEARTBEAT_HZ[service], is_alive, note_beat)
+
+
+def _noted_in(file: Path | None, runtime: Runtime) -> Callable[[], None]:
+    """Notes heartbeats with the service's condition in a file, if there is one."""
+    if file is None:
+        return nothing
+    health = HealthFile(file)
+    return lambda: health.note(runtime.status.condition or "starting")
 
 
 @contextmanager

@@ -86,6 +86,10 @@ def always() -> bool:
     return True
 
 
+def nothing() -> None:
+    """For heartbeats that nobody notes."""
+
+
 @contextmanager
 def beating(
     bus: Bus,
@@ -94,6 +98,7 @@ def beating(
     boot_epoch: str,
     rate_hz: float,
     is_alive: Callable[[], bool] = always,
+    note_beat: Callable[[], None] = nothing,
 ) -> Iterator[None]:
     """Hold the liveliness token and send heartbeats, from a thread of their own, for as long as the context lasts.
 
@@ -101,6 +106,8 @@ def beating(
     ----------
     is_alive
         Asked before every heartbeat, which is left out when the rest of the service is not.
+    note_beat
+        Called with every heartbeat that is sent.
     """
     ended = threading.Event()
     publisher = bus.publisher(keys.heartbeat(service))
@@ -110,6 +117,7 @@ def beating(
         while not ended.wait(max(due_s - time.monotonic(), 0.0)):
             if is_alive():
                 publisher.put(encode(Heartbeat(service=service, boot_epoch=boot_epoch, sequence=sequence)))
+                note_beat()
             sequence += 1
             # From beat to beat, not from pause to pause; but after a hang, missed beats are not made up for.
             due_s = max(due_s, time.monotonic() - 1.0 / rate_hz) + 1.0 / rate_hz

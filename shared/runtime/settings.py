@@ -58,6 +58,9 @@ class ServiceSettings(BaseSettings):
     tls_key: Path | None = Field(None, description="Private key of this service.")
     log_level: LogLevel = Field("info", description="What is logged: this and everything more serious.")
     log_file: Path | None = Field(None, description="File for the log, which rotates; default: standard error.")
+    health_file: Path | None = Field(
+        None, description="File in memory (a tmpfs) for a container's health check: each heartbeat is noted there."
+    )
     least_free_mib: Annotated[float, Field(ge=0.0)] = Field(
         64.0, description="Free space below which the state folder's disk counts as nearly full."
     )

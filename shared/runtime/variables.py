@@ -14,15 +14,23 @@ _ALIKE: Final = 0.85
 OTHER_VARIABLES: Final = frozenset(
     f"{PREFIX}{name}"
     for name in (
+        "ARCHIVE_ADDRESS",
         "BASE_IMAGE",
+        "CONTROL_ADDRESS",
         "CONTROLLER_URL",
         "DICOM_ADDRESS",
         "DICOM_TLS",
+        "ENVIRONMENT",
         "FLUOROSCOPY",
         "HTTPS",
         "PARENT_PIPE",
+        "PIP_INDEX_URL",
         "PLAIN_HTTP",
+        "RECORD",
         "REST_ADDRESS",
+        "REVISION",
+        "SEED",
+        "VERSION",
     )
 )
 

@@ -8,7 +8,8 @@ from services.robot.message_mapping import planned_move
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import ZERO_POSE, leg_lengths_mm
 from shared.geometry.transform import Transform
-from shared.messages.base import encode, matrix4, vector3
+from shared.messages.base import encode
+from shared.messages.geometry import matrix4, vector3
 from shared.messages.registration import Plan
 from shared.messages.robot import PlatformPoseMessage
 from shared.parts.files import sha256_of

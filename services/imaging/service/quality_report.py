@@ -19,7 +19,8 @@ from services.imaging.core.tuning import QUALITY_CONTROL
 from shared.errors import Reason, Rejected
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import RingPart
-from shared.messages.base import ReasonMessage, vector3
+from shared.messages.base import ReasonMessage
+from shared.messages.geometry import vector3
 from shared.messages.qa import QaBall, QaDrift, QaImage, QaReport
 from shared.runtime.lifecycle import software_version
 

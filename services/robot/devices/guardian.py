@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
@@ -16,6 +17,7 @@ from typing import Protocol
 from services.robot.core.tuning import GUARDING
 from services.robot.devices import guardian_process
 from services.robot.devices.controller import StopInForce
+from services.robot.devices.guardian_host import KILL
 from services.robot.devices.guardian_process import ARM, DISARM, KEEP_ALIVE, READY, STOPPED
 from shared.errors import DeviceError
 
@@ -86,12 +88,37 @@ class Unguarded:
 UNGUARDED = Unguarded()
 
 
-class Guardian:
-    """A guardian process for the line that is open, started again when it was lost at rest."""
+class GuardianProcess(Protocol):
+    """A guardian process that was started."""
 
-    def __init__(self) -> None:
+    def kill(self) -> None:
+        """End it by force."""
+
+    def has_ended(self, within_s: float) -> bool:
+        """Whether it has ended, within a time."""
+
+    def close(self) -> None:
+        """Keep nothing open that was for this guardian."""
+
+
+# Starts a guardian with the file numbers of the line and of its end of the conversation, and its other arguments;
+# raises `OSError` when it cannot.
+Launch = Callable[[int, int, Sequence[str]], GuardianProcess]
+
+
+class Guardian:
+    """A guardian process for the line that is open, started again when it was lost at rest.
+
+    Parameters
+    ----------
+    launch
+        How it is started: by this process, or by a host in another container.
+    """
+
+    def __init__(self, launch: Launch | None = None) -> None:
+        self._launch = launch or child_process
         self._arguments: tuple[int, bytes, bytes] | None = None
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: GuardianProcess | None = None
         self._socket: socket.socket | None = None
         self._armed = False
         self._lost = "the guardian process has not been started: no controller is connected"
@@ -170,16 +197,9 @@ class Guardian:
         self._started_s = time.monotonic()
         self._lost = "the guardian process is being started"
         ours, theirs = socket.socketpair()
-        words = (file_number, theirs.fileno(), *(m.hex() for m in messages), GUARDING.silence_s)
+        words = (*(m.hex() for m in messages), str(GUARDING.silence_s))
         try:
-            # Isolated and without site-packages: nothing but the standard library, and started in a few hundredths.
-            self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and script
-                [sys.executable, "-I", "-S", str(_SCRIPT), *map(str, words)],
-                pass_fds=(file_number, theirs.fileno()),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                start_new_session=True,
-            )
+            self._process = self._launch(file_number, theirs.fileno(), words)
         except OSError as error:
             self._lost = f"the guardian process cannot be started: {error}"
             ours.close()
@@ -243,12 +263,84 @@ class Guardian:
             self._socket.close()
             self._socket = None
         if self._process is not None:
-            try:
-                self._process.wait(_ENDS_WITHIN_S)
-            except subprocess.TimeoutExpired:
+            if not self._process.has_ended(_ENDS_WITHIN_S):
                 self._process.kill()
-                self._process.wait()
+                self._process.has_ended(_ENDS_WITHIN_S)
+            self._process.close()
             self._process = None
+
+
+class ChildGuardian:
+    """A guardian that this process has started."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        self.process = process
+
+    def kill(self) -> None:
+        """See `GuardianProcess`."""
+        self.process.kill()
+
+    def has_ended(self, within_s: float) -> bool:
+        """See `GuardianProcess`."""
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(within_s)
+        return self.process.poll() is not None
+
+    def close(self) -> None:
+        """See `GuardianProcess`."""
+
+
+def child_process(line: int, service: int, words: Sequence[str]) -> GuardianProcess:
+    """Start a guardian as a child, isolated and without site-packages: in a few hundredths of a second."""
+    process = subprocess.Popen(  # noqa: S603 - our own interpreter and script
+        [sys.executable, "-I", "-S", str(_SCRIPT), str(line), str(service), *words],
+        pass_fds=(line, service),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    return ChildGuardian(process)
+
+
+class _Hosted:
+    """A guardian that a host has started (`guardian_host`), and the connection by which it was asked to."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+
+    def kill(self) -> None:
+        """See `GuardianProcess`."""
+        with suppress(OSError):
+            self._connection.send(KILL)
+
+    def has_ended(self, within_s: float) -> bool:
+        """See `GuardianProcess`; the host closes the connection when it has."""
+        ready, _, _ = select.select([self._connection], [], [], within_s)
+        with suppress(OSError):
+            if ready and self._connection.recv(1):
+                return False
+        return bool(ready)
+
+    def close(self) -> None:
+        """See `GuardianProcess`."""
+        self._connection.close()
+
+
+def hosted_at(path: Path) -> Launch:
+    """Start guardians by the host that listens at a path."""
+
+    def launch(line: int, service: int, words: Sequence[str]) -> GuardianProcess:
+        connection = socket.socket(socket.AF_UNIX)
+        try:
+            connection.settimeout(_ENDS_WITHIN_S)
+            connection.connect(str(path))
+            socket.send_fds(connection, ["\n".join(words).encode()], [line, service])
+        except OSError:
+            connection.close()
+            raise
+        return _Hosted(connection)
+
+    return launch
 
 
 def file_number_of(port: object) -> int | None:

@@ -1,15 +1,18 @@
 """A frame as a picture for people: 8 bits, between the grey values that nearly all of its pixels have."""
 
+from io import BytesIO
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
 
 # Chosen by eye: metal stays black, air white, and JPEG shows no blocks; every fourth pixel is enough for percentiles.
 _SHOWN_PERCENTILES: Final = (0.1, 99.9)
 _SAMPLED: Final = 4
 _JPEG_QUALITY: Final = 85
+# Fast: an X-ray's noise leaves little to compress.
+_PNG_COMPRESSION: Final = 1
 
 
 def jpeg_of(pixels: NDArray[np.float32]) -> bytes:
@@ -21,8 +24,9 @@ def jpeg_of(pixels: NDArray[np.float32]) -> bytes:
         Grey values, shape (height, width); darker is denser.
     """
     grey = _stretched(pixels, np.percentile(pixels[::_SAMPLED, ::_SAMPLED], _SHOWN_PERCENTILES))
-    _, encoded = cv2.imencode(".jpg", grey, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))
-    return bytes(encoded.tobytes())
+    encoded = BytesIO()
+    Image.fromarray(grey).save(encoded, "jpeg", quality=_JPEG_QUALITY)
+    return encoded.getvalue()
 
 
 def grey_8_bits(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -32,19 +36,25 @@ def grey_8_bits(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def png_of(grey: NDArray[np.uint8]) -> bytes:
     """Grey values of 8 bits, shape (height, width), as a PNG."""
-    _, encoded = cv2.imencode(".png", grey)
-    return bytes(encoded.tobytes())
+    return _png(Image.fromarray(grey))
 
 
 def narrowed(png: bytes, width_px: int) -> bytes:
     """A PNG made so narrow, in its own proportions; one that is narrower already stays as it is."""
-    picture = cv2.imdecode(np.frombuffer(png, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    if picture is None or picture.shape[1] <= width_px:
+    try:
+        picture = Image.open(BytesIO(png))
+    except UnidentifiedImageError:
         return png
-    height, width = picture.shape[:2]
-    size = (width_px, max(1, round(height * width_px / width)))
-    _, encoded = cv2.imencode(".png", cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
-    return bytes(encoded.tobytes())
+    if picture.width <= width_px:
+        return png
+    size = (width_px, max(1, round(picture.height * width_px / picture.width)))
+    return _png(picture.resize(size, Image.Resampling.BOX))
+
+
+def _png(picture: Image.Image) -> bytes:
+    encoded = BytesIO()
+    picture.save(encoded, "png", compress_level=_PNG_COMPRESSION)
+    return encoded.getvalue()
 
 
 def _stretched(pixels: NDArray[np.float32], ends: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageReceived
@@ -99,8 +99,9 @@ class ImageHandler:
         if calibration.mirrored:
             pixels = pixels[:, ::-1]
         rows, columns = np.mgrid[0 : calibration.height_px, 0 : calibration.width_px].astype(np.float64)
-        measured = calibration.distortion.distort(np.stack([columns, rows], axis=-1)).astype(np.float32)
-        shown = cv2.remap(grey_8_bits(pixels), measured[..., 0], measured[..., 1], cv2.INTER_LINEAR)
+        measured = calibration.distortion.distort(np.stack([columns, rows], axis=-1))
+        places = (measured[..., 1], measured[..., 0])
+        shown = map_coordinates(grey_8_bits(pixels), places, order=1, mode="grid-constant", cval=0)
         return png_of(np.asarray(shown, dtype=np.uint8))
 
     def overlay_png(self, sha256: str) -> bytes:

@@ -2,12 +2,13 @@
 
 import re
 import tomllib
+from itertools import takewhile
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from shared.bus.shared_memory import LOCKED_BYTES
+from shared.bus.shared_memory import LOCKED_BYTES, POOL_BYTES
 from shared.messages.presence import ServiceName
 from shared.pki.keystore import NAMES
 from shared.pki.network import NETWORK
@@ -15,6 +16,10 @@ from shared.pki.permit_key import PERMIT_CERTIFICATE_FILE, PERMIT_KEY_FILE
 
 ROOT = Path(__file__).resolve().parents[3]
 TEXT = (ROOT / "docker-compose.yml").read_text()
+DOCKERFILE = (ROOT / "deploy/Dockerfile").read_text()
+# Folders of the base layer, which belong to the services' user.
+FOLDERS = set(re.findall(r"/\S+", DOCKERFILE.split("mkdir -p")[1].split("&&")[0]))
+BUILT = ("router", *get_args(ServiceName), "virtual-or", "pki")
 
 # What faces the hospital's network, and the key for it.
 SERVERS = {
@@ -25,7 +30,7 @@ SERVERS = {
 
 def block_of(service: str) -> str:
     """Lines of one service."""
-    services = TEXT.split("\nservices:\n")[1].split("\nvolumes:\n")[0]
+    services = TEXT.split("\nservices:\n")[1].split("\nnetworks:\n")[0]
     (block,) = re.findall(rf"(?ms)^  {service}:\n(.*?)(?=^  \S|\Z)", services)
     return str(block)
 
@@ -44,7 +49,10 @@ def test_only_who_issues_sees_all_of_them_and_it_has_no_network() -> None:
     mounted = dict(re.findall(r"- (keys-[a-z-]+):(\S+)", block_of("pki")))
     of_the_bus = {volume_of(name): f"/keys/pki/{name}" for name in ("authority", *NAMES)}
     of_the_network = {volume_of(name): f"/keys/pki/network/{name}" for name in NETWORK}
-    assert mounted == of_the_bus | of_the_network | {"keys-network": "/keys/pki/network/authority"}
+    assert mounted == of_the_bus | of_the_network | {
+        "keys-network": "/keys/pki/network/authority",
+        "keys-logs": "/keys/logs",
+    }
     assert "network_mode: none" in block_of("pki")
 
 
@@ -73,38 +81,88 @@ def test_what_others_reach_is_under_tls() -> None:
     assert "DISTALOCK_UI_API_PLAIN_HTTP: ${DISTALOCK_PLAIN_HTTP:-false}" in gateway
 
 
-def test_containers_may_lock_the_pool_of_frames() -> None:
+def test_containers_may_lock_the_pool_of_frames_and_share_its_memory() -> None:
     (limit,) = re.findall(r"memlock: (\d+)", TEXT)
     assert int(limit) >= LOCKED_BYTES
-    for service in get_args(ServiceName):
+    for service in NAMES:
         assert "<<: *service" in block_of(service)
-        assert "/dev/shm:/dev/shm" in block_of(service)
+        assert "frames:/dev/shm" in block_of(service)
+    (size_mib,) = re.findall(r"size=(\d+)m,mode=1777,nosuid", TEXT)
+    sessions = len(NAMES) + 1  # the gateway has two
+    assert int(size_mib) * 2**20 >= (sessions + 1) * POOL_BYTES
 
 
-def test_each_volume_of_keys_is_mounted_where_the_image_has_a_folder_of_its_user() -> None:
+def test_each_volume_is_mounted_where_the_image_has_a_folder_of_its_user() -> None:
     """A volume takes the owner of the folder that it is first mounted on; root's cannot be written."""
-    made = set(
-        re.findall(r"/keys\S*", (ROOT / "deploy/pki/Dockerfile").read_text().split("mkdir -p")[1].split("&&")[0])
-    )
-    mounted = set(re.findall(r"- keys-[a-z-]+:(\S+)", block_of("pki")))
-    assert mounted
-    assert mounted <= made
+    mounted = set(re.findall(r"- (?:keys-[a-z-]+|state[a-z-]*|images|guardian|demo):(/[^:\s]+)", TEXT))
+    made = {str(parent) for folder in FOLDERS for parent in (Path(folder), *Path(folder).parents)}
+    assert {"/keys/pki/authority", "/run/distalock/guardian", "/var/lib/distalock/images"} <= mounted
+    assert mounted - {"/run/distalock/https", "/run/distalock/dicom"} <= made  # those are only read
 
 
 def test_the_record_is_the_gateways_alone_and_images_are_shared_with_imaging() -> None:
-    mounted = {
-        service: re.findall(r"- ([a-z-]+):(/var/lib/\S+)", block_of(service)) for service in get_args(ServiceName)
-    }
+    mounted = {service: re.findall(r"- ([a-z-]+):(/var/lib/\S+)", block_of(service)) for service in BUILT}
     images = ("images", "/var/lib/distalock/images")
-    assert mounted == {
+    alone = {f"{name}": [(f"state-{name}", "/var/lib/distalock")] for name in ("registration", "robot")}
+    assert mounted == alone | {
+        "router": [],
+        "virtual-or": [],
+        "pki": [],
         "imaging": [("state-imaging", "/var/lib/distalock"), images],
-        "registration": [],
-        "robot": [],
         "ui_api": [("state", "/var/lib/distalock"), images],
     }
 
 
-@pytest.mark.parametrize("service", ["imaging", "ui_api"])
-def test_who_mounts_images_has_a_folder_of_its_user_for_them(service: str) -> None:
-    text = (ROOT / "services" / service / "Dockerfile").read_text()
-    assert "mkdir -p /var/lib/distalock/images && chown -R distalock /var/lib/distalock" in text
+SERVICES = re.findall(r"(?m)^  ([a-z_-]+):$", TEXT.split("\nservices:\n")[1].split("\nnetworks:\n")[0])
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_no_container_has_more_rights_than_it_needs(service: str) -> None:
+    assert re.search(r"<<: \*(contained|service)$", block_of(service), re.MULTILINE)
+    contained = "".join(takewhile(str.strip, TEXT.split("x-contained:")[1].splitlines(keepends=True)))
+    for line in ("read_only: true", 'cap_drop: ["ALL"]', 'security_opt: ["no-new-privileges:true"]', "max-size"):
+        assert line in contained
+    assert "privileged: true" not in block_of(service)
+    assert "mem_limit" in block_of(service)
+
+
+@pytest.mark.parametrize("service", [name for name in SERVICES if name not in ("pki", "demo-user", "virtual-or")])
+def test_what_runs_for_long_has_a_health_check_and_time_to_leave(service: str) -> None:
+    block = block_of(service)
+    assert "healthcheck" in block or "<<: *service" in block
+    assert "stop_grace_period" in block or "<<: *service" in block
+
+
+def test_the_bus_is_a_network_of_its_own_without_a_way_out() -> None:
+    networks = {name: re.findall(r"networks: \[(.*)\]", block_of(name)) for name in SERVICES}
+    assert {name for name, found in networks.items() if "hospital" in "".join(found)} == {
+        "imaging",
+        "ui_api",
+        "virtual-or",
+        "archive",
+    }
+    assert "  bus:\n    internal: true\n" in TEXT
+
+
+@pytest.mark.parametrize("service", ["imaging", "registration", "virtual-or"])
+def test_images_with_kernels_have_them_compiled(service: str) -> None:
+    assert "target: compute" in block_of(service)
+    compute = DOCKERFILE.split("AS compute")[1]
+    # the same processor at build and at run: machine code for another one would be made anew at every start
+    for line in ("ENV NUMBA_CPU_NAME=${KERNEL_CPU} NUMBA_CPU_FEATURES=", "ARG KERNEL_CPU=x86-64-v3"):
+        assert DOCKERFILE.count(line) == 2
+        assert line in compute
+
+
+def test_images_install_wheels_by_their_hashes_alone() -> None:
+    installs = [line for line in DOCKERFILE.splitlines() if "pip install" in line]
+    assert installs
+    assert all("--only-binary :all: --require-hashes" in line for line in installs)
+
+
+@pytest.mark.parametrize("name", ["clinic", "simulation"])
+def test_only_a_simulation_has_the_user_demo_and_takes_any_part(name: str) -> None:
+    content = (ROOT / f"deploy/environments/{name}.env").read_text()
+    assert ("DISTALOCK_UI_API_DEMO_TOKEN_FILE=" in content) is (name == "simulation")
+    assert ("DISTALOCK_UI_API_UNAPPROVED_PARTS=true" in content) is (name == "simulation")
+    assert "${DISTALOCK_ENVIRONMENT:-clinic}.env" in block_of("ui_api")

@@ -22,8 +22,9 @@ from shared.bus.port import Sample
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import ZERO_POSE, PlatformPose, base_from_top, leg_lengths_mm, platform_pose
 from shared.geometry.transform import Transform
-from shared.messages.base import decode, encode, matrix4, vector3
+from shared.messages.base import decode, encode
 from shared.messages.cases import CaseContext, ObjectInside
+from shared.messages.geometry import matrix4, vector3
 from shared.messages.permits import Permit, SignedPermit
 from shared.messages.presence import Heartbeat
 from shared.messages.registration import Plan, RegistrationEpoch

@@ -12,7 +12,7 @@ import pytest
 
 from services.robot.core.tuning import GUARDING
 from services.robot.devices.controller import StopInForce
-from services.robot.devices.guardian import Guardian, GuardianLost, file_number_of
+from services.robot.devices.guardian import ChildGuardian, Guardian, GuardianLost, file_number_of
 from services.robot.devices.guardian_process import ROUNDS
 from services.robot.devices.serial_line import open_port
 
@@ -36,7 +36,8 @@ class Line:
     def pid(self) -> int:
         process = self.guardian._process
         assert process is not None
-        return process.pid
+        assert isinstance(process, ChildGuardian)
+        return process.process.pid
 
     def wait(self, condition: Callable[[], bool]) -> None:
         deadline_s = time.monotonic() + PATIENCE_S
