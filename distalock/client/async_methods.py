@@ -19,6 +19,7 @@ from distalock.client.models import (
     CasePatch,
     CaseView,
     CatalogueView,
+    ChallengeBody,
     HealthView,
     ImageView,
     LeaseView,
@@ -27,6 +28,10 @@ from distalock.client.models import (
     MeView,
     MotionBody,
     OperationView,
+    PasskeyBody,
+    PasskeyOptions,
+    PasskeysView,
+    PasskeyView,
     PasswordBody,
     PlanBody,
     PlanView,
@@ -45,6 +50,7 @@ from distalock.client.models import (
     UserView,
     VerificationBody,
     VerificationView,
+    WaysView,
 )
 
 T = TypeVar("T")
@@ -449,9 +455,37 @@ class AsyncMethods(ABC):
         """Renew access with the refresh token, which is replaced."""
         return await self.send(calls.refresh_session(body))
 
+    async def read_ways(self) -> WaysView:
+        """How one can sign in here."""
+        return await self.send(calls.read_ways())
+
     async def sign_out(self) -> None:
         """End this session and forget its cookies."""
         return await self.send(calls.sign_out())
+
+    async def list_passkeys(self) -> PasskeysView:
+        """Passkeys of the own account."""
+        return await self.send(calls.list_passkeys())
+
+    async def add_passkey(self, body: PasskeyBody) -> PasskeyView:
+        """Keep a new passkey."""
+        return await self.send(calls.add_passkey(body))
+
+    async def begin_passkey(self) -> PasskeyOptions:
+        """Options to make a passkey with; then `POST /users/me/passkeys`."""
+        return await self.send(calls.begin_passkey())
+
+    async def ask_challenge(self, body: ChallengeBody) -> PasskeyOptions:
+        """Options to sign the approval of one plan with; then `POST .../approval` with `passkey`."""
+        return await self.send(calls.ask_challenge(body))
+
+    async def remove_passkey(self, passkey_id: str) -> None:
+        """Forget a passkey of the own account."""
+        return await self.send(calls.remove_passkey(passkey_id))
+
+    async def remove_passkeys_of_user(self, name: str) -> None:
+        """Forget all passkeys of a user: a phone was lost."""
+        return await self.send(calls.remove_passkeys_of_user(name))
 
     async def read_me(self) -> MeView:
         """Who is signed in."""

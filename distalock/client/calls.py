@@ -16,6 +16,7 @@ from distalock.client.models import (
     CasePatch,
     CaseView,
     CatalogueView,
+    ChallengeBody,
     HealthView,
     ImageView,
     LeaseView,
@@ -24,6 +25,10 @@ from distalock.client.models import (
     MeView,
     MotionBody,
     OperationView,
+    PasskeyBody,
+    PasskeyOptions,
+    PasskeysView,
+    PasskeyView,
     PasswordBody,
     PlanBody,
     PlanView,
@@ -42,6 +47,7 @@ from distalock.client.models import (
     UserView,
     VerificationBody,
     VerificationView,
+    WaysView,
 )
 
 
@@ -410,9 +416,44 @@ def refresh_session(body: RefreshBody = RefreshBody()) -> Call[SessionView]:
     return Call("POST", "/api/v1/sessions/refresh", SessionView, body=body)
 
 
+def read_ways() -> Call[WaysView]:
+    """How one can sign in here."""
+    return Call("GET", "/api/v1/sessions/ways", WaysView)
+
+
 def sign_out() -> Call[None]:
     """End this session and forget its cookies."""
     return Call("DELETE", "/api/v1/sessions/current", type(None))
+
+
+def list_passkeys() -> Call[PasskeysView]:
+    """Passkeys of the own account."""
+    return Call("GET", "/api/v1/users/me/passkeys", PasskeysView)
+
+
+def add_passkey(body: PasskeyBody) -> Call[PasskeyView]:
+    """Keep a new passkey."""
+    return Call("POST", "/api/v1/users/me/passkeys", PasskeyView, body=body)
+
+
+def begin_passkey() -> Call[PasskeyOptions]:
+    """Options to make a passkey with; then `POST /users/me/passkeys`."""
+    return Call("POST", "/api/v1/users/me/passkeys/registration", PasskeyOptions)
+
+
+def ask_challenge(body: ChallengeBody) -> Call[PasskeyOptions]:
+    """Options to sign the approval of one plan with; then `POST .../approval` with `passkey`."""
+    return Call("POST", "/api/v1/users/me/passkeys/challenge", PasskeyOptions, body=body)
+
+
+def remove_passkey(passkey_id: str) -> Call[None]:
+    """Forget a passkey of the own account."""
+    return Call("DELETE", f"/api/v1/users/me/passkeys/{escaped(passkey_id)}", type(None))
+
+
+def remove_passkeys_of_user(name: str) -> Call[None]:
+    """Forget all passkeys of a user: a phone was lost."""
+    return Call("DELETE", f"/api/v1/users/{escaped(name)}/passkeys", type(None))
 
 
 def read_me() -> Call[MeView]:

@@ -11,7 +11,15 @@ from pydantic import Field
 from distalock.client.base import ReceivedModel
 
 AccountChange = Literal[
-    "created", "roles_changed", "password_changed", "disabled", "enabled", "sessions_ended", "refresh_token_reused"
+    "created",
+    "roles_changed",
+    "password_changed",
+    "disabled",
+    "enabled",
+    "passkey_added",
+    "passkey_removed",
+    "sessions_ended",
+    "refresh_token_reused",
 ]
 
 

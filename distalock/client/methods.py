@@ -19,6 +19,7 @@ from distalock.client.models import (
     CasePatch,
     CaseView,
     CatalogueView,
+    ChallengeBody,
     HealthView,
     ImageView,
     LeaseView,
@@ -27,6 +28,10 @@ from distalock.client.models import (
     MeView,
     MotionBody,
     OperationView,
+    PasskeyBody,
+    PasskeyOptions,
+    PasskeysView,
+    PasskeyView,
     PasswordBody,
     PlanBody,
     PlanView,
@@ -45,6 +50,7 @@ from distalock.client.models import (
     UserView,
     VerificationBody,
     VerificationView,
+    WaysView,
 )
 
 T = TypeVar("T")
@@ -422,9 +428,37 @@ class Methods(ABC):
         """Renew access with the refresh token, which is replaced."""
         return self.send(calls.refresh_session(body))
 
+    def read_ways(self) -> WaysView:
+        """How one can sign in here."""
+        return self.send(calls.read_ways())
+
     def sign_out(self) -> None:
         """End this session and forget its cookies."""
         return self.send(calls.sign_out())
+
+    def list_passkeys(self) -> PasskeysView:
+        """Passkeys of the own account."""
+        return self.send(calls.list_passkeys())
+
+    def add_passkey(self, body: PasskeyBody) -> PasskeyView:
+        """Keep a new passkey."""
+        return self.send(calls.add_passkey(body))
+
+    def begin_passkey(self) -> PasskeyOptions:
+        """Options to make a passkey with; then `POST /users/me/passkeys`."""
+        return self.send(calls.begin_passkey())
+
+    def ask_challenge(self, body: ChallengeBody) -> PasskeyOptions:
+        """Options to sign the approval of one plan with; then `POST .../approval` with `passkey`."""
+        return self.send(calls.ask_challenge(body))
+
+    def remove_passkey(self, passkey_id: str) -> None:
+        """Forget a passkey of the own account."""
+        return self.send(calls.remove_passkey(passkey_id))
+
+    def remove_passkeys_of_user(self, name: str) -> None:
+        """Forget all passkeys of a user: a phone was lost."""
+        return self.send(calls.remove_passkeys_of_user(name))
 
     def read_me(self) -> MeView:
         """Who is signed in."""

@@ -198,7 +198,11 @@ class ApprovalBody(SentModel):
     password: str | None = Field(
         default=None,
         repr=False,
-        description="The approving surgeon's, once more. Not needed with the simulation's token.",
+        description="The approving surgeon's, once more. Not needed with a passkey or the simulation's token.",
+    )
+    passkey: Mapping[str, object] | None = Field(
+        default=None,
+        description="In place of the password: the challenge of POST /users/me/passkeys/challenge, signed.",
     )
 
 
@@ -320,6 +324,12 @@ class CatalogueView(ReceivedModel):
     name: str
     kind: Literal["ring", "guide", "nail", "hexapod"]
     sha256: str
+
+
+class ChallengeBody(SentModel):
+    """Which plan is to be approved: the passkey signs for this one alone."""
+
+    plan_sha256: str
 
 
 class CheckView(ReceivedModel):
@@ -852,6 +862,39 @@ class VerificationView(ReceivedModel):
     number: int
 
 
+class PasskeyBody(SentModel):
+    """A new passkey, with the password once more: a session that was left open registers none."""
+
+    label: str = Field(description="For people: which phone or key it is in.")
+    password: str | None = Field(
+        default=None,
+        repr=False,
+        description="The own one. Not needed in the first five minutes after signing in with a provider.",
+    )
+    credential: Mapping[str, object]
+
+
+class PasskeyOptions(ReceivedModel):
+    """What a page hands to `navigator.credentials`, in the JSON form of WebAuthn Level 3."""
+
+    public_key: dict[str, object]
+    expires_in_s: float
+
+
+class PasskeyView(ReceivedModel):
+    """A passkey, without its key."""
+
+    id: str
+    label: str
+    created_at_ns: int
+
+
+class PasskeysView(ReceivedModel):
+    """All passkeys of the own account, the oldest first."""
+
+    items: tuple[PasskeyView, ...]
+
+
 class PasswordBody(SentModel):
     """Changes the own password; the other sessions end."""
 
@@ -1012,6 +1055,14 @@ class VerificationBody(SentModel):
     of: Literal["wires", "guide"] = Field(
         default="wires",
         description="`wires` in the guide's holes, or `guide`: its own holes, from images without wires.",
+    )
+
+
+class WaysView(ReceivedModel):
+    """How one can sign in: with name and password (`POST /sessions`), and where there is one with a provider."""
+
+    provider: str | None = Field(
+        description="The identity provider's name; browsers go to GET /sessions/provider. Null where there is none."
     )
 
 

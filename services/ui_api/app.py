@@ -15,6 +15,7 @@ from services.ui_api.routes import (
     localisations,
     motions,
     parts,
+    passkeys,
     plans,
     qa_reports,
     robot,
@@ -90,6 +91,7 @@ def routed_app() -> FastAPI:
         live,
         parts,
         sessions,
+        passkeys,
         users,
         setup,
     ):

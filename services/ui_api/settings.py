@@ -5,8 +5,9 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import Field, IPvAnyNetwork
 
-from services.ui_api.core.access_settings import AccessSettings
+from services.ui_api.core.access_settings import AccessSettings, ProviderSettings
 from services.ui_api.core.networks import PRIVATE_NETWORKS
+from services.ui_api.core.roles import Role
 from services.ui_api.record.location import sqlite_url
 from shared.bus.tls import PKI_FOLDER, TlsFiles
 from shared.errors import ConfigurationError
@@ -20,6 +21,10 @@ _LEAST_TOKEN_CHARACTERS: Final = 32
 HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$")]
 
 Origin = Annotated[str, Field(max_length=300, pattern=r"^https?://[A-Za-z0-9.\[\]:-]+$")]
+# Over TLS, or on this machine.
+ProviderUrl = Annotated[
+    str, Field(max_length=300, pattern=r"^(https://[^\s?#]+|http://(localhost|127\.0\.0\.1)(:\d+)?[^\s?#]*)$")
+]
 
 
 class UiApiSettings(ServiceSettings):
@@ -43,6 +48,24 @@ class UiApiSettings(ServiceSettings):
     )
     allowed_hosts: tuple[HostName, ...] = Field(
         (), description="Names under which browsers may call this machine, besides its addresses and localhost."
+    )
+    passkey_host: HostName = Field(
+        "localhost",
+        description="Name under which browsers call this machine for passkeys, which are bound to it: HTTPS, or "
+        "localhost.",
+    )
+    provider_issuer: ProviderUrl | None = Field(
+        None, description="The hospital's identity provider (OpenID Connect), by its issuer URL. Default: none."
+    )
+    provider_client_id: str | None = Field(None, description="The gateway's name at the provider.")
+    provider_client_secret_file: Path | None = Field(
+        None, description="File with its secret there, readable by its owner alone; default: a client without one."
+    )
+    provider_scope: str = Field("openid profile", description="What is asked of the provider.")
+    provider_name_claim: str = Field("preferred_username", description="Claim that is the account's name.")
+    provider_roles_claim: str = Field("groups", description="Claim whose values stand for roles.")
+    provider_roles: dict[str, Role] = Field(
+        {}, description='Roles by the values of that claim, such as {"or-surgeons": "surgeon"}.'
     )
     cors_origins: tuple[Origin, ...] = Field(
         (),
@@ -89,7 +112,26 @@ class UiApiSettings(ServiceSettings):
                 f"{self.demo_token_file}: the token has {len(token)} characters, and must have at least "
                 f"{_LEAST_TOKEN_CHARACTERS}; delete the file, and `distalock up --simulate` makes a new one"
             )
-        return AccessSettings(self.state_dir, self.room_networks, token)
+        return AccessSettings(self.state_dir, self.room_networks, token, self.passkey_host, self._provider())
+
+    def _provider(self) -> ProviderSettings | None:
+        if self.provider_issuer is None:
+            return None
+        if not self.provider_client_id or not self.provider_roles:
+            raise ConfigurationError(
+                "an identity provider is set, and its client id or its roles are not; set "
+                "DISTALOCK_UI_API_PROVIDER_CLIENT_ID and DISTALOCK_UI_API_PROVIDER_ROLES"
+            )
+        file = self.provider_client_secret_file
+        return ProviderSettings(
+            issuer=self.provider_issuer,
+            client_id=self.provider_client_id,
+            client_secret=None if file is None else read_file(file).decode("ascii").strip(),
+            scope=self.provider_scope,
+            name_claim=self.provider_name_claim,
+            roles_claim=self.provider_roles_claim,
+            roles=self.provider_roles,
+        )
 
     def part_is_approved(self, sha256: str) -> bool:
         """Whether a part file may be used; raises `ConfigurationError` when the approvals cannot be read."""

@@ -30,7 +30,7 @@ class Permit(Message):
     approver: str = Field(
         min_length=1, max_length=128, description="Who approved the plan, or asked for the reference."
     )
-    authenticated_by: Literal["password", "simulation_token"] | None = Field(
+    authenticated_by: Literal["password", "passkey", "provider", "simulation_token"] | None = Field(
         None, description="How the approver showed for this motion who he is; null in permits of older versions."
     )
     nothing_inside: bool = Field(

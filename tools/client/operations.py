@@ -59,10 +59,15 @@ def operations_of(document: JsonObject) -> Iterator[Operation]:
     for path, methods in mapping(document["paths"]).items():
         for method, described in mapping(methods).items():
             operation = mapping(described)
-            if not _LEFT_OUT_TAGS & set(map(str, sequence(operation.get("tags", [])))) and _STREAM not in str(
-                operation["responses"]
-            ):
+            if not _is_left_out(operation):
                 yield _operation(path, method, operation, schemas)
+
+
+def _is_left_out(operation: JsonObject) -> bool:
+    """Whether it is for browsers alone (a page, a redirection), or a stream."""
+    tags, answers = set(map(str, sequence(operation.get("tags", [])))), mapping(operation["responses"])
+    leads_elsewhere = not any(status.startswith("2") for status in answers)
+    return bool(_LEFT_OUT_TAGS & tags) or leads_elsewhere or _STREAM in str(answers)
 
 
 def _operation(path: str, method: str, described: JsonObject, schemas: JsonObject) -> Operation:

@@ -2,25 +2,29 @@
 
 import hashlib
 import hmac
-from collections.abc import Callable, Iterable
-from typing import Final
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
 
 from services.ui_api.access.accounts import Accounts
 from services.ui_api.access.first_account import FirstAccount
 from services.ui_api.access.login import Login
+from services.ui_api.access.passkeys import Passkeys
 from services.ui_api.access.passwords import Passwords
+from services.ui_api.access.provider import Provider
 from services.ui_api.access.sessions import SESSION_S, Sessions, Tokens
 from services.ui_api.core.access_settings import DEMO_USER, AccessSettings
-from services.ui_api.core.identity import Authenticated, User
+from services.ui_api.core.identity import Authenticated, ProviderIdentity, User
 from services.ui_api.core.networks import is_in_networks
 from services.ui_api.core.roles import PERMISSION_OF, Action, Role, WithoutLogin, may
 from services.ui_api.handlers.clock import Clock
-from services.ui_api.handlers.refusals import RefusalKind, Refused, forbidden, unauthenticated
+from services.ui_api.handlers.refusals import RefusalKind, Refused, conflict, forbidden, unauthenticated, unknown
 from services.ui_api.record.record import CaseRecord
 
 DEMO_BANNER: Final = (
     "SIMULATION: whoever has the token of the user 'demo' may do everything here. Nothing in this installation is real."
 )
+# Chosen: long enough to fetch the phone that is to hold the passkey.
+FRESH_S: Final = 300.0
 _DEMO: Final = User(DEMO_USER, frozenset({Role.SURGEON, Role.ADMINISTRATOR}), Authenticated.SIMULATION_TOKEN)
 
 
@@ -30,12 +34,14 @@ class AccessControl:
     def __init__(
         self, record: CaseRecord, clock: Clock, settings: AccessSettings, on_session_end: Callable[[], None]
     ) -> None:
-        self._settings = settings
+        self._settings, self._clock, self._record = settings, clock, record
+        self._provider = None if settings.provider is None else Provider(settings.provider, clock)
         self._demo_sha256 = None if settings.demo_token is None else _digest(settings.demo_token)
         passwords = Passwords()
         self.accounts = Accounts(record, passwords, () if self._demo_sha256 is None else (DEMO_USER,))
         self.sessions = Sessions(record, clock, on_session_end)
         self.first_account = FirstAccount(self.accounts, settings.state_dir)
+        self.passkeys = Passkeys(record, self.accounts, clock, settings.passkey_host)
         self._login = Login(self.accounts, passwords, clock)
 
     def start(self) -> None:
@@ -66,6 +72,24 @@ class AccessControl:
             return _demo_tokens(password)
         return self.sessions.open(self._login.account_by_password(name, password, address))
 
+    @property
+    def provider(self) -> Provider:
+        """The identity provider; raises `Refused` where there is none."""
+        if self._provider is None:
+            raise unknown("provider", "identity provider", "sign in with a password (POST /sessions)")
+        return self._provider
+
+    @property
+    def provider_issuer(self) -> str | None:
+        """Name of the identity provider; None where there is none."""
+        return None if self._provider is None else self._provider.issuer
+
+    def sign_in_of_provider(self, identity: ProviderIdentity) -> Tokens:
+        """Open a session for somebody whom the identity provider knows; raises `Refused`."""
+        with self._record.write() as unit:
+            account = self.accounts.of_provider(unit, identity)
+        return self.sessions.open(account, Authenticated.PROVIDER)
+
     def refresh(self, refresh_token: str) -> Tokens:
         """Renew a session; raises `Refused`."""
         return (
@@ -85,9 +109,8 @@ class AccessControl:
         if user.authenticated is Authenticated.SIMULATION_TOKEN:
             return user.authenticated
         if password is None:
-            raise forbidden(
-                "credential_missing", f"the password of '{user.name}' is missing; send it with the approval"
-            )
+            needed = "a passkey" if user.authenticated is Authenticated.PROVIDER else "the password, or a passkey,"
+            raise forbidden("credential_missing", f"{needed} of '{user.name}' is missing; send it with the approval")
         try:
             self._login.account_by_password(user.name, password, address)
         except Refused as refusal:
@@ -95,6 +118,26 @@ class AccessControl:
                 raise
             raise forbidden("credential_wrong", f"the password is not that of '{user.name}'; send it again") from None
         return Authenticated.PASSWORD
+
+    def confirmed_by_passkey(self, user: User, plan_sha256: str, signed: Mapping[str, Any]) -> Authenticated:
+        """The same with a passkey, which signs for one plan alone; raises `Refused`."""
+        self.passkeys.confirm(user, plan_sha256, signed)
+        return Authenticated.PASSKEY
+
+    def require_fresh(self, user: User, password: str | None, address: str) -> None:
+        """Refuse whoever has not just shown who he is; raises `Refused`."""
+        if user.name == DEMO_USER and self.has_demo_user:
+            raise conflict(
+                "demo_user", "the simulation's user has a token and nothing else; make an account of your own"
+            )
+        age_s = None if user.signed_in_s is None else self._clock.monotonic_s() - user.signed_in_s
+        if user.authenticated is not Authenticated.PROVIDER:
+            self.confirmed(user, password, address)
+        elif age_s is None or age_s > FRESH_S:
+            raise forbidden(
+                "sign_in_again",
+                f"'{user.name}' has no password, and signed in more than {FRESH_S:g} s ago; sign in again, then go on",
+            )
 
     def still_admits(self, user: User | None) -> bool:
         """Whether a stream that somebody opened may go on."""

@@ -2,7 +2,8 @@
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 from sqlalchemy import RowMapping, insert, select, update
 
@@ -10,11 +11,15 @@ from services.ui_api.access.passwords import Passwords
 from services.ui_api.core.account_event_data import AccountChange, AccountChanged
 from services.ui_api.core.account_rules import name_refusal, password_refusal
 from services.ui_api.core.events import EventDraft
+from services.ui_api.core.identity import ProviderIdentity
 from services.ui_api.core.roles import Role
-from services.ui_api.handlers.refusals import conflict, invalid, unknown
+from services.ui_api.handlers.refusals import conflict, forbidden, invalid, unknown
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.tables import USERS
 from services.ui_api.record.unit_of_work import UnitOfWork
+
+# Of accounts of the identity provider: no password has this hash.
+NO_PASSWORD: Final = "none"  # noqa: S105 - it opens nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +31,7 @@ class Account:
     password_hash: str
     disabled: bool
     created_at_ns: int
+    provider_subject: str | None = None  # of an account of the identity provider
 
 
 class Accounts:
@@ -85,9 +91,31 @@ class Accounts:
                 password_hash=account.password_hash,
                 disabled=account.disabled,
                 created_at_ns=unit.now_ns,
+                provider_subject=account.provider_subject,
             )
         )
         note_change(unit, account.name, AccountChange.CREATED, account.roles, who)
+
+    def of_provider(self, unit: UnitOfWork, identity: ProviderIdentity) -> Account:
+        """The account of somebody whom the provider knows, made at the first time; raises `Refused`.
+
+        Roles are those that the provider says now.
+        """
+        rows = self._record.rows(select(USERS).where(USERS.c.provider_subject == identity.subject))
+        if not rows:
+            made = Account(identity.name, identity.roles, NO_PASSWORD, disabled=False, created_at_ns=unit.now_ns)
+            made = replace(made, provider_subject=identity.subject)
+            self.create(unit, made, identity.name)
+            return made
+        account = _account(rows[0])
+        if account.disabled:
+            raise forbidden("account_disabled", f"the account '{account.name}' is disabled; ask an administrator")
+        if account.roles != identity.roles:
+            unit.change(
+                update(USERS).where(USERS.c.name == account.name).values(roles_json=_roles_json(identity.roles))
+            )
+            note_change(unit, account.name, AccountChange.ROLES_CHANGED, identity.roles, "gateway")
+        return replace(account, roles=identity.roles)
 
     def set_password(self, unit: UnitOfWork, name: str, password_hash: str, who: str) -> None:
         """Replace the password; raises `Refused`."""
@@ -147,4 +175,5 @@ def _account(row: RowMapping) -> Account:
         password_hash=row["password_hash"],
         disabled=bool(row["disabled"]),
         created_at_ns=row["created_at_ns"],
+        provider_subject=row["provider_subject"],
     )

@@ -88,20 +88,25 @@ class Sessions:
         session = self._sessions.get(session_id)
         return session is not None and session.ends_s > self._clock.monotonic_s()
 
-    def open(self, account: Account) -> Tokens:
-        """Open a session for somebody who has shown who he is."""
+    def open(self, account: Account, shown: Authenticated = Authenticated.PASSWORD) -> Tokens:
+        """Open a session for somebody who has shown who he is, and how."""
         session_id, refresh_token = secrets.token_hex(16), _new_token()
         with self._record.write() as unit:
             unit.change(delete(SESSIONS).where(SESSIONS.c.ends_at_ns <= unit.now_ns))
             ends_at_ns = unit.now_ns + int(SESSION_S * _NS)
             unit.change(
                 insert(SESSIONS).values(
-                    id=session_id, user_name=account.name, opened_at_ns=unit.now_ns, ends_at_ns=ends_at_ns
+                    id=session_id,
+                    user_name=account.name,
+                    opened_at_ns=unit.now_ns,
+                    ends_at_ns=ends_at_ns,
+                    authenticated_by=str(shown),
                 )
             )
             _keep(unit, session_id, refresh_token)
-        user = User(account.name, account.roles, Authenticated.PASSWORD, session_id)
-        session = _Session(user, self._clock.monotonic_s() + SESSION_S)
+        now_s = self._clock.monotonic_s()
+        user = User(account.name, account.roles, shown, session_id, now_s)
+        session = _Session(user, now_s + SESSION_S)
         with self._lock:
             self._sessions = {**self._open_ones(), session_id: session}
         return self._issued(session, session_id, refresh_token)
@@ -145,11 +150,11 @@ class Sessions:
     def _kept(self) -> dict[str, _Session]:
         """Sessions of before a restart: their access tokens are gone, their refresh tokens are good."""
         now_ns, now_s = self._clock.unix_ns(), self._clock.monotonic_s()
-        query = select(SESSIONS.c.id, SESSIONS.c.ends_at_ns, USERS.c.name, USERS.c.roles_json).join(USERS)
+        query = select(SESSIONS, USERS.c.name, USERS.c.roles_json).join(USERS)
         found = self._record.rows(query.where(SESSIONS.c.ends_at_ns > now_ns, USERS.c.disabled.is_(False)))
         return {
             row["id"]: _Session(
-                User(row["name"], roles_of_json(row["roles_json"]), Authenticated.PASSWORD, row["id"]),
+                User(row["name"], roles_of_json(row["roles_json"]), Authenticated(row["authenticated_by"]), row["id"]),
                 now_s + min((row["ends_at_ns"] - now_ns) / _NS, SESSION_S),
             )
             for row in found

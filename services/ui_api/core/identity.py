@@ -10,6 +10,8 @@ class Authenticated(StrEnum):
     """How somebody has shown who he is."""
 
     PASSWORD = "password"  # noqa: S105 - the name of a method
+    PASSKEY = "passkey"
+    PROVIDER = "provider"
     SIMULATION_TOKEN = "simulation_token"  # noqa: S105 - likewise
 
 
@@ -22,6 +24,15 @@ class Approver:
 
 
 @dataclass(frozen=True, slots=True)
+class ProviderIdentity:
+    """Somebody whom an identity provider knows. `subject` is issuer and subject, the name that never changes."""
+
+    subject: str
+    name: str
+    roles: frozenset[Role]
+
+
+@dataclass(frozen=True, slots=True)
 class User:
     """Somebody who is signed in.
 
@@ -29,9 +40,12 @@ class User:
     ----------
     session_id
         The session; None of a program that brings the simulation's token with each request.
+    signed_in_s
+        When on the monotonic clock; None of before the gateway's start.
     """
 
     name: str
     roles: frozenset[Role]
     authenticated: Authenticated
     session_id: str | None = None
+    signed_in_s: float | None = None

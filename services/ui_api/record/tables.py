@@ -65,6 +65,19 @@ USERS = Table(
     Column("password_hash", Text, nullable=False),
     Column("disabled", Boolean, nullable=False),
     Column("created_at_ns", BigInteger, nullable=False),
+    # issuer and subject of an account of an identity provider; its password is none
+    Column("provider_subject", Text, nullable=True, index=True, unique=True),
+)
+
+PASSKEYS = Table(
+    "passkeys",
+    METADATA,
+    Column("id", String(1400), primary_key=True),  # a credential id has up to 1023 bytes
+    Column("user_name", String(64), ForeignKey("users.name"), nullable=False, index=True),
+    Column("label", String(64), nullable=False),
+    Column("public_credential", LargeBinary, nullable=False),
+    Column("uses", BigInteger, nullable=False),
+    Column("created_at_ns", BigInteger, nullable=False),
 )
 
 SESSIONS = Table(
@@ -74,6 +87,7 @@ SESSIONS = Table(
     Column("user_name", String(64), ForeignKey("users.name"), nullable=False, index=True),
     Column("opened_at_ns", BigInteger, nullable=False),
     Column("ends_at_ns", BigInteger, nullable=False),
+    Column("authenticated_by", String(32), nullable=False, server_default="password"),
 )
 
 # Of each session all of its refresh tokens, by their hash: one that was used before is recognised.

@@ -1,6 +1,6 @@
 """What clients send: strict, without unknown keys, units in names."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SecretStr
 
@@ -22,6 +22,8 @@ Claimed = Annotated[
 ]
 HoleIds = Annotated[list[Annotated[str, Field(min_length=1, max_length=64)]], Field(max_length=16)]
 Password = Annotated[SecretStr, Field(min_length=1, max_length=MOST_CHARACTERS)]
+# A credential of `navigator.credentials` as its toJSON() gives it: signatures and keys in base64url.
+SignedByPasskey = dict[str, Any]
 UserName = Annotated[str, Field(pattern=USER_NAME_PATTERN)]
 Why = Annotated[str, Field(max_length=500, pattern=r"^[^\x00]*$")]
 SourceToDetector = Annotated[float, Field(ge=500.0, le=2000.0, allow_inf_nan=False)]
@@ -148,7 +150,12 @@ class ApprovalBody(Body):
     """A surgeon's consent to the plan whose ETag is quoted in If-Match."""
 
     password: Password | None = Field(
-        None, description="The approving surgeon's, once more. Not needed with the simulation's token."
+        None, description="The approving surgeon's, once more. Not needed with a passkey or the simulation's token."
+    )
+    passkey: SignedByPasskey | None = Field(
+        None,
+        exclude=True,  # as a password it is no part of what tells one request from another
+        description="In place of the password: the challenge of POST /users/me/passkeys/challenge, signed.",
     )
     approved_by: Claimed = None
 

@@ -81,6 +81,11 @@ class Idempotency:
         """Do something that needs only the record."""
         return self.once_after(request, lambda: None, lambda unit, _: act(unit))
 
+    def has_answered(self, request: Keyed) -> bool:
+        """Whether this very request has an answer already."""
+        known = self._record.remembered(request.key)
+        return known is not None and known.request_sha256 == request.request_sha256
+
     def once_after(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Response:
         """Ask another service first, outside the transaction, then record and answer within one."""
         with self._alone(request.key):

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Request, Response
 
 from services.ui_api.core.case import Case, PlanEntry
-from services.ui_api.core.identity import Approver
+from services.ui_api.core.identity import Approver, Authenticated
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.planning import PlanBasis, plan_of
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
@@ -102,8 +102,10 @@ def approve_plan(
     user: TheUser,
 ) -> Response:
     """Approve exactly the plan that was read, with the credential once more."""
-    password = None if body.password is None else body.password.get_secret_value()
-    shown = gateway.access.confirmed(user, password, sender_of(request))
+    asked = keyed(request, key, body, if_match)
+    # a challenge is good once: the answer to a request that is sent again is remembered
+    is_repeated = body.passkey is not None and idempotency.has_answered(asked)
+    shown = Authenticated.PASSKEY if is_repeated else _confirmed(request, body, if_match)
 
     def act(unit: UnitOfWork) -> Answer:
         case = gateway.cases.case(case_id)
@@ -118,7 +120,7 @@ def approve_plan(
         )
         return json_answer(201, view, case_etag=case_etag_after(gateway, case_id, unit))
 
-    return idempotency.once(keyed(request, key, body, if_match), act)
+    return idempotency.once(asked, act)
 
 
 @router.delete("/{number}/approval", response_model=PlanView, openapi_extra=needs(Action.APPROVE_PLAN))
@@ -128,6 +130,16 @@ def withdraw_approval(case_id: str, number: int, gateway: TheGateway, user: TheU
         gateway.planning.withdraw_approval(unit, gateway.cases.case(case_id), number, user.name)
     case = gateway.cases.case(case_id)
     return _view(gateway, case, plan_of(case, number))
+
+
+def _confirmed(request: Request, body: ApprovalBody, if_match: str) -> Authenticated:
+    """How the surgeon shows once more who he is; raises `Refused`."""
+    gateway: Gateway = request.app.state.gateway
+    access, user = gateway.access, request.state.user
+    if body.passkey is not None:
+        return access.confirmed_by_passkey(user, if_match.strip().strip('"'), body.passkey)
+    password = None if body.password is None else body.password.get_secret_value()
+    return access.confirmed(user, password, sender_of(request))
 
 
 def etag(entry: PlanEntry) -> str:

@@ -8,8 +8,10 @@ from collections.abc import Collection, Iterable
 from typing import Final
 
 from fastapi import Request
+from fastapi._compat import ModelField
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
+from pydantic import BaseModel
 from starlette.routing import BaseRoute, compile_path
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
@@ -21,9 +23,17 @@ _LONGEST_QUOTED: Final = 60
 
 def query_parameters(dependant: Dependant) -> tuple[str, ...]:
     """Names of the query parameters that a route and what it depends on have."""
-    own = [field.alias for field in dependant.query_params]
+    own = [name for field in dependant.query_params for name in _names_of(field)]
     inner = [name for one in dependant.dependencies for name in query_parameters(one)]
     return tuple(dict.fromkeys([*own, *inner]))
+
+
+def _names_of(field: ModelField) -> list[str]:
+    """The parameter's own name, or those of a model of parameters."""
+    kind = field.field_info.annotation
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return [one.alias or name for name, one in kind.model_fields.items()]
+    return [field.alias]
 
 
 def require_known_parameters(request: Request, known: Collection[str]) -> None:
