@@ -12,11 +12,13 @@ from pydantic import ValidationError
 
 from distalock.arguments import EXIT_BAD_INPUT
 from shared.errors import ConfigurationError, InputError, PartFileInvalid
+from shared.geometry.parts import GuidePart, RingPart
 from shared.parts.approvals import Approval, PartApprovals, approval_of, canonical_part
 from shared.parts.catalogue import catalogue
 from shared.parts.files import guide_from_json, nail_from_json, read_part_file, ring_from_json, sha256_of
 from shared.parts.guide_calibration_file import guide_calibration_from_json
 from shared.parts.hexapod_file import hexapod_from_json
+from shared.parts.lengths import MeasuredLength, check_length_of_guide, check_length_of_ring
 
 _READERS: Final[Mapping[str, Callable[[bytes], object]]] = {
     "distalock/ring/1": ring_from_json,
@@ -33,7 +35,8 @@ def run(given: argparse.Namespace) -> int:
     try:
         if given.action == "list":
             return _list(approvals)
-        for approval in [checked_approval(file, given.by) for file in given.files]:
+        length = _length(given.length)
+        for approval in [checked_approval(file, given.by, length) for file in given.files]:
             _approve(approvals, approval)
     except (ConfigurationError, InputError) as error:
         print(f"distalock parts: {error}", file=sys.stderr)
@@ -41,13 +44,13 @@ def run(given: argparse.Namespace) -> int:
     return 0
 
 
-def checked_approval(file: Path, who: str) -> Approval:
-    """The approval of a file that can be read.
+def checked_approval(file: Path, who: str, length: MeasuredLength | None) -> Approval:
+    """The approval of a file that can be read, and of a ring or guide that has the size of its file.
 
     Raises
     ------
     PartFileInvalid
-        When it is no part file, or who approves it has no name.
+        When it is no part file, no or another length was measured than it has, or who approves it has no name.
     """
     try:
         part = json.loads(read_part_file(file))
@@ -57,11 +60,36 @@ def checked_approval(file: Path, who: str) -> Approval:
     if schema not in _READERS:
         raise PartFileInvalid(f"{file}: its schema is {schema!r}, expected one of {', '.join(_READERS)}")
     content = canonical_part(part)
-    _READERS[schema](content)
+    _check_length(file, _READERS[schema](content), length)
     try:
-        return approval_of(part, sha256_of(content), file.name, who, datetime.now(UTC))
+        return approval_of(part, sha256_of(content), file.name, who, datetime.now(UTC), length)
     except ValidationError as error:
         raise PartFileInvalid(f"{file}: {error.errors()[0]['msg']}; give --by the name of who approves it") from None
+
+
+def _check_length(file: Path, part: object, length: MeasuredLength | None) -> None:
+    if not isinstance(part, GuidePart | RingPart):
+        if length is not None:
+            raise PartFileInvalid(f"{file}: a length is measured of rings and guides; leave out --length")
+        return
+    if length is None:
+        raise PartFileInvalid(
+            f"{file}: no single image shows whether a ring or guide has the size of its file; measure the built part, "
+            "and add --length BALL BALL MM, the distance between the centres of two balls"
+        )
+    if isinstance(part, GuidePart):
+        check_length_of_guide(part.balls, length)
+    else:
+        check_length_of_ring(part.balls, length)
+
+
+def _length(words: list[str] | None) -> MeasuredLength | None:
+    if words is None:
+        return None
+    try:
+        return MeasuredLength(first=words[0], second=words[1], measured_mm=float(words[2]))
+    except ValueError:
+        raise InputError(f"--length: {words[2]!r} is no length in mm (above 0, below 1000)") from None
 
 
 def _approve(approvals: PartApprovals, approval: Approval) -> None:
@@ -75,7 +103,9 @@ def _list(approvals: PartApprovals) -> int:
     for entry in catalogue():
         print(f"{entry.sha256}  {entry.name}  comes with the package")
     for one in approvals.all():
+        measured = "" if one.length is None else f", {one.length.label}"
         print(
             f"{one.sha256}  {one.file_name}  {one.schema_name}, {one.approved_at:%Y-%m-%d %H:%M} by {one.approved_by}"
+            f"{measured}"
         )
     return 0

@@ -12,6 +12,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     approve = actions.add_parser("approve", help="approve part files, once each, as an administrator")
     approve.add_argument("files", nargs="+", type=existing_file, metavar="FILE", help="part file (JSON)")
     approve.add_argument("--by", required=True, metavar="NAME", help="who approves them")
+    approve.add_argument(
+        "--length",
+        nargs=3,
+        metavar=("BALL", "BALL", "MM"),
+        help="two balls of a ring or guide and the distance of their centres as measured on the built part",
+    )
     listing = actions.add_parser("list", help="what may be used: the catalogue, and what was approved")
     for name, action in (("approve", approve), ("list", listing)):
         action.add_argument("--state", type=named_path, default=Path("state"), help="state folder of the installation")

@@ -14,6 +14,7 @@ from typing import Final
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from shared.errors import ConfigurationError
+from shared.parts.lengths import MeasuredLength
 
 APPROVALS_FILE: Final = "approved-parts.jsonl"
 
@@ -28,6 +29,9 @@ class Approval(BaseModel):
     file_name: str = Field(max_length=255)
     approved_by: str = Field(min_length=1, max_length=128)
     approved_at: AwareDatetime
+    length: MeasuredLength | None = Field(
+        default=None, description="Of a ring or guide; lines without one are older than the rule."
+    )
 
 
 def canonical_part(part: Mapping[str, object]) -> bytes:
@@ -89,7 +93,14 @@ class PartApprovals:
             ) from None
 
 
-def approval_of(part: Mapping[str, object], sha256: str, file_name: str, who: str, now: datetime) -> Approval:
+def approval_of(
+    part: Mapping[str, object],
+    sha256: str,
+    file_name: str,
+    who: str,
+    now: datetime,
+    length: MeasuredLength | None = None,
+) -> Approval:
     """An approval that is given now."""
     return Approval(
         sha256=sha256,
@@ -97,4 +108,5 @@ def approval_of(part: Mapping[str, object], sha256: str, file_name: str, who: st
         file_name=file_name,
         approved_by=who,
         approved_at=now,
+        length=length,
     )

@@ -98,14 +98,15 @@ class LocalisationEvidence:
 def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
     """Reasons against a fitted nail; none when it is accepted."""
     mismatch = tuple(_mismatch(evidence))
-    # what the model does not explain counts as noise: then dose would not help
-    remedy = STRUCTURE.remedy if mismatch else ""
+    # what the model does not explain counts as noise: then neither dose nor another direction would help
+    processed = PROCESSING.remedy if evidence.error_ratio > MUCH_PROCESSED else ""
+    remedy = STRUCTURE.remedy if mismatch else processed
     return (
         *opening_reasons(evidence.holes, evidence.openings, remedy=remedy),
         *_covered(evidence),
         *mismatch,
         *_processed(evidence),
-        *_ambiguity(evidence),
+        *_ambiguity(evidence, processed),
     )
 
 
@@ -191,14 +192,15 @@ def _processed(evidence: FitEvidence) -> Iterator[Reason]:
         )
 
 
-def _ambiguity(evidence: FitEvidence) -> Iterator[Reason]:
+def _ambiguity(evidence: FitEvidence, remedy: str) -> Iterator[Reason]:
     one_hole = len(evidence.holes) == 1
     least = MIRROR_MARGIN_OF_ONE_HOLE if one_hole else MIRROR_MARGIN
     if not least.is_met(evidence.mirror_margin):
         other = "the nail has one hole, and another tilt" if one_hole else "the reflected tilt"
         yield least.reason(
             f"{other} explains the image nearly as well: logarithm of the likelihood ratio "
-            f"{least.quoted(evidence.mirror_margin)}"
+            f"{least.quoted(evidence.mirror_margin)}{_because_of_processing(evidence.error_ratio)}",
+            remedy,
         )
 
 
@@ -246,13 +248,17 @@ def _uncertain(hole: HoleEstimate, error_ratio: float) -> Iterator[Reason]:
     chance = hole.clearance_probability(hole.offset)
     if ENTRY_BOUND.is_met(entry_mm) and AXIS_BOUND.is_met(axis_deg) and CHANCE_TO_PASS.is_met(chance):
         return
-    because, remedy = "", ENTRY_BOUND.remedy
-    if error_ratio > MUCH_PROCESSED:
-        because = f"; parts of the image disagree by {error_ratio:.1f} times what the noise explains"
-        remedy = PROCESSING.remedy
+    because = _because_of_processing(error_ratio)
+    remedy = PROCESSING.remedy if because else ENTRY_BOUND.remedy
     yield ENTRY_BOUND.reason(
         f"the axis of nail hole '{hole.id}' is known to {ENTRY_BOUND.quoted(entry_mm)} and "
         f"{AXIS_BOUND.quoted(axis_deg)} with 95 % confidence, and a {hole.drill_diameter_mm:g} mm drill would "
         f"pass it with a chance of {CHANCE_TO_PASS.quoted(chance)}{because}",
         remedy,
     )
+
+
+def _because_of_processing(error_ratio: float) -> str:
+    if error_ratio <= MUCH_PROCESSED:
+        return ""
+    return f"; parts of the image disagree by {error_ratio:.1f} times what the noise explains"

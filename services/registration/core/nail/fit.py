@@ -112,7 +112,8 @@ def _seen_from_the_holes(
     """Input without what is darker than an acceptable fit to the surroundings of the holes alone, and that fit's pose.
 
     An object along an edge of the nail draws the fit of the whole region to itself; the rims are still as they were.
-    What the fit around the holes accepts is not enough: a nail of another width shows at its edges only.
+    What the fit around the holes accepts is not enough: a nail of another width shows at its edges only. None also
+    where nothing is darker: the same fit again would be refused again, and an object blamed that is not there.
     """
     around = around_holes(fit_input, start)
     only, found = _fitted_without_foreign_objects(_hiding(fit_input, ~around), start)
@@ -127,12 +128,18 @@ def _seen_from_the_holes(
     linear = linear_solution_at(problem, found.end.solution.parameters)
     variance = estimate_noise(problem, linear).variance
     foreign = foreign_pixels(model.region, linear.residual, variance, fit_input.pixels.shape)
-    return _hiding(whole, foreign | beyond_foreign(model.region, model.nail, foreign)), pose
+    seen = _hiding(whole, foreign | beyond_foreign(model.region, model.nail, foreign))
+    return (seen, pose) if _hides_more(seen, fit_input) else None
 
 
 def _hiding(fit_input: FitInput, more: NDArray[np.bool_]) -> FitInput:
     hidden = fit_input.occluders.hidden
     return replace(fit_input, occluders=replace(fit_input.occluders, hidden=more if hidden is None else hidden | more))
+
+
+def _hides_more(one: FitInput, other: FitInput) -> bool:
+    hidden, before = one.occluders.hidden, other.occluders.hidden
+    return hidden is not None and bool(np.any(hidden if before is None else hidden & ~before))
 
 
 def measure_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
@@ -238,11 +245,8 @@ def _with_evidence(end: _End, errors: PoseErrors) -> _Fitted:
 def _without_foreign_objects(fit_input: FitInput, end: _End) -> FitInput | None:
     """The same input with what is darker than the fit left out; None where there is nothing more."""
     region, residual = end.problem.model.region, end.solution.linear.residual
-    foreign = foreign_pixels(region, residual, end.noise.variance, fit_input.pixels.shape)
-    hidden = fit_input.occluders.hidden
-    if not np.any(foreign if hidden is None else foreign & ~hidden):
-        return None
-    return _hiding(fit_input, foreign)
+    without = _hiding(fit_input, foreign_pixels(region, residual, end.noise.variance, fit_input.pixels.shape))
+    return without if _hides_more(without, fit_input) else None
 
 
 def _refined(model: ForwardModel, optimum: GlobalOptimum) -> _End:

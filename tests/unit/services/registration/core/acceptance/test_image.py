@@ -176,6 +176,17 @@ def test_the_reason_of_an_ambiguous_tilt_names_the_other_explanation() -> None:
     assert of_one.message.startswith("the nail has one hole, and another tilt explains the image nearly as well")
 
 
+def test_neither_dose_nor_a_turn_is_blamed_where_the_display_is_the_cause() -> None:
+    processed = replace(FIT, error_ratio=4.3)
+    faint = replace(processed, holes=(replace(FIT.holes[0], contrast_to_noise=1.4), FIT.holes[1]))
+    for evidence in (faint, replace(processed, mirror_margin=3.0)):
+        (reason,) = fit_reasons(evidence)
+        assert "switch off local contrast enhancement" in reason.message
+        assert "dose" not in reason.message
+        assert "turn the C-arm" not in reason.message
+    assert "disagree by 4.3 times" in fit_reasons(replace(processed, mirror_margin=3.0))[0].message
+
+
 def test_one_hole_in_full_and_a_part_of_the_other_are_enough() -> None:
     assert fit_reasons(replace(FIT, holes=(HoleView("distal", 0.15, 12.0), FIT.holes[1]))) == ()
 
