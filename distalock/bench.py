@@ -192,6 +192,19 @@ BENCHMARKS: Final = {
     "start": Benchmark(
         "bus.start", "start", "starts of `up --simulate` with certificates beside starts without, until it is ready"
     ),
+    "consoles": Benchmark(
+        "gateway.consoles",
+        "consoles",
+        "motion, stop and the gateway's memory while fifty consoles watch and one is stuck",
+    ),
+    "image_to_plan": Benchmark(
+        "gateway.image_to_plan", "image-to-plan", "from an X-ray that comes in to a plan, beside `locate` that is warm"
+    ),
+    "races": Benchmark(
+        "gateway.races",
+        "races",
+        "two surgeons approve, move, take back and stop at once, in the virtual operating room",
+    ),
     "state_read": Benchmark(
         "gateway.state_read", "state-read", "robot and case over the gateway beside a bare FastAPI route with a login"
     ),

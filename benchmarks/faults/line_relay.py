@@ -2,7 +2,7 @@
 
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 
@@ -13,11 +13,18 @@ _END_WITHIN_S = 5.0
 
 
 class LineRelay:
-    """Carries bytes both ways between whoever connects here and the controller."""
+    """Carries bytes both ways between whoever connects here and the controller.
 
-    def __init__(self, controller_port: int, listener: socket.socket) -> None:
+    Parameters
+    ----------
+    overhear
+        Called with what goes to the controller, before it gets there.
+    """
+
+    def __init__(self, controller_port: int, listener: socket.socket, overhear: Callable[[bytes], None]) -> None:
         self._controller_port = controller_port
         self._listener = listener
+        self._overhear = overhear
         self._lock = threading.Lock()
         self._is_cut = False
         self._ends: set[socket.socket] = set()
@@ -64,12 +71,13 @@ class LineRelay:
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         with self._lock:
             self._ends |= {near, far}
-        for source, sink in ((near, far), (far, near)):
-            supervised_thread("line relay", partial(self._carry, source, sink)).start()
+        for source, sink, overhear in ((near, far, self._overhear), (far, near, _forget)):
+            supervised_thread("line relay", partial(self._carry, source, sink, overhear)).start()
 
-    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
+    def _carry(self, source: socket.socket, sink: socket.socket, overhear: Callable[[bytes], None]) -> None:
         with suppress(OSError):
             while received := source.recv(_RECEIVE_BYTES):
+                overhear(received)
                 sink.sendall(received)
         with self._lock:
             for end in (source, sink):
@@ -78,16 +86,20 @@ class LineRelay:
         source.close()
 
 
+def _forget(_: bytes) -> None:
+    """Nobody listens."""
+
+
 def _hang_up(end: socket.socket) -> None:
     with suppress(OSError):
         end.shutdown(socket.SHUT_RDWR)
 
 
 @contextmanager
-def line_relay(controller_port: int) -> Iterator[LineRelay]:
+def line_relay(controller_port: int, overhear: Callable[[bytes], None] = _forget) -> Iterator[LineRelay]:
     """A relay to a controller on this machine, for as long as the context lasts."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        relay = LineRelay(controller_port, listener)
+        relay = LineRelay(controller_port, listener, overhear)
         accepting = supervised_thread("line relay", relay.accept_until_closed)
         accepting.start()
         try:

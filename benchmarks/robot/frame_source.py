@@ -33,8 +33,8 @@ def images(seed: int) -> list[bytes]:
     return [(shade + source.normal(0.0, 0.01, shade.shape)).astype("<f4").tobytes() for _ in range(_IMAGES)]
 
 
-def header(number: int, case: tuple[str, int]) -> FrameHeader:
-    """One frame of a run, for a case."""
+def header(number: int, case: tuple[str | None, int]) -> FrameHeader:
+    """One frame of a run, for a case or for none."""
     return FrameHeader(
         sha256=hashlib.sha256(b"%d" % number).hexdigest(),
         sop_instance_uid=f"1.2.3.{number}",
@@ -59,8 +59,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--router", required=True)
     parser.add_argument("--state", type=Path, required=True)
-    parser.add_argument("--case", required=True)
-    parser.add_argument("--revision", type=int, required=True)
+    parser.add_argument("--case", help="its id; without it the frames belong to none")
+    parser.add_argument("--revision", type=int, default=0)
     parser.add_argument("--first", type=int, default=1)
     given = parser.parse_args()
     pictures = images(1)

@@ -29,11 +29,19 @@ _NEXT_FRAME: Final = {"number": 1}
 
 @dataclass(frozen=True, slots=True)
 class ClientsOfAll:
-    """How many of each kind."""
+    """How many of each kind.
+
+    Attributes
+    ----------
+    of_case
+        Whether the frames are of the open case: then each is recorded, and a plan from the one before is stale.
+    """
 
     viewers: int = VIEWERS
     events: int = EVENT_CLIENTS
     idle: int = IDLE_CONNECTIONS
+    stuck: int = 0
+    of_case: bool = True
 
 
 class LoadProcess:
@@ -73,9 +81,8 @@ def clients(rig: StopRig, counts: ClientsOfAll = ClientsOfAll()) -> Iterator[dic
         {
             "router": installation.router_endpoint,
             "state": installation.state_dir,
-            "case": case,
-            "revision": revision,
             "first": _NEXT_FRAME["number"],
+            **({"case": case, "revision": revision} if counts.of_case else {}),
         },
     )
     everybody = LoadProcess(
@@ -86,6 +93,7 @@ def clients(rig: StopRig, counts: ClientsOfAll = ClientsOfAll()) -> Iterator[dic
             "viewers": counts.viewers,
             "events": counts.events,
             "idle": counts.idle,
+            "stuck": counts.stuck,
         },
     )
     try:

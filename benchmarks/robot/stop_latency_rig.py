@@ -48,6 +48,7 @@ KEYS = Keys("or1")
 CLIENT = "benchmark"
 TARGET_SIZE = 4.0
 PATIENCE_S = 20.0
+_MOVE = "MOV "
 # Longer than the driver's pause between questions (0.02 s), so that one waits for its answer; so short that the stop of
 # the driver itself, after 0.25 s of silence, comes more than 0.2 s after the one that is timed.
 MUTE_BEFORE_S = 0.04
@@ -63,14 +64,19 @@ SET_UP = {
 
 
 class ListeningController(VirtualController):
-    """Notes when the stop byte arrives; may be mute, but always hears."""
+    """Notes when the stop byte and a move arrive; may be mute, but always hears."""
 
     mute = False
     stopped_s = float("nan")
     stop_heard = threading.Event()
+    moved_s = float("nan")
+    move_heard = threading.Event()
 
     def receive(self, command: str | SingleByte) -> bytes:
         """Obey, and answer unless mute."""
+        if isinstance(command, str) and command.startswith(_MOVE) and not self.move_heard.is_set():
+            self.moved_s = time.monotonic()
+            self.move_heard.set()
         if command is SingleByte.STOP_ALL and not self.stop_heard.is_set():
             self.stopped_s = time.monotonic()
             self.stop_heard.set()
@@ -211,6 +217,10 @@ class StopRig:
     def stop_latency_s(self, source: random.Random, *, mute: bool) -> float:
         """One trial: begin a motion, ask for a stop somewhere in it, and time the byte."""
         self.begin_motion(source)
+        return self.stopped_within_s(source, mute=mute)
+
+    def stopped_within_s(self, source: random.Random, *, mute: bool = False) -> float:
+        """Ask for a stop somewhere in the motion that is under way, and time the byte."""
         time.sleep(source.uniform(0.02, 0.15))
         if mute:
             self.controller.mute = True

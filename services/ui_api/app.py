@@ -25,6 +25,7 @@ from services.ui_api.routes import (
     users,
     verifications,
 )
+from services.ui_api.routes.acting_first import Acting, ActingFirst
 from services.ui_api.routes.body_limit import BodyLimitMiddleware
 from services.ui_api.routes.console_files import console_files
 from services.ui_api.routes.idempotency import Idempotency
@@ -73,7 +74,8 @@ def routed_app() -> FastAPI:
         generate_unique_id_function=lambda route: route.name,  # one name in code, document and client
         responses={"default": {"description": "A problem.", "content": {PROBLEM_JSON: {"schema": PROBLEM_REFERENCE}}}},
     )
-    app.state.metrics = Metrics()
+    app.state.metrics, app.state.acting = Metrics(), Acting()
+    app.add_middleware(ActingFirst, acting=app.state.acting)
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
     api, methods = APIRouter(prefix=PREFIX), PathMethods()
