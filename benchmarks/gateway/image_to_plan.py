@@ -147,7 +147,7 @@ def bench_of(scenario: int) -> Iterator[Bench]:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="distalock-image-to-plan-")))
         installation = Installation(Ports.any_free(), folder / "state", None, ("--seed", str(scenario)))
         room = stack.enter_context(running(installation))
-        make_robot_ready(room.rest)
+        make_robot_ready(room.gateway)
         case = room.open_case()
         accepted_localisation(room, case, random.Random(scenario))
         http = stack.enter_context(

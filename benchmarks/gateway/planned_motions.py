@@ -7,7 +7,8 @@ from typing import Final
 from benchmarks.robot.plans import HOLE_IDS, NO_SHA, plan_between, random_target
 from benchmarks.robot.stop_latency_rig import KEYS, PATIENCE_S, TARGET_SIZE, StopRig
 from distalock.case_client import CaseClient
-from distalock.rest_client import JsonObject
+from distalock.client import Client
+from distalock.client.models import OperationView
 from shared.bus.port import Answer, Query
 from shared.messages.base import encode
 from shared.messages.imaging import ImageReference
@@ -33,8 +34,8 @@ class PlannedMotions:
         self.rig = rig
         self.not_begun = 0
         self._next: Plan | None = None
-        self._last: JsonObject | None = None
-        self._case = CaseClient(rig.rest, rig.case[0])
+        self._last: OperationView | None = None
+        self._case = CaseClient(Client(rig.installation.ports.rest_url, rig.installation.token), rig.case[0])
         rig.registration.queryable(KEYS.plan_request, self._plan)
         rig.registration.retained_publisher(KEYS.localisation).put(encode(self._record()))
         self._wait_for_localisation()
@@ -57,10 +58,9 @@ class PlannedMotions:
         self._next = plan_between(start, target, self.rig.epoch, state.boot_epoch, self.rig.case)
         plan = self._case.plan(1, HOLE_IDS)
         self._case.approve(plan)
-        etag = self._case.etag()
         self.rig.controller.move_heard.clear()
-        asked_s = time.monotonic()
-        self._last = self.rig.rest.post(f"/api/v1/cases/{self._case.id}/motions", {"plan": plan.number}, etag)
+        asked_s = time.monotonic()  # the client reads the case first, as a console does
+        self._last = self._case.begin_motion(plan)
         if not self.rig.controller.move_heard.wait(_BEGINS_WITHIN_S):
             return None
         return self.rig.controller.moved_s - asked_s

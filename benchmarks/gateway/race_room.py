@@ -15,10 +15,12 @@ from benchmarks.faults.line_relay import line_relay
 from benchmarks.faults.robot_readiness import make_robot_ready
 from benchmarks.gateway.accepted_view import accepted_localisation
 from benchmarks.gateway.race_judgement import Commanded, MoveOperation
-from distalock.case_client import CaseClient, Localisation, Plan
+from distalock.case_client import CaseClient
+from distalock.client import RequestRefused
+from distalock.client.models import LocalisationView, PlanView
 from distalock.installation import Installation, Ports
 from distalock.processes import ProcessSpec
-from distalock.rest_client import JsonObject, RequestRefused
+from distalock.rest_client import JsonObject
 
 _CONTROLLER_URL: Final = "DISTALOCK_ROBOT_CONTROLLER_URL"
 _STOP: Final = b"\x18"
@@ -61,11 +63,11 @@ class RaceRoom:
     line: OverheardLine
     case: CaseClient
     hole_ids: tuple[str, ...]
-    seen: Localisation | None = None
+    seen: LocalisationView | None = None
 
-    def plan(self, source: random.Random, *, moved: bool) -> Plan:
+    def plan(self, source: random.Random, *, moved: bool) -> PlanView:
         """A plan that moves the robot by some millimetres; where it `moved`, its mount slips, and an image is taken."""
-        make_robot_ready(self.room.rest)
+        make_robot_ready(self.room.gateway)
         for _ in range(_MOST_TRIES):
             if moved or self.seen is None:
                 self.seen = self._localised(source)
@@ -75,7 +77,7 @@ class RaceRoom:
                 last, self.seen = refusal, None
         raise RuntimeError(f"no plan after {_MOST_TRIES} images: {last}")
 
-    def _localised(self, source: random.Random) -> Localisation:
+    def _localised(self, source: random.Random) -> LocalisationView:
         shift = [source.uniform(-_MOUNT_SLIPS_MM, _MOUNT_SLIPS_MM) for _ in range(3)]
         self.room.control.post("/faults", {"kind": "mount_shift", "shift_mm": shift})
         self.case.record_step("mount_moved", why="so that there is something to move")
@@ -125,5 +127,5 @@ def race_room(seed: int) -> Iterator[RaceRoom]:
             return replace(spec, environment={**spec.environment, _CONTROLLER_URL: f"socket://127.0.0.1:{relay.port}"})
 
         room = stack.enter_context(running(installation, overheard))
-        make_robot_ready(room.rest)
+        make_robot_ready(room.gateway)
         yield RaceRoom(room, line, room.open_case(), room.room.scenario().hole_ids)
