@@ -174,13 +174,27 @@ def _demo_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--overlay", type=writable_file, metavar="OUT.png", help="write what was found in the last image"
     )
+    parser.add_argument(
+        "--console",
+        action="store_true",
+        help="do nothing by itself: print the console's address, open a case, and run until Ctrl-C, so that you do the "
+        "procedure in a browser",
+    )
 
 
 def _demo(given: argparse.Namespace) -> int:
     from rich.console import Console
 
-    from distalock.demo import DemoRequest, run_demo
+    from distalock.demo import DemoRequest, run_demo, show_console
 
+    if given.console:
+        if given.overlay is not None:
+            print(
+                "distalock demo: --overlay is of the procedure that runs by itself; leave it away with --console",
+                file=sys.stderr,
+            )
+            return EXIT_BAD_INPUT
+        return show_console(scenario_arguments(given), Console(soft_wrap=True))
     return run_demo(DemoRequest(scenario_arguments(given), given.overlay), Console(soft_wrap=True))
 
 

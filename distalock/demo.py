@@ -5,6 +5,8 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,10 +20,13 @@ from distalock.client import Client
 from distalock.installation import Installation, Ports
 from distalock.outputs import write_whole
 from distalock.procedure import Ending, Outcome, Procedure, Tell
+from distalock.processes import Fleet
 from distalock.rest_client import RestClient
-from distalock.room_client import RoomClient, TrueError
+from distalock.room_client import RoomClient, Scenario, TrueError
+from services.ui_api.core.access_settings import DEMO_USER
 from shared.errors import ConfigurationError, InputError
 from shared.runtime.settings import ANNOUNCE_VARIABLE
+from shared.signals import set_by_signals
 
 EXIT_CODES: Final = {Ending.DRILLED: 0, Ending.MISSED: 1, Ending.REFUSED: 3}
 
@@ -60,6 +65,39 @@ def run_demo(request: DemoRequest, console: Console) -> int:
     return EXIT_CODES[outcome.ending]
 
 
+def show_console(scenario_arguments: tuple[str, ...], console: Console) -> int:
+    """Start everything on free ports with an open case, print the console's address, and run until Ctrl-C.
+
+    Returns
+    -------
+    int
+        0 after Ctrl-C, 1 when a process ended by itself, 2 when the installation did not start.
+    """
+    stop = threading.Event()
+    try:
+        with set_by_signals(stop), _installed(scenario_arguments, stop) as (installation, fleet):
+            scenario = _opened_case(installation)
+            for line in console_lines(installation, scenario.description):
+                console.print(line, highlight=False)
+            ended = fleet.wait_until_one_ends()
+    except (ConfigurationError, InputError, TimeoutError) as error:
+        print(f"distalock demo: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if ended is not None:
+        print(f"distalock demo: {ended} ended by itself", file=sys.stderr)
+    return int(ended is not None)
+
+
+def console_lines(installation: Installation, description: str) -> list[str]:
+    """What somebody needs who wants to do the procedure in a browser."""
+    return [
+        f"console     {installation.gateway.url}/",
+        f"sign in as  {DEMO_USER}, with the password {installation.token}",
+        f"case        {description}; its panel [bold]Virtual room[/bold] is pedal, C-arm, wires and drill",
+        "Ctrl-C stops everything.",
+    ]
+
+
 def demonstrate(request: DemoRequest, tell: Tell) -> Outcome:
     """Start everything on free ports, do the procedure, stop everything.
 
@@ -70,13 +108,31 @@ def demonstrate(request: DemoRequest, tell: Tell) -> Outcome:
     TimeoutError
         When the installation falls silent.
     """
+    with _installed(request.scenario_arguments, threading.Event()) as (installation, _):
+        tell(f"SIMULATION: services are up, REST at {installation.gateway.url}")
+        return _procedure_in(installation, request, tell)
+
+
+@contextmanager
+def _installed(scenario_arguments: tuple[str, ...], stop: threading.Event) -> Iterator[tuple[Installation, Fleet]]:
+    """An installation with the virtual room, on free ports, in a folder that goes afterwards."""
     with tempfile.TemporaryDirectory(prefix="distalock-demo-") as folder:
         os.environ.setdefault(ANNOUNCE_VARIABLE, "0")  # one case in a folder that goes afterwards fills no disk
-        installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=request.scenario_arguments)
-        with installation.fleet(threading.Event()) as fleet:
+        installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=scenario_arguments)
+        with installation.fleet(stop) as fleet:
             installation.write_directory(fleet.pids)
-            tell(f"SIMULATION: services are up, REST at {installation.gateway.url}")
-            return _procedure_in(installation, request, tell)
+            yield installation, fleet
+
+
+def _opened_case(installation: Installation) -> Scenario:
+    """Open the virtual room's case."""
+    with (
+        RestClient(installation.gateway.url, installation.token) as rest,
+        RestClient(installation.ports.control_url) as control,
+    ):
+        scenario = RoomClient(control).scenario()
+        CaseClient.opened(rest, scenario.set_up)
+        return scenario
 
 
 def _procedure_in(installation: Installation, request: DemoRequest, tell: Tell) -> Outcome:

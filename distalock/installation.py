@@ -23,6 +23,7 @@ _DICOM_HOST = "DISTALOCK_IMAGING_DICOM_HOST"
 _REST_HOST = "DISTALOCK_UI_API_HOST"
 _UNAPPROVED_PARTS = "DISTALOCK_UI_API_UNAPPROVED_PARTS"
 DEMO_TOKEN: Final = "DISTALOCK_UI_API_DEMO_TOKEN_FILE"  # noqa: S105 - a variable's name
+_VIRTUAL_ROOM = "DISTALOCK_UI_API_VIRTUAL_ROOM_URL"
 _OWN_CERTIFICATE = "DISTALOCK_UI_API_HTTPS_CERTIFICATE"
 # Addresses to listen on that mean every address of this machine; none to call.
 _EVERY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - not bound here
@@ -163,6 +164,7 @@ class Installation:
             # In a simulation nobody is at risk, and programs try parts of their own.
             **({_UNAPPROVED_PARTS: "true"} if self.takes_unapproved_parts else {}),
             **({DEMO_TOKEN: str(self.state_dir / TOKEN_FILE)} if self.simulated else {}),
+            **({_VIRTUAL_ROOM: self.ports.control_url} if self.simulated else {}),
         }
 
     def _router_arguments(self) -> tuple[str, ...]:

@@ -78,8 +78,8 @@ def _watch(fleet: Fleet, console: Console) -> str | None:
 def _announce(installation: Installation, console: Console) -> None:
     ports, gateway = installation.ports, installation.gateway
     everywhere = "" if installation.rest_host in gateway.url else f" (listens on {installation.rest_host})"
-    console.print(f"console and REST  {gateway.url}{everywhere}", highlight=False)
-    console.print(f"API document      {gateway.url}/openapi.json", highlight=False)
+    console.print(f"console           {gateway.url}/{everywhere}", highlight=False)
+    console.print(f"REST              {gateway.url}/openapi.json", highlight=False)
     if installation.https:
         console.print(f"HTTPS, for browsers: trust {gateway.authority}", highlight=False)
     elif not is_loopback(installation.rest_host):

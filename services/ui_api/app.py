@@ -24,6 +24,7 @@ from services.ui_api.routes import (
     timeline,
     users,
     verifications,
+    virtual_room,
 )
 from services.ui_api.routes.acting_first import Acting, ActingFirst
 from services.ui_api.routes.body_limit import BodyLimitMiddleware
@@ -35,6 +36,7 @@ from services.ui_api.routes.problems import PROBLEM_JSON, add_problem_handlers
 from services.ui_api.routes.request_checks import PathMethods
 from services.ui_api.routes.request_gate import RequestGate
 from services.ui_api.routes.request_trace import RequestTrace
+from services.ui_api.routes.virtual_room import VirtualRoom
 from services.ui_api.service import Gateway
 from shared.runtime.lifecycle import software_version
 
@@ -42,7 +44,12 @@ PREFIX = "/api/v1"
 TITLE = "distalock gateway"
 
 
-def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = (), cors_origins: Sequence[str] = ()) -> FastAPI:
+def make_app(
+    gateway: Gateway,
+    allowed_hosts: Sequence[str] = (),
+    cors_origins: Sequence[str] = (),
+    virtual_room_url: str | None = None,
+) -> FastAPI:
     """The application on an open gateway; the caller closes the gateway after the server has ended.
 
     Parameters
@@ -51,12 +58,15 @@ def make_app(gateway: Gateway, allowed_hosts: Sequence[str] = (), cors_origins: 
         Names under which this machine may be called, besides addresses and `localhost`.
     cors_origins
         Other origins whose pages may call this machine.
+    virtual_room_url
+        Control API of the virtual operating room; None where there is none.
     """
     app = routed_app()
     app.add_middleware(RequestGate, allowed_hosts=allowed_hosts, cors_origins=cors_origins)
     app.add_middleware(RequestTrace)
     app.state.gateway = gateway
     app.state.console = console_files()
+    app.state.virtual_room = None if virtual_room_url is None else VirtualRoom(virtual_room_url)
     app.state.idempotency = Idempotency(gateway.record)
     app.state.kept_views = KeptViews()
     gateway.record.listen(app.state.metrics.note_events)
@@ -102,8 +112,9 @@ def routed_app() -> FastAPI:
     app.include_router(api)
     app.include_router(health.router)
     methods.add("", health.router.routes)
-    app.include_router(console.router)
-    methods.add("", console.router.routes)
+    for page in (console, virtual_room):
+        app.include_router(page.router)
+        methods.add("", page.router.routes)
     app.state.methods = methods
     add_problem_handlers(app)
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]  # FastAPI's own way to extend it

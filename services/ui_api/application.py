@@ -97,7 +97,7 @@ def _run(settings: UiApiSettings, inherited: Inherited, boot_epoch: str) -> int:
             runtime.fail("the HTTP server ended by itself")
 
         with open_gateway(bus, runtime, settings, Clock()) as gateway:
-            app = make_app(gateway, settings.allowed_hosts, settings.cors_origins)
+            app = make_app(gateway, settings.allowed_hosts, settings.cors_origins, settings.virtual_room_url)
             with serving(app, inherited.listening, early_end, inherited.handed_on) as server:
                 links[0].streams = lambda: server.streams
                 links[0].listen(FrontRecording(gateway, app))

@@ -20,6 +20,7 @@ from shared.runtime.settings import ServiceSettings
 _LEAST_TOKEN_CHARACTERS: Final = 32
 HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$")]
 
+HttpAddress = Annotated[str, Field(max_length=300, pattern=r"^http://[A-Za-z0-9.\[\]:-]+$")]
 Origin = Annotated[str, Field(max_length=300, pattern=r"^https?://[A-Za-z0-9.\[\]:-]+$")]
 # Over TLS, or on this machine.
 ProviderUrl = Annotated[
@@ -90,6 +91,9 @@ class UiApiSettings(ServiceSettings):
     )
     demo_token_file: Path | None = Field(
         None, description="File with the token of the user demo, who may do everything: for simulations."
+    )
+    virtual_room_url: HttpAddress | None = Field(
+        None, description="Control API of the virtual operating room, which the console then shows: for simulations."
     )
     lease_s: Annotated[float, Field(ge=0.1, le=2.0)] = Field(
         0.5, description="How long a hold-to-move lease lasts without renewal."

@@ -35,6 +35,31 @@ class Phase(StrEnum):
     CLOSED = "closed"
 
 
+class PhaseStatus(StrEnum):
+    """Where a phase stands on the line of a case."""
+
+    DONE = "done"
+    NOW = "now"
+    TO_COME = "to_come"
+
+
+# What a case goes through when all goes well; other phases are detours, which lead back to the named one.
+_LINE: Final = tuple(phase for phase in Phase if phase not in (Phase.MOUNTING, Phase.WIRES))
+_DETOURS: Final[Mapping[Phase, Phase]] = {Phase.MOUNTING: Phase.ALIGNMENT, Phase.WIRES: Phase.VERIFICATION}
+
+
+def phase_line(now: Phase) -> tuple[tuple[Phase, PhaseStatus], ...]:
+    """The line of phases, as it is shown: each with what it is in the present phase, detours only while they last."""
+    line = [*_LINE]
+    if now in _DETOURS:
+        line.insert(line.index(_DETOURS[now]), now)
+    here = line.index(now)
+    return tuple(
+        (phase, PhaseStatus.NOW if i == here else PhaseStatus.DONE if i < here else PhaseStatus.TO_COME)
+        for i, phase in enumerate(line)
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class NextStep:
     """One row.

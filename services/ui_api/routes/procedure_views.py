@@ -7,7 +7,7 @@ from pydantic import Field
 
 from services.ui_api.core.case import Case, StepEntry
 from services.ui_api.core.event_data import Step
-from services.ui_api.core.next_step import next_sentence, next_step
+from services.ui_api.core.next_step import next_sentence, next_step, phase_line
 from services.ui_api.core.procedure_conditions import Judge
 from services.ui_api.core.procedure_table import (
     ROBOT_ACTIONS,
@@ -85,12 +85,22 @@ class ActionView(View):
         )
 
 
+class PhaseView(View):
+    """A phase on the line of the procedure."""
+
+    name: str
+    status: Literal["done", "now", "to_come"]
+
+
 class ProcedureView(View):
     """How far the case is, and what may come next."""
 
     stage: str
     aim: str
     phase: str = Field(description="Where the case is in the protocol, from `set_up` to `closed`.")
+    line: list[PhaseView] = Field(
+        description="The phases in order, with a detour only while it lasts; what is done may have to be done again."
+    )
     wired_hole_ids: list[str]
     inside: list[InsideView] = Field(description="What is in the guide or the bone: until it is out, nothing moves.")
     drilled_hole_ids: list[str]
@@ -109,6 +119,7 @@ class ProcedureView(View):
             stage=progress.stage,
             aim=progress.aim,
             phase=following.phase,
+            line=[PhaseView(name=name, status=status.value) for name, status in phase_line(following.phase)],
             wired_hole_ids=sorted(progress.wired_hole_ids),
             inside=[InsideView(kind=x.kind.value, hole_id=x.hole_id) for x in sorted(progress.inside)],
             drilled_hole_ids=sorted(case.drilled_hole_ids),

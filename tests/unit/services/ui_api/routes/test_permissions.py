@@ -10,7 +10,7 @@ from fastapi.routing import APIRoute, APIWebSocketRoute
 
 from services.ui_api import app as application
 from services.ui_api.core.roles import PERMISSION_OF, PERMISSIONS, Action, Role, WithoutLogin, may, permission_lines
-from services.ui_api.routes import console, health, live
+from services.ui_api.routes import console, health, live, virtual_room
 from services.ui_api.routes.guards import ACTION_KEY, GuardedRoute
 from tests.unit.services.ui_api.people import add_account, signed_in
 from tests.unit.services.ui_api.room import Room, new_key
@@ -23,7 +23,7 @@ def _routers() -> list[tuple[str, APIRouter]]:
     resources = [
         getattr(application, name) for name in vars(application) if hasattr(getattr(application, name), "router")
     ]
-    return [("" if module in (console, health) else application.PREFIX, module.router) for module in resources]
+    return [("" if module in (console, health, virtual_room) else application.PREFIX, module.router) for module in resources]
 
 
 def _routes() -> list[tuple[str, str, Action]]:
