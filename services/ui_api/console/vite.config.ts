@@ -20,11 +20,12 @@ export default defineConfig({
     ),
   },
   test: {
-    environment: "jsdom",
+    // Tests of components say `@vitest-environment jsdom`; it takes longer to make than they to run.
+    environment: "node",
     include: ["src/**/*.test.{ts,tsx}"],
-    setupFiles: ["src/testing/setup.ts"],
-    // Two processors are shared with other tests.
-    poolOptions: { threads: { maxThreads: 2 } },
     pool: "threads",
+    // No test changes what another sees, so that all share one worker and what it has loaded.
+    isolate: false,
+    poolOptions: { threads: { singleThread: true } },
   },
 });

@@ -44,7 +44,7 @@ class PhaseStatus(StrEnum):
 
 
 # What a case goes through when all goes well; other phases are detours, which lead back to the named one.
-_LINE: Final = tuple(phase for phase in Phase if phase not in (Phase.MOUNTING, Phase.WIRES))
+_LINE: Final[tuple[Phase, ...]] = tuple(phase for phase in Phase if phase not in (Phase.MOUNTING, Phase.WIRES))
 _DETOURS: Final[Mapping[Phase, Phase]] = {Phase.MOUNTING: Phase.ALIGNMENT, Phase.WIRES: Phase.VERIFICATION}
 
 

@@ -3,9 +3,10 @@ import { type FormEvent, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { act } from "../api/actions";
 import { ApiError } from "../api/client";
+import LanguageChoice from "../languages/LanguageChoice";
 
 /** Name and password; the session is kept in cookies that no script reads. */
-export default function Login() {
+export default function Login({ isAgain = false }: { readonly isAgain?: boolean }) {
   const { t } = useTranslation();
   const client = useQueryClient();
   const [error, setError] = useState<ApiError | null>(null);
@@ -25,24 +26,28 @@ export default function Login() {
     }
   }
   return (
-    <form className="login" onSubmit={(event) => void submit(event)}>
-      <h1>{t("access.sign_in")}</h1>
-      <label>
-        {t("access.name")}
-        <input name="name" autoComplete="off" autoCapitalize="none" spellCheck={false} required />
-      </label>
-      <label>
-        {t("access.password")}
-        <input name="password" type="password" autoComplete="off" required />
-      </label>
-      {error && (
-        <p className="problem" role="alert">
-          {error.status === 0 ? t("state.no_answer") : error.detail}
-        </p>
-      )}
-      <button type="submit" className="primary" disabled={isBusy}>
-        {t("access.sign_in")}
-      </button>
-    </form>
+    <main>
+      <form className="login" onSubmit={(event) => void submit(event)}>
+        <h1>{t("access.sign_in")}</h1>
+        {isAgain && <p className="hint">{t("access.session_ended")}</p>}
+        <label>
+          {t("access.name")}
+          <input name="name" autoComplete="off" autoCapitalize="none" spellCheck={false} required />
+        </label>
+        <label>
+          {t("access.password")}
+          <input name="password" type="password" autoComplete="off" required />
+        </label>
+        {error && (
+          <p className="problem" role="alert">
+            {error.status === 0 ? t("state.no_answer") : error.detail}
+          </p>
+        )}
+        <LanguageChoice />
+        <button type="submit" className="primary" disabled={isBusy}>
+          {t("access.sign_in")}
+        </button>
+      </form>
+    </main>
   );
 }

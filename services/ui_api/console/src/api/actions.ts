@@ -8,6 +8,8 @@ type PlanBody = Schemas["PlanBody"];
 type StepBody = Schemas["StepBody"];
 type VerificationBody = Schemas["VerificationBody"];
 type CasePatch = Schemas["CasePatch"];
+type UserBody = Schemas["UserBody"];
+type UserPatch = Schemas["UserPatch"];
 type CaseBody = Schemas["CaseBody"];
 
 function key() {
@@ -75,6 +77,13 @@ export const act = {
     ),
   signIn: (name: string, password: string) =>
     content(gateway.POST("/api/v1/sessions", { body: { name, password, keep: "cookie" } })),
+  changePassword: (password: string, new_password: string) =>
+    answered(gateway.PUT("/api/v1/users/me/password", { body: { password, new_password } })),
+  addUser: (body: UserBody) => content(gateway.POST("/api/v1/users", { params: { header: key() }, body })),
+  changeUser: (name: string, body: UserPatch) =>
+    content(gateway.PATCH("/api/v1/users/{name}", { params: { path: { name } }, body })),
+  endSessions: (name: string) =>
+    answered(gateway.DELETE("/api/v1/users/{name}/sessions", { params: { path: { name } } })),
   signOut: async () => {
     await answered(gateway.DELETE("/api/v1/sessions/current"));
   },

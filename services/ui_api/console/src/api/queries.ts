@@ -1,7 +1,7 @@
 // What panels read. Events of the log say when something is out of date (`follow.ts`); only ages are asked for again.
 import { keepPreviousData, QueryClient, useQuery } from "@tanstack/react-query";
 import { ApiError, answered, content, gateway } from "./client";
-import type { ReadCase, RobotSnapshot } from "./types";
+import type { CheckView, ReadCase, RobotSnapshot, TimelineEntry } from "./types";
 
 /** Everything that an event of a case can change stands below this key. */
 export const CASE = "case";
@@ -168,11 +168,146 @@ export function useReadiness() {
       } catch (error) {
         // 503 lists the same parts, and says what is wrong with them.
         const checks = error instanceof ApiError ? error.problem?.checks : undefined;
-        if (checks) return checks as unknown as readonly import("./types").CheckView[];
+        if (checks) return checks as unknown as readonly CheckView[];
         throw error;
       }
     },
     retry: false,
     refetchInterval: HEALTH_EVERY_MS,
+  });
+}
+
+/** The newest images of a case, the newest first. */
+export function useImages(id: string, limit: number) {
+  return useQuery({
+    queryKey: [CASE, id, "images", limit],
+    queryFn: async () => {
+      const page = await content(
+        gateway.GET("/api/v1/cases/{case_id}/images", {
+          params: { path: { case_id: id }, query: { sort: "newest", limit } },
+        }),
+      );
+      return page.items;
+    },
+    placeholderData: keepPreviousData,
+  });
+}
+
+const ALL = 200;
+
+export function useSteps(id: string) {
+  return useQuery({
+    queryKey: [CASE, id, "steps"],
+    queryFn: async () => {
+      const path = { case_id: id };
+      return (
+        await content(
+          gateway.GET("/api/v1/cases/{case_id}/steps", { params: { path, query: { limit: ALL } } }),
+        )
+      ).items;
+    },
+  });
+}
+
+export function useVerifications(id: string) {
+  return useQuery({
+    queryKey: [CASE, id, "verifications"],
+    queryFn: async () => {
+      const path = { case_id: id };
+      return (
+        await content(
+          gateway.GET("/api/v1/cases/{case_id}/verifications", { params: { path, query: { limit: ALL } } }),
+        )
+      ).items;
+    },
+  });
+}
+
+export function usePlans(id: string) {
+  return useQuery({
+    queryKey: [CASE, id, "plans"],
+    queryFn: async () => {
+      const path = { case_id: id };
+      return (
+        await content(
+          gateway.GET("/api/v1/cases/{case_id}/plans", { params: { path, query: { limit: ALL } } }),
+        )
+      ).items;
+    },
+  });
+}
+
+export function useQaReports(id: string) {
+  return useQuery({
+    queryKey: [CASE, id, "quality"],
+    queryFn: async () => {
+      const path = { case_id: id };
+      return (
+        await content(
+          gateway.GET("/api/v1/cases/{case_id}/qa-reports", { params: { path, query: { limit: ALL } } }),
+        )
+      ).items;
+    },
+  });
+}
+
+/** What happened in a case: all of it, page by page. */
+export function useTimeline(id: string) {
+  return useQuery({
+    queryKey: [CASE, id, "timeline"],
+    queryFn: async () => {
+      const entries: TimelineEntry[] = [];
+      let cursor: string | null = null;
+      do {
+        const page: { items: TimelineEntry[]; next_cursor: string | null } = await content(
+          gateway.GET("/api/v1/cases/{case_id}/timeline", {
+            params: { path: { case_id: id }, query: { limit: ALL, ...(cursor && { cursor }) } },
+          }),
+        );
+        entries.push(...page.items);
+        cursor = page.next_cursor;
+      } while (cursor !== null);
+      return entries;
+    },
+  });
+}
+
+export function useParts() {
+  return useQuery({
+    queryKey: ["parts"],
+    queryFn: () => content(gateway.GET("/api/v1/parts")),
+    staleTime: 60_000,
+  });
+}
+
+export function useUsers(enabled: boolean) {
+  return useQuery({
+    queryKey: ["users"],
+    queryFn: async () =>
+      (await content(gateway.GET("/api/v1/users", { params: { query: { limit: ALL } } }))).items,
+    enabled,
+  });
+}
+
+export function useVersion() {
+  return useQuery({
+    queryKey: ["version"],
+    queryFn: async () => (await content(gateway.GET("/healthz"))).version,
+    staleTime: 60_000,
+  });
+}
+
+/** How to turn the C-arm, from the newest localisation; null while there is none. */
+export function useAlignment(id: string, enabled: boolean) {
+  return useQuery({
+    queryKey: [CASE, id, "alignment"],
+    queryFn: () =>
+      content(gateway.GET("/api/v1/cases/{case_id}/alignment", { params: { path: { case_id: id } } })).catch(
+        (error: unknown) => {
+          if (error instanceof ApiError && error.status === 404) return null;
+          throw error;
+        },
+      ),
+    enabled,
   });
 }

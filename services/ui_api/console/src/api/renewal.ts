@@ -47,6 +47,6 @@ async function renewOnce(): Promise<boolean> {
 
 async function inTurn(act: () => Promise<boolean>): Promise<boolean> {
   // Locks exist on pages that were loaded by HTTPS or from this machine.
-  if (!("locks" in navigator)) return await act();
-  return await navigator.locks.request("distalock-renewal", act);
+  const locks = globalThis.navigator?.locks as LockManager | undefined;
+  return locks === undefined ? await act() : await locks.request("distalock-renewal", act);
 }

@@ -1,14 +1,14 @@
 import { useEffect } from "react";
 import { useTranslation } from "react-i18next";
-import { useStop } from "./useStop";
+import type { StopState } from "./stop";
 
 // A foot pedal that is wired as a keyboard sends one of these.
 const STOP_KEYS: ReadonlySet<string> = new Set(["Escape", "Pause", "F12"]);
 
 /** Always in the same place, over everything; also by key and by a pedal that sends one. */
-export default function StopButton() {
+export default function StopButton({ stop }: { readonly stop: readonly [StopState, () => void] }) {
   const { t } = useTranslation();
-  const [state, press] = useStop();
+  const [state, press] = stop;
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       if (!STOP_KEYS.has(event.key) || event.repeat) return;

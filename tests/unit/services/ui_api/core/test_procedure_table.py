@@ -10,7 +10,7 @@ from services.robot.core.motion import Event, next_motion
 from services.robot.core.refusals import Refusal
 from services.ui_api.core.event_data import Step
 from services.ui_api.core.inside import Inside, ObjectKind, removing_step_of
-from services.ui_api.core.next_step import NEXT, Phase, next_sentence, next_step
+from services.ui_api.core.next_step import NEXT, Phase, PhaseStatus, next_sentence, next_step, phase_line
 from services.ui_api.core.procedure import Aim, Progress, Stage
 from services.ui_api.core.procedure_conditions import Judge
 from services.ui_api.core.procedure_table import (
@@ -166,3 +166,16 @@ def test_who_may_is_what_the_roles_say() -> None:
     assert set(TABLE) == set(Action)
     assert who_may(Action.START_MOTION) == who_may(Action.APPROVE_PLAN) == (Role.SURGEON,)
     assert set(who_may(Action.STOP)) == set(Role)
+
+
+@pytest.mark.parametrize("now", list(Phase))
+def test_the_line_of_phases_shows_the_present_one_once_and_detours_only_while_they_last(now: Phase) -> None:
+    line = phase_line(now)
+    statuses = [status for _, status in line]
+    assert [phase for phase, status in line if status is PhaseStatus.NOW] == [now]
+    assert statuses == sorted(statuses, key=[PhaseStatus.DONE, PhaseStatus.NOW, PhaseStatus.TO_COME].index)
+    assert [phase for phase, _ in line if phase in (Phase.MOUNTING, Phase.WIRES)] == (
+        [now] if now in (Phase.MOUNTING, Phase.WIRES) else []
+    )
+    assert line[0][0] is Phase.SET_UP
+    assert line[-1][0] is Phase.CLOSED

@@ -23,7 +23,9 @@ def _routers() -> list[tuple[str, APIRouter]]:
     resources = [
         getattr(application, name) for name in vars(application) if hasattr(getattr(application, name), "router")
     ]
-    return [("" if module in (console, health, virtual_room) else application.PREFIX, module.router) for module in resources]
+    return [
+        ("" if module in (console, health, virtual_room) else application.PREFIX, module.router) for module in resources
+    ]
 
 
 def _routes() -> list[tuple[str, str, Action]]:

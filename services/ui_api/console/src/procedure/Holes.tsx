@@ -1,0 +1,29 @@
+import { useTranslation } from "react-i18next";
+
+interface Props {
+  readonly holeIds: readonly string[];
+  readonly chosen: readonly string[];
+  readonly onChange: (chosen: string[]) => void;
+}
+
+/** Which holes an act concerns. */
+export default function Holes({ holeIds, chosen, onChange }: Props) {
+  const { t } = useTranslation();
+  return (
+    <fieldset className="choices">
+      <legend>{t("procedure.holes")}</legend>
+      {holeIds.map((hole) => (
+        <label key={hole} className="choice">
+          <input
+            type="checkbox"
+            checked={chosen.includes(hole)}
+            onChange={(event) =>
+              onChange(event.target.checked ? [...chosen, hole] : chosen.filter((other) => other !== hole))
+            }
+          />
+          {hole}
+        </label>
+      ))}
+    </fieldset>
+  );
+}

@@ -1,0 +1,128 @@
+import { useState } from "react";
+import { useTranslation } from "react-i18next";
+import { act, useAct } from "../api/actions";
+import type { Schemas } from "../api/client";
+import { useSteps } from "../api/queries";
+import type { ActionView, ReadCase } from "../api/types";
+import ProblemNote from "../state/ProblemNote";
+import { sentence } from "../state/sentence";
+import Holes from "./Holes";
+
+type StepName = Schemas["StepBody"]["step"];
+
+/** Record what people did with their hands: those in order first, the others with a reason. */
+export default function Steps({ read }: { readonly read: ReadCase }) {
+  const { t } = useTranslation();
+  const [open, setOpen] = useState<string | null>(null);
+  const { steps, allowed_steps: inOrder, next_action: next } = read.view.procedure;
+  const others = steps.filter((step) => step.verdict !== "allowed");
+  const ordered = inOrder.flatMap((name) => steps.filter((step) => step.name === name));
+  const row = (step: ActionView) => (
+    <StepRow
+      key={step.name}
+      step={step}
+      read={read}
+      isNext={step.name === next}
+      isOpen={open === step.name}
+      onToggle={() => setOpen(open === step.name ? null : step.name)}
+    />
+  );
+  return (
+    <section aria-label={t("procedure.steps")}>
+      <h3>{t("procedure.steps")}</h3>
+      <ul className="steps">{ordered.map(row)}</ul>
+      {others.length > 0 && (
+        <details>
+          <summary>{t("procedure.other_steps")}</summary>
+          <ul className="steps">{others.map(row)}</ul>
+        </details>
+      )}
+      <Withdraw read={read} />
+    </section>
+  );
+}
+
+interface RowProps {
+  readonly step: ActionView;
+  readonly read: ReadCase;
+  readonly isNext: boolean;
+  readonly isOpen: boolean;
+  readonly onToggle: () => void;
+}
+
+function StepRow({ step, read, isNext, isOpen, onToggle }: RowProps) {
+  const { t } = useTranslation();
+  return (
+    <li>
+      <button
+        type="button"
+        className={isNext ? "primary wide" : "wide"}
+        aria-expanded={isOpen}
+        onClick={onToggle}
+      >
+        {t(`step.${step.name}`)}
+      </button>
+      {isOpen && step.verdict === "refused" && (
+        <p className="refusal">
+          {sentence(step.reason)} <em>{sentence(step.remedy)}</em>
+        </p>
+      )}
+      {isOpen && step.verdict !== "refused" && <StepForm step={step} read={read} onDone={onToggle} />}
+    </li>
+  );
+}
+
+interface FormProps {
+  readonly step: ActionView;
+  readonly read: ReadCase;
+  readonly onDone: () => void;
+}
+
+function StepForm({ step, read, onDone }: FormProps) {
+  const { t } = useTranslation();
+  const [holes, setHoles] = useState<string[]>([]);
+  const [why, setWhy] = useState("");
+  const needsReason = step.verdict === "with_reason";
+  const doing = useAct(() => act.recordStep(read, { step: step.name as StepName, hole_ids: holes, why }));
+  return (
+    <div className="step-form">
+      <Holes holeIds={read.view.hole_ids} chosen={holes} onChange={setHoles} />
+      <p className="hint">{t("procedure.no_holes_means_all")}</p>
+      {needsReason && (
+        <label>
+          {sentence(step.reason)} {t("procedure.why")}
+          <input value={why} onChange={(event) => setWhy(event.target.value)} />
+        </label>
+      )}
+      <button
+        type="button"
+        className="primary wide"
+        disabled={doing.isPending || (needsReason && why.trim() === "")}
+        onClick={() => doing.mutate(undefined, { onSuccess: onDone })}
+      >
+        {t("procedure.record", { step: t(`step.${step.name}`) })}
+      </button>
+      <ProblemNote error={doing.error} />
+    </div>
+  );
+}
+
+/** The step that was recorded last, and the way to take it back where it was a mistake. */
+function Withdraw({ read }: { readonly read: ReadCase }) {
+  const { t } = useTranslation();
+  const last = useSteps(read.view.id).data?.at(-1);
+  const doing = useAct((number: number) => act.withdrawStep(read, number));
+  const action = read.view.procedure.actions.find((one) => one.name === "withdraw_step");
+  if (last === undefined || action?.verdict !== "allowed") return null;
+  return (
+    <div className="row">
+      <span>
+        {t("procedure.last_step", { step: t(`step.${last.step}`), holes: last.hole_ids.join(", ") })}
+      </span>
+      <button type="button" disabled={doing.isPending} onClick={() => doing.mutate(last.number)}>
+        {t("action.withdraw_step")}
+      </button>
+      <ProblemNote error={doing.error} />
+    </div>
+  );
+}

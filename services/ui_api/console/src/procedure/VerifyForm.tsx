@@ -1,0 +1,63 @@
+import { useState } from "react";
+import { useTranslation } from "react-i18next";
+import { act, useAct } from "../api/actions";
+import { useImages } from "../api/queries";
+import type { ReadCase } from "../api/types";
+import ProblemNote from "../state/ProblemNote";
+
+const SHOWN = 4;
+const MOST = 2;
+const THUMBNAIL_PX = 160;
+
+/** Choose one image or two, and whether wires or the guide alone are compared with the nail. */
+export default function VerifyForm({ read }: { readonly read: ReadCase }) {
+  const { t } = useTranslation();
+  const images = useImages(read.view.id, SHOWN).data ?? [];
+  const [chosen, setChosen] = useState<readonly string[] | null>(null);
+  const wanted = (chosen ?? images.slice(0, 1).map((image) => image.id)).filter((id) =>
+    images.some((i) => i.id === id),
+  );
+  const doing = useAct((of: "wires" | "guide") => act.verify(read, { images: [...wanted], of }));
+  const hasWires = read.view.procedure.wired_hole_ids.length > 0;
+  function toggle(id: string) {
+    setChosen(wanted.includes(id) ? wanted.filter((other) => other !== id) : [...wanted, id].slice(-MOST));
+  }
+  return (
+    <div>
+      <p className="hint">{t("verify.choose")}</p>
+      <div className="thumbnails">
+        {images.map((image) => (
+          <button
+            key={image.id}
+            type="button"
+            aria-pressed={wanted.includes(image.id)}
+            aria-label={t("verify.image", { number: image.header?.sequence ?? "" })}
+            onClick={() => toggle(image.id)}
+          >
+            <img src={`/api/v1/images/${image.id}.png?view=raw&width=${THUMBNAIL_PX}`} alt="" />
+          </button>
+        ))}
+      </div>
+      <div className="row">
+        <button
+          type="button"
+          className={hasWires ? "primary" : ""}
+          disabled={doing.isPending || wanted.length === 0}
+          onClick={() => doing.mutate("wires")}
+        >
+          {t("verify.wires")}
+        </button>
+        <button
+          type="button"
+          className={hasWires ? "" : "primary"}
+          disabled={doing.isPending || wanted.length === 0}
+          onClick={() => doing.mutate("guide")}
+        >
+          {t("verify.guide")}
+        </button>
+      </div>
+      {doing.isPending && <p role="status">{t("verify.running")}</p>}
+      <ProblemNote error={doing.error} />
+    </div>
+  );
+}
