@@ -271,12 +271,22 @@ class InsideView(ReceivedModel):
     hole_id: str
 
 
+class PhaseView(ReceivedModel):
+    """A phase on the line of the procedure."""
+
+    name: str
+    status: Literal["done", "now", "to_come"]
+
+
 class ProcedureView(ReceivedModel):
     """How far the case is, and what may come next."""
 
     stage: str
     aim: str
     phase: str = Field(description="Where the case is in the protocol, from `set_up` to `closed`.")
+    line: tuple[PhaseView, ...] = Field(
+        description="The phases in order, with a detour only while it lasts; what is done may have to be done again."
+    )
     wired_hole_ids: tuple[str, ...]
     inside: tuple[InsideView, ...] = Field(
         description="What is in the guide or the bone: until it is out, nothing moves."
