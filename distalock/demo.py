@@ -127,11 +127,11 @@ def _installed(scenario_arguments: tuple[str, ...], stop: threading.Event) -> It
 def _opened_case(installation: Installation) -> Scenario:
     """Open the virtual room's case."""
     with (
-        RestClient(installation.gateway.url, installation.token) as rest,
+        Client(installation.gateway.url, installation.token) as gateway,
         RestClient(installation.ports.control_url) as control,
     ):
         scenario = RoomClient(control).scenario()
-        CaseClient.opened(rest, scenario.set_up)
+        CaseClient.opened(gateway, scenario.set_up)
         return scenario
 
 
