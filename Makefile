@@ -20,7 +20,7 @@ KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared si
 COMPILED := .venv/.compiled
 CONSOLE := .venv/.console
 
-.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks model-check mutation faults bench lock release \
+.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks model-check mutation faults bench lock release containers \
 	generated wheel-check clean
 
 help:
@@ -33,6 +33,7 @@ help:
 	@echo "make mutation  which changes of the safety modules the unit tests notice; one module with M=guard"
 	@echo "make faults  every fault at every step of the procedure; a tenth of them with ARGS=\"--tenth --seed 1\""
 	@echo "make bench   the full statistics; results go to docs/"
+	@echo "make containers  builds all images, starts them with the virtual room and drills, the robot's container killed once"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
 	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
 	@echo "make release  a signed release in OUT=FOLDER with the key KEY=FILE; docs/releases.md"
@@ -113,6 +114,10 @@ mutation: $(COMPILED)
 
 faults: $(COMPILED)
 	$(BIN)/distalock bench faults $(ARGS)
+
+# Needs docker and root or its group; where no registry can be reached, debootstrap for the base image.
+containers: $(COMPILED)
+	$(BIN)/python -m tools.containers $(ARGS)
 
 bench: setup
 	$(BIN)/distalock bench all

@@ -198,6 +198,12 @@ def _demo(given: argparse.Namespace) -> int:
     return run_demo(DemoRequest(scenario_arguments(given), given.overlay), Console(soft_wrap=True))
 
 
+def _procedure_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.procedure_arguments import add_arguments
+
+    add_arguments(parser)
+
+
 def _room_arguments(parser: argparse.ArgumentParser) -> None:
     from simulation.settings import add_room_arguments
 
@@ -310,6 +316,12 @@ COMMANDS = (
     ),
     Command("up", "run router and all services on this machine until Ctrl-C", _up_arguments, _up),
     Command("demo", "the whole procedure in the virtual operating room, with its true errors", _demo_arguments, _demo),
+    Command(
+        "procedure",
+        "a case on an installation that runs already, with a virtual operating room's hands",
+        _procedure_arguments,
+        _imported("distalock.running_procedure"),
+    ),
     Command("virtual-or", "the virtual operating room alone", _room_arguments, _imported("simulation.__main__")),
     Command("robot", "the robot's workspace, and the calibration of its guide", _robot_arguments, _robot),
     Command(

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NoReturn
+from urllib.parse import urlsplit
 
 from distalock.outputs import require_writable
 from shared.arguments import EXIT_BAD_INPUT as EXIT_BAD_INPUT
@@ -174,6 +175,18 @@ def controller_url(text: str) -> str:
         raise argparse.ArgumentTypeError(
             f"{text!r} is no address of a controller: {error}; give one such as /dev/ttyUSB0 or socket://192.168.1.5:50000"
         ) from None
+    return text.strip()
+
+
+def server_url(text: str) -> str:
+    """Parse the address of an HTTP server; it need not be there yet."""
+    address = urlsplit(text.strip())
+    try:
+        whole = address.scheme in ("http", "https") and address.hostname is not None and address.port != 0
+    except ValueError:
+        whole = False
+    if not whole:
+        raise argparse.ArgumentTypeError(f"{text!r} is no address of a server; give one such as https://gateway:8000")
     return text.strip()
 
 

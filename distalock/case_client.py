@@ -21,12 +21,13 @@ from distalock.client.models import (
     VerificationView,
 )
 from distalock.rest_client import JsonObject
+from distalock.robot_readiness import ENDED as ENDED
+from distalock.robot_readiness import make_robot_ready
 
 # No safety limit: a localisation takes a second, and a minute on a busy machine.
 _PATIENCE_S: Final = 300.0
 _POLL_S: Final = 0.1
 _MOST_OF_A_PAGE: Final = 200
-ENDED: Final = frozenset({"succeeded", "failed", "stopped"})
 
 
 class CaseClient:
@@ -119,6 +120,19 @@ class CaseClient:
             time.sleep(_POLL_S)
             operation = self._client.read_operation(operation.id)
         return operation
+
+    def lock_robot(self) -> None:
+        """Bring the robot to where it may move, from whatever state it is in; raises `RequestRefused`, `NotDone`."""
+        make_robot_ready(self._client)
+
+    def abandon(self, why: str) -> None:
+        """End the case; raises `RequestRefused`."""
+        self.record_step("abandoned", why=why)
+
+    @staticmethod
+    def open_cases(client: Client) -> "list[CaseClient]":
+        """Cases that are open."""
+        return [CaseClient(client, case.id) for case in client.iterate_cases(status="open")]
 
     def make_robot_ready(self) -> tuple[OperationView, OperationView]:
         """Acknowledge the stop that every start begins with, then reference; raises `RequestRefused`."""

@@ -56,7 +56,7 @@ def run_demo(request: DemoRequest, console: Console) -> int:
         0 when all drills passed, 1 when one did not, 2 when the installation did not start, 3 when the system refused.
     """
     try:
-        outcome = demonstrate(request, _progress(console))
+        outcome = demonstrate(request, progress(console))
     except (ConfigurationError, InputError, TimeoutError) as error:
         print(f"distalock demo: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -151,7 +151,8 @@ def _procedure_in(installation: Installation, request: DemoRequest, tell: Tell) 
         return outcome
 
 
-def _progress(console: Console) -> Tell:
+def progress(console: Console) -> Tell:
+    """Prints lines, each with the time since now."""
     begun = time.monotonic()
 
     def tell(line: str) -> None:

@@ -8,6 +8,7 @@ from typing import Final
 from distalock.case_client import CaseClient, codes_of, is_accepted, summary_of
 from distalock.client import RequestRefused
 from distalock.client.models import CArmCorrection, LocalisationView, OperationView, PlanView, VerifiedGuideHole
+from distalock.robot_readiness import NotDone
 from distalock.room_client import DrillResult, RoomClient, TrueError
 from shared.equipment import LEAST_CHANCE_TO_PASS
 from shared.errors import ReasonCode
@@ -84,7 +85,7 @@ class Procedure:
             for hole_ids in self._holes_that_move_together(self._localise()):
                 self._align(hole_ids)
                 self._drill(hole_ids)
-        except (Refused, RequestRefused) as refusal:
+        except (NotDone, Refused, RequestRefused) as refusal:
             return self._outcome(Ending.REFUSED, str(refusal), before)
         ending = Ending.DRILLED if all(d.passed for d in self.drills) else Ending.MISSED
         return self._outcome(ending, "", before)
@@ -94,8 +95,7 @@ class Procedure:
         return Outcome(ending, why, before, after, self.shots, self.moves, tuple(self.drills))
 
     def _prepare(self) -> None:
-        for operation in self.case.make_robot_ready():
-            _require_success(operation, "making the robot ready")
+        self.case.lock_robot()
         self.tell("robot: stop acknowledged, referenced, locked")
 
     def _holes_that_move_together(self, seen: LocalisationView) -> list[tuple[str, ...]]:

@@ -123,6 +123,14 @@ ALERTS: Final = (
         "Somebody tries what no service does: see the event `bus_refused` for who.",
     ),
     Alert(
+        "FramesByTcp",
+        'increase(distalock_frames{path="tcp"}[10m]) > 2',
+        "0s",
+        "warning",
+        "Frames come by TCP in place of shared memory.",
+        "See `no shared memory` in the logs of imaging and the gateway: the limit of locked memory, or /dev/shm.",
+    ),
+    Alert(
         "LogLinesLost",
         "increase(distalock_log_lines_dropped[10m]) > 0",
         "0s",
@@ -148,6 +156,7 @@ PANELS: Final = (
     Panel("X-ray images per hour", "short", {"{{by}}": "increase(distalock_images_total[1h])"}),
     Panel("Refusals per hour", "short", {"{{of}}: {{code}}": "increase(distalock_refusals_total[1h]) > 0"}),
     Panel("Leases", "short", {"{{state}}": "distalock_leases"}),
+    Panel("Frames per minute", "short", {"{{path}}": "increase(distalock_frames[1m])"}),
     Panel(
         "Writes to the case record",
         "s",

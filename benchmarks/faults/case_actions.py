@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from benchmarks.faults.acknowledged import AcknowledgingClient
-from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import FaultSite
 from distalock.case_client import ENDED, CaseClient, is_accepted, summary_of
 from distalock.client import Client
 from distalock.client.models import ImageView, LocalisationView, OperationView, PlanView
+from distalock.robot_readiness import NotDone, make_robot_ready
 
 _POLL_S: Final = 0.05
 # So long that a busy machine is not taken for a lost procedure.

@@ -11,7 +11,6 @@ from benchmarks.faults.acknowledged import AcknowledgingClient
 from benchmarks.faults.declaration import Fault, InMotion
 from benchmarks.faults.judgement import wrong_in_answers, wrong_in_motion, wrong_in_readiness
 from benchmarks.faults.patient import PatientProcedure, Step
-from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import FaultSite
 from benchmarks.faults.watch import (
     ReadinessWatch,
@@ -24,6 +23,7 @@ from benchmarks.faults.watch import (
 )
 from distalock.case_client import CaseClient
 from distalock.client import RequestRefused
+from distalock.robot_readiness import NotDone, make_robot_ready
 from services.ui_api.core.chain import ChainBroken
 from services.ui_api.record.database import existing_database, sqlite_url
 from services.ui_api.record.verify import verify_record

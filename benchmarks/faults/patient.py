@@ -10,9 +10,9 @@ import httpx
 
 from benchmarks.faults.acknowledged import AcknowledgingClient
 from benchmarks.faults.case_actions import CaseActions
-from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import FaultSite
 from distalock.client import RequestRefused
+from distalock.robot_readiness import NotDone, make_robot_ready
 
 NO_ANSWER: Final = "nobody answered"
 _MOST_ATTEMPTS: Final = 12

@@ -21,13 +21,13 @@ import httpx
 
 from benchmarks.common.operating_room import running
 from benchmarks.common.places import PAGES
-from benchmarks.faults.robot_readiness import NotDone, make_robot_ready
 from benchmarks.faults.site import Hexapod
 from distalock.case_client import CaseClient
 from distalock.client import Client, RequestRefused
 from distalock.demo_user import demo_token
 from distalock.installation import Installation, Ports
 from distalock.rest_client import RestClient
+from distalock.robot_readiness import NotDone, make_robot_ready
 from distalock.room_client import RoomClient
 
 SEED = 2

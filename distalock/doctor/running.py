@@ -30,8 +30,9 @@ def gateway_findings(gateway: Server) -> Iterator[Finding]:
         return
     for check in answer.json()["checks"]:
         name = f"running: {check['name'].replace('_', ' ')}"
-        verdict = Verdict.WELL if check["ok"] else Verdict.WRONG
-        yield Finding(name, verdict, str(check["measured"]), "" if check["ok"] else str(check["remedy"]))
+        remedy = str(check["remedy"])
+        verdict = Verdict.WRONG if not check["ok"] else Verdict.ATTENTION if remedy else Verdict.WELL
+        yield Finding(name, verdict, str(check["measured"]), remedy)
 
 
 def dicom_finding(settings: ImagingSettings, *, running: bool) -> Finding:

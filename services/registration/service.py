@@ -15,6 +15,7 @@ from services.registration.planning import another_set_up, answer_plan_request
 from services.registration.report import mounting_site_message, timed_localisation, verification_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
+from shared.bus.frame_paths import FramePaths
 from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import Accepted, BusError, InputError
 from shared.messages.base import decode, encode
@@ -57,6 +58,7 @@ class RegistrationService:
         # Not retained: a value that is delivered later would look as if it were confirmed now.
         self._epochs = bus.publisher(runtime.keys.registration_epoch)
         self._left = threading.Event()
+        self._paths, self._tcp_was_said = FramePaths(), False
         self._guidance = LiveGuidance(bus, runtime, settings, state)
 
     @contextmanager
@@ -105,8 +107,17 @@ class RegistrationService:
         self._runtime.ready()
 
     def _on_frame(self, sample: Sample) -> None:
+        self._note_path(sample)
         header = decode(FrameHeader, sample.attachment)
         self._state.note_frame(header, header.pixels(sample.payload))
+
+    def _note_path(self, sample: Sample) -> None:
+        """Say it once when frames begin to come by TCP."""
+        self._paths.note(sample)
+        if self._paths.fallen_back and not self._tcp_was_said:
+            detail = f"{self._paths.sentence}: imaging and this service share no memory; see `no shared memory` there"
+            self._runtime.log.warning("frames come by TCP", detail=detail)
+        self._tcp_was_said = self._paths.fallen_back
 
     def _on_calibration(self, sample: Sample) -> None:
         message = decode(CalibrationMessage, sample.payload)

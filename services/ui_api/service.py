@@ -127,7 +127,10 @@ def _assemble(
     services = ServiceHealth(bus, keys, clock, WATCHED_SERVICES)
     disk = DiskSpace(settings, settings.images(), services)
     link_up = bus.presence().link_up
-    asked = ReadinessParts(record, view, inbox, services, refusals, runtime.status, link_up, settings, clock)
+    live = LiveHandler(bus, keys, clock, PictureEncoder())
+    asked = ReadinessParts(
+        record, view, inbox, services, refusals, runtime.status, link_up, settings, clock, live.paths
+    )
     procedure = ProcedureHandler(record, view)
     gateway = Gateway(
         record=record,
@@ -146,7 +149,7 @@ def _assemble(
         inbox=inbox,
         feed=feed,
         tail=tail,
-        live=LiveHandler(bus, keys, clock, PictureEncoder()),
+        live=live,
         clock=clock,
         link_up=link_up,
         services=services,

@@ -6,18 +6,19 @@ that raises is logged and reported to the asker as an error; it never takes the 
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Protocol, Self, TypeAlias
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One published value."""
+    """One published value; two are the same by whatever way they came."""
 
     key: str
     payload: bytes
     attachment: bytes
+    by_shared_memory: bool = field(default=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -262,7 +262,9 @@ def _text(value: zenoh.ZBytes | None) -> str:
 
 
 def _sample(sample: zenoh.Sample) -> Sample:
-    return Sample(str(sample.key_expr), sample.payload.to_bytes(), _bytes(sample.attachment))
+    payload = sample.payload
+    shared = payload.as_shm() is not None
+    return Sample(str(sample.key_expr), payload.to_bytes(), _bytes(sample.attachment), by_shared_memory=shared)
 
 
 def _answer(handler: QueryHandler, query: zenoh.Query) -> None:

@@ -15,6 +15,7 @@ import structlog
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.feed import Feed
 from services.ui_api.handlers.picture_encoder import EncoderFailed, PictureEncoder
+from shared.bus.frame_paths import FramePaths
 from shared.bus.keys import Keys
 from shared.bus.port import Bus, Sample
 from shared.messages.base import decode
@@ -65,6 +66,7 @@ class LiveHandler:
         self._frame: LiveFrame | None = None
         self._guidance: HeardGuidance | None = None
         self._viewers = 0
+        self.paths = FramePaths()
         self._thread = supervised_thread("live pictures", self._work)
         self.feed = Feed()
 
@@ -114,6 +116,7 @@ class LiveHandler:
             self._changed.notify_all()
 
     def _on_frame(self, sample: Sample) -> None:
+        self.paths.note(sample)
         header = decode(FrameHeader, sample.attachment)
         header.pixels(sample.payload)  # refuses what does not fit, before the encoder waits for pixels that never come
         heard = _HeardFrame(header, bytes(sample.payload), self._clock.monotonic_s())

@@ -15,6 +15,7 @@ from services.ui_api.handlers.inbox import Inbox
 from services.ui_api.handlers.robot_view import RobotView, Validity
 from services.ui_api.handlers.service_health import SILENT_AFTER_S, ServiceHealth
 from services.ui_api.record.record import CaseRecord
+from shared.bus.frame_paths import FramePaths
 from shared.errors import RecordUnavailable
 from shared.messages.presence import ServiceName
 from shared.messages.robot import MotionState
@@ -39,7 +40,7 @@ class Check:
         ``ok``, or what is wrong in a word: ``absent``, ``silent``, ``starting``, ``degraded``, ``stale``, ``fault``,
         ``disconnected``, ``unavailable``, ``full``, ``filling``.
     remedy
-        What to do; empty when the part is well.
+        What to do; empty when the part is well. A part that does what it is there for may have one too.
     """
 
     name: str
@@ -66,6 +67,7 @@ class ReadinessParts:
     link_up: Callable[[], bool]
     settings: ServiceSettings
     clock: Clock
+    frames: FramePaths
 
 
 class Readiness:
@@ -104,6 +106,7 @@ class Readiness:
         yield from (self._service(service) for service in parts.services.heard)
         yield self._robot_state()
         yield self._gateway()
+        yield _frames(parts.frames)
         # Never a lack: whoever is refused could keep the system from being used.
         yield Check("access", "ok", summary(parts.refusals.newest))
 
@@ -168,6 +171,12 @@ class Readiness:
         if (sentence := filling(folder, settings.announce_free_percent, settings.announce_free_mib)) is not None:
             return Check("disk", "filling", sentence, "no new case is opened until there is more space")
         return Check("disk", "ok", f"{settings.announce_free_percent:g} % or {settings.announce_free_mib:g} MiB free")
+
+
+def _frames(paths: FramePaths) -> Check:
+    """Never a lack: by TCP they are slower, and as good."""
+    remedy = "see `no shared memory` in the logs of imaging and the gateway" if paths.fallen_back else ""
+    return Check("frames", "ok", paths.sentence, remedy)
 
 
 def _hanging() -> Check:

@@ -99,6 +99,12 @@ class Metrics:
         self._heartbeat_age = self._gauge(
             "heartbeat_age_seconds", "Time since a service's last heartbeat; infinite before the first.", "service"
         )
+        self._frames = self._gauge(
+            "frames",
+            "Frames that the gateway has received since its start, by how: shared_memory, or tcp, which is the slower "
+            "way where no memory can be shared.",
+            "path",
+        )
         self._leases = self._gauge(
             "leases",
             "Hold-to-move leases: held now; lapsed since the gateway's start, each of which stopped the robot.",
@@ -146,6 +152,8 @@ class Metrics:
         self._queued.labels("inbox").set(gateway.inbox.waiting)
         self._queued.labels("stop_record").set(len(gateway.stop_recorder))
         self._not_queued.labels("inbox").set(gateway.inbox.refused)
+        self._frames.labels("shared_memory").set(gateway.live.paths.by_shared_memory)
+        self._frames.labels("tcp").set(gateway.live.paths.by_tcp)
         self._leases.labels("held").set(gateway.leases.held)
         self._leases.labels("lapsed").set(gateway.leases.lapsed)
         for service, alive in gateway.inbox.presence.alive.items():

@@ -70,8 +70,8 @@ class Case(CaseClient):
     def __init__(self, room: Room) -> None:
         self.room = room
 
-    def make_robot_ready(self) -> tuple[OperationView, OperationView]:
-        return REACHED, REACHED
+    def lock_robot(self) -> None:
+        pass
 
     def localisation_of(self, sop_instance_uid: str) -> LocalisationView:
         assert sop_instance_uid == SHOT

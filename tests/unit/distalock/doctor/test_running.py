@@ -25,6 +25,7 @@ from simulation.controller.virtual_controller import VirtualController
 SETTINGS = RobotSettings()
 CHECKS = [
     {"name": "robot_state", "ok": True, "measured": "locked", "remedy": ""},
+    {"name": "frames", "ok": True, "measured": "frames by shared memory 0, by TCP 9", "remedy": "see the logs"},
     {"name": "database", "ok": False, "measured": "database is locked", "remedy": "see who holds it"},
 ]
 
@@ -66,6 +67,7 @@ def test_each_check_of_a_gateway_is_a_finding_with_its_remedy() -> None:
         found = list(gateway_findings(Server(url)))
     assert found == [
         well("running: robot state", "locked"),
+        attention("running: frames", "frames by shared memory 0, by TCP 9", "see the logs"),
         wrong("running: database", "database is locked", "see who holds it"),
     ]
 

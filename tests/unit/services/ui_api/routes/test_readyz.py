@@ -19,7 +19,7 @@ from shared.messages.robot import MotionState
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import Room, open_room
 
-PARTS = ["bus", "imaging", "registration", "robot", "robot_state", "gateway", "access", "database", "disk"]
+PARTS = ["bus", "imaging", "registration", "robot", "robot_state", "gateway", "frames", "access", "database", "disk"]
 Checks = dict[str, dict[str, str | bool]]
 
 

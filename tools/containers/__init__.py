@@ -1,0 +1,1 @@
+"""Builds, starts and tries an installation of containers: `make containers`."""
