@@ -35,12 +35,12 @@ from pynetdicom.sop_class import XRayAngiographicImageStorage  # type: ignore[at
 
 from benchmarks.common.operating_room import OperatingRoom, running
 from benchmarks.common.places import CATALOGUE, PAGES
-from benchmarks.faults.robot_readiness import make_robot_ready
 from benchmarks.gateway.accepted_view import accepted_localisation
 from distalock.arguments import seed_number, whole_number, writable_file
 from distalock.installation import Installation, Ports
 from distalock.locate import locate_image, read_parts
 from distalock.rest_client import JsonObject, bearer
+from distalock.robot_readiness import make_robot_ready
 from services.registration.core.localise import Parts
 from shared.arguments import OneLineParser
 

@@ -12,7 +12,6 @@ from typing import Final
 
 from benchmarks.common.operating_room import OperatingRoom, running
 from benchmarks.faults.line_relay import line_relay
-from benchmarks.faults.robot_readiness import make_robot_ready
 from benchmarks.gateway.accepted_view import accepted_localisation
 from benchmarks.gateway.race_judgement import Commanded, MoveOperation
 from distalock.case_client import CaseClient
@@ -21,6 +20,7 @@ from distalock.client.models import LocalisationView, PlanView
 from distalock.installation import Installation, Ports
 from distalock.processes import ProcessSpec
 from distalock.rest_client import JsonObject
+from distalock.robot_readiness import make_robot_ready
 
 _CONTROLLER_URL: Final = "DISTALOCK_ROBOT_CONTROLLER_URL"
 _STOP: Final = b"\x18"
