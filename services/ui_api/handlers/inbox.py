@@ -20,6 +20,7 @@ from services.ui_api.core.event_data import (
 from services.ui_api.core.events import EventData, EventDraft
 from services.ui_api.core.fluoroscopy import FluoroscopyRun
 from services.ui_api.core.image_numbers import NumbersOnRecord
+from services.ui_api.handlers.arrived_frames import ArrivedFrames
 from services.ui_api.handlers.bus_refusals import BusRefusalLog
 from services.ui_api.handlers.catch_up import CatchUp, Recorder
 from services.ui_api.handlers.commands import CommandHandler
@@ -82,6 +83,7 @@ class Inbox:
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._commands, self._log = view, commands, log
         self._queue: BoundedQueue[Callable[[], None]] = BoundedQueue(_QUEUE_SIZE)
+        self._frames = ArrivedFrames(_QUEUE_SIZE, log)
         self._run: FluoroscopyRun[bytes] = FluoroscopyRun(run_calibrations)
         self._run_interval_s = _IDLE_S
         self._ended = False
@@ -167,9 +169,8 @@ class Inbox:
             self._record_calibration(decode(CalibrationMessage, payload), payload)
 
     def _frame_later(self, sample: Sample) -> None:
-        """What waits keeps the header and not the pixels: a queue that grows for a while would hold gigabytes."""
-        attachment = sample.attachment
-        self._put(lambda: self._frame(attachment))
+        self._frames.put(sample.attachment)
+        self._put(self._record_frames)
 
     def _recorded_later(self, handle: Callable[[bytes], None]) -> Callable[[Sample], None]:
         return lambda sample: self._put(lambda: handle(sample.payload))
@@ -206,13 +207,18 @@ class Inbox:
             case = self._record.ledger.open_case()
             unit.append(EventDraft(data, case.case_id if case else None, who))
 
-    def _frame(self, attachment: bytes) -> None:
-        header = decode(FrameHeader, attachment)
-        self.presence.image_source = f"{header.manufacturer} {header.model_name}".strip()
-        with self._record.write() as unit:
-            self._keep_image(unit, header.case_id, header.case_revision, header.reference(), header)
-        if header.sequence > self._numbers(header.store_id).through:
-            self._catch_up.wake()
+    def _record_frames(self) -> None:
+        """Record all frames that have come, in one transaction; a record that takes nothing leaves them waiting."""
+        count, headers = self._frames.waiting()
+        if headers:
+            newest = headers[-1]
+            self.presence.image_source = f"{newest.manufacturer} {newest.model_name}".strip()
+            with self._record.write() as unit:
+                for header in headers:
+                    self._keep_image(unit, header.case_id, header.case_revision, header.reference(), header)
+            if newest.sequence > self._numbers(newest.store_id).through:
+                self._catch_up.wake()
+        self._frames.recorded(count)
 
     def _images(self, images: tuple[StoredImage, ...]) -> None:
         """Images that were missed, in the order of their numbers."""

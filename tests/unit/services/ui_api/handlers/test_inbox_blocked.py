@@ -42,3 +42,22 @@ def test_a_command_whose_outcome_cannot_be_recorded_is_settled_by_the_robots_sta
         room.robot.arrive()
         holder.close()
         room.wait_for_status(str(begun["id"]), "succeeded")
+
+
+def test_frames_that_had_to_wait_are_recorded_together(tmp_path: Path) -> None:
+    """Behind a slow disk frames come faster than they go one by one: the inbox would fill, and an X-ray wait behind."""
+    with open_room(tmp_path) as room:
+        case_id = room.open_case()
+        holder = sqlite3.connect(tmp_path / "case-record.sqlite", isolation_level=None)
+        holder.execute("BEGIN IMMEDIATE")
+        first = room.imaging.send("image 0", case_id)
+        wait_until(lambda: room.gateway.inbox.blocked is not None)
+        headers = [first, *(room.imaging.send(f"image {k}", case_id) for k in range(1, 40))]
+        room.imaging.publish(headers[7])  # one that comes twice
+        units: list[float] = []
+        room.gateway.record.on_write = units.append
+        holder.close()
+        ledger = room.gateway.record.ledger
+        room.log.wait_for(lambda: ledger.cases[case_id].image(headers[-1].sha256) is not None)
+        assert [image.image_sha256 for image in ledger.cases[case_id].images] == [one.sha256 for one in headers]
+        assert len(units) < 10
