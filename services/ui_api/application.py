@@ -58,6 +58,12 @@ class FrontRecording:
         self._gateway.status.impair("front", figures.lacking)
 
 
+def end_streams(gateway: Gateway) -> None:
+    """Send everybody who watches home: events and live pictures."""
+    gateway.feed.close()
+    gateway.live.feed.close()
+
+
 def main(arguments: list[str]) -> int:
     """Exit code: as of every service."""
     given = _parser().parse_args(arguments)
@@ -102,7 +108,7 @@ def _run(settings: UiApiSettings, inherited: Inherited, boot_epoch: str) -> int:
                 links[0].streams = lambda: server.streams
                 links[0].listen(FrontRecording(gateway, app))
                 yield
-                gateway.feed.close()  # event streams end now, or the server would wait for them
+                end_streams(gateway)  # now, or the server would wait for them
 
     return run_service("ui_api", settings, compose, showing=showing, boot_epoch=boot_epoch)
 

@@ -13,6 +13,7 @@ import pytest
 from benchmarks.common.operating_room import OperatingRoom
 from distalock.case_client import CaseClient, is_accepted, summary_of
 from distalock.client.models import OperationView, PlanView, RobotState
+from distalock.rest_client import bearer
 from tests.e2e.conftest import SEED, operating_room
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.timeout(600)]
@@ -118,6 +119,20 @@ def test_a_frozen_application_stops_the_move(site: CaseRoom) -> None:
         assert httpx.post(f"{site.room.installation.ports.rest_url}/api/v1/robot/stop").json()["confirmed"] is True
     ended = site.outcome(begun)
     assert ended.status == "stopped"
+    assert site.robot().stop == "latched"
+
+
+def test_a_gateway_that_is_told_to_end_lets_the_robot_stop_and_its_streams_come_again(site: CaseRoom) -> None:
+    begun = site.begin_to_move()
+    installation = site.room.installation
+    events = f"{installation.ports.rest_url}/api/v1/events"
+    with httpx.stream("GET", events, headers=bearer(installation.token), timeout=60.0) as stream:
+        os.kill(site.room.fleet.pids["ui_api"], signal.SIGTERM)
+        time.sleep(0.5)  # as when it is silent: see above
+        require_standstill(site)
+        assert "retry: 3000" in list(stream.iter_lines())[-4:]
+    site.room.fleet.restart("ui_api")
+    assert site.outcome(begun).status == "stopped"
     assert site.robot().stop == "latched"
 
 

@@ -38,6 +38,7 @@ from pydicom.uid import (
 from pynetdicom import AE, evt
 
 from services.imaging.devices.association_gate import REQUEST_WITHIN_S, GatedHandler, GatedServer
+from services.imaging.devices.receiver_activity import LEAVE_WITHIN_S, ReceiverActivity
 from services.imaging.devices.source import Refused, Take
 from shared.errors import ConfigurationError, ImageUnreadable
 from shared.runtime.logging import Log
@@ -184,7 +185,7 @@ class _Request(Protocol):
 
 @contextmanager
 def dicom_receiver(endpoint: Endpoint, take: Take, log: Log) -> Iterator[int]:
-    """Listen for images for as long as the context lasts.
+    """Listen for images for as long as the context lasts; an image that is on its way then is taken.
 
     Parameters
     ----------
@@ -215,10 +216,16 @@ def dicom_receiver(endpoint: Endpoint, take: Take, log: Log) -> Iterator[int]:
     entity.add_supported_context(_VERIFICATION)
     for uid in _STORED:
         entity.add_supported_context(uid, decodable_syntaxes())
-    doorkeeper = _Doorkeeper(endpoint, log)
+    doorkeeper, activity = _Doorkeeper(endpoint, log), ReceiverActivity()
+
+    def store(event: _StoreEvent) -> Dataset:
+        with activity.storing():
+            return doorkeeper.delivered(event, _stored(event, take, log))
+
     handlers: list[evt.EventHandlerType] = [
         (evt.EVT_REQUESTED, doorkeeper.requested),
-        (evt.EVT_C_STORE, lambda event: doorkeeper.delivered(event, _stored(event, take, log))),
+        (evt.EVT_C_STORE, store),
+        (evt.EVT_PDU_RECV, activity.note_received),
         (evt.EVT_REJECTED, lambda event: _log_rejection(event, endpoint, log)),
     ]
     try:
@@ -242,7 +249,11 @@ def dicom_receiver(endpoint: Endpoint, take: Take, log: Log) -> Iterator[int]:
     try:
         yield int(server.server_address[1])
     finally:
-        server.shutdown()
+        server.shutdown()  # nobody new; who is within an image ends it
+        if not activity.wait_until_quiet():
+            log.warning(
+                "associations ended", detail=f"they were busy {LEAVE_WITHIN_S:g} s after this service had to end"
+            )
         entity.shutdown()
 
 

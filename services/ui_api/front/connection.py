@@ -3,7 +3,9 @@
 import asyncio
 import logging
 import random
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Final
 
 import h11
@@ -14,6 +16,7 @@ from services.ui_api.front.answers import Asked, problem_answer, stop_answer
 from services.ui_api.front.application_socket import PIECE_BYTES, ApplicationConnections, ApplicationGone
 from services.ui_api.front.handover import Handover
 from services.ui_api.front.heads import forwarded, is_stop, is_stream, path_of, stays_open
+from services.ui_api.front.leaving import AGAIN, CODE, DETAIL, Leaving
 from services.ui_api.front.relay import Client, Relay
 from services.ui_api.front.stops import FrontStops, Stop
 
@@ -57,6 +60,7 @@ class FrontParts:
     handover: Handover | None = None
     head_within_s: float = HEAD_WITHIN_S
     idle_for_s: float = IDLE_FOR_S
+    leaving: Leaving = field(default_factory=Leaving)
 
 
 class Connection:
@@ -149,6 +153,8 @@ class Connection:
         """Answer a request; whether the connection can take another one."""
         if self._is_in_room and is_stop(request):
             return await self._stop(request)
+        if self._parts.leaving.has_begun:
+            return self._refuse(request, CODE, DETAIL, AGAIN)
         if self._parts.handover is not None and is_stream(request) and self._handed_over(self._parts.handover, request):
             return False
         if not self._parts.admission.take_relay():
@@ -183,9 +189,11 @@ class Connection:
         self._writer.transport.abort()  # this process's handle alone
         return True
 
-    def _refuse(self, request: h11.Request, code: str, detail: str) -> bool:
+    def _refuse(
+        self, request: h11.Request, code: str, detail: str, again: Mapping[str, str] = MappingProxyType(_AGAIN)
+    ) -> bool:
         """Answer 503, and end the connection: its body need not be read."""
-        self._writer.write(problem_answer(503, code, detail, self._asked(request, keeps_open=False), _AGAIN))
+        self._writer.write(problem_answer(503, code, detail, self._asked(request, keeps_open=False), again))
         return False
 
     def _asked(self, request: h11.Request, *, keeps_open: bool) -> Asked:

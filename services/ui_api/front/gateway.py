@@ -70,6 +70,7 @@ class _Gateway:
                 self._announce(runtime)
                 yield
                 self._link.leave()  # before the application, which may take seconds: nothing moves meanwhile
+                parts.leaving.begin()
                 application.end()  # before the port: requests under way are still answered, and stops go out
 
     def _announce(self, runtime: Runtime) -> None:

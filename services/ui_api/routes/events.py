@@ -20,6 +20,8 @@ from services.ui_api.service import Gateway
 router = APIRouter(route_class=GuardedRoute, tags=["events"])
 # Chosen: below the 30 s after which proxies close what says nothing.
 PING_S = 10.0
+# Chosen: about the time of a restart, after which a client that connects again finds the gateway.
+RETRY_MS: Final = 3000
 _STREAM: Final[dict[int | str, dict[str, Any]]] = {
     200: {
         "description": "Server-sent events; docs/asyncapi.json has the schema of each kind.",
@@ -73,6 +75,8 @@ async def _stream(gateway: Gateway, user: User, start: int, case_id: str | None)
             place = news.through
             if place >= gateway.record.ledger.head_sequence:
                 await grown.wait()
+    if gateway.feed.closed:
+        yield ServerSentEvent(comment="the gateway ends or restarts", retry=RETRY_MS)
 
 
 def _page(record: CaseRecord, place: int, case_id: str | None) -> News:

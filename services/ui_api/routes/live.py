@@ -1,7 +1,7 @@
 """`WS /live`: the newest image and the newest guidance for a viewer. Nobody waits for a slow one: it misses frames."""
 
 import asyncio
-from typing import Literal
+from typing import Final, Literal
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
@@ -17,6 +17,9 @@ from shared.messages.base import Identifier, Sha256, UnixNanoseconds
 from shared.messages.imaging import FrameHeader
 
 router = APIRouter(tags=["live"])
+# Status code of https://www.iana.org/assignments/websocket/: the client may connect again after some seconds.
+SERVICE_RESTART: Final = 1012
+_GATEWAY_ENDS: Final = "the gateway ends or restarts; connect again in some seconds"
 
 
 class LiveView(View):
@@ -47,6 +50,8 @@ async def watch(socket: WebSocket) -> None:
     with gateway.live.watching(news.call), gateway.feed.listening(news.call):
         try:
             await _send_on(socket, gateway, news, leaving)
+            if gateway.live.feed.closed:
+                await socket.close(SERVICE_RESTART, _GATEWAY_ENDS)
         except WebSocketDisconnect:
             pass  # it left while something was sent
         finally:

@@ -1,6 +1,7 @@
 """The receiver as a C-arm meets it: real associations over the loopback."""
 
 import socket
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -116,6 +117,25 @@ def test_a_port_in_use_is_one_sentence() -> None:
             dicom_receiver(Endpoint("127.0.0.1", port, "DISTALOCK"), Taker(), LOG),
         ):
             pass
+
+
+def test_an_image_that_is_being_stored_is_acknowledged_before_the_receiver_leaves() -> None:
+    storing, release, statuses = threading.Event(), threading.Event(), list[Dataset | None]()
+
+    def take(content: bytes, sender: str) -> None:
+        storing.set()
+        assert release.wait(10.0)
+
+    with dicom_receiver(Endpoint("127.0.0.1", 0, "DISTALOCK"), take, LOG) as port:
+        sender = threading.Thread(target=lambda: statuses.append(sent(port)))
+        sender.start()
+        assert storing.wait(10.0)
+        threading.Timer(0.2, release.set).start()
+    sender.join(10.0)
+    assert statuses[0] is not None
+    assert statuses[0].Status == 0
+    with pytest.raises(ConnectionRefusedError), socket.create_connection(("127.0.0.1", port), 5.0):
+        pass
 
 
 def test_the_port_is_free_again_afterwards() -> None:

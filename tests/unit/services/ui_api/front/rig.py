@@ -67,6 +67,7 @@ class FrontRig:
             head_within_s,
             head_within_s,
         )
+        self.leaving = parts.leaving
         server = FrontServer(parts, self.link)
         threading.Thread(target=self._serve, args=(inner, application), daemon=True).start()
         stack.enter_context(serving_front(server, outer, ours))

@@ -8,6 +8,7 @@ from itertools import islice
 
 import httpx
 
+from services.ui_api.routes.events import RETRY_MS
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import Room
 
@@ -70,12 +71,13 @@ def test_changes_of_the_robot_are_events(room: Room) -> None:
     assert changed["data"]["state"] == "locked"  # type: ignore[index]
 
 
-def test_streams_end_when_the_gateway_closes(room: Room) -> None:
-    ended = threading.Event()
+def test_streams_end_when_the_gateway_closes_and_say_when_to_come_again(room: Room) -> None:
+    ended, lines = threading.Event(), list[str]()
 
     def read_to_the_end() -> None:
-        with _stream(room, "/events?after=0") as events:
-            for _ in events:
+        with room.client.stream("GET", "/api/v1/events?after=0", timeout=PATIENCE_S) as answer:
+            for line in answer.iter_lines():
+                lines.append(line)
                 started.set()
         ended.set()
 
@@ -86,6 +88,7 @@ def test_streams_end_when_the_gateway_closes(room: Room) -> None:
     room.gateway.feed.close()
     assert ended.wait(PATIENCE_S)
     reader.join()
+    assert f"retry: {RETRY_MS}" in lines[-4:], lines[-4:]
 
 
 def test_a_place_that_is_no_number_is_refused(room: Room) -> None:

@@ -9,6 +9,7 @@ import pytest
 from starlette.types import Message
 
 from services.ui_api.app import make_app
+from services.ui_api.routes.live import SERVICE_RESTART
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import TOKEN, Room
 
@@ -80,6 +81,13 @@ def test_a_viewer_gets_the_newest_image_with_guidance_and_may_leave(room: Room) 
     assert (view["image"], view["case_id"], view["picture"]) == (image.sha256, case_id, "image/jpeg")
     assert view["guidance"]["c_arm_correction_deg"]["about_image_x"] == 1.5
     assert picture["bytes"].startswith(b"\xff\xd8")
+
+
+def test_viewers_are_told_to_come_again_when_the_gateway_ends(room: Room) -> None:
+    room.gateway.live.feed.close()
+    accepted, closed = asyncio.run(_watched(room, 2))
+    assert accepted["type"] == "websocket.accept"
+    assert (closed["type"], closed["code"]) == ("websocket.close", SERVICE_RESTART)
 
 
 HERE = (b"host", b"localhost:8000")
