@@ -16,7 +16,7 @@ from services.ui_api.front.answers import Asked, problem_answer, stop_answer
 from services.ui_api.front.application_socket import PIECE_BYTES, ApplicationConnections, ApplicationGone
 from services.ui_api.front.handover import Handover
 from services.ui_api.front.heads import forwarded, is_stop, is_stream, path_of, stays_open
-from services.ui_api.front.leaving import AGAIN, CODE, DETAIL, Leaving
+from services.ui_api.front.leaving import AGAIN, DETAIL, Leaving
 from services.ui_api.front.relay import Client, Relay
 from services.ui_api.front.stops import FrontStops, Stop
 
@@ -154,7 +154,7 @@ class Connection:
         if self._is_in_room and is_stop(request):
             return await self._stop(request)
         if self._parts.leaving.has_begun:
-            return self._refuse(request, CODE, DETAIL, AGAIN)
+            return self._refuse(request, "gateway_leaving", DETAIL, AGAIN)
         if self._parts.handover is not None and is_stream(request) and self._handed_over(self._parts.handover, request):
             return False
         if not self._parts.admission.take_relay():

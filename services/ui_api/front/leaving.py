@@ -3,7 +3,6 @@
 import threading
 from typing import Final
 
-CODE: Final = "gateway_leaving"
 DETAIL: Final = "the gateway ends or restarts and begins nothing new; a stop is still sent; try again in some seconds"
 # Chosen: a restart takes about as long.
 AGAIN: Final = {"retry-after": "5"}
