@@ -67,8 +67,8 @@ class RaceRoom:
 
     def plan(self, source: random.Random, *, moved: bool) -> PlanView:
         """A plan that moves the robot by some millimetres; where it `moved`, its mount slips, and an image is taken."""
-        make_robot_ready(self.room.gateway)
         for _ in range(_MOST_TRIES):
+            make_robot_ready(self.room.gateway)  # a busy machine may have stopped it again
             if moved or self.seen is None:
                 self.seen = self._localised(source)
             try:

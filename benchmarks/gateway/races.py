@@ -121,7 +121,7 @@ def _count(tally: Tally, race: Race, number: int, documented: Container[str]) ->
     tally.faults += found
     for line in found:
         print(line, flush=True)
-    if (number + 1) % 25 == 0:
+    if (number + 1) % 10 == 0:
         print(f"{number + 1} races, {tally.motions} motions, {len(tally.faults)} faults", flush=True)
 
 
