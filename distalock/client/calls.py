@@ -18,6 +18,7 @@ from distalock.client.models import (
     CatalogueView,
     ChallengeBody,
     HealthView,
+    ImageDrawing,
     ImageView,
     LeaseView,
     LocalisationView,
@@ -187,6 +188,11 @@ def list_localisations(
 def read_localisation(case_id: str, number: int) -> Call[LocalisationView]:
     """What `locate` prints, plus provenance and whether it still holds."""
     return Call("GET", f"/api/v1/cases/{escaped(case_id)}/localisations/{number}", LocalisationView)
+
+
+def read_drawing(case_id: str, number: int) -> Call[ImageDrawing]:
+    """What was found as vectors, for viewers that draw it over the image: balls with residuals, nail, holes, drill."""
+    return Call("GET", f"/api/v1/cases/{escaped(case_id)}/localisations/{number}/drawing", ImageDrawing)
 
 
 def read_alignment(case_id: str) -> Call[AlignmentView]:

@@ -21,6 +21,7 @@ from distalock.client.models import (
     CatalogueView,
     ChallengeBody,
     HealthView,
+    ImageDrawing,
     ImageView,
     LeaseView,
     LocalisationView,
@@ -220,6 +221,10 @@ class Methods(ABC):
     def read_localisation(self, case_id: str, number: int) -> LocalisationView:
         """What `locate` prints, plus provenance and whether it still holds."""
         return self.send(calls.read_localisation(case_id, number))
+
+    def read_drawing(self, case_id: str, number: int) -> ImageDrawing:
+        """What was found as vectors, for viewers that draw it over the image: balls with residuals, nail, holes, drill."""
+        return self.send(calls.read_drawing(case_id, number))
 
     def read_alignment(self, case_id: str) -> AlignmentView:
         """How far and which way to turn the C-arm, from the newest localisation."""

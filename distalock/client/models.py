@@ -365,6 +365,88 @@ class Curvature(ReceivedModel):
     standard_uncertainty_per_m: float
 
 
+class DrawnBall(ReceivedModel):
+    """A ball of ring or guide."""
+
+    id: str
+    centre_px: tuple[float, float] = Field(
+        description="Where it was measured; of a ball that was not used, where it must be."
+    )
+    radius_px: float
+    used: bool = Field(description="Whether calibration or guide pose rests on it.")
+    residual_px: float | None = Field(
+        description="Distance from where calibration and pose predict it; null for a ball that was not used."
+    )
+
+
+class DrawnEllipse(ReceivedModel):
+    """An ellipse in pixels."""
+
+    centre_px: tuple[float, float]
+    semi_major_px: float
+    semi_minor_px: float
+    major_axis_deg: float = Field(description="Direction of the major axis, from the columns' to the rows' direction.")
+
+
+class DrawnHole(ReceivedModel):
+    """A hole of the nail.
+
+    Attributes
+    ----------
+    mm_per_px
+        Length at the hole's depth that one pixel covers.
+    entry_95, exit_95
+        95 % ellipses of where the hole's axis crosses its entry and its exit, against the guide. None of a hole that is
+        not localised, and where the errors are not estimated.
+    """
+
+    id: str
+    localised: bool
+    centre_px: tuple[float, float]
+    mm_per_px: float
+    rims_px: tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]] = Field(
+        description="Where it meets the nail's surface, at entry and exit."
+    )
+    axis_px: tuple[tuple[float, float], ...] = Field(description="From the surgeon's side to the exit.")
+    entry_95: DrawnEllipse | None
+    exit_95: DrawnEllipse | None
+
+
+class DrawnPath(ReceivedModel):
+    """Where a drill goes that is led by the guide's hole of this name, as the guide stands in the image."""
+
+    id: str
+    axis_px: tuple[tuple[float, float], ...] = Field(description="From the surgeon's side to where it leaves the nail.")
+    edges_px: tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]] = Field(
+        description="Both sides of the drill."
+    )
+    rims_px: tuple[tuple[tuple[float, float], ...], ...] = Field(
+        description="The drill's circumference in the planes of the nail hole's entry and exit; empty without a nail."
+    )
+
+
+class DrawnScrew(ReceivedModel):
+    """A screw of the mount where it is advised."""
+
+    id: Literal["distal", "proximal"]
+    shown: bool
+    axis_px: tuple[tuple[float, float], ...]
+    radius_px: float
+
+
+class Drawing(ReceivedModel):
+    """Everything in the pixels of one view."""
+
+    ring_balls: tuple[DrawnBall, ...]
+    guide_balls: tuple[DrawnBall, ...]
+    nail_edges_px: tuple[tuple[tuple[float, float], ...], ...] = Field(
+        description="The nail's two sides; empty without a nail."
+    )
+    holes: tuple[DrawnHole, ...]
+    drill_paths: tuple[DrawnPath, ...]
+    mounting_screws: tuple[DrawnScrew, ...]
+
+
 class FrameHeader(ReceivedModel):
     """Describes one image; travels as the attachment of its pixels.
 
@@ -448,6 +530,27 @@ class HealthView(ReceivedModel):
     version: str
 
 
+class ImageDrawing(ReceivedModel):
+    """An image's drawing, in the pixels of the image as received and of the corrected one; both un-mirrored.
+
+    Attributes
+    ----------
+    mirrored
+        Column x is then column ``width_px - 1 - x`` of the image as received.
+    mm_per_px_at_detector
+        Length that one pixel covers at the ring's plate next to the detector.
+    """
+
+    schema_name: Literal["distalock/drawing/1"] = Field(default="distalock/drawing/1", alias="schema")
+    image_sha256: str
+    width_px: int
+    height_px: int
+    mirrored: bool
+    mm_per_px_at_detector: float
+    raw: Drawing
+    corrected: Drawing
+
+
 class SkipView(ReceivedModel):
     """Why an image was not calibrated or not localised."""
 
@@ -468,6 +571,7 @@ class ImageView(ReceivedModel):
     localisation: int | None = Field(description="Number of the newest localisation made from it.")
     calibrated: bool | None = Field(description="Null until imaging has reported.")
     skipped: SkipView | None = Field(description="Why there is no calibration or no localisation and will be none.")
+    age_s: float = Field(description="Time since it was received, as the gateway's clock has it; for people.")
 
 
 class LeaseView(ReceivedModel):

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 from services.registration.core.mounting_site import site_without_guide
 from services.registration.core.wires.verify import verify_guide_alone, verify_images
+from services.registration.drawing import image_drawing
 from services.registration.frames import LocalisedFrame, OpenCase, ReceivedFrame, calibration_of, pose_at_rest
 from services.registration.jobs import LocalisationJobs
 from services.registration.live import LiveGuidance
@@ -227,7 +228,10 @@ class RegistrationService:
         record = _record(frame, job, case, noted, frame.age_s(self._state.now_s()))
         told = None if site is None else mounting_site_message(site)
         overlay = base64.b64encode(drawn).decode()
-        record = record.model_copy(update={"mounting_site": told, "overlay_png_base64": overlay})
+        vectors = None
+        if calibration is not None:
+            vectors = image_drawing(job.image.sha256, calibration, result, case.parts, site)
+        record = record.model_copy(update={"mounting_site": told, "overlay_png_base64": overlay, "drawing": vectors})
         localised = LocalisedFrame(frame, case, record, calibration, result)
         self._state.images.note(localised)
         self._localisations.put(encode(record))

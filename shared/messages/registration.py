@@ -20,6 +20,7 @@ from shared.messages.base import (
     encode,
     is_empty,
 )
+from shared.messages.drawing import ImageDrawing
 from shared.messages.imaging import ImageAge, ImageReference
 from shared.messages.robot import PlatformPoseMessage
 
@@ -231,6 +232,9 @@ class LocalisationRecord(Message):
     image_age_s: ImageAge = Field(None, description=IMAGE_AGE)
     mounting_site: MountingSiteMessage | None = Field(
         None, description="Where to mount the robot: of an image that shows the nail and no guide."
+    )
+    drawing: ImageDrawing | None = Field(
+        None, description="What was found as vectors, for viewers; null when the ring was not found."
     )
 
 

@@ -12,7 +12,7 @@ from shared.geometry.lines import Line, angle_between_rad, read_only, unit
 # 8192 samples of a Sobol sequence: near the limit of 0.99 even random ones would err by no more than 0.0011.
 _SAMPLES_LOG2 = 13
 # 95 % quantile of the length of a standard normal vector in the plane, in closed form.
-_QUANTILE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
+QUANTILE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 _NEARLY_X = 0.8
 
 
@@ -56,12 +56,12 @@ class AxisOffset:
     @property
     def entry_bound_mm(self) -> float:
         """No more than 5 % of errors at the entry are larger."""
-        return _QUANTILE_95 * float(np.sqrt(np.linalg.eigvalsh(self.covariance_mm2[:2, :2])[-1]))
+        return QUANTILE_95 * float(np.sqrt(np.linalg.eigvalsh(self.covariance_mm2[:2, :2])[-1]))
 
     @property
     def axis_bound_deg(self) -> float:
         """No more than 5 % of errors of the angle are larger."""
-        return _QUANTILE_95 * float(np.degrees(np.sqrt(np.linalg.eigvalsh(self._slope_covariance())[-1])))
+        return QUANTILE_95 * float(np.degrees(np.sqrt(np.linalg.eigvalsh(self._slope_covariance())[-1])))
 
     def clearance_probability(self, hole_diameter_mm: float, drill_diameter_mm: float) -> float:
         """Probability that a drill's axis is off by at most half the play at entry *and* at exit."""

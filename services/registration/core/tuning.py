@@ -832,7 +832,7 @@ class MountingSiteSettings:
 
 @dataclass(frozen=True, slots=True)
 class Overlay:
-    """How what was found is drawn on the image (`overlay.py`)."""
+    """How what was found is drawn on the image (`overlay.py`, `drawing.py`)."""
 
     darkest_percentile: float = tuned(0.5, "%", "grey value that is drawn black", _DRAWN)
     brightest_percentile: float = tuned(99.5, "%", "grey value that is drawn white", _DRAWN)
@@ -843,6 +843,7 @@ class Overlay:
     proximal_mm: float = tuned(60.0, "mm", "nail's outline proximal of its holes", _DRAWN)
     edge_step_mm: float = tuned(4.0, "mm", "spacing of its points", _DRAWN)
     rim_points: int = tuned(49, "1", "points of a rim", _DRAWN)
+    path_points: int = tuned(9, "1", "points of a drill's path", _DRAWN)
     subpixel_bits: int = tuned(4, "bits", "fractions of a pixel", derived("a sixteenth"))
 
 

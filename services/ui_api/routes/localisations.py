@@ -7,14 +7,16 @@ from services.ui_api.core.event_data import LocalisationReceived
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.planning import localisation_of
 from services.ui_api.handlers.procedure import localisation_staleness
-from services.ui_api.handlers.refusals import unknown
+from services.ui_api.handlers.refusals import conflict, unknown
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.guards import GuardedRoute, needs
 from services.ui_api.routes.pages import Cursor, Limit, Page, Sort, VerdictFilter, page
-from services.ui_api.routes.result_views import AlignmentView, GuidanceView, HoleTilt, LocalisationView, age_s
+from services.ui_api.routes.result_views import AlignmentView, GuidanceView, HoleTilt, LocalisationView
 from services.ui_api.routes.sparse import SPARSE
+from services.ui_api.routes.views import age_s
 from services.ui_api.service import Gateway
 from shared.messages.base import decode
+from shared.messages.drawing import ImageDrawing
 from shared.messages.registration import LocalisationRecord
 
 router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}", tags=["localisations"])
@@ -46,6 +48,16 @@ def read_localisation(case_id: str, number: int, gateway: TheGateway) -> Localis
     """What `locate` prints, plus provenance and whether it still holds."""
     case = gateway.cases.case(case_id)
     return _view(gateway, case, localisation_of(case, number))
+
+
+@router.get("/localisations/{number}/drawing", openapi_extra=needs(Action.READ))
+def read_drawing(case_id: str, number: int, gateway: TheGateway) -> ImageDrawing:
+    """What was found as vectors, for viewers that draw it over the image: balls with residuals, nail, holes, drill."""
+    case = gateway.cases.case(case_id)
+    drawing = _document(gateway, localisation_of(case, number)).drawing
+    if drawing is None:
+        raise conflict("no_drawing", f"localisation {number} found no ring in its image, so nothing can be drawn on it")
+    return drawing
 
 
 @router.get("/alignment", openapi_extra=needs(Action.READ))

@@ -1,12 +1,11 @@
 """What clients get: localisations, alignment and verifications."""
 
-import time
 from typing import Literal
 
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import LocalisationReceived
 from services.ui_api.handlers.procedure import localisation_staleness
-from services.ui_api.routes.views import View
+from services.ui_api.routes.views import View, age_s
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
 from shared.messages.guidance import Guidance
 from shared.messages.registration import (
@@ -152,8 +151,3 @@ class VerificationView(Verification):
 def aged(age_s: float | None, heard_s_ago: float) -> float | None:
     """Age of an image now: what it was when it was published, and the time since; None when nobody knew it."""
     return None if age_s is None else age_s + heard_s_ago
-
-
-def age_s(received_at_ns: int) -> float:
-    """Time since an image was received: wall clocks of hosts that keep the same time, for people only."""
-    return max(0.0, (time.time_ns() - received_at_ns) / 1e9)

@@ -1,5 +1,7 @@
 """What clients get: cases, images, localisations, verifications and events."""
 
+import time
+
 from pydantic import Field
 
 from services.ui_api.core.case import Case
@@ -104,6 +106,7 @@ class ImageView(View):
     localisation: int | None = Field(description="Number of the newest localisation made from it.")
     calibrated: bool | None = Field(description="Null until imaging has reported.")
     skipped: SkipView | None = Field(description="Why there is no calibration or no localisation and will be none.")
+    age_s: float = Field(description="Time since it was received, as the gateway's clock has it; for people.")
 
     @staticmethod
     def of(case: Case, image: ImageReceived, header: FrameHeader | None) -> "ImageView":
@@ -121,6 +124,7 @@ class ImageView(View):
             localisation=None if measured is None else measured.number,
             calibrated=None if calibration is None else calibration.verdict == "accepted",
             skipped=None if skip is None else SkipView(step=skip.step, code=skip.code, message=skip.message),
+            age_s=age_s(image.received_at_ns),
         )
 
 
@@ -148,3 +152,8 @@ class EventView(View):
             data={},
         ).model_dump_json(exclude={"data"})
         return f'{head[:-1]},"data":{data_json(event.data)}}}'
+
+
+def age_s(received_at_ns: int) -> float:
+    """Time since an image was received: wall clocks of hosts that keep the same time, for people only."""
+    return max(0.0, (time.time_ns() - received_at_ns) / 1e9)

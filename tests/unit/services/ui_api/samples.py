@@ -8,6 +8,7 @@ import numpy as np
 from services.ui_api.core.event_data import CaseSetup, PartUse
 from shared.errors import ReasonCode
 from shared.messages.base import ReasonMessage
+from shared.messages.drawing import Drawing, ImageDrawing
 from shared.messages.guidance import Guidance, GuidanceUncertainty, GuidedHole, MirrorCheck
 from shared.messages.imaging import CalibrationMessage, FrameHeader
 from shared.messages.qa import QaImage, QaReply, QaReport, QaRequest
@@ -210,6 +211,20 @@ def localisation_record(header: FrameHeader, epoch: str, *reasons: ReasonCode) -
         nail_sha256=sha("nail"),
         software_version="0.1.0",
         overlay_png_base64=base64.b64encode(OVERLAY_PNG).decode(),
+        drawing=None if ReasonCode.RING_NOT_FOUND in reasons else drawing(header.sha256),
+    )
+
+
+def drawing(image_sha256: str) -> ImageDrawing:
+    empty = Drawing(ring_balls=(), guide_balls=(), nail_edges_px=(), holes=(), drill_paths=(), mounting_screws=())
+    return ImageDrawing(
+        image_sha256=image_sha256,
+        width_px=8,
+        height_px=8,
+        mirrored=False,
+        mm_per_px_at_detector=0.3,
+        raw=empty,
+        corrected=empty,
     )
 
 

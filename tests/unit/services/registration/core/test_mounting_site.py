@@ -7,6 +7,7 @@ import pytest
 
 from services.registration.core.localise import localise
 from services.registration.core.mounting_site import MountingSite, mounting_site, site_of_nail, site_without_guide
+from services.registration.drawing import image_drawing
 from services.registration.overlay import overlay_png
 from services.registration.report import mounting_site_message
 from shared.geometry.frames import Camera, Nail
@@ -75,6 +76,12 @@ def test_an_image_of_the_nail_alone_is_advised_on_and_drawn() -> None:
     assert message.screws[0].at_nail_px == tuple(site.screws[0].axis_px[1])
     with_site = overlay_png(pixels, view, result, parts, site)
     assert with_site != overlay_png(pixels, view, result, parts)
+    drawing = image_drawing("a" * 64, view, result, parts, site).raw
+    for drawn, screw in zip(drawing.mounting_screws, site.screws, strict=True):
+        assert np.array(drawn.axis_px) == pytest.approx(screw.axis_px, abs=0.01)
+    assert [hole.entry_95 for hole in drawing.holes] == [None, None]  # offsets are against a guide
+    assert not drawing.drill_paths
+    assert not drawing.guide_balls
 
 
 def test_nothing_is_advised_without_a_nail() -> None:

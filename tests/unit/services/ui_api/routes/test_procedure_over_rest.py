@@ -6,6 +6,7 @@ import httpx
 import pytest
 
 from services.ui_api.core.events import EventKind
+from shared.errors import ReasonCode
 from shared.robot_states import MotionState, StopLatch
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.room import Room, wait_until
@@ -212,3 +213,12 @@ def test_a_localisation_is_what_locate_prints_plus_provenance(room: Room) -> Non
     assert (body["validity"], body["stale_because"]) == ("stale", "a newer image has arrived")
     overlay = room.get(f"/images/{image.sha256}.png?view=overlay")
     assert (overlay.headers["content-type"], overlay.content) == ("image/png", OVERLAY_PNG)
+    drawing = room.get(f"/cases/{case_id}/localisations/1/drawing").json()
+    assert (drawing["schema"], drawing["image_sha256"]) == ("distalock/drawing/1", image.sha256)
+
+
+def test_nothing_can_be_drawn_on_an_image_without_a_ring(room: Room) -> None:
+    case_id = room.open_case()
+    room.image("one", case_id, ReasonCode.RING_NOT_FOUND)
+    answer = room.get(f"/cases/{case_id}/localisations/1/drawing")
+    assert (answer.status_code, answer.json()["code"]) == (409, "no_drawing")
