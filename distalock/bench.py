@@ -186,6 +186,13 @@ BENCHMARKS: Final = {
         "every fault of processes, record, disks, clock, line and network at every step of the procedure "
         "(docs/faults.md)",
     ),
+    "containers": Benchmark(
+        "containers.command",
+        "containers",
+        "containers: sizes of images, first image beside the second, frames by shared memory, and each one killed, "
+        "paused and cut off",
+        needs_arguments=True,
+    ),
     "bus": Benchmark(
         "bus.bus", "bus", "frames of 2 MB and commands under mutual TLS and access control, beside bare Zenoh"
     ),

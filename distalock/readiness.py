@@ -23,6 +23,10 @@ class Server:
     url: str
     authority: Path | None = None
 
+    def trusted(self) -> ssl.SSLContext:
+        """Whose certificates count: the authority's, or the system's."""
+        return ssl.create_default_context(cafile=None if self.authority is None else str(self.authority))
+
     def answer(self, path: str) -> httpx.Response | None:
         """What it answers; None when it does not."""
         verify = True if self.authority is None else ssl.create_default_context(cafile=str(self.authority))

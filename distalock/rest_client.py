@@ -3,6 +3,7 @@
 Programs that lead a case use `distalock.client`.
 """
 
+import ssl
 import uuid
 from collections.abc import Mapping
 from types import TracebackType
@@ -31,10 +32,19 @@ class RestClient:
     ----------
     token
         Says who asks; the virtual room asks for none.
+    trusted
+        Whose certificates count; by default those of the system's authorities.
     """
 
-    def __init__(self, base_url: str, token: str | None = None, answer_s: float = _ANSWER_S) -> None:
+    def __init__(
+        self,
+        base_url: str,
+        token: str | None = None,
+        answer_s: float = _ANSWER_S,
+        trusted: ssl.SSLContext | None = None,
+    ) -> None:
         self._http = httpx.Client(
+            verify=trusted or True,
             base_url=base_url,
             headers=bearer(token),
             timeout=httpx.Timeout(answer_s, connect=_CONNECT_S),

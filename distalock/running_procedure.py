@@ -4,7 +4,6 @@ Asks the gateway over REST for everything; the hands are those of a virtual oper
 """
 
 import argparse
-import ssl
 import sys
 import time
 from typing import Final
@@ -88,5 +87,4 @@ def procedure_at(server: Server, token: str, room_url: str, tell: Tell) -> Outco
 
 def connection_to(server: Server) -> httpx.Client:
     """A connection that trusts the authority of an installation, or those of the system."""
-    context = ssl.create_default_context(cafile=None if server.authority is None else str(server.authority))
-    return httpx.Client(timeout=httpx.Timeout(_ANSWER_S, connect=_CONNECT_S), verify=context)
+    return httpx.Client(timeout=httpx.Timeout(_ANSWER_S, connect=_CONNECT_S), verify=server.trusted())

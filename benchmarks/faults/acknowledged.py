@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, TypeVar
 
+import httpx
 from pydantic import BaseModel
 
 from distalock.case_client import CaseClient
@@ -98,9 +99,16 @@ class Acknowledged:
 class AcknowledgingClient(Client):
     """A client that remembers what it was answered."""
 
-    def __init__(self, installation: Installation, acknowledged: Acknowledged, answer_s: float) -> None:
-        super().__init__(installation.ports.rest_url, installation.token, answer_s)
+    def __init__(
+        self, url: str, token: str, acknowledged: Acknowledged, answer_s: float, http: httpx.Client | None = None
+    ) -> None:
+        super().__init__(url, token, answer_s, http)
         self._acknowledged = acknowledged
+
+    @classmethod
+    def of(cls, installation: Installation, acknowledged: Acknowledged, answer_s: float) -> "AcknowledgingClient":
+        """A client of an installation of processes."""
+        return cls(installation.ports.rest_url, installation.token, acknowledged, answer_s)
 
     def send(self, call: Call[T]) -> T:
         """Act, and remember the answer."""

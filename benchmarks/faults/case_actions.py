@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from benchmarks.faults.acknowledged import AcknowledgingClient
-from benchmarks.faults.site import FaultSite
+from benchmarks.faults.procedure_site import ProcedureSite
 from distalock.case_client import ENDED, CaseClient, is_accepted, summary_of
 from distalock.client import Client
 from distalock.client.models import ImageView, LocalisationView, OperationView, PlanView
@@ -26,7 +26,7 @@ class CaseActions:
         SOP instance UID of the newest image.
     """
 
-    site: FaultSite
+    site: ProcedureSite
     hole_ids: tuple[str, ...] = field(init=False)
     case_id: str = ""
     image_uid: str = ""

@@ -125,7 +125,9 @@ class Combination:
 
     def _ask_for_the_next_thing(self) -> None:
         said = self.procedure.said
-        with AcknowledgingClient(self.site.room.installation, self.site.acknowledged, _ATTEMPT_WITHIN_S) as impatient:
+        with AcknowledgingClient.of(
+            self.site.room.installation, self.site.acknowledged, _ATTEMPT_WITHIN_S
+        ) as impatient:
             self.procedure.try_during_fault(impatient)
         self.wrong += wrong_in_answers(self.fault, said)
 

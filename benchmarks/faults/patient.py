@@ -10,7 +10,7 @@ import httpx
 
 from benchmarks.faults.acknowledged import AcknowledgingClient
 from benchmarks.faults.case_actions import CaseActions
-from benchmarks.faults.site import FaultSite
+from benchmarks.faults.procedure_site import ProcedureSite
 from distalock.client import RequestRefused
 from distalock.robot_readiness import NotDone, make_robot_ready
 
@@ -76,7 +76,7 @@ class PatientProcedure:
         What was refused on the way, in the order of time: why the procedure did not go on at once.
     """
 
-    site: FaultSite
+    site: ProcedureSite
     rest: AcknowledgingClient
     actions: CaseActions = field(init=False)
     at: Step = Step.IDLE

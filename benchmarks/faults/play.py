@@ -12,7 +12,7 @@ from benchmarks.faults.acknowledged import AcknowledgingClient
 from benchmarks.faults.combination import Combination, Finding, NotReadyAgain
 from benchmarks.faults.passes import Pass, Planned
 from benchmarks.faults.patient import PatientProcedure, Step, Stuck
-from benchmarks.faults.site import fault_site
+from benchmarks.faults.site import FaultSite, fault_site
 from distalock.client import RequestRefused
 from shared.errors import ConfigurationError
 
@@ -42,12 +42,12 @@ def play(next_pass: Callable[[], Pass | None], seed: int, logs: Path | None = No
     while left:
         with (
             fault_site(seed) as site,
-            AcknowledgingClient(site.room.installation, site.acknowledged, _ANSWER_S) as rest,
+            AcknowledgingClient.of(site.room.installation, site.acknowledged, _ANSWER_S) as rest,
         ):
             procedure = PatientProcedure(site, rest)
             for _ in range(_PASSES_OF_AN_INSTALLATION):
                 survived = True
-                for finding in _until_broken(procedure, left):
+                for finding in _until_broken(site, procedure, left):
                     survived = finding.survived
                     if logs is not None and not survived:
                         shutil.copytree(site.state_dir / "logs", logs / left[0].key, dirs_exist_ok=True)
@@ -58,7 +58,7 @@ def play(next_pass: Callable[[], Pass | None], seed: int, logs: Path | None = No
                 procedure.push_mount()
 
 
-def _until_broken(procedure: PatientProcedure, combinations: list[Planned]) -> Iterator[Finding]:
+def _until_broken(site: FaultSite, procedure: PatientProcedure, combinations: list[Planned]) -> Iterator[Finding]:
     """Findings of one installation, up to the first that was not survived."""
     pending: Finding | None = None
     for planned in tuple(combinations):
@@ -70,7 +70,7 @@ def _until_broken(procedure: PatientProcedure, combinations: list[Planned]) -> I
             return
         if pending is not None:
             yield _with_sequel(pending, procedure)
-        pending = _played(procedure, planned)
+        pending = _played(site, procedure, planned)
         if not pending.survived:
             yield pending
             return
@@ -91,8 +91,8 @@ def _reach(procedure: PatientProcedure, step: Step) -> None:
         procedure.reach(step)
 
 
-def _played(procedure: PatientProcedure, planned: Planned) -> Finding:
-    combination = Combination(procedure.site, procedure, planned.fault, planned.step)
+def _played(site: FaultSite, procedure: PatientProcedure, planned: Planned) -> Finding:
+    combination = Combination(site, procedure, planned.fault, planned.step)
     try:
         return combination.play()
     except _BREAKDOWNS as error:

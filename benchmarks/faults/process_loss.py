@@ -21,7 +21,7 @@ import httpx
 
 from benchmarks.common.operating_room import running
 from benchmarks.common.places import PAGES
-from benchmarks.faults.site import Hexapod
+from benchmarks.faults.hexapod import Hexapod
 from distalock.case_client import CaseClient
 from distalock.client import Client, RequestRefused
 from distalock.demo_user import demo_token

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from pydantic import BaseModel, ConfigDict
-
 from benchmarks.common.operating_room import OperatingRoom, running
 from benchmarks.faults.acknowledged import Acknowledged
+from benchmarks.faults.hexapod import Hexapod
 from benchmarks.faults.line_relay import LineRelay, line_relay
 from benchmarks.faults.small_disks import small_disk
 from benchmarks.faults.stepped_clock import ClockFile, stepped_environment
@@ -30,26 +29,6 @@ CHILDREN: Final[Mapping[str, tuple[str, str]]] = {
 _CONTROLLER_URL: Final = "DISTALOCK_ROBOT_CONTROLLER_URL"
 # Ten times what a pass needs, a storm of images included.
 _STATE_MIB, _RECORD_MIB = 768, 256
-
-
-class Hexapod(BaseModel):
-    """The virtual hexapod as it is, on the monotonic clock of this machine."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-    clock_s: float
-    pose: tuple[float, float, float, float, float, float]
-    moving: bool
-    at_rest_since_s: float | None
-    locked_since_s: float | None
-    was_unheld: bool
-
-    @property
-    def safe_since_s(self) -> float | None:
-        """Since when it has been at rest and locked; None while it is not."""
-        if self.at_rest_since_s is None or self.locked_since_s is None:
-            return None
-        return max(self.at_rest_since_s, self.locked_since_s)
 
 
 @dataclass(frozen=True, slots=True)

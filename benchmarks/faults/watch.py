@@ -9,7 +9,9 @@ from typing import Final, TypeAlias
 
 import httpx
 
-from benchmarks.faults.site import FaultSite, Hexapod
+from benchmarks.faults.hexapod import Hexapod
+from benchmarks.faults.procedure_site import ProcedureSite
+from benchmarks.faults.site import FaultSite
 from shared.threads import supervised_thread
 
 _ASK_EVERY_S: Final = 0.2
@@ -122,7 +124,7 @@ class Motion:
     travel_mm: float
 
 
-def motion_since(site: FaultSite, before: Hexapod, safe_since_s: SafeSince = locked_since_s) -> Motion:
+def motion_since(site: ProcedureSite, before: Hexapod, safe_since_s: SafeSince = locked_since_s) -> Motion:
     """Look until the platform is at rest and locked, or for long enough; `safe_since_s` may be content with less."""
     now = site.hexapod()
     while safe_since_s(now) is None and now.clock_s < before.clock_s + _LOOK_FOR_S:

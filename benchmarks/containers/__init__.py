@@ -1,0 +1,1 @@
+"""Containers: their sizes, their first image, the way of their frames, and what they survive."""
