@@ -124,12 +124,15 @@ def virtual_room(settings: VirtualRoomSettings, scenario: Scenario) -> Iterator[
 
 def _listener(host: str, port: int) -> socket.socket:
     try:
-        return socket.create_server((host, port))
+        listener = socket.create_server((host, port))
     except OSError as error:
         raise ConfigurationError(
             f"the control API cannot listen at {host}:{port}: {os.strerror(error.errno or 0)}; "
             "stop the program that uses the port, or choose another with --control-port"
         ) from None
+    # Or each answer's body would wait for the client's delayed acknowledgement of its head; connections inherit it.
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return listener
 
 
 def _warm_up(scenario: Scenario) -> None:

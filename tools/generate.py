@@ -22,6 +22,7 @@ from tools.refusals_page import refusals_page
 from tools.rest_page import rest_page
 from tools.risk.pages import hazards_page, requirements_page, software_page
 from tools.settings_page import settings_page
+from tools.simulator_page import simulator_page
 from tools.tuning_page import tuning_page
 
 _DOCS = Path(__file__).parents[1] / "docs"
@@ -39,6 +40,7 @@ _PAGES: dict[str, Callable[[], str]] = {
     "risk/requirements.md": requirements_page,
     "risk/software.md": software_page,
     "settings.md": settings_page,
+    "simulator-api.md": simulator_page,
     "tuning.md": tuning_page,
 }
 

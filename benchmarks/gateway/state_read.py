@@ -35,7 +35,8 @@ PAIRS: Final = 2000
 ROUNDS: Final = 5
 LARGEST_RATIO: Final = 1.5
 _WARM_UP: Final = 100
-_STARTS_WITHIN_S: Final = 60.0
+# A machine that is busy otherwise starts processes slowly.
+_STARTS_WITHIN_S: Final = 300.0
 
 
 @dataclass(frozen=True, slots=True)
