@@ -221,6 +221,11 @@ BENCHMARKS: Final = {
         "K-wires from one image, from a pair, and with one from before the wires",
     ),
     "procedure": Benchmark("accuracy.procedure", "procedure", "twenty seeded procedures in the virtual operating room"),
+    "campaign": Benchmark(
+        "campaign.campaign",
+        "campaign",
+        "a thousand procedures with errors of people, images out of the model and faults of hardware",
+    ),
 }
 
 

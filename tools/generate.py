@@ -20,6 +20,7 @@ from tools.part_schemas import part_schema_texts
 from tools.procedure_page import procedure_page
 from tools.refusals_page import refusals_page
 from tools.rest_page import rest_page
+from tools.risk.fmea import fmea_page
 from tools.risk.pages import hazards_page, requirements_page, software_page
 from tools.settings_page import settings_page
 from tools.simulator_page import simulator_page
@@ -36,6 +37,7 @@ _PAGES: dict[str, Callable[[], str]] = {
     "procedure.md": procedure_page,
     "refusals.md": refusals_page,
     "rest.md": rest_page,
+    "risk/fmea.md": fmea_page,
     "risk/hazards.md": hazards_page,
     "risk/requirements.md": requirements_page,
     "risk/software.md": software_page,

@@ -39,6 +39,7 @@ from shared.messages.robot import (
     Verb,
 )
 from shared.pki.permit_key import PermitSigner, PermitVerifier
+from simulation.controller.accuracy import PlatformError
 from simulation.controller.virtual_controller import VirtualController
 
 KEYS = Keys("or1")
@@ -68,6 +69,8 @@ class Rig:
     ----------
     reply_timeout_s
         Real time for which the driver waits for an answer: short where a sequence has many silences.
+    error
+        How the platform differs from its encoders; not at all unless given.
 
     Attributes
     ----------
@@ -79,12 +82,12 @@ class Rig:
         The newest published state.
     """
 
-    def __init__(self, seed: int, reply_timeout_s: float = REPLY_TIMEOUT_S) -> None:
+    def __init__(self, seed: int, reply_timeout_s: float = REPLY_TIMEOUT_S, error: PlatformError | None = None) -> None:
         self.now_s = 1000.0
         self._reply_timeout_s = reply_timeout_s
         self.random = random.Random(seed)
         self.bus = StillBus()
-        self.virtual = VirtualController(HEXAPOD, self.clock, noise=random.Random(seed + 1))
+        self.virtual = VirtualController(HEXAPOD, self.clock, error, noise=random.Random(seed + 1))
         self.sent_moves: list[str] = []
         self.crashes: list[str] = []
         self.gateway_alive = self.registration_alive = True

@@ -206,7 +206,7 @@ def placed(draw: Draw, kind: str, scenario: Scenario, world: World) -> tuple[Obj
     return objects, named | drawn | covered
 
 
-_DRAWS: tuple[Draw, ...] = (
+DRAWS: tuple[Draw, ...] = (
     retractor,
     screw_half_in,
     wire_across_rim,
@@ -224,7 +224,7 @@ def _kind(draw: Draw) -> Kind:
     return rendered_kind(partial(cluttered_scene, draw), draw.__name__, first_line(draw))
 
 
-KINDS: tuple[Kind, ...] = (*map(_kind, _DRAWS), *(held_out(_kind(draw)) for draw in _HELD_OUT))
+KINDS: tuple[Kind, ...] = (*map(_kind, DRAWS), *(held_out(_kind(draw)) for draw in _HELD_OUT))
 BENCH = RobustnessBench("foreign_objects", "images with things in the way of the beam", KINDS)
 
 

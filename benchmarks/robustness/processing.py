@@ -102,7 +102,7 @@ def lagging_scene(kind: str, seed: int) -> RobustScene:
     return scene_of_shot(kind, scenario, newest, drawn, newest.truth.holes)
 
 
-_OPERATORS: dict[str, Operator] = {
+OPERATORS: dict[str, Operator] = {
     "black_cut_off": tone.black_cut_off,
     "white_cut_off": tone.white_cut_off,
     "local_contrast": tone.local_contrast,
@@ -135,7 +135,7 @@ def _kind(name: str, operator: Operator) -> Kind:
 
 
 KINDS: tuple[Kind, ...] = (
-    *(_kind(name, operator) for name, operator in _OPERATORS.items()),
+    *(_kind(name, operator) for name, operator in OPERATORS.items()),
     rendered_kind(noisy_scene, "noise"),
     rendered_kind(lagging_scene, "lag"),
     *(held_out(_kind(operator.__name__, operator)) for operator in _HELD_OUT),

@@ -84,6 +84,28 @@ class Hazard(_Entry):
         return self
 
 
+class FailureMode(_Entry):
+    """How a step of the procedure may fail.
+
+    Attributes
+    ----------
+    step
+        An action of the procedure's table, or a step that people report.
+    noticed
+        How; `codes` are what the system says then.
+    tried
+        Errors and faults of the campaign that bring it about.
+    """
+
+    step: str
+    failure: Sentence
+    effect: Sentence
+    hazard: Annotated[str, Field(pattern=r"^H\d\d$")]
+    noticed: Sentence
+    codes: tuple[str, ...]
+    tried: tuple[str, ...] = ()
+
+
 class SoftwareItem(_Entry):
     """A software item with its safety class (IEC 62304, 4.3)."""
 

@@ -1,6 +1,6 @@
 """Pages of the risk file, printed from its YAML files and the marks of tests: hazards, requirements, software items."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Final
 
 from tools.risk.evidence import MarkedTest, marked_tests
@@ -14,19 +14,20 @@ from tools.risk.scales import (
     Severity,
     acceptance,
 )
+from tools.risk.tables import NOT_A_DEVICE, table
 
-_NOT_A_DEVICE: Final = "Research software, not a medical device."
 _PRINTED: Final = "This page is printed by `make generated` from `{}`."
-_HAZARDS_HEAD: Final = f"""{_NOT_A_DEVICE} {_PRINTED.format("hazards.yaml")} After ISO 14971: what may harm, by which
+_HAZARDS_HEAD: Final = f"""{NOT_A_DEVICE} {_PRINTED.format("hazards.yaml")} After ISO 14971: what may harm, by which
 sequence of events, how severely, how probably without and with the controls, and which tests show each control.
 `distalock risk check`, the last step of `make test`, fails when a control has no test that ran on these sources and
 passed. Probabilities are the authors' estimates: nothing here was used on a patient, and a thousand simulated
-procedures without harm exclude no more than 3 in 1,000 (95 %)."""
-_REQUIREMENTS_HEAD: Final = f"""{_NOT_A_DEVICE} {_PRINTED.format("requirements.yaml")} What the software must do for
+procedures without harm exclude no more than 3 in 1,000 (95 %). How often steps failed in simulated procedures is in
+[fmea.md](fmea.md)."""
+_REQUIREMENTS_HEAD: Final = f"""{NOT_A_DEVICE} {_PRINTED.format("requirements.yaml")} What the software must do for
 safety (IEC 62304, 5.2.3), which hazards it controls, and every test that carries its mark
 (`@pytest.mark.requirement("ROB-02")`). Kinds after ISO 14971, 7.1: *design* is inherently safe, *protection* is a
 protective measure, *information* tells people."""
-_SOFTWARE_HEAD: Final = f"""{_NOT_A_DEVICE} {_PRINTED.format("software.yaml")} Classes after IEC 62304, 4.3: A no
+_SOFTWARE_HEAD: Final = f"""{NOT_A_DEVICE} {_PRINTED.format("software.yaml")} Classes after IEC 62304, 4.3: A no
 injury, B non-serious, C serious injury possible. An item within the folder of another has its own class. Which layers
 may import which is checked by import-linter (`pyproject.toml`)."""
 
@@ -45,7 +46,7 @@ def hazards_page() -> str:
             "",
             "## All at a glance",
             "",
-            *_table(
+            *table(
                 ("", "hazard", "severity", "before", "after", "what follows", "controls"),
                 (_line(hazard) for hazard in risk.hazards),
             ),
@@ -62,7 +63,7 @@ def _scales() -> Iterator[str]:
     yield ""
     head = ("severity", "means", *Probability)
     rows = ((s, SEVERITY_MEANS[s], *(acceptance(s, p) for p in Probability)) for s in reversed(Severity))
-    yield from _table(head, rows)
+    yield from table(head, rows)
     yield ""
     yield "; ".join(f"*{p}*: {PROBABILITY_MEANS[p]}" for p in Probability) + "."
     yield "; ".join(f"*{a}*: {ACCEPTANCE_MEANS[a]}" for a in Acceptance) + "."
@@ -87,7 +88,7 @@ def _section(hazard: Hazard, text: dict[str, str]) -> Iterator[str]:
         (_link(c.requirement), text.get(c.requirement, ""), ", ".join(f"`{name}`" for name in c.shown_by))
         for c in hazard.controls
     )
-    yield from _table(("control", "", "shown by"), rows)
+    yield from table(("control", "", "shown by"), rows)
     if hazard.left:
         yield ""
         yield f"What is left: {hazard.left}"
@@ -136,7 +137,7 @@ def software_page() -> str:
             "",
             _SOFTWARE_HEAD,
             "",
-            *_table(("item", "class", "sources", "does", "why this class"), rows),
+            *table(("item", "class", "sources", "does", "why this class"), rows),
             "",
         ]
     )
@@ -152,10 +153,3 @@ def _page(requirement: Requirement) -> str:
 
 def _lower(sentence: str) -> str:
     return sentence[:1].lower() + sentence[1:]
-
-
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
-    names = tuple(head)
-    yield f"| {' | '.join(names)} |"
-    yield "|" + "---|" * len(names)
-    yield from (f"| {' | '.join(row)} |" for row in rows)
