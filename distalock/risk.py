@@ -29,6 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"results count for so long ({_MOST_AGE_H})",
     )
     check.set_defaults(run_risk=_check)
+    audit = commands.add_parser("audit", help="known vulnerabilities of what requirements.lock pins, by pip-audit")
+    audit.set_defaults(run_risk=_audit)
 
 
 def run(given: argparse.Namespace) -> int:
@@ -43,3 +45,7 @@ def run(given: argparse.Namespace) -> int:
 
 def _check(given: argparse.Namespace) -> int:
     return int(importlib.import_module("tools.risk.check").main(given.results, given.most_age_h))
+
+
+def _audit(_: argparse.Namespace) -> int:
+    return int(importlib.import_module("tools.risk.audit").main())

@@ -20,8 +20,10 @@ from tools.part_schemas import part_schema_texts
 from tools.procedure_page import procedure_page
 from tools.refusals_page import refusals_page
 from tools.rest_page import rest_page
+from tools.risk.alarms_page import alarms_page
 from tools.risk.fmea import fmea_page
-from tools.risk.pages import hazards_page, requirements_page, software_page
+from tools.risk.pages import hazards_page, requirements_page, software_page, use_errors_page
+from tools.risk.third_party import third_party_page
 from tools.settings_page import settings_page
 from tools.simulator_page import simulator_page
 from tools.tuning_page import tuning_page
@@ -37,10 +39,13 @@ _PAGES: dict[str, Callable[[], str]] = {
     "procedure.md": procedure_page,
     "refusals.md": refusals_page,
     "rest.md": rest_page,
+    "risk/alarms.md": alarms_page,
     "risk/fmea.md": fmea_page,
     "risk/hazards.md": hazards_page,
     "risk/requirements.md": requirements_page,
     "risk/software.md": software_page,
+    "risk/third-party.md": third_party_page,
+    "risk/use-errors.md": use_errors_page,
     "settings.md": settings_page,
     "simulator-api.md": simulator_page,
     "tuning.md": tuning_page,

@@ -41,12 +41,13 @@ MOST_MOVES: Final = 3
 WORTH_CORRECTING_MM: Final = 0.25
 _ANOTHER_VIEW_DEG: Final = (2.0, 1.5)
 # Chosen: how often people begin an alignment, or make the robot ready, anew.
-_MOST_RETRIES: Final = 3
+_MOST_RETRIES: Final = 6
 _TICK_S: Final = 0.1
 # Longer than registration's `image_delay_s`: nobody presses the pedal within half a second of a motion.
 _PAUSE_S: Final = 0.8
 _MOST_MOTION_S: Final = 60.0
-_REPLY_TIMEOUT_S: Final = 0.1
+# Real time, which only a silent controller costs; a busy machine must not look like one.
+_REPLY_TIMEOUT_S: Final = 0.5
 _TEN_MINUTES_S: Final = 610.0
 _AT_REST: Final = (Moment.PREPARE, Moment.IMAGE)
 # Codes by which the system names an error, so that people who heed it find it.
@@ -201,7 +202,7 @@ class Procedure:
     def _make_ready(self) -> None:
         """Reset, acknowledge, reference, until the robot is locked and free of stops."""
         self._enter(Moment.PREPARE)
-        for _ in range(_MOST_RETRIES * 4):
+        for _ in range(2 * _MOST_RETRIES):
             verb = self._next_verb()
             if verb is None and self._robot.state is MotionState.LOCKED:
                 return

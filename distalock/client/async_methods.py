@@ -12,6 +12,7 @@ from distalock.client import calls
 from distalock.client.base import Page
 from distalock.client.call import Call
 from distalock.client.models import (
+    AlarmsView,
     AlignmentView,
     ApprovalBody,
     ApprovalView,
@@ -443,6 +444,10 @@ class AsyncMethods(ABC):
     async def reset_robot(self, *, idempotency_key: str | None = None) -> OperationView:
         """Leave a fault."""
         return await self.send(calls.reset_robot(idempotency_key=idempotency_key))
+
+    async def read_alarms(self) -> AlarmsView:
+        """Alarm conditions that hold now, by priority after IEC 60601-1-8, with what to do."""
+        return await self.send(calls.read_alarms())
 
     async def list_parts(self) -> tuple[CatalogueView, ...]:
         """The catalogue, by name."""

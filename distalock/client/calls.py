@@ -9,6 +9,7 @@ from typing import Literal
 from distalock.client.base import Page
 from distalock.client.call import Call, escaped, new_key, query
 from distalock.client.models import (
+    AlarmsView,
     AlignmentView,
     ApprovalBody,
     ApprovalView,
@@ -400,6 +401,11 @@ def acknowledge_stop(*, idempotency_key: str | None = None) -> Call[OperationVie
 def reset_robot(*, idempotency_key: str | None = None) -> Call[OperationView]:
     """Leave a fault."""
     return Call("POST", "/api/v1/robot/reset", OperationView, key=idempotency_key or new_key())
+
+
+def read_alarms() -> Call[AlarmsView]:
+    """Alarm conditions that hold now, by priority after IEC 60601-1-8, with what to do."""
+    return Call("GET", "/api/v1/alarms", AlarmsView)
 
 
 def list_parts() -> Call[tuple[CatalogueView, ...]]:

@@ -41,6 +41,26 @@ class AdvisedScrew(ReceivedModel):
     shown: bool = Field(description="Whether the image shows this place.")
 
 
+Priority = Literal["high", "medium", "low"]
+
+
+class AlarmView(ReceivedModel):
+    """One alarm: how urgent it is, what holds, what was measured, and what to do."""
+
+    code: str
+    priority: Priority
+    means: str
+    measured: str
+    remedy: str
+
+
+class AlarmsView(ReceivedModel):
+    """All alarms, the most urgent first; none is the normal state."""
+
+    highest: Priority | None
+    items: tuple[AlarmView, ...]
+
+
 class CArmCorrection(ReceivedModel):
     """How to turn source and detector together, about the camera frame's axes, right-handed."""
 

@@ -6,6 +6,7 @@ from fastapi import APIRouter, FastAPI
 
 from services.ui_api.api_document.document import PROBLEM_REFERENCE, whole_document
 from services.ui_api.routes import (
+    alarms,
     cases,
     console,
     events,
@@ -99,6 +100,7 @@ def routed_app() -> FastAPI:
         verifications,
         qa_reports,
         robot,
+        alarms,
         events,
         live,
         parts,

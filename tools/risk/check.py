@@ -46,13 +46,23 @@ def gaps(risk: RiskFile, tests: tuple[MarkedTest, ...], root: Path = ROOT) -> li
         *(f"requirement {r.id} names docs/{r.page}, which is not there" for r in risk.requirements
           if not (root / "docs" / r.page.partition("#")[0]).is_file()),
         *(sentence for hazard in risk.hazards for sentence in _gaps_of(hazard, known, tests)),
+        *_gaps_of_use(risk, tests),
     ]  # fmt: skip
 
 
 def _repeated(risk: RiskFile) -> Iterator[str]:
-    for kind in (risk.hazards, risk.requirements, risk.items):
+    for kind in (risk.hazards, risk.requirements, risk.items, risk.use_errors):
         ids = [one.id for one in kind]
         yield from (f"{one} stands there {ids.count(one)} times" for one in sorted(set(ids)) if ids.count(one) > 1)
+
+
+def _gaps_of_use(risk: RiskFile, tests: tuple[MarkedTest, ...]) -> Iterator[str]:
+    marked = {test.name for test in tests}
+    hazards = {hazard.id for hazard in risk.hazards}
+    for error in risk.use_errors:
+        if error.hazard not in hazards:
+            yield f"{error.id} leads to {error.hazard}, which is no hazard"
+        yield from (f"{error.id}: test {name} carries no mark" for name in error.shown_by if name not in marked)
 
 
 def _gaps_of(hazard: Hazard, known: set[str], tests: tuple[MarkedTest, ...]) -> Iterator[str]:

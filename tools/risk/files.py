@@ -14,7 +14,7 @@ from tools.risk.scales import Acceptance, Probability, Severity, acceptance
 
 FOLDER: Final = ROOT / "docs" / "risk"
 R = TypeVar("R", bound=BaseModel)
-Sentence = Annotated[str, Field(min_length=5)]
+Sentence = Annotated[str, Field(min_length=4)]
 RequirementId = Annotated[str, Field(pattern=r"^[A-Z]{2,3}-\d\d$")]
 TestName = Annotated[str, Field(pattern=r"^test_\w+$")]
 
@@ -106,6 +106,35 @@ class FailureMode(_Entry):
     tried: tuple[str, ...] = ()
 
 
+class ThirdParty(_Entry):
+    """A package of others: what for, what a defect could do, and what would show it."""
+
+    name: str
+    items: tuple[str, ...]
+    does: Sentence
+    wrong: Sentence
+    shown: Sentence
+
+
+class UseError(_Entry):
+    """What people may do wrong at the console or with their hands (IEC 62366-1).
+
+    Attributes
+    ----------
+    answer
+        What the system does then.
+    shown_by
+        Tests that carry the mark of one of the hazard's requirements; none where the system can know nothing of it.
+    """
+
+    id: Annotated[str, Field(pattern=r"^U\d\d$")]
+    task: str
+    error: Sentence
+    hazard: Annotated[str, Field(pattern=r"^H\d\d$")]
+    answer: Sentence
+    shown_by: tuple[TestName, ...]
+
+
 class SoftwareItem(_Entry):
     """A software item with its safety class (IEC 62304, 4.3)."""
 
@@ -124,6 +153,7 @@ class RiskFile:
     hazards: tuple[Hazard, ...]
     requirements: tuple[Requirement, ...]
     items: tuple[SoftwareItem, ...]
+    use_errors: tuple[UseError, ...] = ()
 
 
 def load_risk_file(folder: Path = FOLDER) -> RiskFile:
@@ -138,6 +168,7 @@ def load_risk_file(folder: Path = FOLDER) -> RiskFile:
         entries(folder / "hazards.yaml", Hazard),
         entries(folder / "requirements.yaml", Requirement),
         entries(folder / "software.yaml", SoftwareItem),
+        entries(folder / "use-errors.yaml", UseError),
     )
 
 

@@ -30,6 +30,9 @@ protective measure, *information* tells people."""
 _SOFTWARE_HEAD: Final = f"""{NOT_A_DEVICE} {_PRINTED.format("software.yaml")} Classes after IEC 62304, 4.3: A no
 injury, B non-serious, C serious injury possible. An item within the folder of another has its own class. Which layers
 may import which is checked by import-linter (`pyproject.toml`)."""
+_USE_HEAD: Final = f"""{NOT_A_DEVICE} {_PRINTED.format("use-errors.yaml")} After IEC 62366-1: what people may do wrong
+at each task, what comes of it, and what the system does. The tests carry marks of [requirements](requirements.md), and
+are part of the check. How often each was survived in simulated procedures is in [fmea.md](fmea.md)."""
 
 
 def hazards_page() -> str:
@@ -153,3 +156,20 @@ def _page(requirement: Requirement) -> str:
 
 def _lower(sentence: str) -> str:
     return sentence[:1].lower() + sentence[1:]
+
+
+def use_errors_page() -> str:
+    """`docs/risk/use-errors.md`."""
+    rows = (
+        (
+            one.id,
+            one.task,
+            one.error,
+            f"[{one.hazard}](hazards.md#{one.hazard.lower()})",
+            one.answer,
+            ", ".join(f"`{name}`" for name in one.shown_by) or "nothing: the system cannot know",
+        )
+        for one in load_risk_file().use_errors
+    )
+    heads = ("", "task", "error", "hazard", "what the system does", "shown by")
+    return "\n".join(["# Use errors", "", _USE_HEAD, "", *table(heads, rows), ""])
