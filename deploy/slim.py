@@ -20,6 +20,8 @@ from typing import Final
 DIVISIBLE: Final = ("scipy",)
 _FOLDERS: Final = frozenset({"tests", "include"})
 _ENDINGS: Final = frozenset({".pyi", ".h", ".hpp", ".pxd", ".a", ".c", ".cpp"})
+# Whose libraries hold symbols for debuggers. Libraries that a wheel's tools have patched do not load without theirs.
+STRIPPED: Final = ("zenoh", "llvmlite")
 _ELF: Final = b"\x7fELF"
 # Worth a link; below it one costs as much.
 _LEAST_SHARED_BYTES: Final = 4096
@@ -78,7 +80,7 @@ def strip_libraries(packages: Path) -> None:
     """Remove symbols that are for debuggers, where there is a tool for that."""
     if (strip := shutil.which("strip")) is None:
         return
-    for file in packages.rglob("*.so*"):
+    for file in (file for name in STRIPPED for file in (packages / name).rglob("*.so*")):
         if file.is_file() and not file.is_symlink() and file.read_bytes()[:4] == _ELF:
             subprocess.run([strip, "--strip-unneeded", str(file)], check=True)  # noqa: S603 - files of the image
 

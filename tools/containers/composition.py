@@ -7,12 +7,14 @@ import subprocess
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Final
 
 from distalock.processes import free_ports
 from distalock.readiness import Server
 from distalock.version import revision
+from shared.bus.shared_memory import LOCKED_BYTES
 from shared.errors import ConfigurationError
 from tools.containers.base_image import BASE_VARIABLE, base_image
 
@@ -34,6 +36,25 @@ def compose_command() -> list[str]:
         if shutil.which("docker-compose") is not None:
             return ["docker-compose"]
     raise ConfigurationError("there is neither `docker compose` nor docker-compose; install docker and one of them")
+
+
+@cache
+def limits_of_docker(image: str) -> Mapping[str, str]:
+    """Limits that containers can have where docker may not raise its own to those of the compose file."""
+    wanted = ["--ulimit", f"memlock={LOCKED_BYTES}", "--ulimit", "rtprio=1"]
+    if _runs(*wanted, image):
+        return {}
+    print("docker may raise neither locked memory nor real-time scheduling here: frames go by TCP", flush=True)
+    said = subprocess.run(_run_words("", image, "sh", "-c", "ulimit -Hl"), check=True, capture_output=True, text=True)
+    return {"DISTALOCK_MEMLOCK": str(int(said.stdout) * 1024), "DISTALOCK_RTPRIO": "0"}
+
+
+def _runs(*words: str) -> bool:
+    return subprocess.run(_run_words(*words, "true"), check=False, capture_output=True).returncode == 0
+
+
+def _run_words(*words: str) -> list[str]:
+    return ["docker", "run", "--rm", "--network", "none", *(word for word in words if word)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +84,7 @@ class Composition:
             "DISTALOCK_ENVIRONMENT": "simulation",
             "DISTALOCK_REVISION": revision() or "",
             "DISTALOCK_VERSION": str(version),
+            **limits_of_docker(self.base),
             "DISTALOCK_REST_ADDRESS": f"127.0.0.1:{rest}",
             "DISTALOCK_CONTROL_ADDRESS": f"127.0.0.1:{control}",
             "DISTALOCK_DICOM_ADDRESS": f"127.0.0.1:{dicom}",
