@@ -1,5 +1,5 @@
 """Write every generated file, or check that all are up to date: message schemas, `openapi.json`, tables of the docs,
-the client's modules.
+the client's modules, numbers for the console's tests.
 
 usage: python -m tools.generate [--check]
 """
@@ -14,6 +14,7 @@ from services.ui_api.app import openapi_document, routed_app
 from shared.messages.schema_files import SCHEMAS, schema_texts
 from tools.asyncapi import asyncapi_text
 from tools.client.generate import client_files
+from tools.console_fixture import FIXTURE, fixture_text
 from tools.keys_page import keys_page
 from tools.monitoring import alert_rules, dashboard, monitoring_page
 from tools.part_schemas import part_schema_texts
@@ -58,6 +59,7 @@ def generated_files() -> dict[Path, str]:
     schemas |= {_PART_SCHEMAS / name: text for name, text in part_schema_texts().items()}
     schemas |= {_MONITORING / "alerts.json": alert_rules(), _MONITORING / "dashboard.json": dashboard()}
     schemas |= client_files()
+    schemas |= {FIXTURE: fixture_text()}
     return schemas | {_DOCS / name: text() for name, text in _PAGES.items()}
 
 

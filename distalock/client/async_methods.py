@@ -109,6 +109,10 @@ class AsyncMethods(ABC):
         """Change the set-up: the revision counts up, and everything measured before is stale."""
         return await self.send(calls.change_case(case_id, body, if_match=if_match))
 
+    async def read_case_part(self, case_id: str, kind: Literal["ring", "guide", "nail", "hexapod"]) -> bytes:
+        """A part file as the case uses it, byte for byte: own files and calibrations too."""
+        return await self.send(calls.read_case_part(case_id, kind))
+
     async def record_step(
         self, case_id: str, body: StepBody, *, if_match: str | None = None, idempotency_key: str | None = None
     ) -> CaseView:

@@ -92,6 +92,11 @@ def change_case(case_id: str, body: CasePatch = CasePatch(), *, if_match: str | 
     )
 
 
+def read_case_part(case_id: str, kind: Literal["ring", "guide", "nail", "hexapod"]) -> Call[bytes]:
+    """A part file as the case uses it, byte for byte: own files and calibrations too."""
+    return Call("GET", f"/api/v1/cases/{escaped(case_id)}/parts/{kind}", bytes)
+
+
 def record_step(
     case_id: str, body: StepBody, *, if_match: str | None = None, idempotency_key: str | None = None
 ) -> Call[CaseView]:

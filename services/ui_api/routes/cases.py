@@ -1,11 +1,13 @@
 """`/cases`: open, list, read, change; `/cases/{id}/steps`: what people did with their hands."""
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
 from services.ui_api.core.case import Case
+from services.ui_api.core.event_data import PartUse
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.cases import StepRequest
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
@@ -20,6 +22,7 @@ from services.ui_api.routes.procedure_views import StepView
 from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.routes.views import CaseView
 from services.ui_api.service import Gateway
+from shared.parts.catalogue import PartKind
 
 router = APIRouter(route_class=GuardedRoute, prefix="/cases", tags=["cases"])
 CaseStatus = Annotated[Literal["open", "closed"] | None, Query(description="Only those that are so.")]
@@ -71,6 +74,19 @@ async def read_case(case_id: str, gateway: TheGateway, kept: TheKeptViews) -> Re
     if gateway.procedure.is_at_hand(case):
         return _answer(gateway, kept, case)
     return await run_in_threadpool(_answer, gateway, kept, case)  # the database is asked
+
+
+@router.get("/{case_id}/parts/{kind}", openapi_extra=needs(Action.READ))
+def read_case_part(case_id: str, kind: PartKind, gateway: TheGateway) -> Response:
+    """A part file as the case uses it, byte for byte: own files and calibrations too."""
+    setup = gateway.cases.case(case_id).setup
+    uses: Mapping[PartKind, PartUse] = {
+        "ring": setup.ring,
+        "guide": setup.guide,
+        "nail": setup.nail,
+        "hexapod": setup.hexapod,
+    }
+    return Response(gateway.record.document(uses[kind].sha256), media_type="application/json")
 
 
 @router.patch("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.CHANGE_SET_UP))

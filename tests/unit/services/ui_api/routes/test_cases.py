@@ -1,5 +1,6 @@
 """Cases: parts are validated before anything is stored, and the bus hears of every change."""
 
+import hashlib
 import json
 import queue
 from collections.abc import Callable
@@ -40,6 +41,18 @@ def test_the_open_case_is_told_on_the_bus_with_its_part_files(room: Room) -> Non
     assert heard().revision == 2
     room.post(f"/cases/{case_id}/steps", {"step": "abandoned"})
     assert heard().case_id is None
+
+
+def test_a_case_gives_its_part_files_also_those_that_are_in_no_catalogue(room: Room) -> None:
+    case_id = room.open_case()
+    used = room.get(f"/cases/{case_id}").json()
+    assert room.get(f"/cases/{case_id}/parts/nail").json() == samples.nail_file()
+    for kind in ("ring", "guide", "nail", "hexapod"):
+        file = room.get(f"/cases/{case_id}/parts/{kind}")
+        assert file.headers["content-type"] == "application/json"
+        assert hashlib.sha256(file.content).hexdigest() == used[kind]["sha256"]
+    unknown = room.get(f"/cases/{case_id}/parts/drill")
+    assert (unknown.status_code, unknown.json()["code"]) == (422, "request_invalid")
 
 
 def test_one_case_is_open_at_a_time(room: Room) -> None:
