@@ -12,6 +12,10 @@ from services.ui_api.core.chain import ChainIntact
 from services.ui_api.record.database import existing_database, open_database, sqlite_url
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.verify import verify_record
+from tests.unit.services.ui_api.room import open_room
+from tests.unit.services.ui_api.routes.test_procedure_over_rest import (
+    test_a_case_runs_from_opening_to_finish as run_a_case,
+)
 
 _WRITER = """
 import sys, time
@@ -47,8 +51,8 @@ def test_a_killed_writer_leaves_every_acknowledged_event(tmp_path: Path, acknowl
     assert again.ledger.head_sequence == verdict.entries
 
 
-def test_a_writer_killed_at_each_write_point_leaves_every_acknowledged_event(record_url: str) -> None:
-    """Before each statement, before and after the commit: one process after the other on one record."""
+def test_a_writer_killed_at_each_write_point_leaves_every_acknowledged_event(record_url: str, tmp_path: Path) -> None:
+    """Before each statement, before and after the commit: one process after the other on one record, then a gateway."""
     program = ["-m", "tests.unit.services.ui_api.record.killed_writers", record_url]
     run = subprocess.run([sys.executable, *program], check=False, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
@@ -56,3 +60,8 @@ def test_a_writer_killed_at_each_write_point_leaves_every_acknowledged_event(rec
     assert len(lines) >= 8, "a unit of work has so many points"
     assert all(line.endswith(("killed, intact", "ended, intact")) for line in lines), run.stdout
     assert lines[-1].endswith("ended, intact"), "the last one came through all points"
+    with open_room(tmp_path, database_url=record_url) as room:
+        run_a_case(room)
+    engine = existing_database(record_url)
+    assert isinstance(verify_record(engine), ChainIntact)
+    engine.dispose()
