@@ -20,7 +20,7 @@ KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared si
 COMPILED := .venv/.compiled
 CONSOLE := .venv/.console
 
-.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks model-check mutation faults bench lock release containers \
+.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock release containers \
 	generated wheel-check clean
 
 help:
@@ -29,6 +29,8 @@ help:
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
 	@echo "make attacks  tries to get past the controls of a running system, and rewrites docs/attacks.md"
+	@echo "make fuzz     generated requests as each role against a running system, and rewrites docs/benchmarks/rest-fuzz.md"
+	@echo "make examples  records the examples of openapi.json anew from a simulation"
 	@echo "make model-check  every order of events between robot service and gateway, and what each seeded mutation breaks"
 	@echo "make mutation  which changes of the safety modules the unit tests notice; one module with M=guard"
 	@echo "make faults  every fault at every step of the procedure; a tenth of them with ARGS=\"--tenth --seed 1\""
@@ -103,6 +105,15 @@ unit: $(COMPILED)
 
 attacks: $(COMPILED)
 	$(BIN)/python -m tests.attacks $(ATTACK)
+
+# Schemathesis is installed for this purpose only.
+fuzz: $(COMPILED)
+	$(BIN)/python -m pip install --quiet "schemathesis>=4,<5"
+	nice -n 10 $(BIN)/python -m tests.fuzz $(ARGS)
+
+examples: $(COMPILED)
+	$(BIN)/python -m tools.examples
+	$(BIN)/python -m tools.generate
 
 model-check: $(COMPILED)
 	$(BIN)/python -m tests.model $(ARGS)

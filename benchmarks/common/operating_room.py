@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Final
 
 from distalock.case_client import CaseClient
 from distalock.client import Client
@@ -12,6 +13,11 @@ from distalock.processes import Fleet, ProcessSpec
 from distalock.rest_client import RestClient
 from distalock.room_client import RoomClient
 
+# For who stands for many consoles at once.
+WITHOUT_RATE_LIMITS: Final = {
+    "DISTALOCK_UI_API_REQUESTS_PER_S": "0",
+    "DISTALOCK_UI_API_REQUESTS_PER_ADDRESS_PER_S": "0",
+}
 # A machine that is busy otherwise starts processes slowly.
 _START_PATIENCE_S = 300.0
 

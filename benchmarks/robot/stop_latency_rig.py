@@ -1,6 +1,7 @@
 """Real processes of router, gateway and robot service, and the other ends of their wires, to time a stop."""
 
 import hashlib
+import os
 import random
 import tempfile
 import threading
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import httpx
 
+from benchmarks.common.operating_room import WITHOUT_RATE_LIMITS
 from benchmarks.robot.permits import permit_for
 from benchmarks.robot.plans import HEXAPOD, plan_between, random_target
 from benchmarks.robot.rig import PlainVerb
@@ -250,6 +252,7 @@ def stop_rig() -> Iterator[StopRig]:
     ports = Ports.any_free()
     controller = ListeningController(HEXAPOD, time.monotonic)
     ended = threading.Event()
+    os.environ |= WITHOUT_RATE_LIMITS  # a thousand consoles have one token and one address here
     # Controller and console, for which this process stands, have processors of their own.
     with tempfile.TemporaryDirectory() as folder, precedence(), tcp_server(controller) as gcs_port:
         installation = Installation(ports, Path(folder), f"socket://127.0.0.1:{gcs_port}")

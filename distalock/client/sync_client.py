@@ -80,6 +80,16 @@ class Client(Methods):
         self.sign_out()
         self._session = Session()
 
+    @property
+    def base_url(self) -> str:
+        """Where the gateway is."""
+        return self._base_url
+
+    @property
+    def session_headers(self) -> dict[str, str]:
+        """What says who asks, for requests that this client does not make, as `WS /live`."""
+        return self._session.headers
+
     def etag(self, path: str) -> str | None:
         """ETag of a path, as `/api/v1/cases/{id}`, as it was read last; None when it was not."""
         return self._read.etags.get(path)

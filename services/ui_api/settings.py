@@ -7,6 +7,7 @@ from pydantic import Field, IPvAnyNetwork
 
 from services.ui_api.core.access_settings import AccessSettings, ProviderSettings
 from services.ui_api.core.networks import PRIVATE_NETWORKS
+from services.ui_api.core.rate_limit import RateSettings
 from services.ui_api.core.roles import Role
 from services.ui_api.record.location import sqlite_url
 from shared.bus.tls import PKI_FOLDER, TlsFiles
@@ -89,6 +90,13 @@ class UiApiSettings(ServiceSettings):
         description="The room's own networks: from there a stop and /metrics need no login. Default: loopback, private "
         "and link-local addresses.",
     )
+    requests_per_s: Annotated[float, Field(ge=0.0, le=1e5)] = Field(
+        100.0, description="Requests a second of one access token, ten times as many at once; 0: no limit."
+    )
+    requests_per_address_per_s: Annotated[float, Field(ge=0.0, le=1e5)] = Field(
+        400.0,
+        description="The same of one address, whoever asks; behind a proxy all have the proxy's. 0: no limit.",
+    )
     demo_token_file: Path | None = Field(
         None, description="File with the token of the user demo, who may do everything: for simulations."
     )
@@ -116,7 +124,8 @@ class UiApiSettings(ServiceSettings):
                 f"{self.demo_token_file}: the token has {len(token)} characters, and must have at least "
                 f"{_LEAST_TOKEN_CHARACTERS}; delete the file, and `distalock up --simulate` makes a new one"
             )
-        return AccessSettings(self.state_dir, self.room_networks, token, self.passkey_host, self._provider())
+        rates = RateSettings(self.requests_per_s, self.requests_per_address_per_s)
+        return AccessSettings(self.state_dir, self.room_networks, token, self.passkey_host, self._provider(), rates)
 
     def _provider(self) -> ProviderSettings | None:
         if self.provider_issuer is None:

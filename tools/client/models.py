@@ -19,6 +19,7 @@ from pydantic import Field
 
 from distalock.client.base import Page, ReceivedModel, SentModel
 '''
+_EXAMPLES: Final = "/examples/"
 # Names that the models' base class has itself.
 _RENAMED: Final = {"schema": "schema_name"}
 
@@ -145,7 +146,9 @@ def _in_order(schemas: Mapping[str, object]) -> list[str]:
 
 
 def _references(value: object) -> set[str]:
+    """Schemas that a part of the document refers to; examples are none."""
     if isinstance(value, dict):
-        own = {str(value["$ref"]).rpartition("/")[2]} if isinstance(value.get("$ref"), str) else set()
+        reference = str(value.get("$ref", ""))
+        own = {reference.rpartition("/")[2]} if reference and _EXAMPLES not in reference else set()
         return own.union(*(_references(inner) for inner in value.values()))
     return set().union(*(_references(inner) for inner in value)) if isinstance(value, list) else set()

@@ -11,6 +11,7 @@ from services.ui_api.access.login import Login
 from services.ui_api.access.passkeys import Passkeys
 from services.ui_api.access.passwords import Passwords
 from services.ui_api.access.provider import Provider
+from services.ui_api.access.rate_limits import RateLimits
 from services.ui_api.access.sessions import SESSION_S, Sessions, Tokens
 from services.ui_api.core.access_settings import DEMO_USER, AccessSettings
 from services.ui_api.core.identity import Authenticated, ProviderIdentity, User
@@ -42,6 +43,7 @@ class AccessControl:
         self.sessions = Sessions(record, clock, on_session_end)
         self.first_account = FirstAccount(self.accounts, settings.state_dir)
         self.passkeys = Passkeys(record, self.accounts, clock, settings.passkey_host)
+        self.rate_limits = RateLimits(settings.rates, clock)
         self._login = Login(self.accounts, passwords, clock)
 
     def start(self) -> None:

@@ -7,6 +7,8 @@ from fastapi.openapi.utils import get_openapi
 from starlette.routing import BaseRoute
 
 from services.ui_api.api_document.etags import add_etags
+from services.ui_api.api_document.examples import add_examples
+from services.ui_api.api_document.links import add_links
 from services.ui_api.api_document.operations import JsonObject
 from services.ui_api.routes.guards import SECURITY_SCHEMES
 from services.ui_api.routes.problems import Problem
@@ -16,7 +18,7 @@ _SUMMARY: Final = (
     "Aims a drill guide at the distal holes of an intramedullary nail from one X-ray image. "
     "Research software, not a medical device."
 )
-_ADDITIONS: Final[Sequence[Callable[[JsonObject], None]]] = (add_etags,)
+_ADDITIONS: Final[Sequence[Callable[[JsonObject], None]]] = (add_etags, add_links, add_examples)
 
 
 def whole_document(title: str, routes: Sequence[BaseRoute]) -> JsonObject:

@@ -26,6 +26,14 @@ class Operation:
         found = (one for one in parameters if one["in"] == place and one["name"].lower() == name.lower())
         return next(found, None)
 
+    def answer(self, status: str) -> JsonObject:
+        """What is answered with a status."""
+        responses = self.described["responses"]
+        assert isinstance(responses, dict)
+        answer = responses[status]
+        assert isinstance(answer, dict)
+        return answer
+
     @property
     def good_answers(self) -> dict[str, JsonObject]:
         """What is answered when all goes well, by status."""

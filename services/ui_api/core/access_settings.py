@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from services.ui_api.core.networks import Network
+from services.ui_api.core.rate_limit import NO_LIMITS, RateSettings
 from services.ui_api.core.roles import Role
 
 DEMO_USER: Final = "demo"
@@ -55,3 +56,4 @@ class AccessSettings:
     demo_token: str | None
     passkey_host: str
     provider: ProviderSettings | None
+    rates: RateSettings = NO_LIMITS

@@ -22,6 +22,11 @@ from services.ui_api.routes.sparse import sparse
 from services.ui_api.service import Gateway
 
 ACTION_KEY: Final = "x-distalock-action"
+NEVER_LIMITED_KEY: Final = "x-distalock-never-limited"
+# For a route whose requests keep the robot moving, whatever its action is.
+NEVER_LIMITED: Final = {NEVER_LIMITED_KEY: True}
+# Who stops is never told to wait; probes of the process cost nothing and decide whether it is restarted.
+_NEVER_LIMITED: Final = frozenset({Action.STOP, Action.SEE_HEALTH})
 ACCESS_COOKIE: Final = "distalock_access"
 SECURITY_SCHEMES: Final = {
     "bearer": {"type": "http", "scheme": "bearer", "description": "Programs: the access token of POST /sessions."},
@@ -42,7 +47,8 @@ POLICY_VIOLATION: Final = 1008
 def needs(action: Action) -> dict[str, Any]:
     """What a route declares: its action, and in the API document how to sign in for it."""
     is_open = PERMISSION_OF[action].without_login is not WithoutLogin.NOBODY
-    return {ACTION_KEY: str(action), "security": _LOGIN_IS_OPTIONAL if is_open else _LOGIN}
+    never = {NEVER_LIMITED_KEY: True} if action in _NEVER_LIMITED else {}
+    return {ACTION_KEY: str(action), "security": _LOGIN_IS_OPTIONAL if is_open else _LOGIN, **never}
 
 
 class GuardedRoute(APIRoute):
@@ -52,8 +58,11 @@ class GuardedRoute(APIRoute):
         """The route's handler behind its guard; raises `TypeError` when the route names no action."""
         action, handler = self.action, super().get_route_handler()
         known, takes_json = query_parameters(self.dependant), self.body_field is not None
+        is_limited = not (self.openapi_extra or {}).get(NEVER_LIMITED_KEY)
 
         async def guarded(request: Request) -> Response:
+            if is_limited:
+                _require_rate(request)
             request.state.user = _admitted(request, action)
             if action is not Action.STOP:  # a stop is refused for nothing that it says
                 require_known_parameters(request, known)
@@ -81,6 +90,7 @@ def guarded_websocket(action: Action) -> Callable[[Watch], Watch]:
     def decorate(watch: Watch) -> Watch:
         async def guarded(socket: WebSocket) -> None:
             try:
+                _require_rate(socket)
                 socket.state.user = _admitted(socket, action)
             except Refused as refusal:
                 log_refusal(problem_of(refusal, socket.url.path), sender_of(socket))
@@ -98,6 +108,11 @@ def guarded_websocket(action: Action) -> Callable[[Watch], Watch]:
 def _admitted(connection: HTTPConnection, action: Action) -> User | None:
     gateway: Gateway = connection.app.state.gateway
     return gateway.access.admitted(_token(connection), action, sender_of(connection))
+
+
+def _require_rate(connection: HTTPConnection) -> None:
+    gateway: Gateway = connection.app.state.gateway
+    gateway.access.rate_limits.require(_token(connection), sender_of(connection))
 
 
 def _token(connection: HTTPConnection) -> str | None:

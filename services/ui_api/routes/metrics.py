@@ -105,6 +105,11 @@ class Metrics:
             "way where no memory can be shared.",
             "path",
         )
+        self._rate_limited = self._gauge(
+            "rate_limited",
+            "Requests refused since the start: too many of one token, or of one address.",
+            "by",
+        )
         self._leases = self._gauge(
             "leases",
             "Hold-to-move leases: held now; lapsed since the gateway's start, each of which stopped the robot.",
@@ -154,6 +159,8 @@ class Metrics:
         self._not_queued.labels("inbox").set(gateway.inbox.refused)
         self._frames.labels("shared_memory").set(gateway.live.paths.by_shared_memory)
         self._frames.labels("tcp").set(gateway.live.paths.by_tcp)
+        for by, refused in gateway.access.rate_limits.refused.items():
+            self._rate_limited.labels(by).set(refused)
         self._leases.labels("held").set(gateway.leases.held)
         self._leases.labels("lapsed").set(gateway.leases.lapsed)
         for service, alive in gateway.inbox.presence.alive.items():

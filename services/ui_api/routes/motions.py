@@ -11,7 +11,7 @@ from services.ui_api.handlers.refusals import conflict, unknown
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import MotionBody
-from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import NEVER_LIMITED, GuardedRoute, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
 from services.ui_api.routes.motion_views import LeaseView, OperationStatusName, OperationView, status_name
 from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
@@ -71,7 +71,7 @@ def read_operation(operation_id: str, gateway: TheGateway) -> OperationView:
     return OperationView.of(_operation(gateway, operation_id))
 
 
-@router.put("/operations/{operation_id}/lease", openapi_extra=needs(Action.MOVE))
+@router.put("/operations/{operation_id}/lease", openapi_extra=needs(Action.MOVE) | NEVER_LIMITED)
 def renew_lease(operation_id: str, gateway: TheGateway) -> LeaseView:
     """Go on holding: motion stops when this is not repeated in time. A lapsed lease cannot be renewed."""
     operation = _operation(gateway, operation_id)

@@ -96,7 +96,7 @@ def approve_plan(
     request: Request,
     body: ApprovalBody,
     key: IdempotencyKey,
-    if_match: Annotated[str, Header(description="ETag of the plan that was read.")],
+    if_match: Annotated[str, Header(alias="If-Match", description="ETag of the plan that was read.")],
     gateway: TheGateway,
     idempotency: TheIdempotency,
     user: TheUser,

@@ -1,0 +1,52 @@
+"""Record the examples anew, from a simulation on this machine: `make examples`; minutes."""
+
+import json
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+import httpx
+
+from distalock.case_client import CaseClient
+from distalock.client import Client
+from distalock.installation import Installation, Ports
+from distalock.rest_client import RestClient
+from distalock.room_client import RoomClient
+from services.ui_api.api_document.examples import EXAMPLES
+from services.ui_api.app import openapi_document, routed_app
+from tools.examples.procedure import Recording
+from tools.examples.recorder import Recorder
+
+_SEED = 2
+
+
+def main() -> int:
+    """Start a simulation, lead a case, and write what was answered."""
+    recorder = Recorder(openapi_document(routed_app()))
+    with tempfile.TemporaryDirectory() as folder:
+        installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=("--seed", str(_SEED)))
+        url = installation.gateway.url
+        with (
+            installation.fleet(threading.Event()),
+            httpx.Client(event_hooks={"response": [recorder.on_answer]}, timeout=300.0) as http,
+            Client(url, installation.token, http=http) as recorded,
+            Client(url, installation.token) as plain,
+            RestClient(installation.ports.control_url) as control,
+        ):
+            room = RoomClient(control)
+            case = CaseClient.opened(plain, room.scenario().set_up)
+            case.make_robot_ready()
+            case.record_step("abandoned", why="the next one is recorded")
+            Recording(recorder, recorded, plain, room).run()
+    names = sorted(recorder.examples)
+    EXAMPLES.write_text(
+        json.dumps({name: recorder.examples[name] for name in names}, indent=1, ensure_ascii=False) + "\n",
+        encoding="utf-8",
+    )
+    print(f"{len(names)} examples in {EXAMPLES}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
