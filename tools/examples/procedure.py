@@ -142,6 +142,8 @@ class Recording:
             ada.read_me()
             ada.change_own_password(PasswordBody(password=_PASSWORDS[0], new_password=_PASSWORDS[1]))
             ada.sign_out()
+        mine.read_ways()
+        mine.list_passkeys()
         mine.list_users()
         mine.read_user(_NAME)
         mine.change_user(_NAME, UserPatch(roles=("surgeon", "technician")))
