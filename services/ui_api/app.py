@@ -1,12 +1,15 @@
 """The FastAPI application: all routes over one gateway."""
 
 from collections.abc import Sequence
+from functools import cache
 
 from fastapi import APIRouter, FastAPI
 
 from services.ui_api.api_document.document import PROBLEM_REFERENCE, whole_document
+from services.ui_api.api_document.page import POLICY, page_of
 from services.ui_api.routes import (
     alarms,
+    api_page,
     cases,
     console,
     events,
@@ -114,11 +117,12 @@ def routed_app() -> FastAPI:
     app.include_router(api)
     app.include_router(health.router)
     methods.add("", health.router.routes)
-    for page in (console, virtual_room):
+    for page in (api_page, console, virtual_room):
         app.include_router(page.router)
         methods.add("", page.router.routes)
     app.state.methods = methods
     add_problem_handlers(app)
+    app.state.api_page = cache(lambda: (page_of(openapi_document(app)), POLICY))
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]  # FastAPI's own way to extend it
     return app
 

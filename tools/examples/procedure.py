@@ -32,6 +32,7 @@ _PASSWORDS: Final = ("four words and a nail", "five words and a longer nail")
 # Enough of a stream to see what it looks like.
 _LINES_OF_A_STREAM: Final = 8
 _SETTLES_S: Final = 1.5
+_ANSWER_S: Final = 300.0
 _MOST_IMAGES: Final = 6
 
 
@@ -137,7 +138,7 @@ class Recording:
         mine.create_user(UserBody(name=_NAME, password=_PASSWORDS[0], roles=("surgeon",)))
         session = mine.sign_in(LoginBody(name=_NAME, password=_PASSWORDS[0]))
         renewed = mine.refresh_session(RefreshBody(refresh_token=session.refresh_token))
-        with httpx.Client(event_hooks={"response": [self.recorder.on_answer]}) as http:
+        with httpx.Client(event_hooks={"response": [self.recorder.on_answer]}, timeout=_ANSWER_S) as http:
             ada = Client(self.plain.base_url, renewed.access_token, http=http)
             ada.read_me()
             ada.change_own_password(PasswordBody(password=_PASSWORDS[0], new_password=_PASSWORDS[1]))
@@ -165,7 +166,7 @@ class Recording:
     def _stream(self, name: str, path: str, placed: dict[str, str]) -> None:
         lines: list[str] = []
         headers = self.plain.session_headers
-        with httpx.stream("GET", self.plain.base_url + path, headers=headers, timeout=30.0) as stream:
+        with httpx.stream("GET", self.plain.base_url + path, headers=headers, timeout=_ANSWER_S) as stream:
             for line in stream.iter_lines():
                 if not line.startswith(":"):
                     lines.append(line)

@@ -8,7 +8,7 @@ _DOCS = Path(__file__).parents[3] / "docs"
 _PAGE = (_DOCS / "rest.md").read_text(encoding="utf-8")
 _METHODS = "GET|POST|PUT|PATCH|DELETE"
 # Not in the document: OpenAPI knows no WebSockets, and does not list itself.
-_BESIDE = {"WS /live", "GET /openapi.json"}
+_BESIDE = {"WS /live", "GET /openapi.json", "GET /docs"}
 
 
 def _there() -> set[str]:
