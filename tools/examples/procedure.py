@@ -85,7 +85,7 @@ class Recording:
         mine.read_image(image.id)
         mine.read_png(image.id, view="overlay", width=512)
         mine.read_dicom(image.id)
-        mine.read_drawing(image.id)
+        mine.read_drawing(case_id, number)
         mine.list_localisations(case_id)
         mine.read_localisation(case_id, number)
         mine.read_alignment(case_id)
