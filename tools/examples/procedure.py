@@ -154,6 +154,7 @@ class Recording:
     def _robot(self) -> None:
         mine = self.recorded
         mine.read_robot()
+        mine.read_alarms()
         mine.reference_robot()  # refused by the robot later, because it is referenced: an operation that fails
         mine.reset_robot()
 
