@@ -112,6 +112,7 @@ interface RoomProps {
 }
 
 function Room({ me, caseId, robot, isLive, isKnown }: RoomProps) {
+  const { t } = useTranslation();
   const isSimulated = robot?.view.simulated === true || robot?.view.image_source_simulated === true;
   const scenario = useScenario(isSimulated).data ?? null;
   const read = useCase(caseId).data;
@@ -120,6 +121,7 @@ function Room({ me, caseId, robot, isLive, isKnown }: RoomProps) {
   if (!isKnown || caseId !== null) return <main className="room" />;
   return (
     <main className="no-case">
+      <h1 className="unseen">{t("nav.room")}</h1>
       {me.actions.includes("open_case") && <OpenCaseForm proposed={scenario?.case ?? null} />}
       <div>
         <RobotPanel robot={robot} isLive={isLive} />
@@ -149,6 +151,7 @@ function OpenCase({ me, read, robot, isLive, scenario }: CaseProps) {
   const shared = { caseView: read.view, newestImage, localisation, plan, verification, robot, isLive };
   return (
     <main className={scenario && showsRoom ? "room with-virtual-room" : "room"}>
+      <h1 className="unseen">{t("nav.room")}</h1>
       <div className="case-line">
         <p className="side">
           {t(`case.side.${read.view.side}`)} {t(`case.bone.${read.view.bone}`)}

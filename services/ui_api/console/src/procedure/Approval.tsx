@@ -85,7 +85,6 @@ export function PlanFigures({ read, plan }: { readonly read: ReadCase; readonly 
           <tr>
             <th scope="col">{t("approval.hole")}</th>
             <th scope="col">{t("approval.error")}</th>
-            <th scope="col">{t("approval.bound")}</th>
             <th scope="col">{t("approval.chance")}</th>
           </tr>
         </thead>
@@ -94,11 +93,11 @@ export function PlanFigures({ read, plan }: { readonly read: ReadCase; readonly 
             <tr key={hole.id}>
               <th scope="row">{hole.id}</th>
               <td>
-                {hole.offset_mm.toFixed(2)} mm
+                {hole.offset_mm.toFixed(2)} mm, {hole.angle_deg.toFixed(2)}°
                 <br />
-                {hole.angle_deg.toFixed(2)}°
+                {t("approval.bound")}{" "}
+                <strong>{bound95Mm(hole.offset_mm, hole.standard_uncertainty.entry_mm).toFixed(2)} mm</strong>
               </td>
-              <td>{bound95Mm(hole.offset_mm, hole.standard_uncertainty.entry_mm).toFixed(2)} mm</td>
               <td>{percent(hole.chance_to_pass)}</td>
             </tr>
           ))}

@@ -36,7 +36,12 @@ export default function ProcedurePanel({ read, me, plan, localisation, verificat
   const list = CHECKED_IN[procedure.phase as keyof typeof CHECKED_IN];
   const forms = { read, me, plan, localisation };
   return (
-    <section className="procedure" aria-label={t("procedure.title")}>
+    <section
+      className="procedure"
+      aria-label={t("procedure.title")}
+      data-phase={procedure.phase}
+      data-next={procedure.next_action ?? ""}
+    >
       <h2 className="quiet">{t("procedure.next")}</h2>
       <p className="next" aria-live="polite">
         {sentence(procedure.next)}

@@ -12,12 +12,15 @@ const THUMBNAIL_PX = 160;
 /** Choose one image or two, and whether wires or the guide alone are compared with the nail. */
 export default function VerifyForm({ read }: { readonly read: ReadCase }) {
   const { t } = useTranslation();
-  const images = useImages(read.view.id, SHOWN).data ?? [];
+  const known = useImages(read.view.id, SHOWN);
+  const images = known.data ?? [];
   const [chosen, setChosen] = useState<readonly string[] | null>(null);
   const wanted = (chosen ?? images.slice(0, 1).map((image) => image.id)).filter((id) =>
     images.some((i) => i.id === id),
   );
   const doing = useAct((of: "wires" | "guide") => act.verify(read, { images: [...wanted], of }));
+  // While the list is read anew, the newest image may not be in it yet: it must not be mistaken for one before.
+  const isBlocked = known.isFetching || wanted.length === 0;
   const hasWires = read.view.procedure.wired_hole_ids.length > 0;
   function toggle(id: string) {
     setChosen(wanted.includes(id) ? wanted.filter((other) => other !== id) : [...wanted, id].slice(-MOST));
@@ -42,7 +45,7 @@ export default function VerifyForm({ read }: { readonly read: ReadCase }) {
         <button
           type="button"
           className={hasWires ? "primary" : ""}
-          disabled={doing.isPending || wanted.length === 0}
+          disabled={doing.isPending || isBlocked}
           onClick={() => doing.mutate("wires")}
         >
           {t("verify.wires")}
@@ -50,7 +53,7 @@ export default function VerifyForm({ read }: { readonly read: ReadCase }) {
         <button
           type="button"
           className={hasWires ? "" : "primary"}
-          disabled={doing.isPending || wanted.length === 0}
+          disabled={doing.isPending || isBlocked}
           onClick={() => doing.mutate("guide")}
         >
           {t("verify.guide")}

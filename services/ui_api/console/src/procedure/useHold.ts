@@ -11,6 +11,7 @@ import { ARM_MS, type HoldState, holdReducer, INITIAL_HOLD, isUnderWay, mustStop
 const LEASE_EVERY_MS = 150;
 const LEASE_WITHIN_MS = 400;
 const LOOK_EVERY_MS = 250;
+const CONFLICT = 409;
 const FINAL: ReadonlySet<string> = new Set(["succeeded", "failed", "stopped"]);
 
 export interface Hold {
@@ -46,9 +47,13 @@ export function useHold(read: ReadCase, plan: PlanView | null): Hold {
   const isHeld = state.phase === "moving" && state.isHeld;
   useEffect(() => {
     if (operation === null || !isHeld) return;
-    return every(LEASE_EVERY_MS, () =>
-      act.renewLease(operation, AbortSignal.timeout(LEASE_WITHIN_MS)).catch(() => null),
+    const leave = every(LEASE_EVERY_MS, () =>
+      act.renewLease(operation, AbortSignal.timeout(LEASE_WITHIN_MS)).catch((error: unknown) => {
+        // It has ended, or its lease has lapsed: in either case nothing is held any more.
+        if (error instanceof ApiError && error.status === CONFLICT) leave();
+      }),
     );
+    return leave;
   }, [operation, isHeld]);
 
   useEffect(() => {

@@ -17,16 +17,18 @@ export default function Alarms({ alarms }: { readonly alarms: readonly Alarm[] }
   }
   return (
     <div className="alarms">
-      <ul role="alert" aria-live="assertive" aria-label={t("alarm.title")}>
-        {alarms.slice(0, SHOWN).map((alarm) => (
-          <li key={`${alarm.id} ${alarm.values.part ?? ""}`} className={`alarm ${alarm.priority}`}>
-            <strong>{t(`alarm.priority.${alarm.priority}`)}</strong> {t(`alarm.${alarm.id}`, alarm.values)}
-          </li>
-        ))}
-        {alarms.length > SHOWN && (
-          <li className="alarm more">{t("alarm.more", { count: alarms.length - SHOWN })}</li>
-        )}
-      </ul>
+      <div role="alert" aria-live="assertive">
+        <ul aria-label={t("alarm.title")}>
+          {alarms.slice(0, SHOWN).map((alarm) => (
+            <li key={`${alarm.id} ${alarm.values.part ?? ""}`} className={`alarm ${alarm.priority}`}>
+              <strong>{t(`alarm.priority.${alarm.priority}`)}</strong> {t(`alarm.${alarm.id}`, alarm.values)}
+            </li>
+          ))}
+          {alarms.length > SHOWN && (
+            <li className="alarm more">{t("alarm.more", { count: alarms.length - SHOWN })}</li>
+          )}
+        </ul>
+      </div>
       <button type="button" className="sound" aria-pressed={audio !== null} onClick={toggle}>
         {t(audio === null ? "alarm.sound_off" : "alarm.sound_on")}
       </button>
