@@ -11,6 +11,7 @@ from benchmarks.common.statistics import quantiles, text_of
 # Upper bound of a probability of which nothing was seen in n trials, at 95 %: the rule of three.
 _RULE_OF_THREE: Final = 3.0
 _MOST_CODES: Final = 4
+_WHOLE: Final = 1000
 
 
 def page(rows: Sequence[CaseRow], first_seed: int) -> str:
@@ -53,6 +54,7 @@ def page(rows: Sequence[CaseRow], first_seed: int) -> str:
 
 def _about(rows: Sequence[CaseRow], first_seed: int) -> str:
     count = len(rows)
+    cut = "" if count >= _WHOLE else f" **A whole run plays {_WHOLE:,}; this one was cut off: it shows little.**"
     seconds = text_of(quantiles(row.took_s for row in rows), 1)
     return (
         f"Made by `distalock bench campaign`: {count} seeded procedures from seed {first_seed}, with random patients, "
@@ -64,7 +66,7 @@ def _about(rows: Sequence[CaseRow], first_seed: int) -> str:
         "guidance, and K-wires: the guide itself is verified. People who heed a refusal (seven in ten) mend what it "
         "names; the others go on where the system lets them. What counts as harm is defined in "
         "`benchmarks/campaign/harm.py`, and judged by the virtual room's truth alone. Processor time of one "
-        f"procedure: {seconds} s (median / 95 % / worst)."
+        f"procedure: {seconds} s (median / 95 % / worst), the compilation of kernels in the first included.{cut}"
     )
 
 
