@@ -81,7 +81,8 @@ class RouterLogReader:
         if target == _INTERCEPTOR:
             return self._intercepted(thread)
         if target.startswith(_TLS):
-            return _of_link(level, text) or _for_people(level, line)
+            said_nothing = any(said in text for said in _SAID_NOTHING)
+            return None if said_nothing else _of_link(level, text) or _for_people(level, line)
         return _for_people(level, line)
 
     def _note_decision(self, thread: str, text: str) -> None:
