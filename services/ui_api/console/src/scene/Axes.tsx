@@ -1,7 +1,7 @@
 import { useMemo } from "react";
 import { LatheGeometry, Quaternion, Vector2, Vector3 } from "three";
 import { along, crossing, type Line } from "./lines";
-import { LOOK, SHAPE } from "./looks";
+import { LOOK, OVER, SHAPE } from "./looks";
 import { Circle, Rod } from "./pieces";
 import { guideAxis, play_mm, type SceneModel, type SeenHole } from "./sceneModel";
 import { type AxisUncertainty, CONE_MAGNIFICATION, radius95Mm } from "./uncertainty";
@@ -61,7 +61,7 @@ function HoleAxis({ hole, model, isAlongHole }: { hole: SeenHole } & Props) {
             across={axis.direction}
             radius_mm={play}
             thickness_mm={0.07}
-            look={LOOK.hole}
+            look={OVER.hole}
           />
         ))}
       <Circle
@@ -69,7 +69,7 @@ function HoleAxis({ hole, model, isAlongHole }: { hole: SeenHole } & Props) {
         across={axis.direction}
         radius_mm={hole.diameter_mm / 2}
         thickness_mm={0.12}
-        look={LOOK.hole}
+        look={OVER.hole}
       />
     </>
   );
@@ -105,14 +105,14 @@ function GuideAxis({ hole, axis, look, isAlongHole, model }: GuideAxisProps) {
         across={axis.direction}
         radius_mm={radius_mm}
         thickness_mm={0.14}
-        look={LOOK[look]}
+        look={OVER[look]}
       />
       <Circle
         at_mm={exit_mm}
         across={axis.direction}
         radius_mm={radius_mm}
         thickness_mm={0.07}
-        look={LOOK[look]}
+        look={OVER[look]}
       />
       <Rod from_mm={entry_mm} to_mm={exit_mm} radius_mm={0.14} look={LOOK[look]} />
     </>

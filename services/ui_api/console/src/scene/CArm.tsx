@@ -20,7 +20,7 @@ const BEHIND_RING_MM = 25;
 const USUAL_RADIUS_MM = 118;
 const RAY_MM = 0.5;
 
-/** Tube, detector with ring, the cone of rays between them, and the ray through each hole, in the image's moment. */
+/** Tube, detector with ring, the and the cone of rays between them, in the image's moment. */
 export default function CArm({ seen, ring, down, usual_source_to_detector_mm }: Props) {
   const { base_from_camera, camera_from_ring } = seen;
   if (base_from_camera === null) return null;
@@ -63,7 +63,6 @@ export default function CArm({ seen, ring, down, usual_source_to_detector_mm }: 
           <Balls balls={ring.balls} shape={SHAPE.coarseBall} />
         </Placed>
       </Placed>
-      <Rays seen={seen} />
     </>
   );
 }
@@ -100,7 +99,7 @@ function Arc({ face_mm, down }: { readonly face_mm: Vector3; readonly down: Vect
 }
 
 /** From the focal spot through the middle of each hole: the angle to the hole's axis is its tilt. */
-function Rays({ seen }: { readonly seen: Seen }) {
+export function Rays({ seen }: { readonly seen: Seen }) {
   const focal_spot_mm = seen.base_from_camera?.point([0, 0, 0]);
   if (focal_spot_mm === undefined) return null;
   return seen.holes.map((hole) => {

@@ -2,7 +2,7 @@
 import { Canvas, useThree } from "@react-three/fiber";
 import { useEffect, useLayoutEffect, useRef } from "react";
 import Axes from "./Axes";
-import CArm from "./CArm";
+import CArm, { Rays } from "./CArm";
 import CameraRig from "./CameraRig";
 import { type Label, LabelFollower } from "./Labels";
 import { LOOK } from "./looks";
@@ -106,9 +106,10 @@ function Content({ model, head_extension_mm, source_to_detector_mm, ghost, isLiv
         />
       )}
       {seen && <Patient nail={parts.nail} seen={seen} showsBone={!isAlongHole} />}
-      {seen && !isAlongHole && (
+      {seen && view === "room" && (
         <CArm seen={seen} ring={parts.ring} down={down} usual_source_to_detector_mm={source_to_detector_mm} />
       )}
+      {seen && !isAlongHole && <Rays seen={seen} />}
       <Axes model={model} isAlongHole={isAlongHole} />
     </>
   );

@@ -59,6 +59,17 @@ export const LOOK = {
   stale: clear("#8b98a5", 0.4),
 } as const;
 
+/** Seen through everything: circles at the entry lie in the bore. */
+function over(color: string): MeshBasicMaterial {
+  return new MeshBasicMaterial({ color, transparent: true, depthTest: false });
+}
+
+export const OVER = {
+  now: over(COLOUR.now),
+  planned: over(COLOUR.planned),
+  hole: over(COLOUR.hole),
+} as const;
+
 export const LEG: Readonly<Record<Nearness, MeshLambertMaterial>> = {
   free: solid(COLOUR.free),
   near: solid(COLOUR.near),
