@@ -95,7 +95,8 @@ def fuse_localisations(images: tuple[LocalisedImage, ...], parts: Parts) -> Fuse
     if against is not None:
         result = replace(newest, reasons=(against,))
     else:
-        holes = _holes(joint, parts, camera_from_nail, joint.covariance_with_bend)
+        as_found = parts if newest.nail is None else parts.with_nail_as_found(newest.nail)
+        holes = _holes(joint, as_found, camera_from_nail, joint.covariance_with_bend)
         result = replace(newest, reasons=uncertainty_reasons(holes), guide_from_nail=joint.pose.mean, holes=holes)
     freedom = joint.degrees_of_freedom
     return FusedLocalisation(result, shown, shares, joint.chi_square, chi_square_limit(freedom), freedom)

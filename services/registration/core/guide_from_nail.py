@@ -1,6 +1,6 @@
 """The nail in the guide's frame from one image, with what guide, nail and C-arm calibration leave uncertain."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +33,31 @@ class NailEstimate:
     mirror_margin: float | None
     error_ratio: float = 1.0  # by which the errors of its rotation exceed what the image's noise explains
     curvature_per_m: tuple[float, float] = (0.0, 0.0)  # of a nail that is bent, towards its y and z
+    hole_spread_mm: float = 0.0  # standard deviation of the holes' places about their file's, as the image shows it
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
         """Of a small motion of the nail in its own frame, shape (6, 6)."""
         return None if self.errors is None else self.errors.covariance
 
+    def nail_as_found(self, nail: NailPart) -> NailPart:
+        """The nail bent as it was found, its holes as far from their places as they are."""
+        bent = nail.bent(self.curvature_per_m)
+        as_filed = self.hole_spread_mm <= (nail.tolerance_mm or 0.0)
+        return bent if as_filed else replace(bent, tolerance_mm=self.hole_spread_mm)
+
     @staticmethod
     def of_fit(fit: NailFit) -> "NailEstimate":
         """What a fit to the pixels determines of the pose."""
         seen = fit.evidence
-        return NailEstimate(fit.camera_from_nail, fit.errors, seen.mirror_margin, seen.error_ratio, fit.curvature_per_m)
+        return NailEstimate(
+            fit.camera_from_nail,
+            fit.errors,
+            seen.mirror_margin,
+            seen.error_ratio,
+            fit.curvature_per_m,
+            fit.hole_spread_mm,
+        )
 
 
 def guide_from_nail_of(
@@ -52,7 +66,7 @@ def guide_from_nail_of(
     """Estimate of `guide_from_nail` from one image; None for a method that does not know its errors."""
     if estimate.errors is None:
         return None
-    nail = nail.bent(estimate.curvature_per_m)
+    nail = estimate.nail_as_found(nail)
     camera_from_nail = PoseEstimate(estimate.camera_from_nail, estimate.errors)
     chained = guide_fit.pose.inverse() @ camera_from_nail
     by_calibration = np.zeros((6, 6))

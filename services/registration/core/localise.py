@@ -48,8 +48,8 @@ class Parts:
         object.__setattr__(self, "nail", holes_of_guide(self.nail, self.guide))
 
     def with_nail_as_found(self, found: NailEstimate) -> "Parts":
-        """The same with the nail bent as it was found."""
-        return replace(self, nail=self.nail.bent(found.curvature_per_m))
+        """The same with the nail as it was found."""
+        return replace(self, nail=found.nail_as_found(self.nail))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +123,7 @@ def conclude(
             holes,
             correction,
             found_nail.error_ratio,
+            found_nail.hole_spread_mm,
         )
     )
     return LocalisationResult(reasons, found_guide, found_nail, guide_from_nail, holes, correction)

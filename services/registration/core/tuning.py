@@ -608,9 +608,13 @@ class GuideAsBuilt:
 
 @dataclass(frozen=True, slots=True)
 class NailAsBuilt:
-    """What a nail's tolerances do beside the pose that is fitted to the holes as they are."""
+    """What holes beside their file's places do beside the pose that is fitted to the holes as they are."""
 
     own_share: float = tuned(0.5, "1", "share of variance left to each hole", derived("the pose takes the mean of two"))
+    usual_place_sd_mm: float = tuned(
+        0.5, "mm", "of a hole beside its place", derived("where no edge of the nail shows")
+    )
+    much_displaced_mm: float = tuned(0.03, "mm", "spread from where a refusal names it", derived("0.1 mm of an entry"))
 
 
 @dataclass(frozen=True, slots=True)

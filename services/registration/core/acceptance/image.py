@@ -33,6 +33,7 @@ from services.registration.core.acceptance.criteria import (
 )
 from services.registration.core.c_arm_advice import CArmTurn
 from services.registration.core.hole_axes import HoleEstimate
+from services.registration.core.tuning import NAIL_AS_BUILT
 from shared.acceptance import Criterion
 from shared.errors import Reason, ReasonCode
 from shared.geometry.calibration import CArmCalibration
@@ -93,6 +94,7 @@ class LocalisationEvidence:
     holes: tuple[HoleEstimate, ...]
     correction: CArmTurn
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
+    hole_spread_mm: float = 0.0  # of the nail's holes about their places in the file, as the image shows it
 
 
 def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
@@ -116,13 +118,18 @@ def localisation_reasons(evidence: LocalisationEvidence) -> tuple[Reason, ...]:
         *_extrapolated(evidence),
         *_exchanged(evidence),
         *(reason for hole in evidence.holes for reason in _tilted(hole, evidence.correction)),
-        *uncertainty_reasons(evidence.holes, evidence.error_ratio),
+        *uncertainty_reasons(evidence.holes, evidence.error_ratio, evidence.hole_spread_mm),
     )
 
 
-def uncertainty_reasons(holes: tuple[HoleEstimate, ...], error_ratio: float = 1.0) -> tuple[Reason, ...]:
+def uncertainty_reasons(
+    holes: tuple[HoleEstimate, ...], error_ratio: float = 1.0, hole_spread_mm: float = 0.0
+) -> tuple[Reason, ...]:
     """Reasons against holes whose axes are too uncertain, whether from one image or from several."""
-    return tuple(reason for hole in holes for reason in _uncertain(hole, error_ratio))
+    cause = _because_of_processing(error_ratio), PROCESSING.remedy
+    if not cause[0]:
+        cause = _because_of_the_nail(hole_spread_mm), DIAMETER_EXCESS.remedy
+    return tuple(reason for hole in holes for reason in _uncertain(hole, *cause))
 
 
 def opening_reasons(
@@ -240,7 +247,7 @@ def _tilted(hole: HoleEstimate, correction: CArmTurn) -> Iterator[Reason]:
         )
 
 
-def _uncertain(hole: HoleEstimate, error_ratio: float) -> Iterator[Reason]:
+def _uncertain(hole: HoleEstimate, because: str, remedy: str) -> Iterator[Reason]:
     if hole.offset is None:
         yield NO_UNCERTAINTY.reason(f"the axis of hole '{hole.id}' has no uncertainty: {NO_UNCERTAINTY.observed}")
         return
@@ -248,13 +255,11 @@ def _uncertain(hole: HoleEstimate, error_ratio: float) -> Iterator[Reason]:
     chance = hole.clearance_probability(hole.offset)
     if ENTRY_BOUND.is_met(entry_mm) and AXIS_BOUND.is_met(axis_deg) and CHANCE_TO_PASS.is_met(chance):
         return
-    because = _because_of_processing(error_ratio)
-    remedy = PROCESSING.remedy if because else ENTRY_BOUND.remedy
     yield ENTRY_BOUND.reason(
         f"the axis of nail hole '{hole.id}' is known to {ENTRY_BOUND.quoted(entry_mm)} and "
         f"{AXIS_BOUND.quoted(axis_deg)} with 95 % confidence, and a {hole.drill_diameter_mm:g} mm drill would "
         f"pass it with a chance of {CHANCE_TO_PASS.quoted(chance)}{because}",
-        remedy,
+        remedy if because else ENTRY_BOUND.remedy,
     )
 
 
@@ -262,3 +267,9 @@ def _because_of_processing(error_ratio: float) -> str:
     if error_ratio <= MUCH_PROCESSED:
         return ""
     return f"; parts of the image disagree by {error_ratio:.1f} times what the noise explains"
+
+
+def _because_of_the_nail(hole_spread_mm: float) -> str:
+    if hole_spread_mm <= NAIL_AS_BUILT.much_displaced_mm:
+        return ""
+    return f"; beside the nail's axis its holes lie {hole_spread_mm:.2f} mm (rms) from where the nail's file has them"

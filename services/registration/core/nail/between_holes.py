@@ -1,38 +1,87 @@
-"""One hole against the other: how far each is turned from what the pose says of all.
+"""Holes beside what the file says of them: turned against one another, and beside the nail's axis.
 
-A file says how the holes' axes lie to one another, and the fit takes that as exact. Holes drilled askew, a display that
-changed the brightness of one rim, or a thing over it leave each hole with a turn of its own. Turns of the holes against
-one another do not follow from the pose: one Gauss-Newton step estimates them, from the rims of each hole.
+A file says how the holes lie in the nail, and the fit takes that as exact. Holes drilled askew or beside their place, a
+display that changed the brightness of one rim, or a thing over it leave each hole with a turn and a shift of its own.
+Neither follows from the pose: one Gauss-Newton step estimates them, from the rims of each hole and the nail's edges.
 """
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.nail.covariance import covariance_by
-from services.registration.core.nail.derivatives import turns_of_holes
-from services.registration.core.nail.least_squares import Problem, Solution, with_turned_holes
+from services.registration.core.nail.derivatives import derivatives_by_hole_turns, turns_of_holes
+from services.registration.core.nail.forward_model import trace_transmission, visible_fraction
+from services.registration.core.nail.least_squares import LinearSolution, Problem, Solution, with_changes
 from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import prior_precision
-from services.registration.core.tuning import MODEL_ERRORS
+from services.registration.core.tuning import MODEL_ERRORS, NAIL_AS_BUILT
+from shared.geometry.lines import Line
+from shared.geometry.parts import NailPart, across_holes
+
+# Step of the derivative by a hole's place: rims are many times softer.
+_STEP_MM = 0.02
 
 
 def turns_between_holes(problem: Problem, solution: Solution, noise: NoiseModel) -> NDArray[np.float64]:
     """Mean square of the holes' own turns across their axes, beyond what noise explains, in rad², shape (2, 2).
 
-    By the method of moments: what is expected of noise and of the model's own errors is taken off, so that holes which
-    lie as filed hardly count. Zero for a nail with one hole.
+    Zero for a nail with one hole; holes which lie as filed hardly count.
     """
     holes = len(problem.model.nail.holes)
     if holes == 1:
         return np.zeros((2, 2))
-    turned = with_turned_holes(problem, solution)
-    count = 2 * (holes - 1)
-    inverse = np.asarray(np.linalg.inv(turned.equations.matrix))[-count:]
-    found = inverse @ turned.equations.gradient
-    precision = np.concatenate([prior_precision()[problem.free], np.zeros(count)])
+    turned = with_changes(problem, solution, derivatives_by_hole_turns(solution.linear.model, solution.linear.traced))
     own = turns_of_holes(holes)
     by_model = np.radians(MODEL_ERRORS.tilt_deg) ** 2 * np.linalg.inv(own.T @ own)
-    expected = covariance_by(problem, turned, noise, inverse, precision) + np.kron(by_model, np.eye(2))
-    chi_square = float(found @ np.linalg.solve(expected, found))
+    found, share = _found_beyond_noise(problem, turned, noise, np.kron(by_model, np.eye(2)), 0.0)
     turns = own @ found.reshape(holes - 1, 2)
-    return np.asarray(max(1.0 - count / max(chi_square, count), 0.0) * turns.T @ turns / holes)
+    return np.asarray(share * turns.T @ turns / holes)
+
+
+def spread_of_holes_mm(problem: Problem, solution: Solution, noise: NoiseModel) -> float:
+    """Standard deviation of the holes' places about their file's beside the nail's axis, beyond noise.
+
+    The nail's edges show where its axis is. How far holes lie along the nail from where the file has them does not show
+    beside the nail's depth, which follows from their distance; what made them err beside the axis does so along it.
+    """
+    holes, precision = len(problem.model.nail.holes), NAIL_AS_BUILT.usual_place_sd_mm**-2
+    shifted = with_changes(problem, solution, _derivatives_by_hole_shifts(solution.linear), precision)
+    by_model = MODEL_ERRORS.position_mm**2 * np.eye(holes)
+    found, share = _found_beyond_noise(problem, shifted, noise, by_model, precision)
+    return float(np.sqrt(share * np.mean(found**2)))
+
+
+def _derivatives_by_hole_shifts(here: LinearSolution) -> list[NDArray[np.float64]]:
+    """Derivatives of `visible_fraction` by each hole's place beside the nail's axis (mm), the nail held, (N,) each."""
+
+    def by_shift(index: int) -> NDArray[np.float64]:
+        model = replace(here.model, nail=_with_hole_aside(here.model.nail, index))
+        visible = visible_fraction(model, trace_transmission(model, here.traced.parameters))
+        return np.asarray((visible - here.visible) / _STEP_MM)
+
+    return [by_shift(index) for index in range(len(here.model.nail.holes))]
+
+
+def _with_hole_aside(nail: NailPart, index: int) -> NailPart:
+    holes, aside = list(nail.holes), across_holes(nail)[1]
+    axis = holes[index].axis
+    holes[index] = replace(holes[index], axis=Line(axis.point_mm + _STEP_MM * aside, axis.direction))
+    return replace(nail, holes=tuple(holes))
+
+
+def _found_beyond_noise(
+    problem: Problem, changed: Solution, noise: NoiseModel, by_model: NDArray[np.float64], precision: float
+) -> tuple[NDArray[np.float64], float]:
+    """The further parameters after one Gauss-Newton step, shape (K,), and the share of their square beyond noise.
+
+    By the method of moments: what is expected of noise and of the model's own errors, shape (K, K), is taken off.
+    """
+    count = len(by_model)
+    inverse = np.asarray(np.linalg.inv(changed.equations.matrix))[-count:]
+    found = inverse @ changed.equations.gradient
+    priors = np.concatenate([prior_precision()[problem.free], np.full(count, precision)])
+    expected = covariance_by(problem, changed, noise, inverse, priors) + by_model
+    chi_square = float(found @ np.linalg.solve(expected, found))
+    return found, max(1.0 - count / max(chi_square, count), 0.0)

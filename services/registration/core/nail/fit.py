@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import FitEvidence, fit_reasons
 from services.registration.core.estimation.pose_estimate import PoseErrors
+from services.registration.core.nail.between_holes import spread_of_holes_mm
 from services.registration.core.nail.covariance import curvature_covariance, errors_of_straight, pose_errors
 from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
 from services.registration.core.nail.forward_model import ForwardModel, model_at
@@ -57,6 +58,7 @@ class NailFit:
     errors: PoseErrors
     evidence: FitEvidence
     curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
+    hole_spread_mm: float  # standard deviation of the holes' places about their file's (`spread_of_holes_mm`)
 
 
 def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
@@ -237,7 +239,11 @@ def _with_evidence(end: _End, errors: PoseErrors) -> _Fitted:
         rim_shares=rim_shares(model.region, model.nail),
     )
     fit = NailFit(
-        camera_from_nail, parts.widened(errors, camera_from_nail, model.nail), evidence, curvature_of(parameters)
+        camera_from_nail,
+        parts.widened(errors, camera_from_nail, model.nail),
+        evidence,
+        curvature_of(parameters),
+        spread_of_holes_mm(problem, solution, noise),
     )
     return _Fitted(fit, end)
 

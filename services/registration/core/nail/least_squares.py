@@ -4,6 +4,7 @@ At given pose and nuisance parameters, background and floor are the solution of 
 of the others follow with those two eliminated, and Levenberg-Marquardt takes the steps.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from services.registration.core.nail.background import (
     right_sides_of,
     spline_field,
 )
-from services.registration.core.nail.derivatives import derivatives_by_hole_turns, visible_fraction_derivatives
+from services.registration.core.nail.derivatives import visible_fraction_derivatives
 from services.registration.core.nail.forward_model import (
     ForwardModel,
     StageSettings,
@@ -232,17 +233,20 @@ def with_curvature(problem: Problem, solution: Solution) -> tuple[Problem, Solut
     return freed, replace(solution, equations=_equations(freed, here, jacobian))
 
 
-def with_turned_holes(problem: Problem, solution: Solution) -> Solution:
-    """The same end with derivatives by the holes' turns against one another, after those by the free parameters.
+def with_changes(
+    problem: Problem, solution: Solution, changes: Sequence[NDArray[np.float64]], precision: float = 0.0
+) -> Solution:
+    """The same end with further derivatives of the visible fraction, shape (N,) each, after those by free parameters.
 
-    No prior holds them, and the fit has them at zero.
+    The fit has what they belong to at zero, where a prior of a precision holds it.
     """
     here = solution.linear
-    by_turns = [
-        change * (here.background - here.floor) for change in derivatives_by_hole_turns(here.model, here.traced)
-    ]
-    jacobian = np.column_stack([solution.equations.jacobian, *by_turns])
-    return replace(solution, equations=_equations(problem, here, jacobian))
+    step = here.background - here.floor
+    jacobian = np.column_stack([solution.equations.jacobian, *(change * step for change in changes)])
+    equations = _equations(problem, here, jacobian)
+    more = np.arange(solution.equations.jacobian.shape[1], jacobian.shape[1])
+    equations.matrix[more, more] += precision
+    return replace(solution, equations=equations)
 
 
 def _derivatives(here: LinearSolution, free: NDArray[np.bool_]) -> NDArray[np.float64]:

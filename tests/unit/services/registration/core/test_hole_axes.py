@@ -156,6 +156,19 @@ def test_a_nails_stated_tolerances_are_in_the_covariance_of_its_holes() -> None:
     assert wider.entry_sd_mm > plain.entry_sd_mm + 0.1
 
 
+def test_holes_beside_their_places_count_as_a_tolerance_that_the_file_does_not_state() -> None:
+    estimate, fit = NailEstimate(NAIL_POSE, fit_errors(1e-12 * np.eye(6)), 10.0), guide_fit(GUIDE_POSE, np.eye(6))
+
+    def entry_sd_mm(tolerance_mm: float | None, spread_mm: float) -> float:
+        parts = replace(PARTS, nail=replace(PARTS.nail, tolerance_mm=tolerance_mm))
+        offset = hole_estimates(KNOWN_SOURCE, parts, fit, replace(estimate, hole_spread_mm=spread_mm))[0].offset
+        assert offset is not None
+        return offset.entry_sd_mm
+
+    assert entry_sd_mm(None, 0.1) == entry_sd_mm(0.02, 0.1) == entry_sd_mm(0.1, 0.0) == entry_sd_mm(0.1, 0.05)
+    assert entry_sd_mm(None, 0.0) < entry_sd_mm(None, 0.1)
+
+
 def turned_hole(name: str, x_mm: float, turn_deg: float) -> Hole:
     turn = np.radians(turn_deg)
     return Hole(name, Line(np.array([x_mm, 0.0, 0.0]), np.array([0.0, np.sin(turn), np.cos(turn)])), 5.0)

@@ -73,6 +73,16 @@ def test_uncertainty_by_processing_does_not_ask_for_dose() -> None:
     assert "dose" not in by_processing.message
 
 
+def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (as_filed,), (beside,) = (localisation_reasons(replace(uncertain, hole_spread_mm=s)) for s in (0.03, 0.06))
+    assert "more dose" in as_filed.message
+    assert "lie 0.06 mm (rms) from where the nail's file has them" in beside.message
+    assert "check that the file is that of the implanted nail" in beside.message
+    (processed,) = localisation_reasons(replace(uncertain, hole_spread_mm=0.06, error_ratio=5.0))
+    assert "nail's file" not in processed.message
+
+
 def test_a_hole_without_a_rim_share_is_an_error() -> None:
     with pytest.raises(ValueError, match="shorter"):
         fit_reasons(replace(FIT, rim_shares=FIT.rim_shares[:1]))
