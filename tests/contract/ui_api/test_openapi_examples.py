@@ -24,7 +24,9 @@ _OPERATIONS: Final = {one.name: one for one in operations_of(_DOCUMENT)}
 _TEXTS: Final = {"read_metrics", "read_qa_page"}
 # A key in somebody's hand answers these; tests of passkeys have one that is made of software.
 _PASSKEYS: Final = {"begin_passkey", "add_passkey", "ask_challenge", "list_passkeys", "remove_passkey"}
-_NOT_RECORDED: Final = _TEXTS | _PASSKEYS | {"read_alarms", "read_drawing", "read_ways", "remove_passkeys_of_user"}
+_NOT_RECORDED: Final = (
+    _TEXTS | _PASSKEYS | {"read_alarms", "read_case_part", "read_drawing", "read_ways", "remove_passkeys_of_user"}
+)
 
 
 def _type(source: str) -> TypeAdapter[object]:
