@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from services.registration.core.alignment import off_centre_mm, shift_in_room_mm
 from services.registration.core.c_arm_advice import (
     Advice,
     AngledView,
@@ -13,6 +15,7 @@ from services.registration.core.c_arm_advice import (
     picture_turn_rad,
 )
 from services.registration.core.guidance.tracking import FrameEstimate
+from services.registration.view_report import assessment_message, off_centre_message
 from shared.geometry.calibration import CArmCalibration
 from shared.messages.base import ReasonMessage
 from shared.messages.guidance import (
@@ -20,6 +23,7 @@ from shared.messages.guidance import (
     GuidanceUncertainty,
     GuidedHole,
     MirrorCheck,
+    PositionerShift,
     PositionerTurn,
 )
 from shared.messages.imaging import ImageReference
@@ -89,12 +93,22 @@ class PictureTurn:
             angular_then=then.angular_deg,
         )
 
+    def positioner_shift(self, angles: CArmAngles, off_centre: NDArray[np.float64]) -> PositionerShift | None:
+        """The shift that centres the holes in the C-arm's own axes; None as long as the picture's turn is not known."""
+        if self.turn_rad is None:
+            return None
+        head, right, up = shift_in_room_mm(off_centre, angles, self.turn_rad).tolist()
+        return PositionerShift(towards_head=head, to_patients_right=right, up=up)
+
 
 def guidance_message(estimate: FrameEstimate, facts: FrameFacts, picture: PictureTurn) -> Guidance:
     """The message of one frame; its view is noted in `picture` when it has angles and a guide."""
     if facts.angles is not None and facts.calibration is not None and estimate.camera_from_guide is not None:
         picture.note(AngledView(facts.angles, estimate.camera_from_guide), ring_turn_rad(facts.calibration))
     advice, margin = estimate.advice, estimate.margin
+    off_centre = None
+    if advice is not None and facts.calibration is not None:
+        off_centre = off_centre_mm(facts.calibration, advice.middle_camera_mm)
     turn = None if advice is None or facts.angles is None else picture.positioner_turn(facts.angles, advice)
     return Guidance(
         verdict="rejected" if advice is None else "accepted",
@@ -117,6 +131,11 @@ def guidance_message(estimate: FrameEstimate, facts: FrameFacts, picture: Pictur
         skipped=facts.skipped,
         elapsed_ms=facts.elapsed_ms,
         image_age_s=facts.image_age_s,
+        assessment=None if advice is None else assessment_message(advice.tilts),
+        off_centre_mm=None if off_centre is None else off_centre_message(off_centre),
+        positioner_shift_mm=None
+        if off_centre is None or facts.angles is None
+        else picture.positioner_shift(facts.angles, off_centre),
     )
 
 

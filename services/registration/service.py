@@ -16,6 +16,7 @@ from services.registration.planning import another_set_up, answer_plan_request
 from services.registration.report import mounting_site_message, timed_localisation, verification_message
 from services.registration.settings import RegistrationSettings
 from services.registration.state import RegistrationState
+from services.registration.view_report import view_of_nail
 from shared.bus.frame_paths import FramePaths
 from shared.bus.port import Answer, Bus, Query, Sample
 from shared.errors import Accepted, BusError, InputError
@@ -231,7 +232,16 @@ class RegistrationService:
         vectors = None
         if calibration is not None:
             vectors = image_drawing(job.image.sha256, calibration, result, case.parts, site)
-        record = record.model_copy(update={"mounting_site": told, "overlay_png_base64": overlay, "drawing": vectors})
+        assessment, off_centre = view_of_nail(result, calibration, case.parts)
+        record = record.model_copy(
+            update={
+                "mounting_site": told,
+                "overlay_png_base64": overlay,
+                "drawing": vectors,
+                "assessment": assessment,
+                "off_centre_mm": off_centre,
+            }
+        )
         localised = LocalisedFrame(frame, case, record, calibration, result)
         self._state.images.note(localised)
         self._localisations.put(encode(record))

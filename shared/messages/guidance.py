@@ -6,7 +6,7 @@ from pydantic import Field
 
 from shared.messages.base import Finite, Identifier, Message, ReasonMessage, Verdict, WireModel
 from shared.messages.imaging import ImageAge, ImageReference
-from shared.messages.registration import IMAGE_AGE, CArmCorrection
+from shared.messages.registration import IMAGE_AGE, CArmCorrection, OffCentre, ViewAssessment
 
 GuidanceOrigin = Literal["localised", "followed"]
 Degrees = Annotated[float, Field(allow_inf_nan=False, ge=0.0)]
@@ -38,6 +38,14 @@ class PositionerTurn(WireModel):
     angular: Finite
     orbital_then: Finite
     angular_then: Finite
+
+
+class PositionerShift(WireModel):
+    """Shift of the C-arm that centres the holes, for a patient on the back: along the table, across it, up; in mm."""
+
+    towards_head: Finite
+    to_patients_right: Finite
+    up: Finite
 
 
 class MirrorCheck(WireModel):
@@ -78,3 +86,8 @@ class Guidance(Message):
     skipped: int = Field(ge=0)
     elapsed_ms: Finite
     image_age_s: ImageAge = Field(None, description=IMAGE_AGE)
+    assessment: ViewAssessment | None = Field(None, description="How well the C-arm looks along the holes.")
+    off_centre_mm: OffCentre | None = None
+    positioner_shift_mm: PositionerShift | None = Field(
+        None, description="The same in the C-arm's own axes; null until the display's rotation is known."
+    )

@@ -104,6 +104,27 @@ class CArmCorrection(WireModel):
     about_image_y: Finite
 
 
+class ViewAssessment(WireModel):
+    """How well the C-arm looks along the holes: `too_far` is refused, and of a `good` view no better one is needed.
+
+    Attributes
+    ----------
+    saved_by_a_degree
+        Share of the axis's error that one degree less tilt would take away, from the accuracy benchmark.
+    """
+
+    quality: Literal["good", "usable", "too_far"]
+    largest_tilt_deg: Finite
+    saved_by_a_degree: Probability
+
+
+class OffCentre(WireModel):
+    """How far the holes' middle lies off the picture's, un-mirrored, in mm at their depth: move the C-arm so."""
+
+    to_image_right: Finite
+    to_image_down: Finite
+
+
 class Timing(WireModel):
     """Wall time of the steps."""
 
@@ -236,6 +257,8 @@ class LocalisationRecord(Message):
     drawing: ImageDrawing | None = Field(
         None, description="What was found as vectors, for viewers; null when the ring was not found."
     )
+    assessment: ViewAssessment | None = Field(None, description="How well the C-arm looks along the holes.")
+    off_centre_mm: OffCentre | None = None
 
 
 class RegistrationEpoch(Message):

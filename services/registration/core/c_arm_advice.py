@@ -62,6 +62,7 @@ class Advice:
     # Of the nail's rotation about the camera frame's x and y axes, shape (2, 2): that of every tilt and of the
     # correction, because the holes are in one piece of metal
     covariance_deg2: NDArray[np.float64]
+    middle_camera_mm: NDArray[np.float64]  # midway between the holes, shape (3,)
 
     @property
     def about_x_sd_deg(self) -> float:
@@ -93,8 +94,16 @@ def advice(camera_from_nail: Transform[Camera, Nail], covariance: NDArray[np.flo
     to_camera = camera_from_nail.rotation
     turned_deg2 = np.degrees(np.degrees(to_camera @ covariance[:3, :3] @ to_camera.T))
     return Advice(
-        hole_tilts(camera_from_nail, nail), c_arm_correction_deg(camera_from_nail, nail), read_only(turned_deg2[:2, :2])
+        hole_tilts(camera_from_nail, nail),
+        c_arm_correction_deg(camera_from_nail, nail),
+        read_only(turned_deg2[:2, :2]),
+        middle_between_holes_mm(camera_from_nail, nail),
     )
+
+
+def middle_between_holes_mm(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> NDArray[np.float64]:
+    """Point midway between the holes in the camera's frame, shape (3,), in mm."""
+    return np.asarray(_middles_and_axes(camera_from_nail, nail)[0].mean(axis=0))
 
 
 def c_arm_correction_deg(camera_from_nail: Transform[Camera, Nail], nail: NailPart) -> CArmTurn:

@@ -478,6 +478,7 @@ _FOUR_SIGMA: Final = standard("4 sigma")
 _NO_BODY: Final = fitted("by inspection; no guide of the catalogue lacks a body")
 _USUAL_FOCUS: Final = derived("1000 mm from focal spot to detector in pixels of 0.235 mm")
 _UNRECORDED: Final = fitted("by inspection; no run that compared alternatives is recorded")
+_BY_TILT: Final = fitted("`distalock bench accuracy --count 1000 --seed 20000`: a line through the medians by tilt")
 _DRAWN: Final = fitted("by inspection of drawn images; nothing is measured by it")
 _ONE_LEVEL: Final = derived("one level of an 8-bit display")
 _OVER_RADIUS: Final = derived("more than a wire's radius: one of 2 mm that borders on white is hidden whole")
@@ -804,6 +805,17 @@ class DisplayRotation:
 
 
 @dataclass(frozen=True, slots=True)
+class Alignment:
+    """When the C-arm looks along the holes well enough (`core/alignment.py`)."""
+
+    axis_error_deg: float = tuned(0.052, "°", "median error of an axis without tilt", _BY_TILT)
+    axis_error_per_tilt: float = tuned(0.0053, "1", "by how much it grows with each degree of tilt", _BY_TILT)
+    good_below_deg: float = tuned(
+        5.0, "°", "tilt up to which a view is good", derived("error within half of the least")
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class HoleRims:
     """Points on the rims of holes, by which an error of the C-arm moves the nail (`core/guide_from_nail.py`)."""
 
@@ -893,6 +905,7 @@ GUIDE_TRACKING: Final = GuideTracking()
 NAIL_TRACKING: Final = NailTracking()
 FRAME_TRACKING: Final = FrameTracking()
 DISPLAY_ROTATION: Final = DisplayRotation()
+ALIGNMENT: Final = Alignment()
 HOLE_RIMS: Final = HoleRims()
 PLAN_SEARCH: Final = PlanSearch()
 MOUNTING_SITE: Final = MountingSiteSettings()

@@ -76,6 +76,8 @@ def read_alignment(case_id: str, gateway: TheGateway) -> AlignmentView:
         reason_codes=list(measured.reason_codes),
         c_arm_correction_deg=found.localisation.c_arm_correction_deg,
         tilts=[HoleTilt(id=h.id, tilt_to_ray_deg=h.tilt_to_ray_deg) for h in found.localisation.holes or ()],
+        assessment=found.assessment,
+        off_centre_mm=found.off_centre_mm,
         age_s=age_s(found.image.received_at_ns),
         validity="current" if clause is None else "stale",
         stale_because=clause,

@@ -13,7 +13,9 @@ from shared.messages.registration import (
     Localisation,
     LocalisationRecord,
     MountingSiteMessage,
+    OffCentre,
     Verification,
+    ViewAssessment,
 )
 from shared.messages.robot import PlatformPoseMessage
 
@@ -136,6 +138,8 @@ class AlignmentView(View):
     reason_codes: list[str]
     c_arm_correction_deg: CArmCorrection | None
     tilts: list[HoleTilt]
+    assessment: ViewAssessment | None
+    off_centre_mm: OffCentre | None
     age_s: float
     validity: ResultValidity
     stale_because: str | None

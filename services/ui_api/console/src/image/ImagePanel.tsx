@@ -3,50 +3,81 @@ import { useTranslation } from "react-i18next";
 import type { LocalisationView } from "../api/types";
 import type { ImagePanelProps } from "../panels";
 import { useAge } from "./ages";
+import Bullseye from "./Bullseye";
 import ImageStatus from "./ImageStatus";
 import "./image.css";
-import Magnifiers from "./Magnifiers";
-import Pane from "./Pane";
+import Panes from "./Panes";
 import type { Pixels } from "./pixels";
-import type { RulerLine } from "./Ruler";
-import { useDrawing } from "./results";
-import { scalesOf } from "./ruler";
 import { FIRST_SETTINGS, settingsReducer } from "./settings";
 import Toolbar from "./Toolbar";
+import { useAdvice } from "./useAdvice";
 import { useShown } from "./useShown";
 
-/** The newest X-ray image with what was found in it. */
+/** The newest X-ray image with what was found in it, or how to turn the C-arm. */
 export default function ImagePanel(props: ImagePanelProps) {
   const { caseView, newestImage, localisation, isLive } = props;
   const { t } = useTranslation();
   const [settings, dispatch] = useReducer(settingsReducer, FIRST_SETTINGS);
+  const [isAiming, setAiming] = useState(false);
   const { pixels, isAhead, live } = useShown(caseView, newestImage, localisation, settings.isCorrected);
-  const liveAge = useAge(live?.image ?? null, live?.age_s ?? null);
-  const storedAge = useAge(newestImage?.id ?? null, newestImage?.age_s ?? null);
+  const liveAge = useAgeOf(live && { id: live.image, age_s: live.age_s });
+  const storedAge = useAgeOf(newestImage);
   const ofShown = localisationOf(pixels, localisation);
   const width = pixels?.width ?? 0;
   const height = pixels?.height ?? 0;
   useEffect(() => dispatch({ kind: "whole", image: { width, height } }), [width, height]);
   if (pixels === null) return <p className="empty">{t(newestImage ? "image.loading" : "image.none")}</p>;
   return (
-    <div className="xray">
+    <div className={isAiming ? "xray aiming" : "xray"}>
       <ImageStatus
         image={newestImage}
         localisation={ofShown}
         ageS={isAhead ? liveAge : storedAge}
         isFluoroscopy={isAhead}
         isLive={isLive}
-      />
-      <Toolbar
-        settings={settings}
-        dispatch={dispatch}
-        onWhole={() => dispatch({ kind: "whole", image: pixels })}
-        canCorrect={ofShown?.camera != null}
-        canCompare={false}
-      />
-      <Panes {...props} pixels={pixels} localisation={ofShown} settings={settings} dispatch={dispatch} />
+      >
+        <button
+          type="button"
+          className="aim-button"
+          aria-pressed={isAiming}
+          onClick={() => setAiming(!isAiming)}
+        >
+          {t(isAiming ? "image.aim.back" : "image.aim.title")}
+        </button>
+      </ImageStatus>
+      {isAiming ? (
+        <Aim {...props} />
+      ) : (
+        <>
+          <Toolbar
+            settings={settings}
+            dispatch={dispatch}
+            onWhole={() => dispatch({ kind: "whole", image: pixels })}
+            canCorrect={ofShown?.camera != null}
+            canCompare={caseView.images > 1}
+          />
+          <Panes
+            caseView={caseView}
+            newestImage={newestImage}
+            pixels={pixels}
+            localisation={ofShown}
+            settings={settings}
+            dispatch={dispatch}
+          />
+        </>
+      )}
     </div>
   );
+}
+
+function useAgeOf(image: { readonly id: string; readonly age_s: number | null } | null): number | null {
+  return useAge(image?.id ?? null, image?.age_s ?? null);
+}
+
+function Aim({ caseView, localisation, isLive }: ImagePanelProps) {
+  const advice = useAdvice(caseView.id, localisation);
+  const ageS = useAge(advice?.of ?? null, advice?.ageS ?? null);
+  return <Bullseye advice={advice} ageS={ageS} isLive={isLive} />;
 }
 
 /** The localisation, if it is of this picture. */
@@ -55,37 +86,4 @@ function localisationOf(
   localisation: LocalisationView | null,
 ): LocalisationView | null {
   return localisation !== null && localisation.image.sha256 === pixels?.image ? localisation : null;
-}
-
-interface PanesProps extends ImagePanelProps {
-  readonly pixels: Pixels;
-  readonly settings: Parameters<typeof settingsReducer>[0];
-  readonly dispatch: (event: Parameters<typeof settingsReducer>[1]) => void;
-}
-
-function Panes({ caseView, newestImage, localisation, pixels, settings, dispatch }: PanesProps) {
-  const { t } = useTranslation();
-  const [ruler, setRuler] = useState<RulerLine | null>(null);
-  const drawing = useDrawing(caseView.id, localisation);
-  return (
-    <div className="panes">
-      <Pane
-        shown={{ pixels, drawing, label: t("image.newest") }}
-        settings={settings}
-        dispatch={dispatch}
-        ruler={settings.drag === "ruler" ? ruler : null}
-        onRuler={setRuler}
-        scales={scalesOf(drawing, newestImage?.header?.nominal_pixel_mm ?? null)}
-      />
-      {settings.showsHoles && localisation && drawing && (
-        <Magnifiers
-          pixels={pixels}
-          grey={settings.grey}
-          view={settings.view}
-          drawing={drawing}
-          localisation={localisation}
-        />
-      )}
-    </div>
-  );
 }

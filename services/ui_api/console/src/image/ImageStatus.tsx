@@ -1,3 +1,4 @@
+import type { ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import type { ImageView, LocalisationView } from "../api/types";
 import { ageText } from "./ages";
@@ -9,10 +10,11 @@ interface Props {
   readonly ageS: number | null;
   readonly isFluoroscopy: boolean;
   readonly isLive: boolean;
+  readonly children?: ReactNode;
 }
 
 /** How old the picture is, and what was made of it: one line, words before colours. */
-export default function ImageStatus({ image, localisation, ageS, isFluoroscopy, isLive }: Props) {
+export default function ImageStatus({ image, localisation, ageS, isFluoroscopy, isLive, children }: Props) {
   const { t } = useTranslation();
   return (
     <div className="image-status">
@@ -21,6 +23,7 @@ export default function ImageStatus({ image, localisation, ageS, isFluoroscopy, 
         {ageS !== null && t("image.state.age", { age: ageText(ageS) })}
       </p>
       <Verdict image={image} localisation={localisation} isFluoroscopy={isFluoroscopy} />
+      {children}
       {!isLive && (
         <p className="not-live" role="alert">
           {t("image.state.not_live")}
@@ -30,7 +33,7 @@ export default function ImageStatus({ image, localisation, ageS, isFluoroscopy, 
   );
 }
 
-function Verdict({ image, localisation, isFluoroscopy }: Omit<Props, "ageS" | "isLive">) {
+function Verdict({ image, localisation, isFluoroscopy }: Omit<Props, "ageS" | "isLive" | "children">) {
   const { t } = useTranslation();
   if (localisation !== null) return <Localised localisation={localisation} />;
   if (isFluoroscopy) return null;

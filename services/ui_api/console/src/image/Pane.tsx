@@ -20,7 +20,8 @@ export interface Shown {
 interface Props {
   readonly shown: Shown;
   /** Lies over the other, left of the wiper. */
-  readonly before?: Shown;
+  readonly before?: Shown | null;
+  readonly isLabelled?: boolean;
   readonly settings: Settings;
   readonly dispatch: Dispatch<SettingsEvent>;
   readonly ruler: RulerLine | null;
@@ -32,7 +33,16 @@ const FINGER_PX = 30;
 const WHEEL_STEP = 0.0015;
 
 /** A place with a picture that follows fingers. */
-export default function Pane({ shown, before, settings, dispatch, ruler, onRuler, scales }: Props) {
+export default function Pane({
+  shown,
+  before = null,
+  isLabelled = false,
+  settings,
+  dispatch,
+  ruler,
+  onRuler,
+  scales,
+}: Props) {
   const place = useRef<HTMLDivElement>(null);
   const size = usePlaceSize(place);
   const { pixels } = shown;
@@ -85,6 +95,8 @@ export default function Pane({ shown, before, settings, dispatch, ruler, onRuler
           <Layer shown={before} settings={settings} matrix={matrixOf(settings.view, before.pixels, size)} />
         </div>
       )}
+      {before && <p className="side-label left">{before.label}</p>}
+      {isLabelled && <p className="side-label right">{shown.label}</p>}
       {ruler && (
         <Ruler line={ruler} matrix={matrix} scales={scales} isCorrected={pixels.view === "corrected"} />
       )}

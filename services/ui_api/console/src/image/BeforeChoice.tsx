@@ -1,0 +1,34 @@
+import type { Dispatch } from "react";
+import { useTranslation } from "react-i18next";
+import type { ImageView } from "../api/types";
+import { ageText } from "./ages";
+import type { SettingsEvent } from "./settings";
+
+interface Props {
+  readonly images: readonly ImageView[];
+  readonly chosen: string | null;
+  readonly dispatch: Dispatch<SettingsEvent>;
+}
+
+const THUMBNAIL_PX = 96;
+
+/** Small pictures of the images that the newest one can be compared with. */
+export default function BeforeChoice({ images, chosen, dispatch }: Props) {
+  const { t } = useTranslation();
+  return (
+    <div className="before-choice" role="toolbar" aria-label={t("image.before.choose")}>
+      {images.length === 0 && <p>{t("image.before.none")}</p>}
+      {images.map((image) => (
+        <button
+          key={image.id}
+          type="button"
+          aria-pressed={image.id === chosen}
+          onClick={() => dispatch({ kind: "before", image: image.id })}
+        >
+          <img src={`/api/v1/images/${image.id}.png?view=raw&width=${THUMBNAIL_PX}`} alt="" />
+          {ageText(image.age_s)}
+        </button>
+      ))}
+    </div>
+  );
+}
