@@ -44,7 +44,7 @@ export const act = {
       gateway.POST("/api/v1/cases/{case_id}/plans/{number}/approval", {
         params: {
           path: { case_id: read.view.id, number: plan.number },
-          header: { ...key(), "if-match": `"${plan.sha256}"` },
+          header: { ...key(), "If-Match": `"${plan.sha256}"` },
         },
         body: { password },
       }),

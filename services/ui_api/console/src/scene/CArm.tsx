@@ -34,36 +34,34 @@ export default function CArm({ seen, ring, down, usual_source_to_detector_mm }: 
   const face_mm = ringAt.point([0, 0, BEHIND_RING_MM]);
   const downInCamera = base_from_camera.inverse().direction(down);
   return (
-    <>
-      <Placed at={base_from_camera.matrix}>
-        <Beam face_mm={face_mm} radius_mm={radius_mm} />
-        <Rod
-          from_mm={new Vector3(0, 0, -150)}
-          to_mm={new Vector3(0, 0, 20)}
-          radius_mm={85}
-          look={LOOK.housing}
-        />
-        <Rod
-          from_mm={face_mm}
-          to_mm={face_mm.clone().add(new Vector3(0, 0, 130))}
-          radius_mm={radius_mm + 25}
-          look={LOOK.housing}
-        />
-        <Arc face_mm={face_mm} down={downInCamera} />
-        <Placed at={ringAt.matrix}>
-          {ring.plates.map((plate) => (
-            <Rod
-              key={plate.z_mm}
-              from_mm={new Vector3(0, 0, plate.z_mm)}
-              to_mm={new Vector3(0, 0, plate.z_mm + plate.thickness_mm)}
-              radius_mm={plate.radius_mm}
-              look={LOOK.window}
-            />
-          ))}
-          <Balls balls={ring.balls} shape={SHAPE.coarseBall} />
-        </Placed>
+    <Placed at={base_from_camera.matrix}>
+      <Beam face_mm={face_mm} radius_mm={radius_mm} />
+      <Rod
+        from_mm={new Vector3(0, 0, -150)}
+        to_mm={new Vector3(0, 0, 20)}
+        radius_mm={85}
+        look={LOOK.housing}
+      />
+      <Rod
+        from_mm={face_mm}
+        to_mm={face_mm.clone().add(new Vector3(0, 0, 130))}
+        radius_mm={radius_mm + 25}
+        look={LOOK.housing}
+      />
+      <Arc face_mm={face_mm} down={downInCamera} />
+      <Placed at={ringAt.matrix}>
+        {ring.plates.map((plate) => (
+          <Rod
+            key={plate.z_mm}
+            from_mm={new Vector3(0, 0, plate.z_mm)}
+            to_mm={new Vector3(0, 0, plate.z_mm + plate.thickness_mm)}
+            radius_mm={plate.radius_mm}
+            look={LOOK.window}
+          />
+        ))}
+        <Balls balls={ring.balls} shape={SHAPE.coarseBall} />
       </Placed>
-    </>
+    </Placed>
   );
 }
 
