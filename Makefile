@@ -66,9 +66,9 @@ demo: $(COMPILED) $(CONSOLE)
 
 # Each part prints little unless it fails, so that they can run at the same time. How the tests of requirements ended is
 # kept for the last step: every control of the risk file needs tests that ran and passed.
-test: export DISTALOCK_TEST_RESULTS := $(CURDIR)/.test-results
+test: export REQUIREMENTS_RESULTS := $(CURDIR)/.test-results
 test: setup
-	@rm -rf $(DISTALOCK_TEST_RESULTS)
+	@rm -rf $(REQUIREMENTS_RESULTS)
 	@$(MAKE) --no-print-directory --jobs=3 lint console contract-tests tests
 	@$(MAKE) --no-print-directory e2e-tests
 	@$(BIN)/distalock risk check

@@ -1,6 +1,6 @@
 """How tests that carry the mark of a requirement ended, a JSON line each, for `distalock risk check`.
 
-`make test` names the folder in `DISTALOCK_TEST_RESULTS`; without it nothing is written. Workers pass the marks on with
+`make test` names the folder in `REQUIREMENTS_RESULTS`; without it nothing is written. Workers pass the marks on with
 their reports; the process that collects the reports writes.
 """
 
@@ -13,7 +13,7 @@ import pytest
 
 from tools.risk.evidence import digest_of_sources
 
-_VARIABLE = "DISTALOCK_TEST_RESULTS"
+_VARIABLE = "REQUIREMENTS_RESULTS"
 
 
 def begin(config: pytest.Config) -> None:

@@ -183,6 +183,7 @@ PANELS: Final = (
             "(rate(distalock_http_request_duration_seconds_bucket[5m])))",
         },
     ),
+    Panel("Refused as too many, since the start", "short", {"by {{by}}": "distalock_rate_limited"}),
     Panel("The process that owns the port", "short", {"{{figure}}": "distalock_front"}),
     Panel("Refused by the router", "short", {"{{code}}": "distalock_bus_refusals"}),
     Panel("Events on record", "short", {"events": "distalock_log_events"}),

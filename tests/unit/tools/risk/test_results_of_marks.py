@@ -38,7 +38,7 @@ def test_marked_tests_leave_a_line_each_also_those_of_workers(tmp_path: Path) ->
     root = str(Path(__file__).parents[4])
     subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-n", "1", str(tmp_path)],
-        env=os.environ | {"DISTALOCK_TEST_RESULTS": str(folder), "PYTHONPATH": root},
+        env=os.environ | {"REQUIREMENTS_RESULTS": str(folder), "PYTHONPATH": root},
         cwd=tmp_path,
         stdout=subprocess.DEVNULL,
         check=False,
