@@ -176,7 +176,7 @@ def test_a_second_identical_motion_request_moves_once(planned: Planned) -> None:
     first, second = (httpx.post(url, json=body, headers=headers) for _ in range(2))
     assert first.status_code == second.status_code == 202
     assert first.json()["id"] == second.json()["id"]
-    assert planned.case.follow(first.json()).status == "succeeded"
+    assert planned.case.follow(OperationView.model_validate(first.json())).status == "succeeded"
     there = planned.true_pose()
     again = httpx.post(url, json=body, headers=headers)
     assert again.json()["id"] == first.json()["id"]
