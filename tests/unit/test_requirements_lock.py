@@ -45,3 +45,11 @@ def test_every_extra_that_is_locked_belongs_to_the_development_environment() -> 
     everything = re.findall(r"[a-z-]+", re.findall(r"\[(.*)\]", extras["all"][0])[0])
     shared = {"numerics"}  # what several of them name
     assert set(everything) | shared | {"all", "dev"} | NOT_LOCKED == set(extras)
+
+
+@pytest.mark.parametrize(
+    "lock", ["requirements.lock", "services/ui_api/console/package-lock.json", "services/ui_api/console/node.lock"]
+)
+def test_no_lock_names_a_server(lock: str) -> None:
+    """Where packages come from is the affair of the machine; npm also writes whom to give money (`funding`)."""
+    assert re.findall(r"\w+://[^\s\"]+", (ROOT / lock).read_text()) == [], "delete `resolved` and `funding`"
