@@ -16,7 +16,7 @@ import structlog
 
 from benchmarks.campaign.fmea_counts import counts_of
 from benchmarks.campaign.page import page
-from benchmarks.campaign.procedure import play
+from benchmarks.campaign.play import play
 from benchmarks.campaign.rows import CaseRow, Ending
 from benchmarks.common.places import PAGES, ROOT
 from benchmarks.common.runner import SceneOptions, run_jobs

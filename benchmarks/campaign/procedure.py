@@ -1,25 +1,22 @@
 """One procedure of the campaign: what people do at the console and with their hands, rightly or wrongly."""
 
-import tempfile
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from benchmarks.campaign.harm import UNHEARD, MotionWatch, harm_of
-from benchmarks.campaign.room import CampaignRoom, with_troubles
-from benchmarks.campaign.rows import CaseRow, DrilledHole, Ending, Moment, Noticed
+from benchmarks.campaign.case_entry import set_up
+from benchmarks.campaign.harm import UNHEARD, MotionWatch
+from benchmarks.campaign.room import CampaignRoom
+from benchmarks.campaign.rows import DrilledHole, Moment, Noticed
 from benchmarks.campaign.system import WHO, System
-from benchmarks.campaign.troubles import Error, Troubles, troubles_of
-from benchmarks.robot.rig import Rig
+from benchmarks.campaign.troubles import Error, Troubles
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import LocalisationReceived, Step
 from services.ui_api.core.procedure_table import Verdict, decide_step
-from services.ui_api.handlers.cases import SetupRequest, StepRequest
+from services.ui_api.handlers.cases import StepRequest
 from services.ui_api.handlers.commands import PlainVerb
 from services.ui_api.handlers.planning import MotionRequest, PlanBasis
 from services.ui_api.handlers.refusals import Refused
@@ -29,8 +26,6 @@ from shared.messages.base import decode
 from shared.messages.registration import LocalisationRecord, Plan, Verification
 from shared.messages.robot import RobotState
 from shared.robot_states import MotionState
-from simulation.control.models import scenario_body
-from simulation.controller.accuracy import seeded
 from simulation.controller.faults import Fault
 from simulation.scenario.sampling import scenario_of_seed
 from simulation.scenario.values import Scenario
@@ -47,7 +42,7 @@ _TICK_S: Final = 0.1
 _PAUSE_S: Final = 0.8
 _MOST_MOTION_S: Final = 60.0
 # Real time, which only a silent controller costs; a busy machine must not look like one.
-_REPLY_TIMEOUT_S: Final = 0.5
+REPLY_TIMEOUT_S: Final = 0.5
 _TEN_MINUTES_S: Final = 610.0
 _AT_REST: Final = (Moment.PREPARE, Moment.IMAGE)
 # Codes by which the system names an error, so that people who heed it find it.
@@ -476,85 +471,3 @@ class Procedure:
         self.scenario = scenario_of_seed(self.scenario.seed)
         self.room.room.scenario = self.room.scenario = self.scenario
         self._step(Step.MOUNT_MOVED, "the guide was the wrong way round")
-
-
-def set_up(scenario: Scenario, troubles: Troubles | None) -> SetupRequest:
-    """What people enter when they open the case; without troubles what is right."""
-    given = scenario_body(scenario).case
-    side, nail, extension_mm = given.side.value, given.nail, given.head_extension_mm
-    match None if troubles is None else troubles.error:
-        case Error.WRONG_SIDE:
-            side = "left" if side == "right" else "right"
-        case Error.WRONG_NAIL:
-            nail = another_nail(scenario)
-        case Error.WRONG_EXTENSION:
-            assert troubles is not None
-            extension_mm += troubles.size if extension_mm < 70.0 else -troubles.size
-        case _:
-            pass
-    return SetupRequest(
-        side=side,
-        bone=given.bone.value,
-        mount=given.mount.value,
-        head_extension_mm=extension_mm,
-        ring=given.ring,
-        guide=given.guide,
-        nail=nail,
-        hexapod=given.hexapod,
-        guide_calibration=None,
-        nominal_source_to_detector_mm=given.nominal_source_to_detector_mm,
-        nominal_pixel_mm=given.nominal_pixel_mm,
-        drill_diameter_mm=scenario.drilling.diameter_mm,
-    )
-
-
-NAILS: Final = ("nail-femur-steel-11", "nail-femur-steel-12", "nail-femur-ti-10", "nail-femur-ti-11-slot")
-
-
-def another_nail(scenario: Scenario) -> str:
-    """A nail of the catalogue that has the guide's holes and is not the implanted one."""
-    others = [name for name in (*NAILS, "nail-femur-ti-11") if name != scenario.sources.nail.name]
-    return others[int(np.random.default_rng([scenario.seed, *b"nail"]).integers(len(others)))]
-
-
-def play(seed: int) -> CaseRow:
-    """Play one procedure."""
-    begun = time.process_time()
-    troubles = troubles_of(seed)
-    scenario = with_troubles(scenario_of_seed(seed), troubles)
-    rig = Rig(seed, _REPLY_TIMEOUT_S, seeded(seed))
-    with tempfile.TemporaryDirectory(prefix="distalock-campaign-") as folder:
-        system = System(rig, Path(folder))
-        room, watch = CampaignRoom(scenario, rig, troubles), MotionWatch(rig)
-        procedure = Procedure(scenario, system, room, watch, troubles)
-        why = procedure.run()
-        system.close()
-    harms = (*watch.harms, *filter(None, (harm_of(hole) for hole in procedure.holes)))
-    return CaseRow(
-        seed=seed,
-        error=troubles.error.value,
-        error_at=troubles.error_at.value,
-        image=troubles.image,
-        fault="" if troubles.fault is None else troubles.fault.value,
-        fault_at=troubles.fault_at.value,
-        ending=_ending(harms, procedure, why),
-        why=why,
-        noticed=tuple(procedure.noticed),
-        harms=harms,
-        holes=tuple(procedure.holes),
-        images=room.shots,
-        moves=procedure.moves,
-        stops=procedure.stops,
-        took_s=time.process_time() - begun,
-    )
-
-
-def _ending(harms: tuple[str, ...], procedure: Procedure, why: str) -> Ending:
-    if harms:
-        return Ending.HARM
-    if procedure.against:
-        return Ending.AGAINST_ADVICE
-    if not why:
-        return Ending.DRILLED
-    stopped = procedure.noticed and procedure.noticed[-1].code in ("fault", "stopped", "failed", "robot_not_ready")
-    return Ending.STOPPED if stopped else Ending.REFUSED

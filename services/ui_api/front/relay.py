@@ -45,11 +45,15 @@ class Client:
 
 
 class Relay:
-    """Carries one request."""
+    """Carries one request.
+
+    Who is answered before his body was passed on whole must close: neither connection takes another request then.
+    """
 
     def __init__(self, client: Client, connections: ApplicationConnections) -> None:
         self._client, self._connections = client, connections
         self._body_sent = False
+        self._answered_early = True
         self._reusable = False
 
     async def carry(self, request: h11.Request, peer: str, scheme: str, *, keeps_open: bool) -> bool:
@@ -82,9 +86,9 @@ class Relay:
                 self._answer(application, request.method, keeps_open=keeps_open),
                 self._send_body(application, chunked=is_chunked(request)),
             )
-            return keeps_open and answered and self._body_sent
+            return keeps_open and answered and not self._answered_early
         finally:
-            if self._reusable and self._body_sent:
+            if self._reusable and not self._answered_early:
                 self._connections.give_back(application)
             else:
                 application.close()
@@ -113,9 +117,11 @@ class Relay:
         """Pass on the answer; whether it came whole."""
         head = await application.receive_head()
         framing = AnswerFraming.of(head, method)
+        self._answered_early = not self._body_sent
         content = application.read_ahead()
         framing.take(content)
-        self._client.writer.write(answer_head(head, keeps_open=keeps_open) + content)
+        stays_open = keeps_open and not self._answered_early
+        self._client.writer.write(answer_head(head, keeps_open=stays_open) + content)
         while not framing.ended and (content := await application.receive()):
             framing.take(content)
             self._client.writer.write(content)
@@ -142,13 +148,16 @@ class Relay:
 
 
 async def _first_of(main: Awaitable[bool], other: Awaitable[bool]) -> bool:
-    """Wait until either ends, and end the other; what `main` returned or raised, False when the other ended first."""
-    tasks = [asyncio.ensure_future(main), asyncio.ensure_future(other)]
+    """Wait until either ends, and end the other; what `main` returned or raised, False when the other ended first.
+
+    `other` begins: what of a body is there already is sent before an answer is looked for.
+    """
+    beside, first = asyncio.ensure_future(other), asyncio.ensure_future(main)
     try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        done = [task.done() for task in tasks]
+        await asyncio.wait((beside, first), return_when=asyncio.FIRST_COMPLETED)
+        is_first_done = first.done()
     finally:
-        for task in tasks:
+        for task in (beside, first):
             task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-    return tasks[0].result() if done[0] else tasks[1].result()
+        await asyncio.gather(beside, first, return_exceptions=True)
+    return first.result() if is_first_done else beside.result()

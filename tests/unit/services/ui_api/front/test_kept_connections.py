@@ -82,3 +82,17 @@ def test_what_acts_is_not_sent_twice() -> None:
 def test_an_answer_says_whether_its_connection_goes_on(field: str, keeps_open: object) -> None:
     head = f"HTTP/1.1 204 No Content\r\n{field}\r\n\r\n".encode()
     assert AnswerFraming.of(head, b"GET").keeps_open is keeps_open
+
+
+def test_an_answer_before_the_body_announces_that_the_connection_ends() -> None:
+    """A client that is not warned sends its next request into a connection that is being closed."""
+    head, _, _ = POST.partition(b"{}")
+    application = Counting(answers=100)
+    with front(application) as rig, rig.connect() as client:
+        client.sendall(head)
+        assert b"connection: close" in answer_of(client)
+        assert client.recv(1) == b""
+    with front(application) as rig, rig.connect() as client:
+        client.sendall(POST)
+        assert answer_of(client) == ANSWER
+    assert application.connections == 2, "what was refused early left a connection that nobody uses again"

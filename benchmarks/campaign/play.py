@@ -1,0 +1,58 @@
+"""One procedure of the campaign from its seed: set up, led, judged."""
+
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.campaign.harm import MotionWatch, harm_of
+from benchmarks.campaign.procedure import REPLY_TIMEOUT_S, Procedure
+from benchmarks.campaign.room import CampaignRoom, with_troubles
+from benchmarks.campaign.rows import CaseRow, Ending
+from benchmarks.campaign.system import System
+from benchmarks.campaign.troubles import troubles_of
+from benchmarks.robot.rig import Rig
+from simulation.controller.accuracy import seeded
+from simulation.scenario.sampling import scenario_of_seed
+
+
+def play(seed: int) -> CaseRow:
+    """Play one procedure."""
+    begun = time.process_time()
+    troubles = troubles_of(seed)
+    scenario = with_troubles(scenario_of_seed(seed), troubles)
+    rig = Rig(seed, REPLY_TIMEOUT_S, seeded(seed))
+    with tempfile.TemporaryDirectory(prefix="distalock-campaign-") as folder:
+        system = System(rig, Path(folder))
+        room, watch = CampaignRoom(scenario, rig, troubles), MotionWatch(rig)
+        procedure = Procedure(scenario, system, room, watch, troubles)
+        why = procedure.run()
+        system.close()
+    harms = (*watch.harms, *filter(None, (harm_of(hole) for hole in procedure.holes)))
+    return CaseRow(
+        seed=seed,
+        error=troubles.error.value,
+        error_at=troubles.error_at.value,
+        image=troubles.image,
+        fault="" if troubles.fault is None else troubles.fault.value,
+        fault_at=troubles.fault_at.value,
+        ending=_ending(harms, procedure, why),
+        why=why,
+        noticed=tuple(procedure.noticed),
+        harms=harms,
+        holes=tuple(procedure.holes),
+        images=room.shots,
+        moves=procedure.moves,
+        stops=procedure.stops,
+        took_s=time.process_time() - begun,
+    )
+
+
+def _ending(harms: tuple[str, ...], procedure: Procedure, why: str) -> Ending:
+    if harms:
+        return Ending.HARM
+    if procedure.against:
+        return Ending.AGAINST_ADVICE
+    if not why:
+        return Ending.DRILLED
+    stopped = procedure.noticed and procedure.noticed[-1].code in ("fault", "stopped", "failed", "robot_not_ready")
+    return Ending.STOPPED if stopped else Ending.REFUSED
