@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final, ParamSpec, TypeVar
 
-from structlog.contextvars import bound_contextvars, get_contextvars
+from structlog.contextvars import bind_contextvars, get_contextvars, reset_contextvars
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -39,15 +39,23 @@ def new_trace_id() -> str:
 def current_traceparent() -> str | None:
     """Header of what is worked for here, with a span of its own; None where nothing was asked for."""
     trace_id = get_contextvars().get(_TRACE_ID)
-    return None if trace_id is None else f"{_VERSION}-{trace_id}-{secrets.token_hex(8)}-{_SAMPLED}"
+    return None if trace_id is None else traceparent_of(trace_id)
+
+
+def traceparent_of(trace_id: str) -> str:
+    """Header of a trace, with a span of its own."""
+    return f"{_VERSION}-{trace_id}-{secrets.token_hex(8)}-{_SAMPLED}"
 
 
 @contextmanager
 def traced(trace_id: str | None, **names: str) -> Iterator[None]:
     """Work for a trace for as long as the context lasts; log lines name it and what else is given."""
     bound = names if trace_id is None else names | {_TRACE_ID: trace_id}
-    with bound_contextvars(**bound):
+    before = bind_contextvars(**bound)
+    try:
         yield
+    finally:
+        reset_contextvars(**before)
 
 
 def carried(work: Callable[P, R]) -> Callable[P, R]:

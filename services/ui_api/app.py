@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from functools import cache
 
-from fastapi import APIRouter, FastAPI
+from fastapi import FastAPI
 
-from services.ui_api.api_document.document import PROBLEM_REFERENCE, whole_document
+from services.ui_api.api_document.document import whole_document
 from services.ui_api.api_document.page import POLICY, page_of
 from services.ui_api.routes import (
     alarms,
@@ -36,15 +36,15 @@ from services.ui_api.routes.console_files import console_files
 from services.ui_api.routes.idempotency import Idempotency
 from services.ui_api.routes.kept_views import KeptViews
 from services.ui_api.routes.metrics import MeasuringMiddleware, Metrics
-from services.ui_api.routes.problems import PROBLEM_JSON, add_problem_handlers
-from services.ui_api.routes.request_checks import PathMethods
+from services.ui_api.routes.problems import add_problem_handlers
 from services.ui_api.routes.request_gate import RequestGate
 from services.ui_api.routes.request_trace import RequestTrace
+from services.ui_api.routes.route_index import RouteIndex
+from services.ui_api.routes.routers import PREFIX as PREFIX
 from services.ui_api.routes.virtual_room import VirtualRoom
 from services.ui_api.service import Gateway
 from shared.runtime.lifecycle import software_version
 
-PREFIX = "/api/v1"
 TITLE = "distalock gateway"
 
 
@@ -85,14 +85,13 @@ def routed_app() -> FastAPI:
         version=software_version(),
         docs_url=None,  # its page would load scripts from a CDN
         redoc_url=None,
-        generate_unique_id_function=lambda route: route.name,  # one name in code, document and client
-        responses={"default": {"description": "A problem.", "content": {PROBLEM_JSON: {"schema": PROBLEM_REFERENCE}}}},
+        # Traces and figures are the gateway's own (`request_trace`, `metrics`); no variable may have others sent out.
+        telemetry={"tracing": False, "metrics": False, "logs": False},
     )
     app.state.metrics, app.state.acting = Metrics(), Acting()
     app.add_middleware(ActingFirst, acting=app.state.acting)
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
-    api, methods = APIRouter(prefix=PREFIX), PathMethods()
     for resource in (
         cases,
         timeline,
@@ -111,16 +110,13 @@ def routed_app() -> FastAPI:
         passkeys,
         users,
         setup,
+        health,
+        api_page,
+        console,
+        virtual_room,
     ):
-        api.include_router(resource.router)
-        methods.add(PREFIX, resource.router.routes)
-    app.include_router(api)
-    app.include_router(health.router)
-    methods.add("", health.router.routes)
-    for page in (api_page, console, virtual_room):
-        app.include_router(page.router)
-        methods.add("", page.router.routes)
-    app.state.methods = methods
+        app.router.routes.extend(resource.router.routes)
+    app.state.routes = app.router.middleware_stack = RouteIndex(app.router.app, app.routes)
     add_problem_handlers(app)
     app.state.api_page = cache(lambda: (page_of(openapi_document(app)), POLICY))
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]  # FastAPI's own way to extend it

@@ -13,7 +13,6 @@ from services.ui_api.api_document.operations import JsonObject
 from services.ui_api.routes.guards import SECURITY_SCHEMES
 from services.ui_api.routes.problems import Problem
 
-PROBLEM_REFERENCE: Final = {"$ref": "#/components/schemas/Problem"}
 _SUMMARY: Final = (
     "Aims a drill guide at the distal holes of an intramedullary nail from one X-ray image. "
     "Research software, not a medical device."

@@ -9,6 +9,7 @@ import ipaddress
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -29,6 +30,8 @@ _SAFE: Final[Mapping[str, str]] = {
 _EXPOSED: Final = "ETag, Case-ETag, Location, Retry-After, Allow"
 _TAKEN: Final = "Authorization, Content-Type, Idempotency-Key, If-Match, If-None-Match, Last-Event-ID"
 _HSTS: Final = "max-age=31536000"
+# Chosen: names under which consoles call this machine, again and again.
+_HOSTS_KEPT: Final = 64
 
 
 class RequestRefusal(StrEnum):
@@ -148,6 +151,7 @@ def _is_same_origin(request: RequestFacts) -> bool:
     return (request.origin or "").lower() == f"{request.scheme}://{request.host}".lower()
 
 
+@lru_cache(_HOSTS_KEPT)
 def _host_name(host: str) -> str | None:
     """The name in a `Host` header, without port and brackets; None when it is none."""
     try:
@@ -159,6 +163,7 @@ def _host_name(host: str) -> str | None:
     return parts.hostname if plain else None
 
 
+@lru_cache(_HOSTS_KEPT)
 def _is_address(name: str) -> bool:
     try:
         ipaddress.ip_address(name)

@@ -1,6 +1,6 @@
 """The situation of a case, from the record and the robot as last seen; and the refusals that the table states."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Final
 
 from services.ui_api.core.case import Case, PlanEntry
@@ -83,6 +83,19 @@ class ProcedureHandler:
             robot=self._condition(),
             observed=Observed({"operation": operation, **_held(inside), **self._robot_quoted()}),
         )
+
+    def version(self) -> Hashable | None:
+        """Equal for as long as every situation stays as it is; None while each reading differs, as a quoted age does.
+
+        Ask before what is kept under it is made: the record may grow meanwhile.
+        """
+        head, seen, validity = self._record.ledger.head_sequence, self._view.newest(), self._view.validity()
+        if validity is Validity.STALE:
+            return None
+        if seen is None:
+            return head, validity
+        state = seen.state
+        return head, validity, state.boot_epoch, state.state, state.stop, state.stop_button
 
     def staleness_of(self, case: Case, entry: PlanEntry, plan: Plan | None = None) -> str | None:
         """Why a plan no longer holds, as a clause; None when it does hold. One that is not on record yet is given."""

@@ -2,17 +2,16 @@
 
 import asyncio
 
-from fastapi import APIRouter
-
 from services.ui_api.core.alarms import Alarm, AlarmSituation, Priority, active_alarms
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.readiness import PROBE_WITHIN_S
 from services.ui_api.routes.access import TheGateway
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.views import View
 from services.ui_api.service import Gateway
 
-router = APIRouter(route_class=GuardedRoute, prefix="/alarms", tags=["health"])
+router = resource_router("/alarms", tag="health")
 
 
 class AlarmView(View):

@@ -1,11 +1,12 @@
 """`/docs`: the interface's document as a page for people. It loads nothing and runs no script."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from services.ui_api.core.roles import Action
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
+from services.ui_api.routes.routers import page_router
 
-router = APIRouter(route_class=GuardedRoute, include_in_schema=False)
+router = page_router()
 
 
 @router.get("/docs", response_class=Response, openapi_extra=needs(Action.OPEN_CONSOLE))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
 from services.ui_api.core.case import Case
@@ -11,20 +11,21 @@ from services.ui_api.core.event_data import PartUse
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.cases import StepRequest
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
-from services.ui_api.routes.access import TheGateway, TheIdempotency, TheKeptViews
+from services.ui_api.routes.access import TheGateway, TheIdempotency, TheKeptViews, gateway_of, kept_views_of
 from services.ui_api.routes.bodies import CaseBody, CasePatch, StepBody
-from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
 from services.ui_api.routes.kept_views import KeptViews
 from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, case_view, matched_case
 from services.ui_api.routes.procedure_views import StepView
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.routes.views import CaseView
 from services.ui_api.service import Gateway
 from shared.parts.catalogue import PartKind
 
-router = APIRouter(route_class=GuardedRoute, prefix="/cases", tags=["cases"])
+router = resource_router("/cases", tag="cases")
 CaseStatus = Annotated[Literal["open", "closed"] | None, Query(description="Only those that are so.")]
 
 
@@ -68,8 +69,9 @@ def list_cases(
 
 
 @router.get("/{case_id}", response_model=CaseView, openapi_extra=needs(Action.READ))
-async def read_case(case_id: str, gateway: TheGateway, kept: TheKeptViews) -> Response:
+async def read_case(case_id: str, request: Request) -> Response:
     """A case with the state of its procedure and the next allowed actions."""
+    gateway, kept = gateway_of(request), kept_views_of(request)
     case = gateway.cases.case(case_id)
     if gateway.procedure.is_at_hand(case):
         return _answer(gateway, kept, case)

@@ -3,15 +3,16 @@
 from collections.abc import Mapping
 from typing import Final
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.refusals import RefusalKind, Refused
 from services.ui_api.routes.conditional import is_known, not_modified
 from services.ui_api.routes.console_files import ASSETS, INDEX, ConsoleFile
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
+from services.ui_api.routes.routers import page_router
 
-router = APIRouter(route_class=GuardedRoute, include_in_schema=False)
+router = page_router()
 # Code, styles, pictures and requests of this gateway alone, and nothing inline. `blob:`: pictures that the page draws.
 _POLICY: Final = "; ".join(
     (

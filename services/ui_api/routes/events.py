@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Header, Query
+from fastapi import Header, Query
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from services.ui_api.core.identity import User
@@ -13,11 +13,12 @@ from services.ui_api.handlers.event_tail import News, TailEvent
 from services.ui_api.record.record import PAGE, CaseRecord
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.awakening import Awakening
-from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import TheUser, needs
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.views import EventView
 from services.ui_api.service import Gateway
 
-router = APIRouter(route_class=GuardedRoute, tags=["events"])
+router = resource_router(tag="events")
 # Chosen: below the 30 s after which proxies close what says nothing.
 PING_S = 10.0
 # Chosen: about the time of a restart, after which a client that connects again finds the gateway.

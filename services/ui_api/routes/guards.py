@@ -61,9 +61,7 @@ class GuardedRoute(APIRoute):
         is_limited = not (self.openapi_extra or {}).get(NEVER_LIMITED_KEY)
 
         async def guarded(request: Request) -> Response:
-            if is_limited:
-                _require_rate(request)
-            request.state.user = _admitted(request, action)
+            request.state.user = _admitted(request, action, is_limited=is_limited)
             if action is not Action.STOP:  # a stop is refused for nothing that it says
                 require_known_parameters(request, known)
             if takes_json:
@@ -90,8 +88,7 @@ def guarded_websocket(action: Action) -> Callable[[Watch], Watch]:
     def decorate(watch: Watch) -> Watch:
         async def guarded(socket: WebSocket) -> None:
             try:
-                _require_rate(socket)
-                socket.state.user = _admitted(socket, action)
+                socket.state.user = _admitted(socket, action, is_limited=True)
             except Refused as refusal:
                 log_refusal(problem_of(refusal, socket.url.path), sender_of(socket))
                 await socket.close(POLICY_VIOLATION, refusal.code)
@@ -105,14 +102,13 @@ def guarded_websocket(action: Action) -> Callable[[Watch], Watch]:
     return decorate
 
 
-def _admitted(connection: HTTPConnection, action: Action) -> User | None:
+def _admitted(connection: HTTPConnection, action: Action, *, is_limited: bool) -> User | None:
+    """Who asks; raises `Refused` where he asks too often, or may not do it."""
     gateway: Gateway = connection.app.state.gateway
-    return gateway.access.admitted(_token(connection), action, sender_of(connection))
-
-
-def _require_rate(connection: HTTPConnection) -> None:
-    gateway: Gateway = connection.app.state.gateway
-    gateway.access.rate_limits.require(_token(connection), sender_of(connection))
+    token, sender = _token(connection), sender_of(connection)
+    if is_limited:
+        gateway.access.rate_limits.require(token, sender)
+    return gateway.access.admitted(token, action, sender)
 
 
 def _token(connection: HTTPConnection) -> str | None:

@@ -2,19 +2,20 @@
 
 import asyncio
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.readiness import PROBE_WITHIN_S, Check
 from services.ui_api.routes.access import TheGateway
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
 from services.ui_api.routes.metrics import Metrics
 from services.ui_api.routes.problems import problem, problem_response
+from services.ui_api.routes.routers import plain_router
 from services.ui_api.routes.views import View
 from shared.runtime.lifecycle import software_version
 
-router = APIRouter(route_class=GuardedRoute, tags=["health"])
+router = plain_router(tag="health")
 _OK = "ok"
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import Path, Query, Request, Response
 
 from services.ui_api.core.event_data import ImageReceived
 from services.ui_api.core.picture import narrowed
@@ -11,13 +11,14 @@ from services.ui_api.core.roles import Action
 from services.ui_api.handlers.images import ImageHandler
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.conditional import is_known
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
 from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
 from services.ui_api.routes.preconditions import content_hash
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.routes.views import ImageView
 
-router = APIRouter(route_class=GuardedRoute, tags=["images"])
+router = resource_router(tag="images")
 ImageId = Annotated[str, Path(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the stored file.")]
 PngView = Literal["raw", "corrected", "overlay"]
 Width = Annotated[

@@ -1,10 +1,12 @@
 """What consoles read again and again, kept until something that it shows has changed: a case, and the robot's actions.
 
-A view depends on values that never change, the case and its situation: it is the same as long as they are.
+A view depends on values that never change, the case and its situation: it is the same as long as they are. They are not
+even looked at while the record has not grown and the robot's condition is as it was (`ProcedureHandler.version`).
 """
 
 from collections import OrderedDict
-from dataclasses import dataclass
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
 from typing import Final
 
 from services.ui_api.core.case import Case
@@ -28,6 +30,7 @@ class CaseAnswer:
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
+    version: Hashable
     case: Case
     situation: Situation
     content: bytes
@@ -39,28 +42,32 @@ class KeptViews:
 
     def __init__(self) -> None:
         self._cases: OrderedDict[str, _Kept] = OrderedDict()
-        self._actions: tuple[Situation, list[ActionView]] | None = None
+        self._actions: tuple[Hashable, Situation, list[ActionView]] | None = None
 
     def case(self, gateway: Gateway, case: Case) -> CaseAnswer:
         """A case with its ETag."""
-        decided = gateway.record.ledger.decided(case.case_id)
-        situation = gateway.procedure.situation(case)
+        decided, version = gateway.record.ledger.decided(case.case_id), gateway.procedure.version()
         kept = self._cases.get(case.case_id)
-        if kept is None or kept.case is not case or kept.situation != situation:
-            kept = _made(case, situation)
-            self._cases[case.case_id] = kept
+        if kept is None or kept.case is not case or version is None or kept.version != version:
+            kept = self._cases[case.case_id] = _made(kept, version, case, gateway.procedure.situation(case))
             while len(self._cases) > _CASES_KEPT:
                 self._cases.popitem(last=False)
         return CaseAnswer(kept.content, etag_of(decided, kept.content_sha256))
 
     def robot_actions(self, gateway: Gateway) -> list[ActionView]:
         """The actions that need no case."""
-        situation, kept = gateway.procedure.robot_situation(), self._actions
-        if kept is None or kept[0] != situation:
-            self._actions = kept = (situation, robot_action_views(situation))
-        return kept[1]
+        version, kept = gateway.procedure.version(), self._actions
+        if kept is None or version is None or kept[0] != version:
+            situation = gateway.procedure.robot_situation()
+            same = kept is not None and kept[1] == situation
+            kept = (version, situation, kept[2] if kept and same else robot_action_views(situation))
+            self._actions = kept
+        return kept[2]
 
 
-def _made(case: Case, situation: Situation) -> _Kept:
+def _made(kept: _Kept | None, version: Hashable, case: Case, situation: Situation) -> _Kept:
+    """A view to keep; the one that was kept where it shows the same."""
+    if kept is not None and kept.case is case and kept.situation == situation:
+        return replace(kept, version=version)
     content = CaseView.of(case, situation).model_dump_json().encode()
-    return _Kept(case, situation, content, content_hash(content))
+    return _Kept(version, case, situation, content, content_hash(content))

@@ -3,7 +3,7 @@
 import asyncio
 from typing import Final, Literal
 
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import WebSocket, WebSocketDisconnect
 
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.live import HeardGuidance, LiveFrame, LiveHandler
@@ -11,12 +11,13 @@ from services.ui_api.routes.acting_first import Acting
 from services.ui_api.routes.awakening import Awakening
 from services.ui_api.routes.guards import guarded_websocket
 from services.ui_api.routes.result_views import GuidanceView, aged
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.views import View
 from services.ui_api.service import Gateway
 from shared.messages.base import Identifier, Sha256, UnixNanoseconds
 from shared.messages.imaging import FrameHeader
 
-router = APIRouter(tags=["live"])
+router = resource_router(tag="live")
 # Status code of https://www.iana.org/assignments/websocket/: the client may connect again after some seconds.
 SERVICE_RESTART: Final = 1012
 _GATEWAY_ENDS: Final = "the gateway ends or restarts; connect again in some seconds"

@@ -1,7 +1,5 @@
 """`/cases/{id}/localisations`, `/cases/{id}/alignment`: what registration found, and how to turn the C-arm."""
 
-from fastapi import APIRouter
-
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import LocalisationReceived
 from services.ui_api.core.roles import Action
@@ -9,9 +7,10 @@ from services.ui_api.handlers.planning import localisation_of
 from services.ui_api.handlers.procedure import localisation_staleness
 from services.ui_api.handlers.refusals import conflict, unknown
 from services.ui_api.routes.access import TheGateway
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
 from services.ui_api.routes.pages import Cursor, Limit, Page, Sort, VerdictFilter, page
 from services.ui_api.routes.result_views import AlignmentView, GuidanceView, HoleTilt, LocalisationView
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.routes.views import age_s
 from services.ui_api.service import Gateway
@@ -19,7 +18,7 @@ from shared.messages.base import decode
 from shared.messages.drawing import ImageDrawing
 from shared.messages.registration import LocalisationRecord
 
-router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}", tags=["localisations"])
+router = resource_router("/cases/{case_id}", tag="localisations")
 
 
 @router.get("/localisations", dependencies=SPARSE, openapi_extra=needs(Action.READ))

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from functools import cache
 from typing import Final
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
@@ -20,6 +21,8 @@ from services.ui_api.service import Gateway
 from shared.runtime.logging import dropped_lines
 
 _STOP_ROUTE = "/api/v1/robot/stop"
+_METHODS: Final = frozenset(("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "CONNECT"))
+_OTHER: Final = "other"
 # Chosen: from the usual confirmation to the time after which a stop counts as not confirmed, in steps of 2 to 2.5.
 _STOP_BUCKETS_S: Final = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 # Chosen: from a commit on a fast disk to the time for which a writer waits for a lock.
@@ -43,6 +46,7 @@ class Metrics:
         self.seconds = Histogram(
             "distalock_http_request_duration_seconds", "Time to the first byte.", ("route",), registry=self.registry
         )
+        self._count_of, self._time_of = cache(self.requests.labels), cache(self.seconds.labels)
         self._images = Counter(
             "distalock_images",
             "X-ray images on record, by how they came: shot or run.",
@@ -119,6 +123,11 @@ class Metrics:
     def _gauge(self, name: str, meaning: str, *labels: str) -> Gauge:
         return Gauge(f"distalock_{name}", meaning, labels, registry=self.registry)
 
+    def note_request(self, method: str, route: str, status: int, took_s: float) -> None:
+        """Count a request that is answered; a method that HTTP does not know makes no label of its own."""
+        self._count_of(method if method in _METHODS else _OTHER, route, str(status)).inc()
+        self._time_of(route).observe(took_s)
+
     def note_stop(self, *, confirmed: bool, took_s: float) -> None:
         """Count a stop, which the front has answered: the requests of this process do not show it."""
         self.requests.labels("POST", _STOP_ROUTE, "200" if confirmed else "504").inc()
@@ -185,8 +194,7 @@ class MeasuringMiddleware:
         async def noting(message: Message) -> None:
             if message["type"] == "http.response.start":
                 route = getattr(scope.get("route"), "path", "unknown")
-                self._metrics.requests.labels(scope["method"], route, str(message["status"])).inc()
-                self._metrics.seconds.labels(route).observe(time.monotonic() - began_s)
+                self._metrics.note_request(scope["method"], route, message["status"], time.monotonic() - began_s)
             await send(message)
 
         await self._app(scope, receive, noting)

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.roles import Action
@@ -11,14 +11,15 @@ from services.ui_api.handlers.refusals import conflict, unknown
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import MotionBody
-from services.ui_api.routes.guards import NEVER_LIMITED, GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import NEVER_LIMITED, TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
 from services.ui_api.routes.motion_views import LeaseView, OperationStatusName, OperationView, status_name
 from services.ui_api.routes.pages import Cursor, Limit, Page, Since, Sort, is_since, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.service import Gateway
 
-router = APIRouter(route_class=GuardedRoute, tags=["motions"])
+router = resource_router(tag="motions")
 StatusFilter = Annotated[OperationStatusName | None, Query(description="Only those with this status.")]
 
 

@@ -1,15 +1,16 @@
 """`/parts`: the part files that the product ships, for choosing by name."""
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.refusals import unknown
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256
 from shared.parts.catalogue import PartKind, catalogue, catalogue_entry
 
-router = APIRouter(route_class=GuardedRoute, prefix="/parts", tags=["parts"])
+router = resource_router("/parts", tag="parts")
 
 
 class CatalogueView(View):

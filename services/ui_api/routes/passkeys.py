@@ -2,19 +2,20 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from pydantic import Field
 
 from services.ui_api.access.passkeys import CHALLENGE_S, Passkey
 from services.ui_api.core.roles import Action
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.bodies import Body, Password, SignedByPasskey
-from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import TheUser, needs
 from services.ui_api.routes.problems import sender_of
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256, UnixNanoseconds
 
-router = APIRouter(prefix="/users", tags=["users"], route_class=GuardedRoute)
+router = resource_router("/users", tag="users")
 
 
 class PasskeyView(View):

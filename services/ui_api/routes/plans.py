@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import Header, Request, Response
 
 from services.ui_api.core.case import Case, PlanEntry
 from services.ui_api.core.identity import Approver, Authenticated
@@ -11,17 +11,18 @@ from services.ui_api.handlers.planning import PlanBasis, plan_of
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import ApprovalBody, PlanBody
-from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.motion_views import ApprovalView, PlanView
 from services.ui_api.routes.pages import Cursor, HoleFilter, Limit, Page, Since, Sort, is_since, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case, stale_precondition
 from services.ui_api.routes.problems import problem, sender_of
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.sparse import SPARSE
 from services.ui_api.service import Gateway
 from shared.messages.registration import PlanReply
 
-router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}/plans", tags=["plans"])
+router = resource_router("/cases/{case_id}/plans", tag="plans")
 # Registration's codes for what the request itself got wrong; all others are about the state of things.
 _CODES_OF_BAD_REQUESTS = frozenset({"unknown_hole", "image_twice"})
 

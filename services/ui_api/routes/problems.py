@@ -14,7 +14,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import Response
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
-from services.ui_api.routes.request_checks import PathMethods
+from services.ui_api.routes.route_index import RouteIndex
 from shared.errors import BusError, DistalockError, InputError, NoReply, RecordUnavailable
 from shared.messages.base import MessageInvalid
 
@@ -185,9 +185,8 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
     detail = f"{request.method} {request.url.path}: {error.detail}"
     headers = dict(error.headers or {})
     if error.status_code == http.HTTPStatus.METHOD_NOT_ALLOWED:
-        # The framework names the methods of the first route alone that has the path.
-        methods_of: PathMethods = request.app.state.methods
-        methods = ", ".join(methods_of.of(request.scope["path"])) or headers.get("allow", "GET")
+        routes: RouteIndex = request.app.state.routes
+        methods = ", ".join(routes.methods_of(request.scope["path"])) or headers.get("allow", "GET")
         headers, detail = {**headers, "Allow": methods}, f"{request.url.path} has no {request.method}; it has {methods}"
     return _refusal(request, problem(error.status_code, code, detail, request.url.path), headers)
 

@@ -1,20 +1,21 @@
 """`/cases/{id}/qa-reports`: ring and C-arm over the images of a case."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from services.ui_api.core.event_data import QaReported
 from services.ui_api.core.roles import Action
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import QaBody
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
 from services.ui_api.routes.problems import problem
+from services.ui_api.routes.routers import resource_router
 from shared.messages.qa import QaReply, QaReport
 
-router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}/qa-reports", tags=["quality control"])
+router = resource_router("/cases/{case_id}/qa-reports", tag="quality control")
 # The page brings its style and pictures along and needs no script: nothing else may run or load.
 _SAFE = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "

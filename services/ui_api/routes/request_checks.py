@@ -3,16 +3,13 @@
 The framework ignores a parameter that is not there, and a client that filters by it would take all for some.
 """
 
-import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from typing import Final
 
 from fastapi import Request
 from fastapi._compat import ModelField
 from fastapi.dependencies.models import Dependant
-from fastapi.routing import APIRoute
 from pydantic import BaseModel
-from starlette.routing import BaseRoute, compile_path
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
 
@@ -38,6 +35,8 @@ def _names_of(field: ModelField) -> list[str]:
 
 def require_known_parameters(request: Request, known: Collection[str]) -> None:
     """Refuse a query with a parameter that the operation does not have, or has once only; raises `Refused`."""
+    if not request.scope["query_string"]:
+        return
     given = [name for name, _ in request.query_params.multi_items()]
     for name in given:
         if name not in known:
@@ -67,21 +66,3 @@ def require_json(request: Request) -> None:
     raise Refused(
         RefusalKind.MEDIA_TYPE, "content_type_unsupported", f"the body has {found}; send Content-Type: {_JSON}"
     )
-
-
-class PathMethods:
-    """Which methods each path has, of all routes together: the framework names those of the first route alone."""
-
-    def __init__(self) -> None:
-        self._routes: list[tuple[re.Pattern[str], frozenset[str]]] = []
-
-    def add(self, prefix: str, routes: Iterable[BaseRoute]) -> None:
-        """Take in the routes of a router."""
-        for route in routes:
-            if isinstance(route, APIRoute):
-                pattern, _, _ = compile_path(prefix + route.path)
-                self._routes.append((pattern, frozenset(route.methods or ())))
-
-    def of(self, path: str) -> tuple[str, ...]:
-        """Methods of a path, sorted; empty when there is no such path."""
-        return tuple(sorted({name for pattern, methods in self._routes if pattern.match(path) for name in methods}))

@@ -2,9 +2,9 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Final
 
-from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -29,6 +29,13 @@ _STATUS: Final = {
 # Whoever asks for a stop gets it: a stop that a foreign page sends disturbs, one that is refused hurts.
 _NEVER_REFUSED: Final = "/api/v1/robot/stop"
 _NO_BODY: Final = frozenset((204, 304))
+_NAMED: Final = (b"host", b"origin", b"sec-fetch-site")
+_FRAMING: Final = frozenset((b"content-length", b"transfer-encoding"))
+_ENCRYPTED: Final = frozenset(("https", "wss"))
+_CONNECTION: Final = b"connection"
+_CLOSES: Final = (_CONNECTION, b"close")
+_SCHEMES: Final = 8
+Fields = Sequence[tuple[bytes, bytes]]
 
 
 class RequestGate:
@@ -54,11 +61,12 @@ class RequestGate:
         refused = refused_request(facts, self._allowed_hosts, self._cors_origins)
         if refused is None:
             preflight = preflight_headers(facts.origin, self._cors_origins) if facts.method == "OPTIONS" else {}
-            send = _with_headers(send, _safe(scope) | cors_headers(facts.origin, self._cors_origins))
+            cors = _fields(cors_headers(facts.origin, self._cors_origins))
+            send = _with_headers(send, (*_safe(scope["scheme"]), *cors))
             app = Response(status_code=204, headers=preflight) if preflight else self._app
             await app(scope, receive, send)
             return
-        safely = _with_headers(send, _safe(scope) | {"connection": "close"})
+        safely = _with_headers(send, (*_safe(scope["scheme"]), _CLOSES))
         if scope["path"] == _NEVER_REFUSED:
             await self._app(scope, receive, safely)
             return
@@ -70,15 +78,19 @@ class RequestGate:
 
 
 def _facts(scope: Scope) -> RequestFacts:
-    headers = Headers(scope=scope)
     websocket = scope["type"] == "websocket"
+    named, framings = dict.fromkeys(_NAMED, None), 0
+    for name, value in scope["headers"]:
+        framings += name in _FRAMING
+        if name in named and named[name] is None:
+            named[name] = value.decode("latin-1")
     return RequestFacts(
         method="WEBSOCKET" if websocket else scope["method"],
         scheme="https" if _is_encrypted(scope) else "http",
-        host=headers.get("host", ""),
-        origin=headers.get("origin"),
-        fetch_site=headers.get("sec-fetch-site"),
-        framings=len(headers.getlist("content-length")) + len(headers.getlist("transfer-encoding")),
+        host=named[b"host"] or "",
+        origin=named[b"origin"],
+        fetch_site=named[b"sec-fetch-site"],
+        framings=framings,
     )
 
 
@@ -86,15 +98,11 @@ def _refusal(refused: RefusedRequest, scope: Scope) -> Response:
     return problem_response(problem(_STATUS[refused.code], refused.code, refused.message, scope["path"]))
 
 
-def _safe(scope: Scope) -> dict[str, str]:
-    return safe_headers("https" if _is_encrypted(scope) else "http")
-
-
 def _is_encrypted(scope: Scope) -> bool:
-    return scope["scheme"] in ("https", "wss")
+    return scope["scheme"] in _ENCRYPTED
 
 
-def _with_headers(send: Send, added: Mapping[str, str]) -> Send:
+def _with_headers(send: Send, added: Fields) -> Send:
     """Add headers to the answer; what a route has set itself stays.
 
     An answer that states no length ends with its connection: by that the front sees its end (`front.relay`).
@@ -102,14 +110,24 @@ def _with_headers(send: Send, added: Mapping[str, str]) -> Send:
 
     async def adding(message: Message) -> None:
         if message["type"] == "http.response.start":
-            headers = MutableHeaders(scope=message)
-            for name, value in added.items():
-                headers.setdefault(name, value)
-            if "content-length" not in headers and message["status"] not in _NO_BODY:
-                headers["connection"] = "close"
+            headers: Fields = message.get("headers", ())
+            present = {name for name, _ in headers}
+            headers = [*headers, *(field for field in added if field[0] not in present)]
+            if b"content-length" not in present and message["status"] not in _NO_BODY:
+                headers = [*(field for field in headers if field[0] != _CONNECTION), _CLOSES]
+            message["headers"] = headers
         await send(message)
 
     return adding
+
+
+@lru_cache(_SCHEMES)
+def _safe(scheme: str) -> Fields:
+    return _fields(safe_headers("https" if scheme in _ENCRYPTED else "http"))
+
+
+def _fields(headers: Mapping[str, str]) -> Fields:
+    return tuple((name.lower().encode("latin-1"), value.encode("latin-1")) for name, value in headers.items())
 
 
 def _sender(scope: Scope) -> str:

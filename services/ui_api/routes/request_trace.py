@@ -3,11 +3,12 @@
 import re
 from typing import Final
 
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from shared.tracing import TRACEPARENT, current_traceparent, new_trace_id, trace_id_of, traced
+from shared.tracing import TRACEPARENT, new_trace_id, trace_id_of, traced, traceparent_of
 
+_ANSWERED: Final = b"traceresponse"
 _CASE: Final = re.compile(r"/api/v1/cases/([A-Za-z0-9_-]{1,64})(/|$)")
 
 
@@ -25,12 +26,11 @@ class RequestTrace:
         trace_id = trace_id_of(Headers(scope=scope).get(TRACEPARENT, "")) or new_trace_id()
         case = _CASE.match(scope["path"])
         with traced(trace_id, **({"case": case[1]} if case else {})):
-            answer = current_traceparent()
-            assert answer is not None
+            answer = (_ANSWERED, traceparent_of(trace_id).encode("ascii"))
 
             async def naming(message: Message) -> None:
                 if message["type"] == "http.response.start":
-                    MutableHeaders(scope=message)["traceresponse"] = answer
+                    message["headers"] = [*message.get("headers", ()), answer]
                 await send(message)
 
             await self._app(scope, receive, naming)

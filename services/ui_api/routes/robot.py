@@ -2,31 +2,33 @@
 
 import asyncio
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from services.ui_api.core import procedure_table
 from services.ui_api.core.identity import Approver, User
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.commands import PlainVerb
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
-from services.ui_api.routes.access import TheGateway, TheIdempotency, TheKeptViews
+from services.ui_api.routes.access import TheGateway, TheIdempotency, gateway_of, kept_views_of
 from services.ui_api.routes.bodies import CommandBody
-from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import TheUser, needs
 from services.ui_api.routes.idempotency import Idempotency, IdempotencyKey, Keyed, keyed
 from services.ui_api.routes.motion_views import OperationView, RobotView, StopView, says_simulated
 from services.ui_api.routes.motions import accepted
 from services.ui_api.routes.problems import problem, problem_response
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.service import Gateway
 
-router = APIRouter(route_class=GuardedRoute, prefix="/robot", tags=["robot"])
+router = resource_router("/robot", tag="robot")
 RECORD_WITHIN_S = 2.0
 _BY_REST = "stop requested over REST"
 _ANONYMOUS = CommandBody()
 
 
 @router.get("", response_model=RobotView, openapi_extra=needs(Action.READ))
-async def read_robot(gateway: TheGateway, kept: TheKeptViews) -> Response:
+async def read_robot(request: Request) -> Response:
     """The robot as last seen, its age, and whether it says that it is simulated."""
+    gateway = gateway_of(request)
     seen = gateway.view.newest()
     presence = gateway.inbox.presence
     view = RobotView(
@@ -37,7 +39,7 @@ async def read_robot(gateway: TheGateway, kept: TheKeptViews) -> Response:
         simulated=None if seen is None else says_simulated(seen.state.controller_identity),
         image_source=presence.image_source,
         image_source_simulated=says_simulated(presence.image_source),
-        actions=kept.robot_actions(gateway),
+        actions=kept_views_of(request).robot_actions(gateway),
     )
     return Response(view.model_dump_json(by_alias=True), media_type="application/json")
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Final, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import Field
 
 from services.ui_api.access.provider import ROUND_TRIP_S
@@ -11,12 +11,13 @@ from services.ui_api.core.roles import Action
 from services.ui_api.handlers.refusals import unauthenticated
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.bodies import Body
-from services.ui_api.routes.guards import ACCESS_COOKIE, GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import ACCESS_COOKIE, TheUser, needs
 from services.ui_api.routes.problems import sender_of
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.session_bodies import LoginBody, RefreshBody
 from services.ui_api.routes.views import View
 
-router = APIRouter(prefix="/sessions", tags=["sessions"], route_class=GuardedRoute)
+router = resource_router("/sessions", tag="sessions")
 REFRESH_COOKIE: Final = "distalock_refresh"
 _REFRESH_PATH: Final = "/api/v1/sessions"
 _NO_TOKEN: Final = RefreshBody()

@@ -4,17 +4,18 @@ import html
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qs
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from pydantic import ValidationError
 
 from services.ui_api.core.account_rules import LEAST_CHARACTERS
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.refusals import RefusalKind, Refused, invalid
 from services.ui_api.routes.access import TheGateway
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.session_bodies import FirstAccountBody
 
-router = APIRouter(prefix="/setup", tags=["first account"], route_class=GuardedRoute)
+router = resource_router("/setup", tag="first account")
 SetupToken = Annotated[str, Query(min_length=1, max_length=128, description="From the link.")]
 _FORM: Final = "application/x-www-form-urlencoded"
 _HTML: Final[dict[int | str, dict[str, Any]]] = {200: {"content": {"text/html": {}}}}

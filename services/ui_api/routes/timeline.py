@@ -3,7 +3,6 @@
 from datetime import UTC, datetime
 from functools import singledispatch
 
-from fastapi import APIRouter
 from pydantic import Field
 
 from services.ui_api.core import event_data, robot_event_data
@@ -11,12 +10,13 @@ from services.ui_api.core.events import Event, EventData
 from services.ui_api.core.roles import Action
 from services.ui_api.record.record import PAGE
 from services.ui_api.routes.access import TheGateway
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
 from services.ui_api.routes.pages import Cursor, Limit, Page, cursor_after, position_of
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.views import View
 from shared.messages.base import UnixNanoseconds
 
-router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}/timeline", tags=["cases"])
+router = resource_router("/cases/{case_id}/timeline", tag="cases")
 
 
 class TimelineEntry(View):

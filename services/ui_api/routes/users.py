@@ -1,6 +1,6 @@
 """`/users`: the own account, and the administration of all. Every change stands in the log."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from pydantic import Field
 
 from services.ui_api.access.access_control import DEMO_BANNER
@@ -11,16 +11,17 @@ from services.ui_api.core.roles import PERMISSIONS, Action, may
 from services.ui_api.handlers.refusals import conflict
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
-from services.ui_api.routes.guards import GuardedRoute, TheUser, needs
+from services.ui_api.routes.guards import TheUser, needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed
 from services.ui_api.routes.pages import Cursor, Limit, Page, page
 from services.ui_api.routes.problems import sender_of
+from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.session_bodies import PasswordBody, UserBody, UserPatch, roles_of
 from services.ui_api.routes.views import View
 from services.ui_api.service import Gateway
 from shared.messages.base import UnixNanoseconds
 
-router = APIRouter(prefix="/users", tags=["users"], route_class=GuardedRoute)
+router = resource_router("/users", tag="users")
 
 
 class MeView(View):

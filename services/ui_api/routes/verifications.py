@@ -1,21 +1,22 @@
 """`/cases/{id}/verifications`: wires and guide holes against the nail's hole axes."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from services.ui_api.core.event_data import VerificationMade
 from services.ui_api.core.roles import Action
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.access import TheGateway, TheIdempotency
 from services.ui_api.routes.bodies import VerificationBody
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
 from services.ui_api.routes.idempotency import IdempotencyKey, json_answer, keyed, problem_answer
 from services.ui_api.routes.pages import Cursor, Limit, Page, Sort, VerdictFilter, page
 from services.ui_api.routes.preconditions import CaseMatch, case_etag_after, matched_case
 from services.ui_api.routes.problems import problem
 from services.ui_api.routes.result_views import VerificationView
+from services.ui_api.routes.routers import resource_router
 from shared.messages.registration import Verification, VerificationReply
 
-router = APIRouter(route_class=GuardedRoute, prefix="/cases/{case_id}/verifications", tags=["verifications"])
+router = resource_router("/cases/{case_id}/verifications", tag="verifications")
 
 
 @router.post("", status_code=201, response_model=VerificationView, openapi_extra=needs(Action.VERIFY))

@@ -9,14 +9,15 @@ from dataclasses import dataclass
 from typing import Final
 from urllib.parse import quote, urlsplit
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from fastapi.concurrency import run_in_threadpool
 
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.refusals import RefusalKind, Refused
-from services.ui_api.routes.guards import GuardedRoute, needs
+from services.ui_api.routes.guards import needs
+from services.ui_api.routes.routers import page_router
 
-router = APIRouter(prefix="/virtual-room", route_class=GuardedRoute, include_in_schema=False)
+router = page_router("/virtual-room")
 # A run of fluoroscopy lasts as long as the pedal is held: at most 120 images.
 _ANSWER_WITHIN_S: Final = 60.0
 _JSON: Final = "application/json"

@@ -35,6 +35,13 @@ def test_stops_are_timed_by_whether_they_were_confirmed(room: Room) -> None:
     assert figure(room, 'distalock_stop_seconds_count{confirmed="no"}') == 0.0
 
 
+def test_methods_that_somebody_makes_up_make_no_labels(room: Room) -> None:
+    for method in ("BREW", "WHEN"):
+        room.client.request(method, "/api/v1/robot")
+    assert figure(room, 'distalock_http_requests_total{method="other",route="/api/v1/robot",status="405"}') == 2.0
+    assert "BREW" not in room.client.get("/metrics").text
+
+
 def test_writes_to_the_record_are_timed(room: Room) -> None:
     before = figure(room, "distalock_record_write_seconds_count")
     room.open_case()

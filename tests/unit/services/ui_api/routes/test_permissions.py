@@ -10,7 +10,7 @@ from fastapi.routing import APIRoute, APIWebSocketRoute
 
 from services.ui_api import app as application
 from services.ui_api.core.roles import PERMISSION_OF, PERMISSIONS, Action, Role, WithoutLogin, may, permission_lines
-from services.ui_api.routes import console, health, live, virtual_room
+from services.ui_api.routes import live
 from services.ui_api.routes.guards import ACTION_KEY, GuardedRoute
 from tests.unit.services.ui_api.people import add_account, signed_in
 from tests.unit.services.ui_api.room import Room, new_key
@@ -19,20 +19,16 @@ from tests.unit.services.ui_api.room import Room, new_key
 _LEFT_OUT = {"/api/v1/events", "/api/v1/cases/{case_id}/events", "/api/v1/sessions/current"}
 
 
-def _routers() -> list[tuple[str, APIRouter]]:
-    resources = [
-        getattr(application, name) for name in vars(application) if hasattr(getattr(application, name), "router")
-    ]
-    return [
-        ("" if module in (console, health, virtual_room) else application.PREFIX, module.router) for module in resources
-    ]
+def _routers() -> list[APIRouter]:
+    resources = [getattr(application, name) for name in vars(application)]
+    return [resource.router for resource in resources if hasattr(resource, "router")]
 
 
 def _routes() -> list[tuple[str, str, Action]]:
     """Method, path and action of every route."""
     return [
-        (method, prefix + route.path, route.action)
-        for prefix, router in _routers()
+        (method, route.path, route.action)
+        for router in _routers()
         for route in router.routes
         if isinstance(route, GuardedRoute)
         for method in sorted(route.methods or ())
@@ -40,7 +36,7 @@ def _routes() -> list[tuple[str, str, Action]]:
 
 
 def test_every_route_names_its_action() -> None:
-    routes = [route for _, router in _routers() for route in router.routes]
+    routes = [route for router in _routers() for route in router.routes]
     assert len(routes) > 40
     unguarded = [
         getattr(route, "path", route)

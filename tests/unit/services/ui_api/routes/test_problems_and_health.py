@@ -125,7 +125,7 @@ def test_healthz_tells_that_the_process_runs(quiet_room: Room) -> None:
 def test_metrics_count_requests_by_route(room: Room) -> None:
     room.get("/cases/none")
     text = room.client.get("/metrics").text
-    assert 'distalock_http_requests_total{method="GET",route="/cases/{case_id}",status="404"} 1.0' in text
+    assert 'distalock_http_requests_total{method="GET",route="/api/v1/cases/{case_id}",status="404"} 1.0' in text
     assert 'distalock_service_alive{service="robot"} 1.0' in text
 
 
