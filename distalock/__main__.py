@@ -128,6 +128,12 @@ def _up_arguments(parser: argparse.ArgumentParser) -> None:
         "--https", action="store_true", help="the gateway speaks HTTPS; needed where it is reached from elsewhere"
     )
     parser.add_argument(
+        "--site", metavar="ENDPOINT", help="show this room at the hospital's site router, such as tls/site.example:7448"
+    )
+    parser.add_argument(
+        "--site-keys", type=named_path, metavar="FOLDER", help="this room's folder that `distalock site init` has made"
+    )
+    parser.add_argument(
         "--print-token",
         action="store_true",
         help="with --simulate: the token of the user demo on stdout; where the installation runs already, nothing else",
@@ -139,7 +145,7 @@ def _up_arguments(parser: argparse.ArgumentParser) -> None:
 def _up(given: argparse.Namespace) -> int:
     from rich.console import Console
 
-    from distalock.installation import Installation, Ports
+    from distalock.installation import Installation, Ports, SiteLink
     from distalock.up import print_token, run_installation
 
     if given.controller is not None and scenario_arguments(given):
@@ -149,9 +155,17 @@ def _up(given: argparse.Namespace) -> int:
         return _refused_up(
             f"ports {', '.join(map(str, numbers))} are not {len(numbers)} different ones; give each its own"
         )
+    if (given.site is None) is not (given.site_keys is None):
+        return _refused_up("--site and --site-keys belong together: the site's router, and this room's keys for it")
     ports = Ports(given.router_port, given.rest_port, given.dicom_port, given.gcs_port, given.control_port)
     installation = Installation(
-        ports, given.state.resolve(), given.controller, scenario_arguments(given), given.plain_bus, given.https
+        ports,
+        given.state.resolve(),
+        given.controller,
+        scenario_arguments(given),
+        given.plain_bus,
+        given.https,
+        None if given.site is None else SiteLink(given.site, given.site_keys.resolve()),
     )
     if not given.print_token:
         return run_installation(installation, Console(soft_wrap=True))
@@ -268,6 +282,12 @@ def _doctor_arguments(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _site_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.site.arguments import add_arguments
+
+    add_arguments(parser)
+
+
 def _risk_arguments(parser: argparse.ArgumentParser) -> None:
     from distalock.risk import add_arguments
 
@@ -365,6 +385,12 @@ COMMANDS = (
         "what of this machine and installation would keep a procedure from going well, with remedies",
         _doctor_arguments,
         _imported("distalock.doctor.command"),
+    ),
+    Command(
+        "site",
+        "many rooms: their keys, the router that they show themselves to, and a desk that sees all",
+        _site_arguments,
+        _imported("distalock.site.command"),
     ),
     Command(
         "risk",

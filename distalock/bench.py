@@ -193,6 +193,11 @@ BENCHMARKS: Final = {
         "paused and cut off",
         needs_arguments=True,
     ),
+    "rooms": Benchmark(
+        "rooms.command",
+        "rooms",
+        "rooms at one site: latencies in one beside another's flood and the site's loss, and growth to 16",
+    ),
     "bus": Benchmark(
         "bus.bus", "bus", "frames of 2 MB and commands under mutual TLS and access control, beside bare Zenoh"
     ),

@@ -13,6 +13,7 @@ from distalock.arguments import PORTS
 from distalock.demo_user import TOKEN_FILE, demo_token
 from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
 from distalock.readiness import GatewayReady, Server
+from shared.bus.access import EXPORTER
 from shared.bus.tls import PKI_FOLDER, TlsFiles
 from shared.pki.keystore import ROUTER, Keystore
 from shared.pki.network import REST, network_keystore
@@ -56,6 +57,14 @@ class Ports:
 
 
 @dataclass(frozen=True, slots=True)
+class SiteLink:
+    """Where a room shows itself to the hospital's control desk, and the folder of its keys for that."""
+
+    endpoint: str
+    keys: Path
+
+
+@dataclass(frozen=True, slots=True)
 class Installation:
     """What to run.
 
@@ -69,6 +78,8 @@ class Installation:
         Whether the bus does without TLS and access control: whoever reaches its port may then say anything.
     https
         Whether the gateway speaks HTTPS, with a certificate of the installation's authority for the network.
+    site
+        None for a room that shows itself nowhere.
     """
 
     ports: Ports
@@ -77,6 +88,7 @@ class Installation:
     scenario_arguments: tuple[str, ...] = ()
     plain_bus: bool = False
     https: bool = False
+    site: SiteLink | None = None
 
     @property
     def rest_host(self) -> str:
@@ -138,7 +150,15 @@ class Installation:
             ProcessSpec("robot", "services.robot", _at_once, environment=environment),
             ProcessSpec("ui_api", "services.ui_api", GatewayReady(self.gateway), (), environment),
         ]
-        return [router, *([self._virtual_room(environment)] if self.simulated else []), *services]
+        room = [self._virtual_room(environment)] if self.simulated else []
+        return [router, *room, *services, *([] if self.site is None else [self._exporter(self.site)])]
+
+    def _exporter(self, site: SiteLink) -> ProcessSpec:
+        """Last, and missed by nobody: a room works without the hospital."""
+        files = () if self.plain_bus else _named(TlsFiles.in_state(self.state_dir, EXPORTER))
+        room = ("--room", load_settings(ServiceSettings).room, "--router", self.router_endpoint)
+        shown = ("--site", site.endpoint, "--site-keys", str(site.keys))
+        return ProcessSpec(EXPORTER, "shared.bus.exporter", _at_once, (*room, *files, *shown))
 
     def _virtual_room(self, environment: Mapping[str, str]) -> ProcessSpec:
         ports = self.ports
@@ -171,12 +191,7 @@ class Installation:
         if self.plain_bus:
             return ("--plain-bus",)
         files = TlsFiles.in_state(self.state_dir, ROUTER)
-        named = (("--authority", files.authority), ("--certificate", files.certificate), ("--key", files.key))
-        return (
-            "--room",
-            load_settings(ServiceSettings).room,
-            *(word for option, file in named for word in (option, str(file))),
-        )
+        return ("--room", load_settings(ServiceSettings).room, *_named(files))
 
     def fleet(
         self,
@@ -231,6 +246,10 @@ class Installation:
         content = {"ports": asdict(self.ports), "pids": dict(pids), "simulated": self.simulated}
         file.write_text(json.dumps(content, indent=1) + "\n")
         return file
+
+
+def _named(files: TlsFiles) -> tuple[str, ...]:
+    return ("--authority", str(files.authority), "--certificate", str(files.certificate), "--key", str(files.key))
 
 
 def _at_once() -> bool:

@@ -140,6 +140,10 @@ class Fleet:
         self._running.remove((spec, process))
         self._start(spec)
 
+    def forget(self, name: str) -> None:
+        """Miss a process no longer that has ended."""
+        self._running = [entry for entry in self._running if entry[0].name != name]
+
     def end(self, name: str) -> tuple[ProcessSpec, subprocess.Popen[bytes]]:
         """End a process that still runs, and wait for that."""
         spec, process = next(entry for entry in self._running if entry[0].name == name)

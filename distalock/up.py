@@ -11,6 +11,7 @@ from distalock.installation import Installation
 from distalock.processes import Fleet, taken_folder
 from distalock.readiness import why_not_ready
 from services.ui_api.core.access_settings import DEMO_USER, SETUP_FILE
+from shared.bus.access import EXPORTER
 from shared.bus.tls import PLAIN_BUS_WARNING
 from shared.errors import ConfigurationError
 from shared.hosts import PLAIN_HTTP_WARNING, is_loopback
@@ -18,6 +19,7 @@ from shared.signals import set_by_signals
 
 EXIT_OK, EXIT_FAULT = 0, 1
 MOST_ROBOT_RESTARTS: Final = 5
+MOST_EXPORTER_RESTARTS: Final = 5
 
 
 def run_installation(installation: Installation, console: Console) -> int:
@@ -66,12 +68,20 @@ def _watch(fleet: Fleet, console: Console) -> str | None:
     """Wait for the end; the name of the process that ended by itself, None after Ctrl-C.
 
     The robot service is started again at once, for it stops and locks a hexapod that it finds moving; nothing else can.
+    The exporter is given up when it does not stay: the room works without the hospital.
     """
-    restarts_left = MOST_ROBOT_RESTARTS
-    while (ended := fleet.wait_until_one_ends()) == "robot" and restarts_left > 0:
-        restarts_left -= 1
-        console.print(f"the robot service ended by itself ({fleet.last_words('robot')}); starting it again")
-        fleet.restart("robot")
+    restarts_left = {"robot": MOST_ROBOT_RESTARTS, EXPORTER: MOST_EXPORTER_RESTARTS}
+    while (ended := fleet.wait_until_one_ends()) in restarts_left:
+        assert ended is not None
+        if restarts_left[ended] > 0:
+            restarts_left[ended] -= 1
+            console.print(f"the {ended} ended by itself ({fleet.last_words(ended)}); starting it again")
+            fleet.restart(ended)
+        elif ended == EXPORTER:
+            console.print(f"this room is no longer shown at the site: {fleet.last_words(ended)}")
+            fleet.forget(ended)
+        else:
+            break
     return ended
 
 
@@ -96,6 +106,8 @@ def _announce(installation: Installation, console: Console) -> None:
         console.print(f"[bold]FIRST START[/bold]       make the first account, once: {link}", highlight=False)
     if installation.takes_unapproved_parts:
         console.print("part files        taken without approval, because this is a simulation", highlight=False)
+    if installation.site is not None:
+        console.print(f"site              shown at {installation.site.endpoint}", highlight=False)
     if installation.plain_bus:
         console.print(f"[bold]WARNING[/bold]           {PLAIN_BUS_WARNING}", highlight=False)
     console.print(f"state and logs    {installation.state_dir}", highlight=False)

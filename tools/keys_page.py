@@ -1,8 +1,7 @@
 """`docs/keys.md`: the key space, and who may do what in it."""
 
-from shared.bus.access import SERVICES, Exchange, Row, access_table
+from shared.bus.access import CLIENTS, Exchange, Row, access_table
 from shared.bus.keys import PREFIX, Keys
-from shared.messages.presence import ServiceName
 
 _ROOM = "{room}"
 _HEAD = """# Key space of the bus
@@ -22,7 +21,8 @@ made from that table. Whatever is not in it is denied.
 
 A service is who its certificate says (`docs/decisions/0027-keys-and-certificates.md`): the router takes links under
 mutual TLS alone, and goes by the certificate's common name.
-`*` stands for one part of a key. All processes of the gateway are `ui_api`.
+`*` stands for one part of a key. All processes of the gateway are `ui_api`. `exporter` shows the room to the hospital's
+control desk and sends nothing ([decision 57](decisions/0057-many-rooms.md)).
 
 | key | exchange | provider | consumers | message |
 |---|---|---|---|---|
@@ -56,7 +56,7 @@ def keys_page() -> str:
     """The page."""
     table = access_table(Keys(_ROOM))
     by_key = "".join(_row(row) for row in table)
-    by_service = "".join(_service_row(service, table) for service in SERVICES)
+    by_service = "".join(_service_row(service, table) for service in CLIENTS)
     return _HEAD + by_key + _MIDDLE + by_service + _RULES
 
 
@@ -65,7 +65,7 @@ def _row(row: Row) -> str:
     return f"| `{_short(row)}` | {row.exchange} | {row.provider} | {consumers} | {row.carries} |\n"
 
 
-def _service_row(service: ServiceName, table: tuple[Row, ...]) -> str:
+def _service_row(service: str, table: tuple[Row, ...]) -> str:
     published, answered, tokens = (Exchange.STREAM, Exchange.RETAINED), (Exchange.QUERY,), (Exchange.TOKEN,)
     cells = []
     for exchanges in (published, answered, tokens):

@@ -6,15 +6,19 @@ denied.
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, Literal, get_args
+from typing import Final, get_args
 
 from shared.bus.keys import Keys
 from shared.messages.presence import ServiceName
 from shared.robot_states import Verb
 
 SERVICES: Final[tuple[ServiceName, ...]] = get_args(ServiceName)
-# The router has a name in the table and no certificate of a service: what it says itself passes no rules.
-Provider = ServiceName | Literal["router"]
+# Shows the room to the hospital's control desk (`shared.bus.exporter`): it receives some keys and sends nothing.
+EXPORTER: Final = "exporter"
+# Who has a certificate of the room. The router has a name in the table and no certificate of a service: what it says
+# itself passes no rules.
+CLIENTS: Final[tuple[str, ...]] = (*SERVICES, EXPORTER)
+_SHOWN: Final = frozenset((EXPORTER,))
 
 
 class Exchange(StrEnum):
@@ -38,13 +42,16 @@ class Row:
         Who may receive, ask or watch.
     carries
         Messages and manners, for the page.
+    subscribed_as
+        Key expression that consumers name, where they take several rows at once; the key itself otherwise.
     """
 
     key: str
     exchange: Exchange
-    provider: Provider
-    consumers: frozenset[ServiceName]
+    provider: str
+    consumers: frozenset[str]
     carries: str
+    subscribed_as: str = ""
 
 
 def access_table(keys: Keys) -> tuple[Row, ...]:
@@ -108,7 +115,7 @@ def _robot(keys: Keys) -> tuple[Row, ...]:
     )
     process = "one process of the robot service; a room has place for one (`shared/runtime/sole_service.py`)"
     return (
-        Row(keys.robot_state, Exchange.RETAINED, "robot", _services("registration", "ui_api"), state),
+        Row(keys.robot_state, Exchange.RETAINED, "robot", _services("registration", "ui_api") | _SHOWN, state),
         *commands,
         Row(keys.alive_as("robot", "*"), Exchange.TOKEN, "robot", _services("robot"), process),
     )
@@ -129,34 +136,35 @@ def _command(verb: Verb) -> str:
 def _ui_api(keys: Keys) -> tuple[Row, ...]:
     others = _services("imaging", "registration", "robot")
     case = "`CaseContext`: the open case with its part files, and what is in the guide or the bone"
-    return (Row(keys.case_context, Exchange.RETAINED, "ui_api", others, case),)
+    return (Row(keys.case_context, Exchange.RETAINED, "ui_api", others | _SHOWN, case),)
 
 
 def _router(keys: Keys) -> tuple[Row, ...]:
     refusals = "`BusRefusals`: what it has refused since its start, at every change and every 5 s"
-    return (Row(keys.bus_refusals, Exchange.STREAM, "router", _services("ui_api"), refusals),)
+    return (Row(keys.bus_refusals, Exchange.STREAM, "router", _services("ui_api") | _SHOWN, refusals),)
 
 
 def _of_every_service(keys: Keys) -> tuple[Row, ...]:
     gateway = _services("ui_api")
-    watchers: dict[ServiceName, frozenset[ServiceName]] = {
+    watchers: dict[ServiceName, frozenset[str]] = {
         "ui_api": _services("ui_api", "robot"),
         "registration": _services("ui_api", "robot"),
         "imaging": _services("ui_api", "robot"),
     }
-    heard: dict[ServiceName, frozenset[ServiceName]] = {
+    heard: dict[ServiceName, frozenset[str]] = {
         "ui_api": _services("robot"),
         "registration": _services("ui_api", "robot"),
         "imaging": _services("ui_api", "robot"),
     }
     beat = "`Heartbeat`, robot at 5 Hz, others at 20 Hz; while the robot moves, silence of any of them stops it"
     heartbeats = (Row(keys.heartbeat(s), Exchange.STREAM, s, heard.get(s, gateway), beat) for s in SERVICES)
-    statuses = (Row(keys.status(s), Exchange.RETAINED, s, gateway, "`ServiceStatus`") for s in SERVICES)
+    statuses = (Row(keys.status(s), Exchange.RETAINED, s, gateway | _SHOWN, "`ServiceStatus`") for s in SERVICES)
     tokens = (
-        Row(keys.alive(s), Exchange.TOKEN, s, watchers.get(s, gateway), "the service is connected") for s in SERVICES
+        Row(keys.alive(s), Exchange.TOKEN, s, watchers.get(s, gateway) | _SHOWN, "the service is connected")
+        for s in SERVICES
     )
     return (*heartbeats, *statuses, *tokens)
 
 
-def _services(*names: ServiceName) -> frozenset[ServiceName]:
+def _services(*names: ServiceName) -> frozenset[str]:
     return frozenset(names)

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from shared.bus.access import SERVICES, Exchange, Row
-from shared.messages.presence import ServiceName
+from shared.bus.access import Exchange, Row
 
 Flow = Literal["ingress", "egress"]
 _PUBLISHERS: Final = "/@adv/pub/*/*/_"
@@ -51,36 +50,42 @@ _CONSUMER: Final[dict[Exchange, tuple[_Grant, ...]]] = {
 }
 
 
-def access_control(table: Sequence[Row]) -> dict[str, object]:
-    """Zenoh's `access_control`: everything is denied but what a service's rows need.
+def access_control(table: Sequence[Row], clients: Sequence[str]) -> dict[str, object]:
+    """Zenoh's `access_control`: everything is denied but what a client's rows need.
 
-    A service is who its certificate's common name says.
+    A client is who its certificate's common name says.
     """
     rules, policies = [], []
-    for service in SERVICES:
-        own = list(_rules_of(service, table))
+    for client in clients:
+        own = list(_rules_of(client, table))
         rules += own
-        policies.append({"id": service, "subjects": [service], "rules": [rule["id"] for rule in own]})
+        policies.append({"id": client, "subjects": [client], "rules": [rule["id"] for rule in own]})
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
-        "subjects": [{"id": service, "cert_common_names": [service]} for service in SERVICES],
+        "subjects": [{"id": client, "cert_common_names": [client]} for client in clients],
         "policies": policies,
     }
 
 
-def _rules_of(service: ServiceName, table: Sequence[Row]) -> Iterator[dict[str, object]]:
+def _rules_of(client: str, table: Sequence[Row]) -> Iterator[dict[str, object]]:
     for exchange in Exchange:
         rows = [row for row in table if row.exchange is exchange]
-        provided = [row.key for row in rows if row.provider == service]
-        consumed = [row.key for row in rows if service in row.consumers]
-        for part, keys, grants in (("provides", provided, _PROVIDER), ("consumes", consumed, _CONSUMER)):
-            for number, grant in enumerate(grants[exchange] if keys else ()):
+        provided = [row for row in rows if row.provider == client]
+        consumed = [row for row in rows if client in row.consumers]
+        for part, own, grants in (("provides", provided, _PROVIDER), ("consumes", consumed, _CONSUMER)):
+            for number, grant in enumerate(grants[exchange] if own else ()):
                 yield {
-                    "id": f"{service} {part} {exchange} {number}",
+                    "id": f"{client} {part} {exchange} {number}",
                     "permission": "allow",
                     "flows": [grant.flow],
                     "messages": list(grant.messages),
-                    "key_exprs": [key + grant.suffix for key in keys],
+                    "key_exprs": [key + grant.suffix for key in _keys(own, part, grant.flow)],
                 }
+
+
+def _keys(rows: Sequence[Row], part: str, flow: Flow) -> tuple[str, ...]:
+    """A provider speaks on its own key alone; of consumers it hears by the expression that they named."""
+    by_key = part == "provides" and flow == "ingress"
+    return tuple(dict.fromkeys(row.key if by_key else row.subscribed_as or row.key for row in rows))

@@ -11,11 +11,12 @@ import select
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from datetime import UTC, datetime
 from typing import Final
 
+from shared.bus.access import CLIENTS
 from shared.bus.refusal_tally import RefusalTally
 from shared.bus.router_log import LogLine, RouterLogReader
 from shared.messages.base import encode
@@ -93,9 +94,9 @@ def captured_log() -> Iterator[RouterLog]:
 class RefusalWatch:
     """Reads on a thread of its own from `start` to `close`."""
 
-    def __init__(self, log: RouterLog, router_epoch: str, publish: Publish) -> None:
+    def __init__(self, log: RouterLog, router_epoch: str, publish: Publish, clients: Collection[str] = CLIENTS) -> None:
         self._log, self._publish = log, publish
-        self._reader, self._tally = RouterLogReader(), RefusalTally(router_epoch)
+        self._reader, self._tally = RouterLogReader(clients), RefusalTally(router_epoch)
         self._ending = threading.Event()
         self._thread = supervised_thread("refusals", self._work)
 
@@ -149,9 +150,9 @@ def log_line(refusal: BusRefusal) -> str:
 
 
 @contextmanager
-def watched(log: RouterLog, router_epoch: str, publish: Publish) -> Iterator[None]:
-    """Watch for as long as the context lasts."""
-    watch = RefusalWatch(log, router_epoch, publish)
+def watched(log: RouterLog, router_epoch: str, publish: Publish, clients: Collection[str] = CLIENTS) -> Iterator[None]:
+    """Watch for as long as the context lasts; `clients` are those that have rules."""
+    watch = RefusalWatch(log, router_epoch, publish, clients)
     watch.start()
     try:
         yield

@@ -1,5 +1,7 @@
 """The router as a Python process: `python -m shared.bus.router [--room or1] [--listen tls/127.0.0.1:7447]`.
 
+With `--site or1,or2` it is the hospital's, to which rooms show themselves (`shared.bus.site`), instead of one room's.
+
 A session opened with ``mode: router`` is a full Zenoh router, with no Python in the data path. It takes links under
 mutual TLS alone, lets through what the access table allows, and reports what it refuses (`refusal_watch`).
 `--plain-bus` is the one way around, with a warning: anybody who reaches the port may then say anything.
@@ -14,16 +16,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 import zenoh
 
 from shared.arguments import OneLineParser
-from shared.bus.access import access_table
+from shared.bus.access import CLIENTS, Row, access_table
 from shared.bus.access_rules import access_control
 from shared.bus.keys import Keys
 from shared.bus.refusal_watch import captured_log, watched
 from shared.bus.router_log import NEEDED_TARGETS
+from shared.bus.site import require_room_names, site_clients, site_refusals_key, site_table
 from shared.bus.tls import PLAIN_BUS_WARNING, SCHEME, TlsFiles
 from shared.errors import ConfigurationError
 from shared.memory import share_arenas
@@ -45,13 +48,31 @@ class Protection:
     Attributes
     ----------
     tls
-        The router's own certificate, and the authority whose services it takes links from.
-    room
-        Operating room: the only one whose keys there are.
+        The router's own certificate, and the authority whose clients it takes links from.
+    table
+        The only keys that there are, and who may do what with them.
+    clients
+        Common names of those who may do something.
+    refusals_key
+        Where it publishes what it has refused.
     """
 
     tls: TlsFiles
-    room: str
+    table: tuple[Row, ...]
+    clients: tuple[str, ...]
+    refusals_key: str
+
+    @classmethod
+    def of_room(cls, tls: TlsFiles, room: str) -> Self:
+        """Of the router of one operating room."""
+        keys = Keys(room)
+        return cls(tls, access_table(keys), CLIENTS, keys.bus_refusals)
+
+    @classmethod
+    def of_site(cls, tls: TlsFiles, rooms: Sequence[str]) -> Self:
+        """Of the router to which rooms show themselves; raises `ConfigurationError` for a name that none can have."""
+        require_room_names(rooms)
+        return cls(tls, site_table(rooms), site_clients(rooms), site_refusals_key())
 
 
 @contextmanager
@@ -109,7 +130,7 @@ def _protected(protection: Protection) -> dict[str, object]:
         "transport/link/tls/listen_private_key": str(protection.tls.key),
         "transport/link/tls/enable_mtls": True,
         "transport/link/tls/close_link_on_expiration": True,
-        "access_control": access_control(access_table(Keys(protection.room))),
+        "access_control": access_control(protection.table, protection.clients),
     }
 
 
@@ -145,15 +166,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     faults = _Faults(stop)
     os.environ.setdefault("NO_COLOR", "1")
     try:
-        config = router_config(given.config, given.listen, None if given.plain_bus else _protection(given))
+        protection = None if given.plain_bus else _protection(given)
+        config = router_config(given.config, given.listen, protection)
         if given.print_config:
             print(config)  # noqa: T201 - this is what was asked for
             return 0
         with faults_go_to(faults), set_by_signals(stop, LINGER_S):
-            if given.plain_bus:
+            if protection is None:
                 _run_plain(config, stop)
             else:
-                _run_watched(config, given.room, stop)
+                _run_watched(config, protection, stop)
     except ConfigurationError as error:
         print(f"router: {error}", file=sys.stderr)  # noqa: T201 - the one sentence for the person at the terminal
         return 2
@@ -184,15 +206,15 @@ def _run_plain(config: zenoh.Config, stop: threading.Event) -> None:
         stop.wait()
 
 
-def _run_watched(config: zenoh.Config, room: str, stop: threading.Event) -> None:
+def _run_watched(config: zenoh.Config, protection: Protection, stop: threading.Event) -> None:
     """What is refused goes to the log, and on the bus to the gateway; the router's own messages pass no rules."""
     os.environ[_RUST_LOG] = f"{os.environ.get(_RUST_LOG, _ERRORS)},{NEEDED_TARGETS}"
     zenoh.init_log_from_env_or(_ERRORS)
-    key = Keys(room).bus_refusals
+    key = protection.refusals_key
     with (
         captured_log() as log,
         running_router(config) as session,
-        watched(log, str(session.info.zid()), lambda message: session.put(key, message)),
+        watched(log, str(session.info.zid()), lambda message: session.put(key, message), protection.clients),
     ):
         stop.wait()
 
@@ -203,6 +225,7 @@ def _parser() -> OneLineParser:
     parser.add_argument("--listen", action="append", default=[], help="endpoint, e.g. tls/127.0.0.1:7447; repeatable")
     room = os.environ.get("DISTALOCK_ROOM", "or1")
     parser.add_argument("--room", default=room, help="operating room: part of every key (DISTALOCK_ROOM, or1)")
+    parser.add_argument("--site", metavar="ROOM,ROOM", help="be the router to which these rooms show themselves")
     for name in ("authority", "certificate", "key"):
         variable = f"DISTALOCK_TLS_{name.upper()}"
         file = os.environ.get(variable)
@@ -221,7 +244,8 @@ def _protection(given: argparse.Namespace) -> Protection:
                 f"no --{name} is given: name the router's files, which `distalock pki init` makes, or say that you "
                 "want none (--plain-bus)"
             )
-    return Protection(TlsFiles(given.authority, given.certificate, given.key), given.room)
+    tls = TlsFiles(given.authority, given.certificate, given.key)
+    return Protection.of_room(tls, given.room) if given.site is None else Protection.of_site(tls, given.site.split(","))
 
 
 if __name__ == "__main__":

@@ -8,10 +8,11 @@ to one key and the router would offer them others. What a service sent ("ingress
 
 import re
 from collections import OrderedDict
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
-from shared.bus.access import SERVICES
+from shared.bus.access import CLIENTS
 from shared.messages.refusals import LONGEST_TEXT, RefusalCode
 
 # What must be logged for this reader, as a filter of Zenoh's.
@@ -63,9 +64,16 @@ class _Denied:
 
 
 class RouterLogReader:
-    """Takes line after line, as they were written."""
+    """Takes line after line, as they were written.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    clients
+        Common names of those who have rules.
+    """
+
+    def __init__(self, clients: Collection[str] = CLIENTS) -> None:
+        self._clients = frozenset(clients)
         self._denied: dict[str, _Denied] = {}
         self._names: OrderedDict[str, str] = OrderedDict()
 
@@ -82,7 +90,7 @@ class RouterLogReader:
             return self._intercepted(thread)
         if target.startswith(_TLS):
             said_nothing = any(said in text for said in _SAID_NOTHING)
-            return None if said_nothing else _of_link(level, text) or _for_people(level, line)
+            return None if said_nothing else _of_link(level, text, self._clients) or _for_people(level, line)
         return _for_people(level, line)
 
     def _note_decision(self, thread: str, text: str) -> None:
@@ -115,11 +123,11 @@ class RouterLogReader:
         )
 
 
-def _of_link(level: str, text: str) -> Refusal | None:
+def _of_link(level: str, text: str, clients: Collection[str]) -> Refusal | None:
     accepted = _ACCEPTED.match(text)
     if accepted is not None:
         name = accepted["name"]
-        known = name in SERVICES
+        known = name in clients
         return None if known else Refusal(RefusalCode.UNKNOWN_NAME, name[:LONGEST_TEXT], "no rules for this name")
     if level != "WARN" or _HINT.search(text) is None or any(said in text for said in _SAID_NOTHING):
         return None

@@ -18,6 +18,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final, get_args
 
+from shared.bus.access import EXPORTER
 from shared.bus.tls import AUTHORITY_FILE, KEY_FILE, TlsFiles, require_private
 from shared.errors import ConfigurationError
 from shared.messages.presence import ServiceName
@@ -37,12 +38,12 @@ from shared.pki.private_files import private_folder, read_file, write_private
 ROUTER: Final = "router"
 PERMIT: Final = "permit"
 # Who has a folder, and whose certificates there are.
-NAMES: Final[tuple[str, ...]] = (ROUTER, *get_args(ServiceName))
+NAMES: Final[tuple[str, ...]] = (ROUTER, *get_args(ServiceName), EXPORTER)
 ISSUED: Final[tuple[str, ...]] = (*NAMES, PERMIT)
 # Half of their validity: whoever starts an installation once in half a year never sees one expire.
 RENEW_BEFORE: Final = timedelta(days=180)
 HERE: Final = ("localhost", "127.0.0.1", "::1")
-_AUTHORITY: Final = "authority"
+AUTHORITY: Final = "authority"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,7 @@ class Holder:
 BUS: Final[Mapping[str, Holder]] = {
     ROUTER: Holder(Use.SERVER, (*HERE, ROUTER)),
     **{name: Holder(Use.CLIENT) for name in get_args(ServiceName)},
+    EXPORTER: Holder(Use.CLIENT),
     PERMIT: Holder(Use.PERMIT),
 }
 
@@ -145,7 +147,7 @@ class Keystore:
     def rotate(self, now: datetime, host_names: Sequence[str] = ()) -> tuple[str, ...]:
         """Make a new authority and all certificates: none of before is accepted any more; see `ensure`."""
         authority = new_authority(now)
-        folder = private_folder(self.folder / _AUTHORITY)
+        folder = private_folder(self.folder / AUTHORITY)
         write_private(folder / KEY_FILE, authority.key_pem)
         write_private(folder / AUTHORITY_FILE, authority.certificate_pem)
         return self.issue(tuple(self.holders), now, host_names)
@@ -159,7 +161,7 @@ class Keystore:
         return CertificateFacts.of(self._authority_certificate())
 
     def _authority_is_due(self, now: datetime) -> bool:
-        if not (self.folder / _AUTHORITY / AUTHORITY_FILE).exists():
+        if not (self.folder / AUTHORITY / AUTHORITY_FILE).exists():
             return True
         # What it issues now must not end before its time.
         return self.authority_facts().not_after < now + CERTIFICATE_VALID
@@ -199,7 +201,7 @@ class Keystore:
         return CertificateFacts.of(read_file(file)).host_names if file.exists() else self.holders[name].host_names
 
     def _authority(self) -> Identity:
-        key = self.folder / _AUTHORITY / KEY_FILE
+        key = self.folder / AUTHORITY / KEY_FILE
         if not key.exists():
             raise ConfigurationError(
                 f"{key} is missing, so no certificate can be made; put it back, or make a new authority "
@@ -214,7 +216,7 @@ class Keystore:
         return authority
 
     def _authority_certificate(self) -> bytes:
-        file = self.folder / _AUTHORITY / AUTHORITY_FILE
+        file = self.folder / AUTHORITY / AUTHORITY_FILE
         if not file.exists():
             raise ConfigurationError(f"there is no authority in {self.folder}; make one (distalock pki init)")
         return read_file(file)

@@ -32,6 +32,8 @@ OTHER_VARIABLES: Final = frozenset(
         "REVISION",
         "RTPRIO",
         "SEED",
+        "SITE",
+        "SITE_KEYS",
         "VERSION",
     )
 )

@@ -8,7 +8,7 @@ from typing import Final
 
 import zenoh
 
-from shared.bus.access import SERVICES
+from shared.bus.access import CLIENTS
 from shared.bus.settings import BusSettings
 from shared.bus.tls import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, TlsFiles
 from shared.bus.zenoh_bus import client_config
@@ -105,7 +105,7 @@ def _written_copy(site: Site, name: str) -> TlsFiles:
 
 def _impostor(site: Site) -> str:
     """Each service's key plays the router; the robot's session must believe none."""
-    for name in SERVICES:
+    for name in CLIENTS:
         with router_with(site.files_of(name)) as endpoint:
             if (seen := _link_with(site, site.files_of("robot"), endpoint)) != NO_LINK:
                 return f"{name}: {seen}"

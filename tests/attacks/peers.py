@@ -38,7 +38,7 @@ def overheard_or_forged(site: Site, stranger: zenoh.Session) -> str:
 def router_with(files: TlsFiles) -> Iterator[str]:
     """A router that runs with somebody's files; its endpoint."""
     endpoint = f"tls/127.0.0.1:{free_port()}"
-    with running_router(router_config(DEFAULT_CONFIG, [endpoint], Protection(files, ROOM))):
+    with running_router(router_config(DEFAULT_CONFIG, [endpoint], Protection.of_room(files, ROOM))):
         yield endpoint
 
 

@@ -35,7 +35,7 @@ def _in_the_role_of(thief: ServiceName, victim: ServiceName) -> Callable[[Site],
         table, heard = access_table(site.keys), _Heard()
         with ExitStack() as sessions:
             stolen = sessions.enter_context(site.open_as(thief))
-            others = {
+            others: dict[str, ZenohBus] = {
                 name: sessions.enter_context(site.open_as(name)) for name in SERVICES if name not in (thief, victim)
             }
             _listen(others, table, victim, heard)
@@ -48,7 +48,7 @@ def _in_the_role_of(thief: ServiceName, victim: ServiceName) -> Callable[[Site],
     return run
 
 
-def _listen(others: dict[ServiceName, ZenohBus], table: tuple[Row, ...], victim: ServiceName, heard: _Heard) -> None:
+def _listen(others: dict[str, ZenohBus], table: tuple[Row, ...], victim: ServiceName, heard: _Heard) -> None:
     """Whoever may hear the victim listens for what is forged, or for a token that appears."""
     for row in table:
         for consumer in row.consumers & others.keys():

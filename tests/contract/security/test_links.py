@@ -161,7 +161,7 @@ def inviting(room: SecureRoom, mode: str) -> zenoh.Config:
 def impostor(files: TlsFiles) -> Iterator[str]:
     """A router that runs with somebody's files."""
     endpoint = f"tls/127.0.0.1:{free_port()}"
-    config = router_config(Path("shared/bus/router.json5"), [endpoint], Protection(files, ROOM))
+    config = router_config(Path("shared/bus/router.json5"), [endpoint], Protection.of_room(files, ROOM))
     with running_router(config):
         yield endpoint
 

@@ -8,6 +8,7 @@ from typing import get_args
 
 import pytest
 
+from shared.bus.access import EXPORTER
 from shared.bus.shared_memory import LOCKED_BYTES, POOL_BYTES
 from shared.messages.presence import ServiceName
 from shared.pki.keystore import NAMES
@@ -25,6 +26,7 @@ BUILT = ("router", *get_args(ServiceName), "virtual-or", "pki")
 SERVERS = {
     "ui_api": [("keys-rest", "/run/distalock/https:ro")],
     "imaging": [("keys-dicom", "/run/distalock/dicom:ro")],
+    "exporter": [("keys-site", "/run/distalock/site:ro")],
 }
 
 
@@ -52,6 +54,7 @@ def test_only_who_issues_sees_all_of_them_and_it_has_no_network() -> None:
     assert mounted == of_the_bus | of_the_network | {
         "keys-network": "/keys/pki/network/authority",
         "keys-logs": "/keys/logs",
+        "keys-site": "/keys/site",
     }
     assert "network_mode: none" in block_of("pki")
 
@@ -84,11 +87,11 @@ def test_what_others_reach_is_under_tls() -> None:
 def test_containers_may_lock_the_pool_of_frames_and_share_its_memory() -> None:
     (limit,) = re.findall(r"memlock: \$\{DISTALOCK_MEMLOCK:-(\d+)\}", TEXT)
     assert int(limit) >= LOCKED_BYTES
-    for service in NAMES:
+    for service in (name for name in NAMES if name != EXPORTER):  # which receives no frames
         assert "<<: *service" in block_of(service)
         assert "frames:/dev/shm:nocopy" in block_of(service)  # a copy would take the mode of the image's folder
     (size_mib,) = re.findall(r"size=(\d+)m,mode=1777,nosuid", TEXT)
-    sessions = len(NAMES) + 1  # the gateway has two
+    sessions = len(NAMES)  # the gateway has two, the exporter none
     assert int(size_mib) * 2**20 >= (sessions + 1) * POOL_BYTES
 
 
@@ -138,6 +141,7 @@ def test_the_bus_is_a_network_of_its_own_without_a_way_out() -> None:
     assert {name for name, found in networks.items() if "hospital" in "".join(found)} == {
         "imaging",
         "ui_api",
+        "exporter",
         "virtual-or",
         "archive",
     }

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from shared.bus.access import SERVICES, access_table
+from shared.bus.access import CLIENTS, access_table
 from shared.bus.key_expressions import includes
 from shared.bus.keys import Keys
 from tools.keys_page import keys_page
@@ -16,7 +16,7 @@ def test_the_page_is_up_to_date() -> None:
 
 def test_every_service_has_a_row_of_its_own() -> None:
     rows = [line.split(" | ")[0] for line in keys_page().split("## Service by service")[1].splitlines()]
-    assert [f"| {service}" for service in SERVICES] == [row for row in rows if row.removeprefix("| ") in SERVICES]
+    assert [f"| {service}" for service in CLIENTS] == [row for row in rows if row.removeprefix("| ") in CLIENTS]
 
 
 def test_every_key_is_in_the_table() -> None:

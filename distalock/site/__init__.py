@@ -1,0 +1,1 @@
+"""`distalock site`: many rooms, and a control desk that sees all and commands none."""
