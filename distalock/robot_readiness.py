@@ -25,8 +25,8 @@ class NotDone(Exception):
     """An action had no success, for the reason given."""
 
 
-def make_robot_ready(rest: Client) -> None:
-    """Acknowledge, reference, reset, until it is locked.
+def make_robot_ready(rest: Client, settles_s: float = _SETTLES_S) -> None:
+    """Acknowledge, reference, reset, until it is locked; then wait until an image may be taken.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def make_robot_ready(rest: Client) -> None:
             time.sleep(_POLL_S)
             continue
         if state.state == "locked" and state.locked is True:
-            time.sleep(0.0 if last is None else _SETTLES_S)
+            time.sleep(0.0 if last is None else settles_s)
             return
         command = _COMMANDS.get(state.state)
         if command is not None:

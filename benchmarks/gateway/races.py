@@ -1,68 +1,51 @@
 """Two surgeons approve, move, take back and stop at once: one motion, one record, clear answers.
 
-usage: distalock bench races [--races 500] [--seed 1] [--minutes 120] [--report FILE]
+usage: distalock bench races [--races 500] [--with-images 25] [--seed 1] [--minutes 120] [--rows FILE] [--report FILE]
 
-A real installation with the virtual operating room. For each race there is a plan that would move the robot by some
-millimetres. Two surgeons, each with an account and a session of his own, play seeded scripts against it at the same
-time; some requests are sent twice under one key. What came of it is judged by the answers, by what went over the
-controller's line, by the room's own truth, and at the end by the record.
+For each race there is a plan that would move the robot by a millimetre or two. Two surgeons, each with an account and a
+session of his own, play seeded scripts against it at the same time; some requests are sent twice under one key. What
+came of it is judged by the answers, by what went over the controller's line, by the controller's own truth and by the
+record. With `--rows FILE` a run continues where it ended.
 """
 
 import argparse
-import json
-import os
 import random
-import sqlite3
 import sys
 import time
-from collections import Counter
-from collections.abc import Container, Sequence
-from contextlib import closing
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from threading import Barrier, Thread
 from typing import Final
 
+from pydantic import TypeAdapter
+
 from benchmarks.common.places import PAGES, ROOT
-from benchmarks.gateway.race_judgement import Answer, Race, Recorded, faults_of, record_faults
-from benchmarks.gateway.race_room import RaceRoom, race_room
-from benchmarks.gateway.surgeons import Surgeon, new_surgeon, script, sign_in
+from benchmarks.common.runner import RowFile
+from benchmarks.gateway.race_judgement import Race, faults_of, record_faults
+from benchmarks.gateway.race_page import page_of
+from benchmarks.gateway.race_room import NoPlan, PlansFrom, RaceRoom
+from benchmarks.gateway.race_rows import AnswerRow, RaceRow, RecordTail
+from benchmarks.gateway.race_with_images import room_with_images
+from benchmarks.gateway.race_with_stand_in import room_with_stand_in
+from benchmarks.gateway.surgeons import Surgeon, new_surgeon, script
 from distalock.arguments import seed_number, whole_number, writable_file
-from services.ui_api.core.chain import ChainIntact
-from services.ui_api.record.database import existing_database
-from services.ui_api.record.location import sqlite_url
-from services.ui_api.record.verify import verify_record
+from distalock.version import revision
 from shared.arguments import OneLineParser
 
 REPORT: Final = PAGES / "races.md"
 RACES: Final = 500
+WITH_IMAGES: Final = 25
 SEED: Final = 1
 MINUTES: Final = 120
 SCENARIO: Final = 1
 NAMES: Final = ("anna", "boris")
 _DOCUMENTS: Final = ("rest.md", "procedure.md", "refusals.md")
-_RENEW_AFTER_S: Final = 600.0
-_MOST_SHOWN: Final = 20
-_FAULTS_ARE: Final = """A fault is one of these:
-- a second motion to the controller from one plan, or one that no operation says to have begun;
-- a motion to the controller after a stop's byte; a robot that moves, or has no stop in force, after a stop was answered
-  200; a stop that was answered otherwise;
-- a repeat under the same key that gets another answer;
-- a refusal other than 409 and 412, without a reason, or with a code that is on no page;
-- a motion on record without an approval in force; an answer of success without its event, or the other way round;
-- a chain that does not verify.
-"""
-
-
-@dataclass(slots=True)
-class Tally:
-    """What came of all races."""
-
-    races: int = 0
-    motions: int = 0
-    stops_won: int = 0
-    answers: list[Answer] = field(default_factory=list)
-    faults: list[str] = field(default_factory=list)
+_MEASURED: Final = ("services", "shared", "benchmarks/gateway")
+# Stops are on record two seconds after their answer at the latest.
+_ON_RECORD_WITHIN_S: Final = 5.0
+_POLL_S: Final = 0.05
+_MOST_WITHOUT_PLAN: Final = 3
 
 
 class DocumentedCodes:
@@ -75,118 +58,134 @@ class DocumentedCodes:
         return f"`{code}`" in self._text
 
 
-def run_races(room: RaceRoom, races: int, seed: int, minutes: int) -> Tally:
-    """So many races, one after another; fewer when the time is over."""
-    rest, url = room.room.rest, room.room.installation.ports.rest_url
-    surgeons = [new_surgeon(rest, url, name, room.case.id) for name in NAMES]
-    tally, moved, began_s = Tally(), True, time.monotonic()
-    signed_in_s = began_s
-    for number in range(races):
-        if time.monotonic() - began_s > 60.0 * minutes:
-            break
-        if time.monotonic() - signed_in_s > _RENEW_AFTER_S:
-            for surgeon in surgeons:
-                sign_in(surgeon)
-            signed_in_s = time.monotonic()
-        race = _run(room, surgeons, random.Random(f"{seed}-{number}"), moved=moved)
-        moved = any(one.what == "move" for one in race.commanded)
-        _count(tally, race, number, DocumentedCodes())
-    return tally
+class Races:
+    """Races in one room.
+
+    Parameters
+    ----------
+    documented
+        The codes of refusals that the documents name.
+    """
+
+    def __init__(self, room: RaceRoom, seed: int, documented: Container[str]) -> None:
+        self._room, self._seed, self._documented = room, seed, documented
+        self._surgeons = [new_surgeon(room.rest, room.url, name, room.case_id) for name in NAMES]
+        self._record = RecordTail(room.state_dir)
+
+    def run(self, number: int) -> RaceRow:
+        """Prepare, race and judge; raises `NoPlan`."""
+        began_s, source = time.monotonic(), random.Random(f"{self._seed}-{number}")
+        race = self._raced(source)
+        on_record = self._record_faults(race)
+        faults = (*faults_of(race, self._documented), *on_record, *self._record.chain_faults())
+        kept = tuple(map(AnswerRow.of, race.answers))
+        moves = sum(one.what == "move" for one in race.commanded)
+        stops = len(race.commanded) - moves
+        return RaceRow(number, self._room.plans_from, kept, moves, stops, faults, round(time.monotonic() - began_s, 3))
+
+    def _raced(self, source: random.Random) -> Race:
+        room = self._room
+        plan = room.plan(source)
+        room.line.taken()
+        self._record.pass_over()
+        start = Barrier(len(self._surgeons))
+        threads = [
+            _playing(surgeon, (script(source), plan.number, f'"{plan.sha256}"', start)) for surgeon in self._surgeons
+        ]
+        for thread in threads:
+            thread.join()
+        operations = room.operations(plan.number)
+        answers = tuple(answer for surgeon in self._surgeons for answer in surgeon.answers)
+        return Race(answers, room.line.taken(), operations, room.stop_is_latched(), room.is_at_rest())
+
+    def _record_faults(self, race: Race) -> list[str]:
+        """What the record lacks, or has too much, once all had its time to be recorded."""
+        deadline_s = time.monotonic() + _ON_RECORD_WITHIN_S
+        while (found := record_faults(self._record.events(), race.answers)) and time.monotonic() < deadline_s:
+            time.sleep(_POLL_S)
+        return found
 
 
-def _run(room: RaceRoom, surgeons: Sequence[Surgeon], source: random.Random, *, moved: bool) -> Race:
-    plan = room.plan(source, moved=moved)
-    room.line.taken()
-    start = Barrier(len(surgeons))
-    threads = []
-    for surgeon in surgeons:
-        surgeon.answers.clear()
-        arguments = (script(source), plan.number, f'"{plan.sha256}"', start)
-        threads.append(Thread(target=surgeon.play, args=arguments, daemon=True))
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    operations = room.operations(plan.number)
-    answers = tuple(answer for surgeon in surgeons for answer in surgeon.answers)
-    return Race(answers, room.line.taken(), operations, room.stop_is_latched(), room.is_at_rest())
+def _playing(surgeon: Surgeon, arguments: tuple[object, ...]) -> Thread:
+    surgeon.answers.clear()
+    thread = Thread(target=surgeon.play, args=arguments, daemon=True)
+    thread.start()
+    return thread
 
 
-def _count(tally: Tally, race: Race, number: int, documented: Container[str]) -> None:
-    tally.races += 1
-    tally.motions += sum(one.what == "move" for one in race.commanded)
-    tally.stops_won += any(one.action == "stop" and one.succeeded for one in race.answers)
-    tally.answers += race.answers
-    found = [f"race {number}: {fault}" for fault in faults_of(race, documented)]
-    tally.faults += found
-    for line in found:
-        print(line, flush=True)
-    if (number + 1) % 10 == 0:
-        print(f"{number + 1} races, {tally.motions} motions, {len(tally.faults)} faults", flush=True)
+def run_numbers(races: Races, numbers: Iterable[int], deadline_s: float) -> Iterable[RaceRow]:
+    """Rows of these races, until the time is over; a race without a plan is told and left for another run.
 
-
-def recorded(state_dir: Path) -> list[Recorded]:
-    """The events of the record that count here."""
-    with closing(sqlite3.connect(sqlite_url(state_dir).removeprefix("sqlite:///"))) as connection:
-        rows = connection.execute("SELECT kind, data_json FROM events ORDER BY sequence").fetchall()
-    found = []
-    for kind, data_json in rows:
-        data = json.loads(data_json)
-        found.append(Recorded(kind, data.get("plan_number", data.get("number")), data.get("verb")))
-    return found
+    Raises
+    ------
+    NoPlan
+        When none of several races in succession has a plan.
+    """
+    without_plan = 0
+    for number in numbers:
+        if time.monotonic() > deadline_s:
+            return
+        try:
+            yield races.run(number)
+        except NoPlan as lack:
+            print(f"race {number}: {lack}", flush=True)
+            without_plan += 1
+            if without_plan >= _MOST_WITHOUT_PLAN:
+                raise
+        else:
+            without_plan = 0
 
 
 def main(arguments: Sequence[str] = ()) -> int:
-    """Run, write the page; 1 when anything is wrong."""
+    """Run what no row is there of, write the page; 1 when anything is wrong."""
     given = _options(arguments)
-    began_s = time.monotonic()
-    with race_room(SCENARIO) as room:
-        tally = run_races(room, given.races, given.seed, given.minutes)
-        state_dir = room.room.installation.state_dir
-        tally.faults += record_faults(recorded(state_dir), tally.answers)
-        engine = existing_database(sqlite_url(state_dir))
-        verdict = verify_record(engine)
-        engine.dispose()
-    if not isinstance(verdict, ChainIntact):
-        tally.faults.append(f"the record's chain: {verdict}")
-    page = page_of(tally, given.seed, time.monotonic() - began_s)
+    store, deadline_s = RowFile(given.rows, TypeAdapter(RaceRow)), time.monotonic() + 60.0 * given.minutes
+    rows = {key: row for key, row in store.read().items() if key.startswith(f"{given.seed} ")}
+    made_of = revision(_MEASURED) or "unknown"
+    with_images = min(given.with_images, given.races)
+    parts: tuple[tuple[PlansFrom, range], ...] = (
+        ("images", range(with_images)),
+        ("stand_in", range(with_images, given.races)),
+    )
+    for plans_from, numbers in parts:
+        missing = [number for number in numbers if f"{given.seed} {plans_from} {number}" not in rows]
+        if not missing or time.monotonic() > deadline_s:
+            continue
+        with _room(plans_from) as room:
+            for row in run_numbers(Races(room, given.seed, DocumentedCodes()), missing, deadline_s):
+                key = f"{given.seed} {plans_from} {row.number}"
+                rows[key] = row
+                store.append(key, row, made_of)
+                _tell(row, len(rows))
+    page = page_of(sorted(rows.values(), key=lambda row: row.number), given.seed)
     given.report.write_text(page)
     print(page)
-    return 1 if tally.faults else 0
+    return 1 if any(row.faults for row in rows.values()) or len(rows) < given.races else 0
+
+
+def _room(plans_from: PlansFrom) -> AbstractContextManager[RaceRoom]:
+    return room_with_images(SCENARIO) if plans_from == "images" else room_with_stand_in()
+
+
+def _tell(row: RaceRow, done: int) -> None:
+    for fault in row.faults:
+        print(f"race {row.number}: {fault}", flush=True)
+    if done % 10 == 0:
+        print(f"{done} races", flush=True)
 
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser = OneLineParser(prog="distalock bench races", description="two surgeons at once")
     parser.add_argument("--races", type=whole_number("a number of races", 1, 10**5), default=RACES, help=f"({RACES})")
+    images = whole_number("a number of races", 0, 10**5)
+    help_images = f"races whose plans are of images in the virtual operating room ({WITH_IMAGES})"
+    parser.add_argument("--with-images", type=images, default=WITH_IMAGES, help=help_images)
     parser.add_argument("--seed", type=seed_number, default=SEED, help=f"of the scripts ({SEED})")
     minutes = whole_number("minutes", 1, 10**4)
     parser.add_argument("--minutes", type=minutes, default=MINUTES, help=f"after which no race begins ({MINUTES})")
+    parser.add_argument("--rows", type=writable_file, help="file for the row of each race; a run continues from it")
     parser.add_argument("--report", type=writable_file, default=REPORT, help="file for the page")
     return parser.parse_args(list(arguments))
-
-
-def page_of(tally: Tally, seed: int, took_s: float) -> str:
-    """The page."""
-    counts = Counter((one.action, one.status, one.code) for one in tally.answers)
-    rows = "".join(
-        f"| {action} | {status} | {f'`{code}`' if code else ''} | {count} |\n"
-        for (action, status, code), count in sorted(counts.items())
-    )
-    listed = "".join(f"- {fault}\n" for fault in tally.faults[:_MOST_SHOWN]) or "None.\n"
-    return (
-        "# Two surgeons at once\n\n"
-        f"Made by `distalock bench races --races {tally.races} --seed {seed}` in {took_s / 60.0:.0f} min: a real "
-        "installation with the virtual operating room, two surgeons\nwith accounts and sessions of their own, seeded "
-        "scripts of approving, moving, taking back and stopping against one plan at the same time,\nsome requests "
-        "twice under one key.\n\n"
-        "| races | requests | motions | races with a stop | faults |\n|---|---|---|---|---|\n"
-        f"| {tally.races} | {len(tally.answers)} | {tally.motions} | {tally.stops_won} "
-        f"| {len(tally.faults)} (limit 0) |\n\n{_FAULTS_ARE}\n"
-        f"| request | answer | code | times |\n|---|---|---|---|\n{rows}\n"
-        f"## Faults\n\n{listed}\n"
-        f"Load average of the five minutes before the end of this run: {os.getloadavg()[1]:.1f}, "
-        f"on {os.cpu_count()} processors.\n"
-    )
 
 
 if __name__ == "__main__":

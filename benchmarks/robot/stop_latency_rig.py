@@ -247,10 +247,10 @@ class StopRig:
 
 
 @contextmanager
-def stop_rig() -> Iterator[StopRig]:
-    """An installation of its own, for as long as the context lasts."""
+def stop_rig(controller: ListeningController | None = None) -> Iterator[StopRig]:
+    """An installation of its own, for as long as the context lasts; with this controller, or a new one."""
     ports = Ports.any_free()
-    controller = ListeningController(HEXAPOD, time.monotonic)
+    controller = controller or ListeningController(HEXAPOD, time.monotonic)
     ended = threading.Event()
     os.environ |= WITHOUT_RATE_LIMITS  # a thousand consoles have one token and one address here
     # Controller and console, for which this process stands, have processors of their own.
