@@ -1,6 +1,6 @@
 """`make fuzz`: generated requests as each role, along the links of the interface's document.
 
-usage: python -m tests.fuzz [--examples 60] [--seed 1] [--role ROLE] [--logs FOLDER] [--report FILE]
+usage: python -m tests.fuzz [--examples 40] [--seed 1] [--role ROLE] [--phases stateful] [--logs FOLDER] [--report FILE]
 
 Exit code 1 when anything was found.
 """
@@ -8,18 +8,18 @@ Exit code 1 when anything was found.
 import argparse
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from services.ui_api.api_document.links import LINKS
 from services.ui_api.core.roles import Role
 from tests.fuzz.page import PAGE, page_text
-from tests.fuzz.runner import RoleRun, run_as
+from tests.fuzz.runner import ALL_PHASES, STREAMS, FuzzPlan, RoleRun, run_as
 from tests.fuzz.site import fuzz_site
 
 # Chosen: with four roles, more than 10,000 requests.
-_EXAMPLES: Final = 60
+_EXAMPLES: Final = 40
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,23 +30,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--role", type=Role, choices=tuple(Role), action="append", help="only this one")
     parser.add_argument("--logs", type=Path, help="where what was found goes")
     parser.add_argument("--report", type=Path, default=PAGE)
+    parser.add_argument("--phases", choices=ALL_PHASES, action="append", help="only this one; may be repeated")
     asked = parser.parse_args(arguments)
-    began_s, runs = time.monotonic(), list[RoleRun]()
+    plan, runs = FuzzPlan(asked.examples, asked.seed, tuple(asked.phases or ALL_PHASES)), list[RoleRun]()
     with tempfile.TemporaryDirectory() as folder, fuzz_site() as site:
         for role in asked.role or Role:
-            runs.append(_told(run_as(role, site, asked.examples, asked.seed, asked.logs or Path(folder))))
+            runs.append(_told(run_as(role, site, plan, asked.logs or Path(folder))))
             if asked.logs is not None:
                 (asked.logs / f"{role}.txt").write_text(runs[-1].output, encoding="utf-8")
-    if asked.role is None:
-        asked.report.write_text(
-            page_text(runs, asked.examples, asked.seed, time.monotonic() - began_s), encoding="utf-8"
-        )
+    if asked.role is None and asked.phases is None:
+        in_document = sum(link.target not in STREAMS for link in LINKS)
+        asked.report.write_text(page_text(runs, plan, in_document), encoding="utf-8")
     return 1 if any(run.failed or run.beyond for run in runs) else 0
 
 
 def _told(run: RoleRun) -> RoleRun:
     answers = ", ".join(f"{count} × {status}" for status, count in sorted(run.answers.items()))
     print(f"{'found' if run.failed else 'held':6} {run.role}: {run.cases} requests: {answers}", flush=True)
+    print(
+        f"       {run.took_s:.0f} s, {run.cases / run.took_s:.1f} requests/s; {run.sequences} sequences along "
+        f"{len(run.links)} links, {run.links.total()} times, {run.links_that_succeeded.total()} to a good answer, "
+        f"the longest of {run.longest}",
+        flush=True,
+    )
     if run.failed:
         print(run.output[-6000:], flush=True)
     return run

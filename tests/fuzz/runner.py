@@ -4,18 +4,19 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from services.ui_api.core.roles import PERMISSION_OF, Role, WithoutLogin, may
-from tests.fuzz.site import PASSWORD, FuzzSite, account_of
+from tests.fuzz.site import OTHER_ACCOUNT, PASSWORD, FuzzSite, account_of
 
 # A stream has no end: what is wrong with a request for one, unit tests ask.
-_STREAMS: Final = ("all_events", "case_events")
+STREAMS: Final = ("all_events", "case_events")
 CHECKS: Final = (
-    "not_a_server_error",
+    "no_server_error",
     "status_code_conformance",
     "content_type_conformance",
     "response_headers_conformance",
@@ -23,6 +24,17 @@ CHECKS: Final = (
     "unsupported_method",
     "within_role",
 )
+
+ALL_PHASES: Final = ("examples", "coverage", "fuzzing", "stateful")
+
+
+@dataclass(frozen=True, slots=True)
+class FuzzPlan:
+    """How much is asked; `examples` of each operation in the phase of generated requests, and so many sequences."""
+
+    examples: int
+    seed: int
+    phases: tuple[str, ...] = ALL_PHASES
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,15 +45,33 @@ class RoleRun:
     ----------
     answers
         How many there were of each status.
+    phases
+        How many requests there were of each phase.
     beyond
         Requests that were granted to somebody who may not.
+    not_ready
+        Answers of `/readyz` that name a part which is not ready.
+    links, links_that_succeeded
+        How often each link was followed, and how often to an answer below 400.
+    inferred
+        Steps along links that the document does not have, and Schemathesis infers from names.
+    sequences, longest
+        Sequences along links, and the most links in one of them.
     failed
         Whether Schemathesis found anything; `output` has it.
     """
 
     role: Role
     answers: Counter[str]
+    phases: Counter[str]
     beyond: tuple[str, ...]
+    not_ready: int
+    links: Counter[str]
+    links_that_succeeded: Counter[str]
+    inferred: int
+    sequences: int
+    longest: int
+    took_s: float
     failed: bool
     output: str
 
@@ -52,52 +82,65 @@ class RoleRun:
 
     @property
     def server_errors(self) -> int:
-        """How many answers were 5xx."""
-        return sum(count for status, count in self.answers.items() if status.startswith("5"))
+        """How many answers were 5xx; those of `/readyz` that say which part is not ready are none."""
+        return sum(count for status, count in self.answers.items() if status.startswith("5")) - self.not_ready
 
 
-def run_as(role: Role, site: FuzzSite, examples: int, seed: int, folder: Path) -> RoleRun:
+def run_as(role: Role, site: FuzzSite, plan: FuzzPlan, folder: Path) -> RoleRun:
     """All phases as one role: examples, coverage, generated requests, and sequences along the links."""
-    tally = folder / f"{role}.json"
-    context = {
+    tally, began_s = folder / f"{role}.json", time.monotonic()
+    environment = {
+        **os.environ,
+        "SCHEMATHESIS_HOOKS": "tests.fuzz.hooks",
+        "DISTALOCK_FUZZ": json.dumps(_context(role, site, plan.seed, tally)),
+    }
+    done = subprocess.run(_words(site.url, plan), env=environment, capture_output=True, text=True, check=False)
+    found = json.loads(tally.read_text(encoding="utf-8"))
+    return RoleRun(
+        role=role,
+        answers=Counter(found["answers"]),
+        phases=Counter(found["phases"]),
+        beyond=tuple(found["beyond"]),
+        not_ready=found["not_ready"],
+        links=Counter(found["links"]),
+        links_that_succeeded=Counter(found["links_that_succeeded"]),
+        inferred=found["inferred"],
+        sequences=found["sequences"],
+        longest=found["longest"],
+        took_s=time.monotonic() - began_s,
+        failed=done.returncode != 0,
+        output=done.stdout + done.stderr,
+    )
+
+
+def _context(role: Role, site: FuzzSite, seed: int, tally: Path) -> dict[str, object]:
+    """What the hooks know: who asks, what he may, and what there is."""
+    actions = [
+        str(action)
+        for action, it in PERMISSION_OF.items()
+        if may(frozenset({role}), action) or it.without_login is not WithoutLogin.NOBODY
+    ]
+    there_is = site.fresh_case()
+    return {
         "url": site.url,
         "name": account_of(role),
+        "roles": [role.value],
         "password": PASSWORD,
-        "actions": [
-            str(action)
-            for action, it in PERMISSION_OF.items()
-            if may(frozenset({role}), action) or it.without_login is not WithoutLogin.NOBODY
-        ],
-        "known": site.known,
-        "plan_etag": site.plan_etag,
+        "administrator": site.administrator,
+        "actions": actions,
+        "known": dict(there_is.known),
+        "known_user": OTHER_ACCOUNT,
+        "plan_etag": there_is.plan_etag,
         "seed": seed,
         "tally": str(tally),
     }
-    words = [
-        sys.executable,
-        "-m",
-        "schemathesis.cli",
-        "run",
-        f"{site.url}/openapi.json",
-        "--phases",
-        "examples,coverage,fuzzing,stateful",
-    ]
-    words += ["--checks", ",".join(CHECKS), "--max-examples", str(examples), "--seed", str(seed), "--workers", "1"]
-    words += [
-        "--continue-on-failure",
-        "--no-shrink",
-        "--generation-database",
-        "none",
-        "--suppress-health-check",
-        "all",
-        "--warnings",
-        "off",
-    ]
-    words += ["--request-timeout", "60", "--no-color"]
-    for name in _STREAMS:
+
+
+def _words(url: str, plan: FuzzPlan) -> list[str]:
+    words = [sys.executable, "-m", "schemathesis.cli", "run", f"{url}/openapi.json", "--phases", ",".join(plan.phases)]
+    words += ["--checks", ",".join(CHECKS), "--max-examples", str(plan.examples), "--seed", str(plan.seed)]
+    words += ["--workers", "1", "--continue-on-failure", "--no-shrink", "--generation-database", "none"]
+    words += ["--suppress-health-check", "all", "--warnings", "off", "--request-timeout", "60", "--no-color"]
+    for name in STREAMS:
         words += ["--exclude-operation-id", name]
-    environment = {**os.environ, "SCHEMATHESIS_HOOKS": "tests.fuzz.hooks", "DISTALOCK_FUZZ": json.dumps(context)}
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
-    found = json.loads(tally.read_text(encoding="utf-8")) if tally.exists() else {"answers": {}, "beyond": []}
-    output = done.stdout + done.stderr
-    return RoleRun(role, Counter(found["answers"]), tuple(found["beyond"]), done.returncode != 0, output)
+    return words

@@ -1,12 +1,11 @@
 """The system that is asked: an installation with an account for each role, an open case, an image and a plan."""
 
-import os
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -15,20 +14,24 @@ from distalock.case_client import CaseClient
 from distalock.client import Client, RequestRefused
 from distalock.client.models import PlanView, UserBody
 from distalock.installation import Installation, Ports
+from distalock.processes import ProcessSpec
 from distalock.rest_client import RestClient
+from distalock.robot_readiness import make_robot_ready
 from distalock.room_client import RoomClient
 from services.ui_api.core.roles import Role
 
 SEED: Final = 2
 PASSWORD: Final = "four words and a nail"
+# Whom requests about accounts name.
+OTHER_ACCOUNT: Final = "a.nobody"
 _START_WITHIN_S: Final = 600.0
 _SETTLES_S: Final = 1.5
 _MOST_IMAGES: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
-class FuzzSite:
-    """A running system, and what of it requests can name.
+class ThereIs:
+    """What requests can name.
 
     Attributes
     ----------
@@ -36,9 +39,41 @@ class FuzzSite:
         A value for each parameter of a path that names something there is.
     """
 
-    url: str
-    known: dict[str, object]
+    known: Mapping[str, object]
     plan_etag: str
+
+
+@dataclass(frozen=True, slots=True)
+class FuzzSite:
+    """A running system.
+
+    Attributes
+    ----------
+    administrator
+        Token of an administrator, who mends an account that a generated request has changed.
+    """
+
+    url: str
+    administrator: str
+    client: Client
+    room: RoomClient
+
+    def fresh_case(self) -> ThereIs:
+        """A new open case with an image and a plan; whatever was open before is abandoned."""
+        for case in CaseClient.open_cases(self.client):
+            case.abandon("the next role begins with a case of its own")
+        scenario = self.room.scenario()
+        case = CaseClient.opened(self.client, scenario.set_up)
+        make_robot_ready(self.client)
+        plan = _planned(case, self.room, scenario.hole_ids)
+        known: dict[str, object] = {
+            "case_id": case.id,
+            "image_id": case.newest_image_id(),
+            "number": 1,
+            "operation_id": self.client.list_operations(limit=1).items[0].id,
+            "name": "ring-120",
+        }
+        return ThereIs(known, f'"{plan.sha256}"')
 
 
 def account_of(role: Role) -> str:
@@ -49,32 +84,21 @@ def account_of(role: Role) -> str:
 @contextmanager
 def fuzz_site() -> Iterator[FuzzSite]:
     """Start everything; gone afterwards."""
-    os.environ |= WITHOUT_RATE_LIMITS
     with tempfile.TemporaryDirectory(prefix="distalock-fuzz-") as folder:
         installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=("--seed", str(SEED)))
         with (
-            installation.fleet(threading.Event(), _START_WITHIN_S),
+            installation.fleet(threading.Event(), _START_WITHIN_S, _without_rate_limits),
             Client(installation.gateway.url, installation.token) as client,
             RestClient(installation.ports.control_url) as control,
         ):
             for role in Role:
                 client.create_user(UserBody(name=account_of(role), password=PASSWORD, roles=(role.value,)))
-            yield _with_case(client, RoomClient(control), installation.gateway.url)
+            client.create_user(UserBody(name=OTHER_ACCOUNT, password=PASSWORD, roles=("viewer",)))
+            yield FuzzSite(installation.gateway.url, installation.token, client, RoomClient(control))
 
 
-def _with_case(client: Client, room: RoomClient, url: str) -> FuzzSite:
-    scenario = room.scenario()
-    case = CaseClient.opened(client, scenario.set_up)
-    acknowledged, _ = case.make_robot_ready()
-    plan = _planned(case, room, scenario.hole_ids)
-    known: dict[str, object] = {
-        "case_id": case.id,
-        "image_id": case.newest_image_id(),
-        "number": 1,
-        "operation_id": acknowledged.id,
-        "name": "ring-120",
-    }
-    return FuzzSite(url, known, f'"{plan.sha256}"')
+def _without_rate_limits(spec: ProcessSpec) -> ProcessSpec:
+    return replace(spec, environment={**spec.environment, **WITHOUT_RATE_LIMITS})
 
 
 def _planned(case: CaseClient, room: RoomClient, hole_ids: Sequence[str]) -> PlanView:

@@ -1,6 +1,8 @@
 """`/healthz`, `/readyz` and `/metrics`, outside the prefix."""
 
 import asyncio
+from collections.abc import Mapping
+from typing import Any, Final
 
 from fastapi import Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
@@ -10,13 +12,18 @@ from services.ui_api.handlers.readiness import PROBE_WITHIN_S, Check
 from services.ui_api.routes.access import TheGateway
 from services.ui_api.routes.guards import needs
 from services.ui_api.routes.metrics import Metrics
-from services.ui_api.routes.problems import problem, problem_response
+from services.ui_api.routes.problems import PROBLEM_JSON, problem, problem_response
 from services.ui_api.routes.routers import plain_router
 from services.ui_api.routes.views import View
 from shared.runtime.lifecycle import software_version
 
 router = plain_router(tag="health")
 _OK = "ok"
+
+_NOT_READY: Final[Mapping[str, Any]] = {
+    "description": "Something is not as it should be; `checks` has all parts.",
+    "content": {PROBLEM_JSON: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+}
 
 
 class HealthView(View):
@@ -49,7 +56,12 @@ async def read_health() -> HealthView:
     return HealthView(status=_OK, version=software_version())
 
 
-@router.get("/readyz", response_model=ReadyView, openapi_extra=needs(Action.SEE_HEALTH))
+@router.get(
+    "/readyz",
+    response_model=ReadyView,
+    responses={503: dict(_NOT_READY)},
+    openapi_extra=needs(Action.SEE_HEALTH),
+)
 async def read_readiness(request: Request, gateway: TheGateway) -> Response:
     """Whether bus, services, robot, database and disk do what they are there for; 503 with what does not."""
     probe = gateway.readiness.probe()
