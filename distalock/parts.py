@@ -1,9 +1,9 @@
-"""`distalock parts`: which part files an installation may use besides those of the catalogue."""
+"""`distalock parts`: a part's hash, and which part files an installation may use besides those of the catalogue."""
 
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -13,9 +13,10 @@ from pydantic import ValidationError
 from distalock.arguments import EXIT_BAD_INPUT
 from shared.errors import ConfigurationError, InputError, PartFileInvalid
 from shared.geometry.parts import GuidePart, RingPart
-from shared.parts.approvals import Approval, PartApprovals, approval_of, canonical_part
+from shared.parts.approvals import Approval, PartApprovals, approval_of
+from shared.parts.canonical import catalogue_sha256, part_sha256
 from shared.parts.catalogue import catalogue
-from shared.parts.files import guide_from_json, nail_from_json, read_part_file, ring_from_json, sha256_of
+from shared.parts.files import guide_from_json, nail_from_json, read_part_file, ring_from_json
 from shared.parts.guide_calibration_file import guide_calibration_from_json
 from shared.parts.hexapod_file import hexapod_from_json
 from shared.parts.lengths import MeasuredLength, check_length_of_guide, check_length_of_ring
@@ -31,8 +32,10 @@ _READERS: Final[Mapping[str, Callable[[bytes], object]]] = {
 
 def run(given: argparse.Namespace) -> int:
     """Run the action; 0 when it is done."""
-    approvals = PartApprovals(given.state)
     try:
+        if given.action == "hash":
+            return _hash(given.files)
+        approvals = PartApprovals(given.state)
         if given.action == "list":
             return _list(approvals)
         length = _length(given.length)
@@ -53,16 +56,16 @@ def checked_approval(file: Path, who: str, length: MeasuredLength | None) -> App
         When it is no part file, no or another length was measured than it has, or who approves it has no name.
     """
     try:
-        part = json.loads(read_part_file(file))
+        content = read_part_file(file)
+        part = json.loads(content)
     except ValueError:
         raise PartFileInvalid(f"{file}: not JSON; name a part file") from None
     schema = str(part.get("schema")) if isinstance(part, dict) else ""
     if schema not in _READERS:
         raise PartFileInvalid(f"{file}: its schema is {schema!r}, expected one of {', '.join(_READERS)}")
-    content = canonical_part(part)
     _check_length(file, _READERS[schema](content), length)
     try:
-        return approval_of(part, sha256_of(content), file.name, who, datetime.now(UTC), length)
+        return approval_of(part, part_sha256(content, str(file)), file.name, who, datetime.now(UTC), length)
     except ValidationError as error:
         raise PartFileInvalid(f"{file}: {error.errors()[0]['msg']}; give --by the name of who approves it") from None
 
@@ -99,9 +102,15 @@ def _approve(approvals: PartApprovals, approval: Approval) -> None:
     print(f"{approval.sha256}  {approval.file_name}  {'was approved before' if known else 'approved'}")
 
 
+def _hash(files: Sequence[Path]) -> int:
+    for file in files:
+        print(f"{part_sha256(read_part_file(file), str(file))}  {file.name}")
+    return 0
+
+
 def _list(approvals: PartApprovals) -> int:
     for entry in catalogue():
-        print(f"{entry.sha256}  {entry.name}  comes with the package")
+        print(f"{catalogue_sha256(entry)}  {entry.name}  comes with the package")
     for one in approvals.all():
         measured = "" if one.length is None else f", {one.length.label}"
         print(

@@ -18,6 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("BALL", "BALL", "MM"),
         help="two balls of a ring or guide and the distance of their centres as measured on the built part",
     )
+    hashing = actions.add_parser("hash", help="the hash by which case, robot and record name a part")
+    hashing.add_argument("files", nargs="+", type=existing_file, metavar="FILE", help="part file (JSON)")
+    hashing.set_defaults(action="hash")
     listing = actions.add_parser("list", help="what may be used: the catalogue, and what was approved")
     for name, action in (("approve", approve), ("list", listing)):
         action.add_argument("--state", type=named_path, default=Path("state"), help="state folder of the installation")

@@ -458,7 +458,7 @@ class AsyncMethods(ABC):
         return await self.send(calls.list_parts())
 
     async def read_part(self, name: str) -> bytes:
-        """A part file, byte for byte."""
+        """A part file, as a case keeps it: its SHA-256 is the part's hash."""
         return await self.send(calls.read_part(name))
 
     async def sign_in(self, body: LoginBody) -> SessionView:

@@ -419,7 +419,7 @@ def list_parts() -> Call[tuple[CatalogueView, ...]]:
 
 
 def read_part(name: str) -> Call[bytes]:
-    """A part file, byte for byte."""
+    """A part file, as a case keeps it: its SHA-256 is the part's hash."""
     return Call("GET", f"/api/v1/parts/{escaped(name)}", bytes)
 
 

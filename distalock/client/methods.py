@@ -431,7 +431,7 @@ class Methods(ABC):
         return self.send(calls.list_parts())
 
     def read_part(self, name: str) -> bytes:
-        """A part file, byte for byte."""
+        """A part file, as a case keeps it: its SHA-256 is the part's hash."""
         return self.send(calls.read_part(name))
 
     def sign_in(self, body: LoginBody) -> SessionView:

@@ -109,6 +109,7 @@ def presented_permit(signed: SignedPermit | None, verifier: PermitVerifier) -> P
         approver=message.approver,
         nothing_inside=message.nothing_inside,
         nonce=message.nonce,
+        hexapod_sha256=message.hexapod_sha256,
     )
 
 

@@ -31,11 +31,19 @@ class PermitRegister:
         Knows which states were published, and when.
     note
         Called with each permit that was taken or the reason why not, and the hash of its text ("" without one).
+    hexapod_sha256
+        Of the hexapod that this service was started with.
     """
 
     def __init__(
-        self, verifier: PermitVerifier, ledger: CommandLedger, clock_s: Callable[[], float], note: NotePermit
+        self,
+        verifier: PermitVerifier,
+        ledger: CommandLedger,
+        clock_s: Callable[[], float],
+        note: NotePermit,
+        hexapod_sha256: str,
     ) -> None:
+        self._hexapod_sha256 = hexapod_sha256
         self._verifier = verifier
         self._ledger = ledger
         self._clock_s = clock_s
@@ -65,6 +73,7 @@ class PermitRegister:
         return PermitContext(
             asked=asked,
             boot_epoch=self._ledger.boot_epoch,
+            hexapod_sha256=self._hexapod_sha256,
             now_s=self._clock_s(),
             case=view.case,
             inside=view.inside,

@@ -78,7 +78,9 @@ class RobotService:
         self.watch = GatewayMonitor(bus, keys, parts.drive, deadline_s, parts.clock_s, others)
         self._lock = threading.Lock()
         self._ledger = CommandLedger(parts.boot_epoch)
-        self._permits = PermitRegister(parts.permit_verifier, self._ledger, parts.clock_s, parts.note_permit)
+        self._permits = PermitRegister(
+            parts.permit_verifier, self._ledger, parts.clock_s, parts.note_permit, parts.hexapod.sha256
+        )
         self._registration = RegistrationMonitor(parts.drive, self._lock, parts.clock_s)
         # Far more than fit into the lifetime of a plan.
         self._executed: deque[str] = deque(maxlen=1024)

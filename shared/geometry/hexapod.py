@@ -110,7 +110,7 @@ class HexapodPart:
     top_from_guide_retracted
         Pose of the guide at head extension 0 (which cannot be set: it only anchors the scale).
     sha256
-        Of the file it was read from.
+        Of what its file says (`shared.parts.canonical`).
     leg_diameter_mm
         Thickness of a leg; 0 when the file does not give it: then legs may come as near to one another as lines can.
     mounts

@@ -33,6 +33,9 @@ class Permit(Message):
     authenticated_by: Literal["password", "passkey", "provider", "simulation_token"] | None = Field(
         None, description="How the approver showed for this motion who he is; null in permits of older versions."
     )
+    hexapod_sha256: Sha256 | None = Field(
+        None, description="The hexapod of robot and case, by the part's hash; null in permits of older versions."
+    )
     nothing_inside: bool = Field(
         description="By the case's record no wire, drill or screw is in the guide or the bone."
     )

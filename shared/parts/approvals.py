@@ -4,7 +4,6 @@ Parts of the catalogue come with the package and need no approval. A file that c
 goes, and nothing in an image shows that its holes are not where it says.
 """
 
-import json
 import os
 from collections.abc import Mapping
 from datetime import datetime
@@ -24,7 +23,7 @@ class Approval(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="Hash of `canonical_part`.")
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="The part's (`shared.parts.canonical`).")
     schema_name: str = Field(max_length=64)
     file_name: str = Field(max_length=255)
     approved_by: str = Field(min_length=1, max_length=128)
@@ -32,17 +31,6 @@ class Approval(BaseModel):
     length: MeasuredLength | None = Field(
         default=None, description="Of a ring or guide; lines without one are older than the rule."
     )
-
-
-def canonical_part(part: Mapping[str, object]) -> bytes:
-    """A part file's JSON as the gateway keeps it: without spaces, its keys in the order in which they came.
-
-    Raises
-    ------
-    UnicodeEncodeError
-        When it holds half a character.
-    """
-    return json.dumps(part, ensure_ascii=False, separators=(",", ":")).encode()
 
 
 class PartApprovals:

@@ -1,6 +1,5 @@
 """The parts that the product ships, by name: the folder `catalogue` beside this module."""
 
-import hashlib
 import json
 from dataclasses import dataclass
 from functools import cache
@@ -20,11 +19,6 @@ class CatalogueEntry:
     name: str
     kind: PartKind
     content: bytes
-
-    @property
-    def sha256(self) -> str:
-        """Hash of the file's content."""
-        return hashlib.sha256(self.content).hexdigest()
 
 
 @cache

@@ -331,7 +331,7 @@ def ring_from_json(content: bytes, source: str = "ring file") -> RingPart:
     """Read a ring file's content; raises `PartFileInvalid`."""
     file = parse_part(RingFile, content, source)
     plates = tuple(Plate(p.z_mm, p.radius_mm, p.thickness_mm) for p in file.plates)
-    return RingPart(file.pattern(), plates, sha256_of(content))
+    return RingPart(file.pattern(), plates, hash_of(file))
 
 
 def guide_from_json(content: bytes, source: str = "guide file") -> GuidePart:
@@ -339,7 +339,7 @@ def guide_from_json(content: bytes, source: str = "guide file") -> GuidePart:
     file = parse_part(GuideFile, content, source)
     holes = tuple(Hole(h.id, Line(np.array(h.point_mm), np.array(h.direction)), h.diameter_mm) for h in file.holes)
     body = tuple(Box(b.centre_mm, b.size_mm) for b in file.body)
-    return GuidePart(file.pattern(), holes, body, sha256_of(content), file.frame_tolerance_mm, file.frame_tolerance_deg)
+    return GuidePart(file.pattern(), holes, body, hash_of(file), file.frame_tolerance_mm, file.frame_tolerance_deg)
 
 
 def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
@@ -352,7 +352,7 @@ def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
         file.cannulation_diameter_mm,
         file.tip_x_mm,
         holes,
-        sha256_of(content),
+        hash_of(file),
         file.tolerance_mm,
         file.tolerance_deg,
     )
@@ -368,6 +368,16 @@ def read_part_file(path: Path) -> bytes:
     if len(content) > _LARGEST_FILE_BYTES:
         raise PartFileInvalid(f"{path}: more than {_LARGEST_FILE_BYTES} bytes are no part file; name another")
     return content
+
+
+def canonical_text(file: PartModel) -> bytes:
+    """A part file without what says nothing: no spaces, keys in the schema's order, nothing that was left out."""
+    return file.model_dump_json(by_alias=True, exclude_none=True).encode()
+
+
+def hash_of(file: PartModel) -> str:
+    """The part's hash: that of its canonical text, so that two files that say the same have the same."""
+    return sha256_of(canonical_text(file))
 
 
 def sha256_of(content: bytes) -> str:

@@ -14,7 +14,7 @@ from shared.geometry.hexapod_limits import limit_violations
 from shared.geometry.hexapod_mount import USUAL_BONE_SCREWS, BoneScrews, MountPlace
 from shared.geometry.transform import Transform
 from shared.parts.catalogue import DEFAULT_HEXAPOD as DEFAULT_HEXAPOD
-from shared.parts.files import Finite, Name, PartModel, Positive, Vector, parse_part, read_part_file, sha256_of
+from shared.parts.files import Finite, Name, PartModel, Positive, Vector, hash_of, parse_part, read_part_file
 
 ConeDeg = Annotated[float, Field(allow_inf_nan=False, gt=0.0, lt=90.0)]
 
@@ -156,8 +156,6 @@ class HexapodFile(PartModel):
 def hexapod_from_json(content: bytes, source: str = "hexapod file") -> HexapodPart:
     """Read a hexapod file's content.
 
-    Its hash is that of what it says, not of its bytes: indentation, the order of keys, and `1` or `1.0` do not matter.
-
     Raises
     ------
     PartFileInvalid
@@ -216,7 +214,7 @@ def _hexapod(file: HexapodFile, source: str) -> HexapodPart:
         stiffness=Stiffness(file.stiffness.translation_n_per_mm, file.stiffness.rotation_nm_per_deg),
         head_extension_mm=file.head.extension_mm.interval(),
         top_from_guide_retracted=top_from_guide_retracted,
-        sha256=sha256_of(file.model_dump_json(by_alias=True, exclude_none=True).encode()),
+        sha256=hash_of(file),
         leg_diameter_mm=file.leg_diameter_mm or 0.0,
         mounts=mounts,
         bone_screws=USUAL_BONE_SCREWS

@@ -67,6 +67,12 @@ def _another_boot(permit: Permit, now: PermitContext) -> str | None:
     return f"the permit is for boot '{permit.robot_boot_epoch}' of the robot service, this is boot '{now.boot_epoch}'"
 
 
+def _another_hexapod(permit: Permit, now: PermitContext) -> str | None:
+    if permit.hexapod_sha256 in (None, now.hexapod_sha256):
+        return None
+    return f"the permit is for hexapod {permit.hexapod_sha256[:12]}, this robot is {now.hexapod_sha256[:12]}"
+
+
 def _another_case(permit: Permit, now: PermitContext) -> str | None:
     if now.case is None:
         return "the gateway has not published which case is open"
@@ -128,6 +134,7 @@ def _something_inside(permit: Permit, now: PermitContext) -> str | None:  # noqa
 RULES: Final[tuple[PermitRule, ...]] = (
     PermitRule(RefusalCode.PERMIT_FOR_ANOTHER_MOTION, _another_motion),
     PermitRule(RefusalCode.PERMIT_OF_ANOTHER_BOOT, _another_boot),
+    PermitRule(RefusalCode.PERMIT_FOR_ANOTHER_HEXAPOD, _another_hexapod),
     PermitRule(RefusalCode.PERMIT_OF_ANOTHER_CASE, _another_case),
     PermitRule(RefusalCode.PERMIT_OF_ANOTHER_REVISION, _another_revision),
     PermitRule(RefusalCode.PERMIT_FOR_ANOTHER_PLAN, _another_plan),

@@ -37,6 +37,8 @@ class Permit:
         Run of the robot service, and the newest of its states that the gateway had seen.
     approver
         Who approved the plan, or asked for the reference.
+    hexapod_sha256
+        The hexapod that it is for; None in permits of older gateways.
     nothing_inside
         Whether, by the case's record, no wire, drill or screw is in the guide or the bone.
     nonce
@@ -53,6 +55,7 @@ class Permit:
     approver: str
     nothing_inside: bool
     nonce: str
+    hexapod_sha256: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +103,8 @@ class PermitContext:
     ----------
     asked
         What the command asks for.
+    hexapod_sha256
+        The hexapod that this service was started with.
     now_s
         Own monotonic clock.
     case
@@ -116,6 +121,7 @@ class PermitContext:
 
     asked: AskedMotion
     boot_epoch: str
+    hexapod_sha256: str
     now_s: float
     case: tuple[str | None, int] | None
     inside: tuple[str, ...]

@@ -33,6 +33,7 @@ class RefusalCode(StrEnum):
     PERMIT_UNREADABLE = "permit_unreadable"
     PERMIT_FOR_ANOTHER_MOTION = "permit_for_another_motion"
     PERMIT_OF_ANOTHER_BOOT = "permit_of_another_boot"
+    PERMIT_FOR_ANOTHER_HEXAPOD = "permit_for_another_hexapod"
     PERMIT_OF_ANOTHER_CASE = "permit_of_another_case"
     PERMIT_OF_ANOTHER_REVISION = "permit_of_another_revision"
     PERMIT_FOR_ANOTHER_PLAN = "permit_for_another_plan"

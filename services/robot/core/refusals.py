@@ -118,6 +118,12 @@ def _criteria_of_permits() -> tuple[RefusalCriterion, ...]:
         row(code.PERMIT_UNREADABLE, "signed permit", "format version 1", "run gateway and robot in the same version"),
         row(code.PERMIT_FOR_ANOTHER_MOTION, "motion that the permit allows", "what is asked for", _PERMIT_AGAIN),
         row(code.PERMIT_OF_ANOTHER_BOOT, "run of the robot service in the permit", "this run", _PERMIT_AGAIN),
+        row(
+            code.PERMIT_FOR_ANOTHER_HEXAPOD,
+            "hexapod of the permit, by its hash",
+            "the one this service was started with",
+            "give case and robot service the same hexapod file",
+        ),
         row(code.PERMIT_OF_ANOTHER_CASE, "case of the permit", "the open case", _PERMIT_AGAIN),
         row(code.PERMIT_OF_ANOTHER_REVISION, "revision of the case in the permit", "the newest", _PLAN_AGAIN),
         row(code.PERMIT_FOR_ANOTHER_PLAN, "plan that the permit allows", "the plan that is asked for", _PERMIT_AGAIN),

@@ -98,6 +98,12 @@ def _plan(*standings: PlanStanding) -> Callable[[Situation], bool]:
     return lambda s: _before_motion(s) and s.plan in standings
 
 
+def _close_to_motion(s: Situation) -> bool:
+    """Whether a plan can be requested, or there is one."""
+    planned = s.plan in (PlanStanding.MADE, PlanStanding.APPROVED)
+    return _before_motion(s) and (planned or (s.progress.stage is Stage.POSITIONING and s.basis is Basis.ACCEPTED))
+
+
 def _basis(*found: Basis) -> Callable[[Situation], bool]:
     return lambda s: s.progress.stage is Stage.POSITIONING and s.basis in found
 
@@ -242,6 +248,13 @@ _ROBOT_FIRST: Final = (
     ),
 )
 _TO_THE_MOTION: Final = (
+    NextStep(
+        Phase.PLAN,
+        lambda s: _close_to_motion(s) and not s.hexapod_agrees,
+        Action.CHANGE_SETUP,
+        "The case has hexapod '{hexapod}' ({case_hexapod}), the robot was started with another ({robot_hexapod}): give "
+        "both the same file.",
+    ),
     NextStep(Phase.MOTION, _plan(PlanStanding.APPROVED), Action.START_MOTION, "Start the motion."),
     NextStep(
         Phase.APPROVAL,

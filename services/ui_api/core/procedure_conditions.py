@@ -141,6 +141,14 @@ SIDE_AGREES: Final = Condition(
     "the case is of the {side} side, and the newest image's header states the {image_side} side",
     "see which side it is; correct the case, or the patient's data at the C-arm, and take one more image",
 )
+HEXAPOD_AGREES: Final = Condition(
+    "the robot was started with the case's hexapod file",
+    lambda s: s.hexapod_agrees,
+    "hexapod_mismatch",
+    "the case has hexapod '{hexapod}' with hash {case_hexapod}, the robot was started with one with hash "
+    "{robot_hexapod}",
+    "give both the same file: change the case, or start the robot service with its file (DISTALOCK_ROBOT_HEXAPOD_FILE)",
+)
 PLANNED: Final = Condition(
     "there is a plan",
     lambda s: s.plan is not PlanStanding.NONE,

@@ -69,6 +69,7 @@ TABLE: Final[Mapping[Action, Row]] = {
             c.LOCALISED_NOW,
             c.LOCALISED_WELL,
             c.SIDE_AGREES,
+            c.HEXAPOD_AGREES,
         ),
     ),
     Action.APPROVE_PLAN: Row(
@@ -90,6 +91,7 @@ TABLE: Final[Mapping[Action, Row]] = {
             c.PLAN_HOLDS,
             c.APPROVED,
             c.APPROVED_BY_A_USER,
+            c.HEXAPOD_AGREES,
             *c.NOTHING_INSIDE,
             c.MOVES_ARE_MADE,
             c.NO_OPERATION,

@@ -112,6 +112,8 @@ class Situation:
         False when the newest localisation found no guide, as in the image from before the robot is mounted.
     side_agrees
         False when the newest image states another side of the body than the case.
+    hexapod_agrees
+        False when the robot was started with another hexapod file than the case has.
     some_drilled, all_screwed
         Whether a hole of the case was drilled, and whether each has a screw.
     """
@@ -127,6 +129,7 @@ class Situation:
     all_screwed: bool = False
     last_step: LastStep = LastStep.NONE
     side_agrees: bool = True
+    hexapod_agrees: bool = True
     observed: Observed = field(default_factory=Observed)
 
     @property

@@ -1,5 +1,6 @@
 """Part files for a case: from the shipped catalogue by name, or inline; validated before anything is stored."""
 
+import json
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,7 +8,7 @@ from dataclasses import dataclass
 from services.ui_api.core.event_data import PartUse
 from services.ui_api.handlers.refusals import invalid
 from shared.errors import PartFileInvalid
-from shared.parts.approvals import canonical_part
+from shared.parts.canonical import canonical_part, part_sha256
 from shared.parts.catalogue import PartKind, catalogue_entry, catalogue_names, schema_of
 from shared.parts.files import guide_from_json, nail_from_json, ring_from_json, sha256_of
 from shared.parts.hexapod_file import hexapod_from_json
@@ -19,7 +20,7 @@ _log = logging.getLogger("distalock.ui_api")
 
 @dataclass(frozen=True, slots=True)
 class PartFile:
-    """A valid part file: its JSON text and how the case refers to it."""
+    """A valid part file: its canonical text, and how the case refers to it, by the hash of that text."""
 
     use: PartUse
     content: bytes
@@ -67,8 +68,9 @@ def resolve_part(kind: PartKind, given: str | JsonObject) -> PartFile:
     else:
         name, content = INLINE, _inline(kind, given)
     _require_schema(kind, name, content)
-    hole_ids = _CHECKS[kind](content, f"{kind} '{name}'")
-    return PartFile(PartUse(name, sha256_of(content), hole_ids), content)
+    source = f"{kind} '{name}'"
+    hole_ids, text = _CHECKS[kind](content, source), canonical_part(content, source)
+    return PartFile(PartUse(name, sha256_of(text), hole_ids), text)
 
 
 def require_approved(kind: str, given: str | JsonObject, is_approved: Callable[[str], bool]) -> None:
@@ -79,11 +81,11 @@ def require_approved(kind: str, given: str | JsonObject, is_approved: Callable[[
     Refused
         With the file's hash and the remedy.
     PartFileInvalid
-        When the file holds half a character.
+        When the file breaks its schema.
     """
     if isinstance(given, str):
         return
-    sha256 = sha256_of(_inline(kind, given))
+    sha256 = part_sha256(_inline(kind, given), f"{kind} '{INLINE}'")
     if not is_approved(sha256):
         _log.warning("part_not_approved: %s file with hash %s", kind, sha256)
         raise invalid(
@@ -95,7 +97,7 @@ def require_approved(kind: str, given: str | JsonObject, is_approved: Callable[[
 
 def _inline(kind: str, given: JsonObject) -> bytes:
     try:
-        return canonical_part(given)
+        return json.dumps(given, ensure_ascii=False).encode()
     except UnicodeEncodeError as error:
         half = error.object[error.start]
         raise PartFileInvalid(f"{kind} '{INLINE}': {half!a} is half a character (a lone surrogate), not text") from None

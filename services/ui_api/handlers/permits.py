@@ -52,6 +52,7 @@ class PermitHandler:
             after_state_sequence=state.sequence,
             approver=approver.name,
             authenticated_by=approver.authenticated.value,
+            hexapod_sha256=state.hexapod_sha256,
             nothing_inside=not inside,
             nonce=secrets.token_hex(16),
         )

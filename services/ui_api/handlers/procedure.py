@@ -26,6 +26,7 @@ from services.ui_api.record.record import CaseRecord
 from shared.errors import ReasonCode
 from shared.messages.base import decode
 from shared.messages.registration import Plan
+from shared.parts.canonical import part_sha256
 
 _KINDS: Final[Mapping[Sort, RefusalKind]] = {
     Sort.STATE: RefusalKind.CONFLICT,
@@ -34,6 +35,7 @@ _KINDS: Final[Mapping[Sort, RefusalKind]] = {
 }
 # Chosen: more plans than a case has; each is a string of a few bytes.
 _EPOCHS_HELD: Final = 64
+_HEXAPODS_HELD: Final = 16
 
 
 class ProcedureHandler:
@@ -42,6 +44,7 @@ class ProcedureHandler:
     def __init__(self, record: CaseRecord, view: RobotView) -> None:
         self._record, self._view = record, view
         self._epochs: dict[str, str] = {}
+        self._hexapods: dict[str, str] = {}
 
     def require(self, case: Case, action: Action) -> None:
         """Raise `Refused` where the table refuses; what only the robot refuses is let pass, for it may know better."""
@@ -70,6 +73,7 @@ class ProcedureHandler:
             all_screwed=screwed >= set(case.hole_ids),
             last_step=_last_step(case),
             side_agrees=case.side_of_images in (None, case.setup.side),
+            hexapod_agrees=self._robot_hexapod() in (None, self._case_hexapod(case)),
             observed=Observed({**robot.observed.values, **self._quoted(case, newest)}),
         )
 
@@ -112,7 +116,9 @@ class ProcedureHandler:
 
     def is_at_hand(self, case: Case) -> bool:
         """Whether the situation of a case can be told without asking the database."""
-        return not case.plans or case.plans[-1].made.plan_sha256 in self._epochs
+        known = not case.plans or case.plans[-1].made.plan_sha256 in self._epochs
+        kept_as = case.setup.hexapod.sha256
+        return known and (self._robot_hexapod() in (None, kept_as) or kept_as in self._hexapods)
 
     def _robot_epoch(self, plan_sha256: str) -> str:
         """Run of the robot service that a plan is for; a plan does not change, and views are read often."""
@@ -120,6 +126,25 @@ class ProcedureHandler:
         if known is None:
             known = decode(Plan, self._record.document(plan_sha256)).robot_boot_epoch
             self._epochs = {**dict(list(self._epochs.items())[1 - _EPOCHS_HELD :]), plan_sha256: known}
+        return known
+
+    def _robot_hexapod(self) -> str | None:
+        """Hash of the hexapod that the robot was started with; None while nothing was heard of it."""
+        seen = self._view.newest()
+        return None if seen is None else seen.state.hexapod_sha256
+
+    def _case_hexapod(self, case: Case) -> str:
+        """Hash of the case's hexapod: in records of older versions a part's file lies under another hash than its."""
+        kept_as = case.setup.hexapod.sha256
+        if self._robot_hexapod() in (None, kept_as):
+            return kept_as
+        known = self._hexapods.get(kept_as)
+        if known is None:
+            try:
+                known = part_sha256(self._record.document(kept_as), f"hexapod '{case.setup.hexapod.name}'")
+            except KeyError:  # of a set-up that is being recorded now
+                return kept_as
+            self._hexapods = {**dict(list(self._hexapods.items())[1 - _HEXAPODS_HELD :]), kept_as: known}
         return known
 
     def _standing(self, case: Case) -> PlanStanding:
@@ -162,6 +187,11 @@ class ProcedureHandler:
 
     def _quoted(self, case: Case, newest: LocalisationReceived | None) -> dict[str, str]:
         quoted = {"case": case.case_id, "stage": str(case.progress.stage), **_held(tuple(sorted(case.progress.inside)))}
+        quoted |= {
+            "hexapod": case.setup.hexapod.name,
+            "case_hexapod": self._case_hexapod(case)[:12],
+            "robot_hexapod": (self._robot_hexapod() or "not known")[:12],
+        }
         quoted |= {"side": case.setup.side, "image_side": case.side_of_images or "same"}
         if case.step_entries:
             last = case.step_entries[-1]

@@ -8,6 +8,7 @@ from services.ui_api.routes.guards import needs
 from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256
+from shared.parts.canonical import canonical_part, catalogue_sha256
 from shared.parts.catalogue import PartKind, catalogue, catalogue_entry
 
 router = resource_router("/parts", tag="parts")
@@ -24,13 +25,13 @@ class CatalogueView(View):
 @router.get("", openapi_extra=needs(Action.READ))
 def list_parts() -> list[CatalogueView]:
     """The catalogue, by name."""
-    return [CatalogueView(name=e.name, kind=e.kind, sha256=e.sha256) for e in catalogue()]
+    return [CatalogueView(name=e.name, kind=e.kind, sha256=catalogue_sha256(e)) for e in catalogue()]
 
 
 @router.get("/{name}", openapi_extra=needs(Action.READ))
 def read_part(name: str) -> Response:
-    """A part file, byte for byte."""
+    """A part file, as a case keeps it: its SHA-256 is the part's hash."""
     entry = catalogue_entry(name)
     if entry is None:
         raise unknown("part", name, "GET /parts lists the catalogue")
-    return Response(entry.content, media_type="application/json")
+    return Response(canonical_part(entry.content, name), media_type="application/json")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from distalock.__main__ import main
-from shared.parts.approvals import PartApprovals, canonical_part
-from shared.parts.files import sha256_of
+from shared.parts.approvals import PartApprovals
+from shared.parts.canonical import part_sha256
 
 RING = json.loads((files("shared.parts") / "catalogue" / "ring-120.json").read_text())
 GUIDE = json.loads((files("shared.parts") / "catalogue" / "guide-28.json").read_text())
@@ -25,7 +25,7 @@ def test_a_file_is_approved_once_under_the_gateway_s_hash(tmp_path: Path, capsys
     file = tmp_path / "ours.json"
     file.write_text(json.dumps(RING, indent=4))
     assert parts(tmp_path, "approve", str(file), "--by", "Dr A", *RING_LENGTH) == 0
-    sha256 = sha256_of(canonical_part(RING))
+    sha256 = part_sha256(json.dumps(RING).encode(), "file")
     assert capsys.readouterr().out == f"{sha256}  ours.json  approved\n"
     assert PartApprovals(tmp_path).holds(sha256)
     assert parts(tmp_path, "approve", str(file), "--by", "Dr A", *RING_LENGTH) == 0
@@ -96,3 +96,13 @@ def test_the_length_is_kept_with_the_approval_and_listed(tmp_path: Path, capsys:
     assert parts(tmp_path, "approve", str(file), "--by", "Dr A", "--length", "G06", "G14", "62.95") == 0
     assert parts(tmp_path, "list") == 0
     assert "by Dr A, G06 to G14 measured as 62.95 mm" in capsys.readouterr().out
+
+
+def test_the_hash_of_a_file_is_the_part_s(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "ours.json"
+    file.write_text(json.dumps(RING, indent=4))
+    assert main(["parts", "hash", str(file)]) == 0
+    assert capsys.readouterr().out == f"{part_sha256(json.dumps(RING).encode(), 'file')}  ours.json\n"
+    file.write_text("no JSON")
+    assert main(["parts", "hash", str(file)]) == 2
+    assert "ours.json: not JSON; name a part file" in capsys.readouterr().err

@@ -150,6 +150,7 @@ class Room:
             "robot_boot_epoch": envelope.robot_boot_epoch,
             "after_state_sequence": envelope.after_state_sequence,
             "approver": "Dr A",
+            "hexapod_sha256": HEXAPOD.sha256,
             "nothing_inside": True,
             "nonce": f"n{next(self._nonces)}",
         }

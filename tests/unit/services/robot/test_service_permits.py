@@ -63,6 +63,10 @@ def signed_nonsense() -> SignedPermit:
             lambda room, c: room.permit(c.envelope, plan_sha256=c.plan_sha256, robot_boot_epoch="before"),
             "permit_of_another_boot",
         ),
+        (
+            lambda room, c: room.permit(c.envelope, plan_sha256=c.plan_sha256, hexapod_sha256="c" * 64),
+            "permit_for_another_hexapod",
+        ),
         (lambda room, c: room.permit(c.envelope, plan_sha256=c.plan_sha256, case_id="case0"), "permit_of_another_case"),
         (
             lambda room, c: room.permit(c.envelope, plan_sha256=c.plan_sha256, case_revision=0),

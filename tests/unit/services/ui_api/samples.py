@@ -32,8 +32,9 @@ from shared.messages.registration import (
     VerifiedWire,
 )
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
+from shared.parts.hexapod_file import default_hexapod
 
-HEXAPOD_SHA256 = "e" * 64
+HEXAPOD_SHA256 = default_hexapod().sha256
 ROBOT_EPOCH = "robot-1"
 WIDTH_PX, HEIGHT_PX = 8, 6
 HOME = PlatformPoseMessage(x_mm=0.0, y_mm=0.0, z_mm=0.0, u_deg=0.0, v_deg=0.0, w_deg=0.0)

@@ -38,6 +38,7 @@ PERMIT = Permit(
 CONTEXT = PermitContext(
     asked=AskedMotion(Motion.MOVE, SHA, ("distal",)),
     boot_epoch="boot",
+    hexapod_sha256=SHA,
     now_s=NOW_S,
     case=("case1", 2),
     inside=(),
@@ -58,6 +59,8 @@ def refused(presented: Permit | SignatureFailure, now: PermitContext) -> Refusal
 
 def test_a_permit_that_is_right_in_every_way_allows_its_motion() -> None:
     assert check_permit(PERMIT, CONTEXT) == PERMIT
+    named = replace(PERMIT, hexapod_sha256=SHA)
+    assert check_permit(named, CONTEXT) == named
     assert check_permit(REFERENCE, FOR_REFERENCE) == REFERENCE
 
 
@@ -95,6 +98,11 @@ def test_what_is_not_the_gateways_word_is_refused(failure: SignatureFailure, cod
             lambda p: replace(p, robot_boot_epoch="before"),
             RefusalCode.PERMIT_OF_ANOTHER_BOOT,
             "for boot 'before' of the robot service, this is boot 'boot'",
+        ),
+        (
+            lambda p: replace(p, hexapod_sha256=OTHER_SHA),
+            RefusalCode.PERMIT_FOR_ANOTHER_HEXAPOD,
+            "for hexapod bbbbbbbbbbbb, this robot is aaaaaaaaaaaa; give case and robot service the same hexapod file",
         ),
         (
             lambda p: replace(p, case_id="case0"),

@@ -56,6 +56,7 @@ def _situations() -> Iterator[Situation]:
                 some_drilled=drilled,
                 all_screwed=not drilled,
                 side_agrees=drilled,
+                hexapod_agrees=seen,
             )
 
 

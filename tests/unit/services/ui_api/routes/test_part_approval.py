@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from shared.parts.approvals import PartApprovals, approval_of, canonical_part
-from shared.parts.files import sha256_of
+from shared.parts.approvals import PartApprovals, approval_of
+from shared.parts.canonical import part_sha256
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.room import Room, open_room
 
 GUIDE = json.loads((files("shared.parts") / "catalogue" / "guide-28.json").read_text())
 SHIPPED: dict[str, object] = {"ring": "ring-120", "guide": "guide-28", "nail": "nail-femur-ti-10"}
-SHA256 = sha256_of(canonical_part(GUIDE))
+SHA256 = part_sha256(json.dumps(GUIDE).encode(), "file")
 
 
 @pytest.fixture
