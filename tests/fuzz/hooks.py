@@ -18,7 +18,6 @@ from typing import Any, Final
 
 import schemathesis
 from schemathesis import cli
-from schemathesis.cli.commands.run.handlers import EventHandler
 from schemathesis.engine import events
 from schemathesis.engine.run import PhaseName
 
@@ -192,8 +191,17 @@ def within_role(ctx: Any, response: Any, case: Any) -> None:
         raise AssertionError(sentence)
 
 
-class Links(EventHandler):  # type: ignore[misc]  # Schemathesis is not installed where types are checked
-    """Counts the links that sequences followed."""
+class Links:
+    """Counts the links that sequences followed; as one of Schemathesis's handlers of events."""
+
+    def __init__(self, *args: Any, **parameters: Any) -> None:
+        """Needs nothing."""
+
+    def start(self, ctx: Any) -> None:
+        """Nothing is to be begun."""
+
+    def shutdown(self, ctx: Any) -> None:
+        """Nothing is to be ended."""
 
     def handle_event(self, ctx: Any, event: Any) -> None:  # noqa: ARG002 - Schemathesis's interface
         """Take in a sequence."""

@@ -6,11 +6,22 @@ import pytest
 
 from shared.errors import PartFileInvalid
 from shared.parts.canonical import canonical_part, catalogue_sha256, part_sha256
-from shared.parts.catalogue import catalogue, catalogue_entry
+from shared.parts.catalogue import PartKind, catalogue, catalogue_entry
 from shared.parts.files import guide_from_json, nail_from_json, ring_from_json, sha256_of
 from shared.parts.hexapod_file import hexapod_from_json
 
-READERS = {"ring": ring_from_json, "guide": guide_from_json, "nail": nail_from_json, "hexapod": hexapod_from_json}
+
+def read_hash(kind: PartKind, content: bytes) -> str:
+    """The hash that the part has for who reads its file."""
+    match kind:
+        case "ring":
+            return ring_from_json(content).sha256
+        case "guide":
+            return guide_from_json(content).sha256
+        case "nail":
+            return nail_from_json(content).sha256
+        case "hexapod":
+            return hexapod_from_json(content).sha256
 
 
 def written_otherwise(content: bytes) -> bytes:
@@ -34,12 +45,12 @@ def written_otherwise(content: bytes) -> bytes:
 def test_a_part_has_one_hash_whoever_reads_it_and_however_it_is_written(entry) -> None:  # type: ignore[no-untyped-def]
     sha256 = catalogue_sha256(entry)
     other = written_otherwise(entry.content)
-    assert READERS[entry.kind](entry.content).sha256 == sha256
-    assert READERS[entry.kind](other).sha256 == sha256
+    assert read_hash(entry.kind, entry.content) == sha256
+    assert read_hash(entry.kind, other) == sha256
     text = canonical_part(other, "file")
     assert sha256_of(text) == sha256
     assert canonical_part(text, "file") == text
-    assert READERS[entry.kind](text).sha256 == sha256
+    assert read_hash(entry.kind, text) == sha256
 
 
 def test_the_hash_of_a_part_stays_what_it_is() -> None:
