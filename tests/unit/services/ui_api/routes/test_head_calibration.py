@@ -62,7 +62,7 @@ def test_the_case_has_the_file_that_the_command_writes_for_the_robot(room: Room)
             "guide_calibration_mismatch",
             "made with hexapod file bbbbbbbbbbbb, the case names 'hexapod-h70'",
         ),
-        (printed() | {"head": 1}, "part_file_invalid", "guide calibration: head"),
+        (printed() | {"head": 1}, "part_file_invalid", "head: Input should be an object"),
         (
             printed(top_from_guide=np.diag([2.0, 1.0, 1.0, 1.0]).tolist()),
             "part_file_invalid",
