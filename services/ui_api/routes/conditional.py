@@ -8,6 +8,7 @@ from starlette.responses import Response
 from services.ui_api.routes.preconditions import content_hash
 
 _NO_STORE: Final = "no-store"
+_KEPT: Final = ("etag", "cache-control", "vary", "content-security-policy", "permissions-policy")
 
 
 def conditional(request: Request, response: Response) -> Response:
@@ -28,6 +29,10 @@ def is_known(request: Request, etag: str) -> bool:
 
 
 def not_modified(response: Response) -> Response:
-    """304 with those headers of an answer that a client needs."""
-    kept = {name: response.headers[name] for name in ("etag", "cache-control") if name in response.headers}
+    """304 with those headers of an answer that a client needs.
+
+    Browsers put the headers of a 304 in place of those that they kept (RFC 9111 3.2): without the page's own policies a
+    page that is loaded again would get those of the interface, under which nothing of it may run.
+    """
+    kept = {name: response.headers[name] for name in _KEPT if name in response.headers}
     return Response(status_code=304, headers=kept)

@@ -28,7 +28,15 @@ def test_the_page_is_loaded_without_a_login_and_allows_nothing_unsafe(nobody: ht
     assert "frame-ancestors 'none'" in policy
     assert not re.search(r"https?:", page.text), "the page names another address"
     assert not re.search(r"<style|<script(?! type=\"module\" crossorigin src=)", page.text), "inline code"
-    assert nobody.get("/", headers={"If-None-Match": page.headers["etag"]}).status_code == 304
+
+
+@pytest.mark.parametrize("path", ["/", "/docs"])
+def test_a_page_that_is_loaded_again_keeps_its_policy(nobody: httpx.Client, path: str) -> None:
+    """What a 304 says of it takes the place of what the browser kept."""
+    first = nobody.get(path)
+    again = nobody.get(path, headers={"If-None-Match": first.headers["etag"]})
+    assert again.status_code == 304
+    assert again.headers["content-security-policy"] == first.headers["content-security-policy"]
 
 
 def test_assets_are_compressed_kept_for_good_and_have_their_types(nobody: httpx.Client) -> None:
