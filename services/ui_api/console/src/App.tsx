@@ -1,29 +1,15 @@
-import { lazy, Suspense, useState } from "react";
+import { lazy, Suspense } from "react";
 import { useTranslation } from "react-i18next";
 import Login from "./access/Login";
 import { ApiError } from "./api/client";
 import { useFollowing } from "./api/follow";
-import {
-  useAlignment,
-  useCase,
-  useMe,
-  useNewestImage,
-  useNewestLocalisation,
-  useNewestPlan,
-  useNewestVerification,
-  useOpenCase,
-  useReadiness,
-  useRobot,
-} from "./api/queries";
-import type { Me, ReadCase, RobotSnapshot } from "./api/types";
-import { type RoomScenario, useScenario } from "./api/virtualRoom";
-import ImagePanel from "./image/ImagePanel";
-import PhaseLine from "./procedure/PhaseLine";
-import ProcedurePanel from "./procedure/ProcedurePanel";
+import { useCase, useMe, useOpenCase, useReadiness, useRobot } from "./api/queries";
+import type { Me, RobotSnapshot } from "./api/types";
+import { useScenario } from "./api/virtualRoom";
+import OpenCase from "./case/OpenCase";
 import { OpenCaseForm } from "./procedure/SetUpForm";
 import RobotActions from "./robot/RobotActions";
 import RobotPanel from "./robot/RobotPanel";
-import VirtualRoom from "./room/VirtualRoom";
 import { alarmsOf } from "./state/alarms";
 import { connectionAt } from "./state/connection";
 import Head from "./state/Head";
@@ -32,11 +18,11 @@ import StopButton from "./state/StopButton";
 import { useNow } from "./state/useNow";
 import { useStop } from "./state/useStop";
 
-const ScenePanel = lazy(() => import("./scene/ScenePanel"));
 const Cases = lazy(() => import("./records/Cases"));
 const CaseRecord = lazy(() => import("./records/CaseRecord"));
 const Service = lazy(() => import("./records/Service"));
 const Users = lazy(() => import("./access/Users"));
+const WallScreen = lazy(() => import("./case/WallScreen"));
 const startedAtMs = performance.now();
 
 export default function App() {
@@ -78,8 +64,15 @@ function SignedIn({ me, stopNotConfirmed }: { readonly me: Me; readonly stopNotC
     <>
       <Head me={me} robot={robot} connection={connection} alarms={alarms} place={place} />
       <Suspense fallback={null}>
-        {place.name === "room" ? (
-          <Room me={me} caseId={caseId} robot={robot} isLive={isLive} isKnown={open.isSuccess} />
+        {place.name === "room" || place.name === "wall" ? (
+          <Room
+            me={me}
+            caseId={caseId}
+            robot={robot}
+            isLive={isLive}
+            isKnown={open.isSuccess}
+            isWall={place.name === "wall"}
+          />
         ) : (
           <OtherPlace place={place} me={me} />
         )}
@@ -99,6 +92,7 @@ function OtherPlace({ place, me }: { readonly place: Place; readonly me: Me }) {
     case "service":
       return <Service />;
     case "room":
+    case "wall":
       return null;
   }
 }
@@ -109,15 +103,18 @@ interface RoomProps {
   readonly robot: RobotSnapshot | null;
   readonly isLive: boolean;
   readonly isKnown: boolean;
+  /** Only to be looked at. */
+  readonly isWall: boolean;
 }
 
-function Room({ me, caseId, robot, isLive, isKnown }: RoomProps) {
+function Room({ me, caseId, robot, isLive, isKnown, isWall }: RoomProps) {
   const { t } = useTranslation();
   const isSimulated = robot?.view.simulated === true || robot?.view.image_source_simulated === true;
-  const scenario = useScenario(isSimulated).data ?? null;
+  const scenario = useScenario(isSimulated && !isWall).data ?? null;
   const read = useCase(caseId).data;
-  if (read && read.view.id === caseId)
-    return <OpenCase me={me} read={read} robot={robot} isLive={isLive} scenario={scenario} />;
+  const isRead = read !== undefined && read.view.id === caseId;
+  if (isWall) return <WallScreen read={isRead ? read : null} robot={robot} isLive={isLive} />;
+  if (isRead) return <OpenCase me={me} read={read} robot={robot} isLive={isLive} scenario={scenario} />;
   if (!isKnown || caseId !== null) return <main className="room" />;
   return (
     <main className="no-case">
@@ -127,66 +124,6 @@ function Room({ me, caseId, robot, isLive, isKnown }: RoomProps) {
         <RobotPanel robot={robot} isLive={isLive} />
         <RobotActions robot={robot} me={me} />
       </div>
-    </main>
-  );
-}
-
-interface CaseProps {
-  readonly me: Me;
-  readonly read: ReadCase;
-  readonly robot: RobotSnapshot | null;
-  readonly isLive: boolean;
-  readonly scenario: RoomScenario | null;
-}
-
-function OpenCase({ me, read, robot, isLive, scenario }: CaseProps) {
-  const { t } = useTranslation();
-  const id = read.view.id;
-  const newestImage = useNewestImage(id).data ?? null;
-  const localisation = useNewestLocalisation(id).data ?? null;
-  const plan = useNewestPlan(id).data ?? null;
-  const verification = useNewestVerification(id).data ?? null;
-  const advice = useAlignment(id, localisation !== null).data ?? null;
-  const [showsRoom, setShowsRoom] = useState(true);
-  const shared = { caseView: read.view, newestImage, localisation, plan, verification, robot, isLive };
-  return (
-    <main className={scenario && showsRoom ? "room with-virtual-room" : "room"}>
-      <h1 className="unseen">{t("nav.room")}</h1>
-      <div className="case-line">
-        <p className="side">
-          {t(`case.side.${read.view.side}`)} {t(`case.bone.${read.view.bone}`)}
-        </p>
-        <PhaseLine procedure={read.view.procedure} />
-      </div>
-      <ProcedurePanel
-        read={read}
-        me={me}
-        plan={plan}
-        localisation={localisation}
-        verification={verification}
-      />
-      <section className="image-place" aria-label={t("image.title")}>
-        <ImagePanel {...shared} />
-      </section>
-      <aside className="right">
-        <div className="scene-place">
-          <ScenePanel {...shared} showsGhost={read.view.procedure.phase === "approval"} />
-        </div>
-        <RobotPanel robot={robot} isLive={isLive} />
-      </aside>
-      {scenario && !showsRoom && (
-        <button
-          type="button"
-          className="virtual-room-toggle"
-          aria-expanded={false}
-          onClick={() => setShowsRoom(true)}
-        >
-          {t("room.title")}
-        </button>
-      )}
-      {scenario && showsRoom && (
-        <VirtualRoom holeIds={scenario.hole_ids} advice={advice} onHide={() => setShowsRoom(false)} />
-      )}
     </main>
   );
 }

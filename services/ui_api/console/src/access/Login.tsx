@@ -3,12 +3,14 @@ import { type FormEvent, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { act } from "../api/actions";
 import { ApiError } from "../api/client";
+import { useProvider } from "../api/queries";
 import LanguageChoice from "../languages/LanguageChoice";
 
 /** Name and password; the session is kept in cookies that no script reads. */
 export default function Login({ isAgain = false }: { readonly isAgain?: boolean }) {
   const { t } = useTranslation();
   const client = useQueryClient();
+  const provider = useProvider().data ?? null;
   const [error, setError] = useState<ApiError | null>(null);
   const [isBusy, setBusy] = useState(false);
   async function submit(event: FormEvent<HTMLFormElement>) {
@@ -42,6 +44,11 @@ export default function Login({ isAgain = false }: { readonly isAgain?: boolean 
           <p className="problem" role="alert">
             {error.status === 0 ? t("state.no_answer") : error.detail}
           </p>
+        )}
+        {provider && (
+          <a className="button" href="/api/v1/sessions/provider">
+            {t("access.with_provider", { provider })}
+          </a>
         )}
         <LanguageChoice />
         <button type="submit" className="primary" disabled={isBusy}>

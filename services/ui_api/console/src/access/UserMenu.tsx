@@ -1,6 +1,7 @@
 import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { useTranslation } from "react-i18next";
 import { act } from "../api/actions";
+import { ME } from "../api/queries";
 import type { Me } from "../api/types";
 import LanguageChoice from "../languages/LanguageChoice";
 
@@ -13,7 +14,7 @@ export default function UserMenu({ me }: { readonly me: Me }) {
     onSettled: async () => {
       // Nothing of the case stays in the page's memory.
       client.clear();
-      await client.invalidateQueries({ queryKey: ["me"] });
+      await client.invalidateQueries({ queryKey: [ME] });
       globalThis.location.reload();
     },
   });

@@ -5,6 +5,7 @@ import { act } from "../api/actions";
 import { useUsers } from "../api/queries";
 import type { Me, UserView } from "../api/types";
 import ProblemNote from "../state/ProblemNote";
+import Passkeys from "./Passkeys";
 
 const ROLES = ["viewer", "technician", "surgeon", "administrator"] as const;
 type Role = (typeof ROLES)[number];
@@ -18,6 +19,7 @@ export default function Users({ me }: { readonly me: Me }) {
     <main className="page-view users">
       <h1>{t("access.users")}</h1>
       <OwnPassword />
+      <Passkeys />
       {isAdministrator && (
         <>
           <h2>{t("access.accounts")}</h2>
@@ -48,7 +50,7 @@ function useChange<Input>(run: (input: Input) => Promise<unknown>) {
   const client = useQueryClient();
   return useMutation<unknown, Error, Input>({
     mutationFn: run,
-    onSettled: () => client.invalidateQueries({ queryKey: ["users"] }),
+    onSettled: () => void client.invalidateQueries({ queryKey: ["users"] }),
   });
 }
 

@@ -4,6 +4,8 @@ import { answered, content, gateway, newKey, type Schemas } from "./client";
 import { CASE } from "./queries";
 import type { OperationView, PlanView, ReadCase } from "./types";
 
+type ApprovalBody = Schemas["ApprovalBody"];
+type PasskeyBody = Schemas["PasskeyBody"];
 type PlanBody = Schemas["PlanBody"];
 type StepBody = Schemas["StepBody"];
 type VerificationBody = Schemas["VerificationBody"];
@@ -39,15 +41,24 @@ export const act = {
     ),
   requestPlan: (read: ReadCase, body: PlanBody) =>
     content(gateway.POST("/api/v1/cases/{case_id}/plans", { params: quoting(read), body })),
-  approvePlan: (read: ReadCase, plan: PlanView, password: string) =>
+  approvePlan: (read: ReadCase, plan: PlanView, body: ApprovalBody) =>
     content(
       gateway.POST("/api/v1/cases/{case_id}/plans/{number}/approval", {
         params: {
           path: { case_id: read.view.id, number: plan.number },
           header: { ...key(), "If-Match": `"${plan.sha256}"` },
         },
-        body: { password },
+        body,
       }),
+    ),
+  /** What a passkey has to sign for the approval of this plan, and of no other. */
+  passkeyChallenge: (plan: PlanView) =>
+    content(gateway.POST("/api/v1/users/me/passkeys/challenge", { body: { plan_sha256: plan.sha256 } })),
+  passkeyOptions: () => content(gateway.POST("/api/v1/users/me/passkeys/registration")),
+  addPasskey: (body: PasskeyBody) => content(gateway.POST("/api/v1/users/me/passkeys", { body })),
+  removePasskey: (id: string) =>
+    answered(
+      gateway.DELETE("/api/v1/users/me/passkeys/{passkey_id}", { params: { path: { passkey_id: id } } }),
     ),
   withdrawApproval: (read: ReadCase, plan: number) =>
     content(
@@ -89,11 +100,17 @@ export const act = {
   },
 };
 
-/** A mutation of the case or the robot: when it has ended, well or not, everything of cases is read anew. */
+/**
+ * A mutation of the case or the robot: when it has ended, well or not, everything of cases is read anew. What was done
+ * is under way until it shows, so that nobody does it twice; why it was not done is said at once, for it may be that
+ * nothing can be read.
+ */
 export function useAct<Input, Output>(run: (input: Input) => Promise<Output>) {
   const client = useQueryClient();
+  const readAnew = () => client.invalidateQueries({ queryKey: [CASE] });
   return useMutation<Output, Error, Input>({
     mutationFn: run,
-    onSettled: () => client.invalidateQueries({ queryKey: [CASE] }),
+    onSuccess: readAnew,
+    onError: () => void readAnew(),
   });
 }

@@ -1,17 +1,20 @@
 // What panels read. Events of the log say when something is out of date (`follow.ts`); only ages are asked for again.
-import { keepPreviousData, QueryClient, useQuery } from "@tanstack/react-query";
+import { keepPreviousData, QueryCache, QueryClient, queryOptions, useQuery } from "@tanstack/react-query";
 import { ApiError, answered, content, gateway } from "./client";
 import type { CheckView, ReadCase, RobotSnapshot, TimelineEntry } from "./types";
 
 /** Everything that an event of a case can change stands below this key. */
 export const CASE = "case";
+/** Who is signed in. */
+export const ME = "me";
 // Chosen: four states of the robot a second look live, and cost the gateway less than one percent of a core.
 export const ROBOT_EVERY_MS = 250;
 const ROBOT_WITHIN_MS = 1_000;
 const HEALTH_EVERY_MS = 5_000;
 
 export function newQueryClient(): QueryClient {
-  return new QueryClient({
+  const client: QueryClient = new QueryClient({
+    queryCache: new QueryCache({ onError: (error, query) => askWhoIsHere(client, error, query.queryKey) }),
     defaultOptions: {
       queries: {
         retry: isWorthRepeating,
@@ -23,6 +26,14 @@ export function newQueryClient(): QueryClient {
       mutations: { retry: false, networkMode: "always" },
     },
   });
+  return client;
+}
+
+/** Whatever is first refused for want of a session shows the sign-in, not only what somebody presses. */
+function askWhoIsHere(client: QueryClient, error: Error, key: readonly unknown[]): void {
+  const isRefused = error instanceof ApiError && error.status === 401 && key[0] !== ME;
+  if (isRefused && client.getQueryState([ME])?.status === "success")
+    void client.invalidateQueries({ queryKey: [ME] });
 }
 
 function isWorthRepeating(failures: number, error: Error): boolean {
@@ -32,7 +43,7 @@ function isWorthRepeating(failures: number, error: Error): boolean {
 
 export function useMe() {
   return useQuery({
-    queryKey: ["me"],
+    queryKey: [ME],
     queryFn: () => content(gateway.GET("/api/v1/users/me")),
     staleTime: 60_000,
   });
@@ -110,6 +121,20 @@ export function useNewestLocalisation(id: string | null) {
       return page.items[0] ?? null;
     },
     enabled: id !== null,
+  });
+}
+
+/** What a localisation found, as vectors. It never changes. */
+export function drawingQuery(caseId: string, number: number) {
+  return queryOptions({
+    queryKey: ["drawing", caseId, number],
+    queryFn: () =>
+      content(
+        gateway.GET("/api/v1/cases/{case_id}/localisations/{number}/drawing", {
+          params: { path: { case_id: caseId, number } },
+        }),
+      ),
+    staleTime: Number.POSITIVE_INFINITY,
   });
 }
 
@@ -286,6 +311,25 @@ export function useUsers(enabled: boolean) {
     queryFn: async () =>
       (await content(gateway.GET("/api/v1/users", { params: { query: { limit: ALL } } }))).items,
     enabled,
+  });
+}
+
+/** The own passkeys, the oldest first. */
+export function usePasskeys(enabled: boolean) {
+  return useQuery({
+    queryKey: ["passkeys"],
+    queryFn: async () => (await content(gateway.GET("/api/v1/users/me/passkeys"))).items,
+    enabled,
+    staleTime: 60_000,
+  });
+}
+
+/** The hospital's identity provider by its name; null where there is none. */
+export function useProvider() {
+  return useQuery({
+    queryKey: ["ways"],
+    queryFn: async () => (await content(gateway.GET("/api/v1/sessions/ways"))).provider,
+    staleTime: Number.POSITIVE_INFINITY,
   });
 }
 

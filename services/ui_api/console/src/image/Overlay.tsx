@@ -16,7 +16,7 @@ export default function Overlay({ drawing, view, matrix }: Props) {
     ? `matrix(-1 0 0 1 ${drawing.width_px - 0.5} 0.5)`
     : "translate(0.5 0.5)";
   return (
-    <svg className="overlay" aria-hidden="true">
+    <svg className="overlay" aria-hidden="true" data-image={drawing.image_sha256}>
       <g transform={`matrix(${matrix.join(" ")})`}>
         <g transform={toPicture}>
           <Vectors drawing={drawing[view]} />

@@ -1,5 +1,6 @@
 import { useEffect, useRef } from "react";
-import { type Grey, lookUpTable, shownPixels } from "./grey";
+import type { Grey } from "./grey";
+import { paintedPicture } from "./painted";
 import type { Pixels } from "./pixels";
 import type { Matrix } from "./view";
 
@@ -15,22 +16,17 @@ export default function PictureCanvas({ pixels, grey, matrix }: Props) {
   useEffect(() => {
     const context = canvas.current?.getContext("2d", { alpha: false });
     if (!context) return;
-    const frame = requestAnimationFrame(() => paint(context, pixels, grey));
+    const frame = requestAnimationFrame(() => context.drawImage(paintedPicture(pixels, grey), 0, 0));
     return () => cancelAnimationFrame(frame);
   }, [pixels, grey]);
   return (
     <canvas
       ref={canvas}
       className="picture"
+      data-image={pixels.image}
       width={pixels.width}
       height={pixels.height}
       style={{ transform: `matrix(${matrix.join(",")})` }}
     />
   );
-}
-
-function paint(context: CanvasRenderingContext2D, pixels: Pixels, grey: Grey): void {
-  const shown = new ImageData(pixels.width, pixels.height);
-  shownPixels(pixels.values, lookUpTable(grey, pixels.levels), new Uint32Array(shown.data.buffer));
-  context.putImageData(shown, 0, 0);
 }

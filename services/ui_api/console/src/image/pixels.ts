@@ -2,6 +2,8 @@
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import type { LiveFrame } from "../api/live";
+import { greyValues } from "./decoder";
+import { NewestFirst } from "./newestFirst";
 
 export type PictureView = "raw" | "corrected";
 
@@ -33,7 +35,7 @@ export function usePixels(wanted: Wanted | null) {
     queryFn: async ({ signal }) => {
       if (wanted === null) throw new Error("no picture is wanted");
       const blob = await fetchedPicture(wanted, signal);
-      return await greyValues(blob, wanted.image, wanted.view, wanted.isReversed);
+      return await pixelsOf(blob, wanted.image, wanted.view, wanted.isReversed);
     },
     enabled: wanted !== null,
     staleTime: Number.POSITIVE_INFINITY,
@@ -51,53 +53,23 @@ async function fetchedPicture(wanted: Wanted, signal: AbortSignal): Promise<Blob
 /** The newest picture of running fluoroscopy; frames that come while one is decoded are passed over. */
 export function useLivePixels(live: LiveFrame | null): Pixels | null {
   const [pixels, setPixels] = useState<Pixels | null>(null);
+  const [line] = useState(
+    () =>
+      new NewestFirst<{ readonly blob: Blob; readonly image: string }>(async ({ blob, image }) =>
+        setPixels(await pixelsOf(blob, image, "raw", false)),
+      ),
+  );
   const blob = live?.picture ?? null;
   const image = live?.pictureOf ?? null;
   useEffect(() => {
-    if (blob === null || image === null) {
-      setPixels(null);
-      return;
-    }
-    let isWanted = true;
-    greyValues(blob, image, "raw", false).then(
-      (decoded) => isWanted && setPixels(decoded),
-      () => undefined, // a broken frame is followed by a whole one
-    );
-    return () => {
-      isWanted = false;
-    };
-  }, [blob, image]);
-  return pixels;
+    if (blob !== null && image !== null) return line.take({ blob, image });
+    line.forget();
+    setPixels(null);
+  }, [blob, image, line]);
+  // One that was under way when the pictures ended is none of those that are wanted.
+  return blob === null ? null : pixels;
 }
 
-async function greyValues(
-  blob: Blob,
-  image: string,
-  view: PictureView,
-  isReversed: boolean,
-): Promise<Pixels> {
-  const bitmap = await createImageBitmap(blob);
-  const { width, height } = bitmap;
-  const context = scratchOf(width, height);
-  context.setTransform(isReversed ? -1 : 1, 0, 0, 1, isReversed ? width : 0, 0);
-  context.drawImage(bitmap, 0, 0);
-  bitmap.close();
-  const rgba = new Uint32Array(context.getImageData(0, 0, width, height).data.buffer);
-  const values = new Uint8Array(rgba.length);
-  for (let i = 0; i < rgba.length; i++) values[i] = (rgba[i] as number) & (BYTE_VALUES - 1);
-  return { image, view, width, height, values, levels: BYTE_VALUES };
-}
-
-let scratch: CanvasRenderingContext2D | null = null;
-
-/** A canvas from which pixels are read again and again. */
-function scratchOf(width: number, height: number): CanvasRenderingContext2D {
-  if (scratch === null || scratch.canvas.width !== width || scratch.canvas.height !== height) {
-    const canvas = document.createElement("canvas");
-    canvas.width = width;
-    canvas.height = height;
-    scratch = canvas.getContext("2d", { willReadFrequently: true });
-  }
-  if (scratch === null) throw new Error("this browser draws nothing on a canvas");
-  return scratch;
+async function pixelsOf(blob: Blob, image: string, view: PictureView, isReversed: boolean): Promise<Pixels> {
+  return { image, view, ...(await greyValues(blob, isReversed)), levels: BYTE_VALUES };
 }

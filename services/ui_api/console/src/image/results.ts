@@ -1,7 +1,7 @@
 // What the panels of this folder read beside what they are given.
 import { useQuery } from "@tanstack/react-query";
 import { content, gateway, type Schemas } from "../api/client";
-import { CASE } from "../api/queries";
+import { CASE, drawingQuery } from "../api/queries";
 import type { LocalisationView } from "../api/types";
 
 export type ImageDrawing = Schemas["ImageDrawing"];
@@ -16,15 +16,8 @@ const CHOICE = 12;
 export function useDrawing(caseId: string, localisation: LocalisationView | null): ImageDrawing | null {
   const number = localisation?.number ?? 0;
   const query = useQuery({
-    queryKey: ["drawing", caseId, number],
-    queryFn: () =>
-      content(
-        gateway.GET("/api/v1/cases/{case_id}/localisations/{number}/drawing", {
-          params: { path: { case_id: caseId, number } },
-        }),
-      ),
+    ...drawingQuery(caseId, number),
     enabled: localisation !== null && localisation.camera !== null,
-    staleTime: Number.POSITIVE_INFINITY,
   });
   const drawing = query.data ?? null;
   return drawing !== null && drawing.image_sha256 === localisation?.image.sha256 ? drawing : null;

@@ -1,11 +1,12 @@
 import { useQueryClient } from "@tanstack/react-query";
 import { type FormEvent, useEffect, useReducer } from "react";
 import { useTranslation } from "react-i18next";
+import { hasPasskeys, signedByPasskey } from "../access/webauthn";
 import { act } from "../api/actions";
 import { ApiError } from "../api/client";
-import { CASE } from "../api/queries";
+import { CASE, ME, usePasskeys } from "../api/queries";
 import type { Me, PlanView, ReadCase } from "../api/types";
-import { approvalReducer, bound95Mm, startApproval } from "./approval";
+import { approvalReducer, bound95Mm, PASSKEY_NOT_GIVEN, startApproval } from "./approval";
 
 interface Props {
   readonly read: ReadCase;
@@ -18,19 +19,30 @@ export default function Approval({ read, plan, me }: Props) {
   const { t } = useTranslation();
   const client = useQueryClient();
   const [state, dispatch] = useReducer(approvalReducer, plan.sha256, startApproval);
+  const hasPasskey = (usePasskeys(hasPasskeys()).data ?? []).length > 0;
   useEffect(() => dispatch({ kind: "plan", plan: plan.sha256 }), [plan.sha256]);
 
-  async function approve(event: FormEvent<HTMLFormElement>) {
+  function withPassword(event: FormEvent<HTMLFormElement>) {
     event.preventDefault();
     const password = String(new FormData(event.currentTarget).get("credential"));
+    void approve(() => act.approvePlan(read, plan, { password }));
+  }
+
+  async function withPasskey() {
+    const challenge = await act.passkeyChallenge(plan);
+    const passkey = await signedByPasskey(challenge.public_key);
+    await act.approvePlan(read, plan, { passkey });
+  }
+
+  async function approve(send: () => Promise<unknown>) {
     dispatch({ kind: "sent" });
     try {
-      await act.approvePlan(read, plan, password);
+      await send();
     } catch (error) {
-      const problem = error instanceof ApiError ? error : new ApiError(0, "no_answer", String(error));
+      const problem = problemOf(error, t("approval.passkey_not_given"));
       dispatch({ kind: "failed", code: problem.code, detail: problem.detail });
       // A session that has ended shows the sign-in; the plan is as it was, and nobody has approved it.
-      if (problem.status === 401) void client.invalidateQueries({ queryKey: ["me"] });
+      if (problem.status === 401) void client.invalidateQueries({ queryKey: [ME] });
     }
     await client.invalidateQueries({ queryKey: [CASE] });
   }
@@ -49,13 +61,27 @@ export default function Approval({ read, plan, me }: Props) {
           {t("approval.first_act")}
         </button>
       ) : (
-        <form onSubmit={(event) => void approve(event)}>
+        <form onSubmit={withPassword}>
+          {hasPasskey && (
+            <button
+              type="button"
+              className="primary wide"
+              disabled={state.phase === "sending"}
+              onClick={() => void approve(withPasskey)}
+            >
+              {t("approval.second_act_passkey")}
+            </button>
+          )}
           <label>
             {t("approval.credential", { name: me.name })}
             <input name="credential" type="password" autoComplete="off" required />
           </label>
           <div className="row">
-            <button type="submit" className="primary" disabled={state.phase === "sending"}>
+            <button
+              type="submit"
+              className={hasPasskey ? "" : "primary"}
+              disabled={state.phase === "sending"}
+            >
               {t("approval.second_act")}
             </button>
             <button type="button" onClick={() => dispatch({ kind: "back" })}>
@@ -66,6 +92,13 @@ export default function Approval({ read, plan, me }: Props) {
       )}
     </section>
   );
+}
+
+/** What is said of an attempt that failed; a browser that got no passkey tells no reason. */
+function problemOf(error: unknown, passkeyNotGiven: string): ApiError {
+  if (error instanceof ApiError) return error;
+  if (error instanceof DOMException) return new ApiError(0, PASSKEY_NOT_GIVEN, passkeyNotGiven);
+  return new ApiError(0, "no_answer", String(error));
 }
 
 /** Side, holes, travel, and the predicted error of each hole with its bound and the chance to pass. */

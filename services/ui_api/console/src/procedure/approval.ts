@@ -20,7 +20,10 @@ export function startApproval(plan: string): ApprovalState {
   return { plan, phase: "reviewing", code: "", detail: "" };
 }
 
+/** The browser came back without a passkey: none was shown, or its finger or PIN was wrong. */
+export const PASSKEY_NOT_GIVEN = "passkey_not_given";
 const ASKED_AGAIN: ReadonlySet<string> = new Set([
+  PASSKEY_NOT_GIVEN,
   "credential_wrong",
   "credential_missing",
   "login_locked",

@@ -5,6 +5,7 @@ import { useWhen } from "../languages/useWhen";
 import ProblemNote from "../state/ProblemNote";
 import { sentence } from "../state/sentence";
 import Bars, { type Bar } from "./Bars";
+import Residuals from "./Residuals";
 
 const THUMBNAIL_PX = 240;
 
@@ -41,6 +42,7 @@ export default function CaseRecord({ id }: { readonly id: string }) {
         <Fact name={t("records.drilled")}>{view.procedure.drilled_hole_ids.join(", ") || "–"}</Fact>
       </dl>
       <VerifiedErrors id={id} />
+      <Residuals caseId={id} />
       <Drift id={id} />
       <h2>{t("records.timeline")}</h2>
       <ol className="timeline">

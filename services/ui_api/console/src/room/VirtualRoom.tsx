@@ -75,7 +75,7 @@ export function Hand({ label, run, isMain = false }: HandProps) {
   const client = useQueryClient();
   const doing = useMutation<unknown, Error, void>({
     mutationFn: run,
-    onSettled: () => client.invalidateQueries({ queryKey: ["virtual room"] }),
+    onSettled: () => void client.invalidateQueries({ queryKey: ["virtual room"] }),
   });
   return (
     <div>
@@ -121,7 +121,7 @@ function Angle({ label, value, onSet }: AngleProps) {
   useEffect(() => setShown(value), [value]);
   const turning = useMutation<unknown, Error, number>({
     mutationFn: onSet,
-    onSettled: () => client.invalidateQueries({ queryKey: ["virtual room"] }),
+    onSettled: () => void client.invalidateQueries({ queryKey: ["virtual room"] }),
   });
   const send = () => shown !== value && turning.mutate(shown);
   const middle = Math.round(value / 90) * 90;

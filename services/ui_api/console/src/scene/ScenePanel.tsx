@@ -2,12 +2,13 @@ import { Component, lazy, type ReactNode, Suspense, useCallback, useMemo, useSta
 import { useTranslation } from "react-i18next";
 import type { ScenePanelProps } from "../panels";
 import GhostControls from "./GhostControls";
-import { hasGraphics } from "./graphics";
+import { findGraphics, type Graphics } from "./graphics";
 import Legend from "./Legend";
 import { leastSeconds, playedSeconds, poseAlong } from "./motion";
 import Numbers from "./Numbers";
 import { holeNumbers, nearestLeg } from "./numbers";
 import { type SceneModel, type Stance, sceneModel, stanceOf } from "./sceneModel";
+import { useSteadyState } from "./steady";
 import { useGhost } from "./useGhost";
 import { useParts } from "./useParts";
 import { useSeen } from "./useSeen";
@@ -25,7 +26,7 @@ export default function ScenePanel(props: ScenePanelProps) {
   const { caseView, robot } = props;
   const parts = useParts(caseView);
   const localisation = useSeen(caseView, props.localisation);
-  const state = robot?.view.state ?? null;
+  const state = useSteadyState(robot?.view.state ?? null);
   const plan = props.plan;
   const model = useMemo(
     () => parts && sceneModel(parts, { caseView, robot: { state }, localisation, plan }),
@@ -51,19 +52,21 @@ type SpaceProps = ScenePanelProps & { readonly model: SceneModel };
 /** The picture with its controls, or the sentence why there is none. */
 function Space(props: SpaceProps) {
   const { t } = useTranslation();
-  const [canDraw] = useState(hasGraphics);
+  const [graphics] = useState(findGraphics);
   const [isLost, setLost] = useState(false);
   const onLost = useCallback(() => setLost(true), []);
-  if (canDraw && !isLost) return <Drawn {...props} onLost={onLost} />;
+  if (graphics !== "none" && !isLost) return <Drawn {...props} graphics={graphics} onLost={onLost} />;
   return (
     <p className="scene-missing" role="status">
-      {t(canDraw ? "scene.graphics_lost" : "scene.graphics_missing")}
+      {t(graphics === "none" ? "scene.graphics_missing" : "scene.graphics_lost")}
     </p>
   );
 }
 
-function Drawn(props: SpaceProps & { readonly onLost: () => void }) {
-  const { model, caseView, plan, isLive, showsGhost, onLost } = props;
+type DrawnProps = SpaceProps & { readonly graphics: Graphics; readonly onLost: () => void };
+
+function Drawn(props: DrawnProps) {
+  const { model, caseView, plan, isLive, showsGhost, graphics, onLost } = props;
   const { t } = useTranslation();
   const view = useView();
   const { motion, parts } = model;
@@ -84,6 +87,7 @@ function Drawn(props: SpaceProps & { readonly onLost: () => void }) {
               source_to_detector_mm={caseView.nominal_source_to_detector_mm ?? USUAL_SOURCE_TO_DETECTOR_MM}
               ghost={stance}
               isLive={isLive}
+              isCoarse={graphics === "processor"}
               view={view.id}
               asked={view.asked}
               labels={labels}

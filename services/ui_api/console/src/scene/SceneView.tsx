@@ -1,6 +1,6 @@
 // The scene as a picture; loaded only where the browser can draw it.
 import { Canvas, useThree } from "@react-three/fiber";
-import { useEffect, useLayoutEffect, useRef } from "react";
+import { memo, useEffect, useLayoutEffect, useRef } from "react";
 import Axes from "./Axes";
 import CArm, { Rays } from "./CArm";
 import CameraRig from "./CameraRig";
@@ -17,6 +17,8 @@ interface Props {
   readonly source_to_detector_mm: number;
   readonly ghost: Stance | null;
   readonly isLive: boolean;
+  /** Drawn by the processor: one pixel of the picture a pixel of the page, and edges that are not smoothed. */
+  readonly isCoarse: boolean;
   readonly view: ViewId;
   readonly asked: number;
   readonly labels: readonly Label[];
@@ -25,18 +27,20 @@ interface Props {
   readonly onLost: () => void;
 }
 
-// Drawn by the processor, a finer picture would cost frames.
-const PIXEL_RATIO: [number, number] = [1, 1.5];
+const FINE: [number, number] = [1, 2];
 
-export default function SceneView(props: Props) {
-  const { model, labels, name, onLost } = props;
+/** Asked to draw only when something of it has changed: what surrounds it is asked four times a second. */
+export default memo(SceneView);
+
+function SceneView(props: Props) {
+  const { model, labels, name, isCoarse, onLost } = props;
   const elements = useRef<(HTMLElement | null)[]>([]);
   return (
     <>
       <Canvas
         frameloop="demand"
-        dpr={PIXEL_RATIO}
-        gl={{ antialias: true, alpha: true, powerPreference: "high-performance" }}
+        dpr={isCoarse ? 1 : FINE}
+        gl={{ antialias: !isCoarse, alpha: true, powerPreference: "high-performance" }}
         camera={{ fov: 30, near: 5, far: 4000 }}
         flat
         aria-label={name}

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { ZERO_POSE } from "./hexapod";
 import fixture from "./hexapod.fixture.json";
-import { leastSeconds, playedSeconds, shareAt } from "./motion";
+import { hasEnded, leastSeconds, playedSeconds, shareAt } from "./motion";
 import type { HexapodPart } from "./parts";
 
 const HEXAPOD = fixture.hexapod as unknown as HexapodPart;
@@ -14,6 +14,10 @@ describe("the planned motion", () => {
 
   it("is played neither too fast to follow nor too slow to wait for", () => {
     expect([0.1, 3, 60].map(playedSeconds)).toEqual([2, 3, 6]);
+  });
+
+  it("is played three times", () => {
+    expect([0, 10.7, 10.8].map((time) => hasEnded(time, 2))).toEqual([false, false, true]);
   });
 
   it("rests at both ends, and begins anew", () => {

@@ -29,6 +29,8 @@ export function leastSeconds(hexapod: HexapodPart, start: Pose, target: Pose): n
 // Chosen: long enough to see which way it goes, and a rest at each end to see where it begins and stops.
 const PLAYED_S = { least: 2, most: 6 };
 const REST_S = 0.8;
+// Then it stands at the target, and costs no pictures any more.
+const TIMES = 3;
 
 export function playedSeconds(least_s: number): number {
   return Math.min(Math.max(least_s, PLAYED_S.least), PLAYED_S.most);
@@ -38,4 +40,9 @@ export function playedSeconds(least_s: number): number {
 export function shareAt(time_s: number, played_s: number): number {
   const at = (time_s % (played_s + 2 * REST_S)) - REST_S;
   return Math.min(Math.max(at / played_s, 0), 1);
+}
+
+/** Whether it was played often enough. */
+export function hasEnded(time_s: number, played_s: number): boolean {
+  return time_s >= TIMES * (played_s + 2 * REST_S);
 }

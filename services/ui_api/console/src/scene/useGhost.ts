@@ -1,6 +1,6 @@
 // The planned motion, played: share of the way, 0 to 1.
 import { useEffect, useState } from "react";
-import { shareAt } from "./motion";
+import { hasEnded, shareAt } from "./motion";
 
 // Chosen: 25 pictures a second look like a motion, and leave a processor that draws by itself room for the rest.
 const EVERY_MS = 40;
@@ -35,7 +35,9 @@ export function useGhost(plan: string | null, starts: boolean, played_s: number)
       request = requestAnimationFrame(next);
       if (at_ms - shown_ms < EVERY_MS - 4) return;
       shown_ms = at_ms;
-      setState({ kind: "playing", share: shareAt((at_ms - begun_ms) / 1000, played_s) });
+      const time_s = (at_ms - begun_ms) / 1000;
+      if (hasEnded(time_s, played_s)) setState({ kind: "held", share: 1 });
+      else setState({ kind: "playing", share: shareAt(time_s, played_s) });
     };
     request = requestAnimationFrame(next);
     return () => cancelAnimationFrame(request);

@@ -7,7 +7,7 @@ import Banner from "./Banner";
 import type { Connection } from "./connection";
 import type { Place } from "./place";
 
-const PLACES = ["room", "cases", "users", "service"] as const;
+const PLACES = ["room", "wall", "cases", "users", "service"] as const;
 
 interface Props {
   readonly me: Me;

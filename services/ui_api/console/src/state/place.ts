@@ -2,10 +2,10 @@
 import { useSyncExternalStore } from "react";
 
 export type Place =
-  | { readonly name: "room" | "cases" | "users" | "service" }
+  | { readonly name: "room" | "wall" | "cases" | "users" | "service" }
   | { readonly name: "case"; readonly id: string };
 
-const PLAIN = ["cases", "users", "service"] as const;
+const PLAIN = ["wall", "cases", "users", "service"] as const;
 const CASE_ID = /^[A-Za-z0-9-]{1,64}$/;
 
 export function placeOf(hash: string): Place {

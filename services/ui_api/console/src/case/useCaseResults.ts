@@ -1,0 +1,21 @@
+import { useNewestImage, useNewestLocalisation, useNewestPlan, useNewestVerification } from "../api/queries";
+import type { ReadCase, RobotSnapshot } from "../api/types";
+import type { ImagePanelProps } from "../panels";
+
+/** The newest of everything that a case has, as the panels take it. */
+export function useCaseResults(
+  read: ReadCase,
+  robot: RobotSnapshot | null,
+  isLive: boolean,
+): ImagePanelProps {
+  const id = read.view.id;
+  return {
+    caseView: read.view,
+    newestImage: useNewestImage(id).data ?? null,
+    localisation: useNewestLocalisation(id).data ?? null,
+    plan: useNewestPlan(id).data ?? null,
+    verification: useNewestVerification(id).data ?? null,
+    robot,
+    isLive,
+  };
+}
