@@ -2,17 +2,20 @@
 
 Imports every module of the code, which also writes its byte code for a quick start. Then removes from the packages
 their tests, headers and type stubs, and those parts of SciPy that neither were imported nor are named anywhere in the
-code; strips symbols of shared libraries; and keeps files that are there several times once.
+code; strips symbols of shared libraries; keeps files that are there several times once; and leaves of the packages'
+sources the byte code alone, without docstrings: a tracer's lines still have their numbers, and our own code its text.
 """
 
 import ast
 import hashlib
 import importlib
 import os
+import py_compile
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +26,9 @@ _ENDINGS: Final = frozenset({".pyi", ".h", ".hpp", ".pxd", ".a", ".c", ".cpp"})
 # Whose libraries hold symbols for debuggers. Libraries that a wheel's tools have patched do not load without theirs.
 STRIPPED: Final = ("zenoh", "llvmlite")
 _ELF: Final = b"\x7fELF"
+# Reads files of its own sources as configuration.
+KEPT_AS_SOURCES: Final = ("cv2",)
+_WITHOUT_DOCSTRINGS: Final = 2
 # Worth a link; below it one costs as much.
 _LEAST_SHARED_BYTES: Final = 4096
 
@@ -97,6 +103,19 @@ def keep_once(packages: Path) -> None:
                 file.symlink_to(os.path.relpath(first, file.parent))
 
 
+def keep_byte_code_alone(packages: Path) -> None:
+    """Replace sources by byte code in their place, which Python imports as it would the sources."""
+    for file in sorted(packages.rglob("*.py")):
+        if file.relative_to(packages).parts[0] in KEPT_AS_SOURCES:
+            continue
+        with suppress(py_compile.PyCompileError):  # a template of another language, or of another Python
+            py_compile.compile(str(file), f"{file}c", doraise=True, optimize=_WITHOUT_DOCSTRINGS)
+            file.unlink()
+    for folder in sorted(packages.rglob("__pycache__")):
+        if folder.relative_to(packages).parts[0] not in KEPT_AS_SOURCES:
+            shutil.rmtree(folder)
+
+
 def main(packages: Path, code: Path) -> None:
     """Slim both; modules that cannot be imported are printed, for they are of no use in this image."""
     sys.path[:0] = [str(packages), str(code)]
@@ -107,6 +126,7 @@ def main(packages: Path, code: Path) -> None:
     remove_what_no_program_reads(packages)
     strip_libraries(packages)
     keep_once(packages)
+    keep_byte_code_alone(packages)
 
 
 if __name__ == "__main__":
