@@ -226,7 +226,7 @@ class Procedure:
     def _shot(self) -> LocalisationReceived | None:
         self._wait(_PAUSE_S)
         pixels, nominal = self.room.shoot()
-        sha256 = self.system.receive(pixels, self.scenario.parts.ring, nominal, self.scenario.side)
+        sha256 = self.system.receive(pixels, self.scenario.parts.ring, nominal, self.scenario.side, self.room.angles)
         self.slipped = False  # what moved until now is in this image
         found = self._case.localisation_of(sha256)
         for code in () if found is None or found.verdict == "accepted" else found.reason_codes:

@@ -15,12 +15,14 @@ from benchmarks.scenes.random_scenes import nominal_of
 from services.imaging.core.nominal import NominalGeometry
 from shared.geometry.frames import Guide
 from shared.geometry.transform import Transform
-from simulation.render.image import ImageFaults
+from simulation.render.image import ChangePacked, ImageFaults
+from simulation.render.retracing import Retracing
 from simulation.render.truth import AxisError, guide_axis_errors
 from simulation.room.c_arm import OutOfReach
 from simulation.room.drilling import Passage
 from simulation.room.faults import RoomFaults
 from simulation.room.operating_room import OperatingRoom
+from simulation.scenario.c_arm_angles import CArmAngles
 from simulation.scenario.values import Scenario
 
 _DRAWS: Final = {one.__name__: one for one in DRAWS}
@@ -45,6 +47,7 @@ class CampaignRoom:
     cluttered: bool = field(init=False)
     room: OperatingRoom = field(init=False)
     shots: int = 0
+    _rays: Retracing = field(default_factory=Retracing)
 
     def __post_init__(self) -> None:
         self.cluttered = bool(self.troubles.thing)
@@ -55,13 +58,15 @@ class CampaignRoom:
         self.shots += 1
         faults = ImageFaults(dose_factor=self.troubles.dose, motion_blur_px=self.smear_px)
         self.smear_px = 0.0
-        state = self.room.state()
-        if self.cluttered:
-            objects, _ = placed(_DRAWS[self.troubles.thing], self.troubles.thing, self.scenario, self.room.world())
-            shot = rendered(self.scenario, state, lambda packed, _: objects.added_to(packed), self.shots, faults)
-        else:
-            shot = rendered(self.scenario, state, shot_number=self.shots, faults=faults)
+        shot = rendered(self.scenario, self.room.state(), self._clutter(), self.shots, faults, self._rays)
         return self._displayed(shot.pixels)
+
+    def _clutter(self) -> ChangePacked:
+        """What lies in the beam."""
+        if not self.cluttered:
+            return lambda packed, _: packed
+        objects, _ = placed(_DRAWS[self.troubles.thing], self.troubles.thing, self.scenario, self.room.world())
+        return lambda packed, _: objects.added_to(packed)
 
     def _displayed(self, pixels: NDArray[np.integer]) -> tuple[NDArray[np.float32], NominalGeometry]:
         nominal, white = nominal_of(self.scenario), float(np.iinfo(pixels.dtype).max)
@@ -74,6 +79,11 @@ class CampaignRoom:
         factor = pixels.shape[0] / result.share.shape[0]
         shown = np.rint(result.share.astype(np.float64) * top).astype(np.float32)
         return shown, NominalGeometry(nominal.source_to_detector_mm, nominal.pixel_mm * factor)
+
+    @property
+    def angles(self) -> CArmAngles:
+        """How the C-arm is turned."""
+        return self.room.angles
 
     def turn_c_arm(self, about_x_deg: float, about_y_deg: float) -> None:
         """Turn it as advised, as far as it goes."""

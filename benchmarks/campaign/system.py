@@ -36,12 +36,15 @@ from services.ui_api.handlers.stop import StopHandler
 from services.ui_api.handlers.verification import VerificationHandler
 from services.ui_api.record.database import open_database
 from services.ui_api.record.record import CaseRecord
+from shared.errors import Accepted
+from shared.geometry.calibration import CArmCalibration
 from shared.geometry.parts import RingPart
 from shared.messages.base import encode
 from shared.messages.imaging import FrameHeader
 from shared.runtime.clock import Clock
 from shared.runtime.lifecycle import Runtime, software_version
 from shared.runtime.presence import StatusReporter
+from simulation.scenario.c_arm_angles import CArmAngles
 
 WHO: Final = Approver("surgeon", Authenticated.PASSWORD)
 _STORE: Final = "store"
@@ -83,6 +86,7 @@ class System:
     def __init__(self, rig: Rig, folder: Path) -> None:
         self.rig, self.bus = rig, rig.bus
         self._shots = 0
+        self._calibrations: dict[CArmAngles, CArmCalibration] = {}
         clock = Clock(lambda: int(rig.clock() * _S_TO_NS), rig.clock)
         self.registration_state = RegistrationState(rig.registration_boot, _IMAGES_HELD, 0.5, rig.clock)
         settings = RegistrationSettings.model_construct()
@@ -138,13 +142,20 @@ class System:
             self.rig.epoch = self.registration_state.epoch
             self.rig.give_signs_of_life()
 
-    def receive(self, pixels: NDArray[np.float32], ring: RingPart, nominal: NominalGeometry, side: str) -> str:
-        """An image arrives: imaging publishes it with its calibration, registration localises; its hash."""
+    def receive(
+        self, pixels: NDArray[np.float32], ring: RingPart, nominal: NominalGeometry, side: str, angles: CArmAngles
+    ) -> str:
+        """An image arrives: imaging publishes it with its calibration, registration localises; its hash.
+
+        Imaging looks for the ring where it was at the same angles of the C-arm, as it does in an installation.
+        """
         self._shots += 1
         case = self.open_case
         header = _header(self._shots, pixels, nominal, side, case)
         self.bus.publisher(KEYS.frame).put(np.ascontiguousarray(pixels, dtype="<f4").tobytes(), encode(header))
-        outcome = calibrate_next(pixels, ring, nominal, None)
+        outcome = calibrate_next(pixels, ring, nominal, self._calibrations.get(angles))
+        if isinstance(outcome, Accepted):
+            self._calibrations[angles] = outcome.value
         self.bus.publisher(KEYS.calibration).put(encode(calibration_message(outcome, 1.0, ring, header)))
         self.settle()
         return header.sha256

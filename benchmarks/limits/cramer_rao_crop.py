@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from simulation.render.attenuation import Spectrum, spectrum
-from simulation.render.image import detector_points_mm
+from simulation.render.primary import detector_points_mm
 from simulation.render.tiles import TILE_PX
 from simulation.render.tracer import PackedScene, refine_pixels, trace_rows
 from simulation.scenario.values import Scenario

@@ -17,7 +17,7 @@ from shared.geometry.parts import NailPart
 from shared.geometry.transform import Transform
 from simulation.render import detector
 from simulation.render.attenuation import Material, Spectrum
-from simulation.render.image import trace_primary
+from simulation.render.primary import trace
 from simulation.render.scene import BallsInView, balls_in_view, pack_scene
 from simulation.render.tracer import trace_rows
 from simulation.scenario.values import Scenario
@@ -97,7 +97,7 @@ def scene_images(scenario: Scenario, samples: int = SAMPLES) -> SceneImages:
     world = world_at(scenario, starting_state(scenario))
     balls = balls_in_view(scenario, world)
     packed = pack_scene(scenario, world, balls)
-    primary = trace_primary(scenario, world, packed)
+    primary = trace(scenario, world, packed).primary
     signal = detector.noise_free_signal(primary, scenario.detector, scenario.exposure, scenario.c_arm.pixel_mm)
     seen = detector.detected(signal, scenario.exposure, scenario.c_arm.pixel_mm)
     crop = crop_about_holes(scenario, world, packed, primary, samples)

@@ -17,11 +17,12 @@ import numpy as np
 from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail, with_tip
 from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
-from benchmarks.robustness.scene import ChangePacked, Drawn, RobustScene, generator_of, rendered, scene_of_shot
+from benchmarks.robustness.scene import Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.changed_parts import with_holes, with_nail_holes
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
 from shared.geometry.parts import Hole
+from simulation.render.image import ChangePacked
 from simulation.scenario.values import Scenario
 from simulation.world.poses import starting_state, world_at
 

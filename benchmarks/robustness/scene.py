@@ -17,17 +17,14 @@ from services.imaging.core.nominal import NominalGeometry
 from services.registration.core.localise import Parts
 from shared.geometry.lines import Line
 from shared.geometry.parts import Hole
-from simulation.render import detector
 from simulation.render.display import Grey, turned_points
-from simulation.render.image import NO_FAULTS, ImageFaults, Noise, Shot, View, exposed, metal_behind_mm, trace_primary
-from simulation.render.scene import balls_in_view, pack_scene
-from simulation.render.tracer import PackedScene
-from simulation.render.truth import HoleTruth, image_truth
+from simulation.render.image import NO_FAULTS, ChangePacked, ImageFaults, Noise, Shot, exposed, view_of
+from simulation.render.retracing import Retracing
+from simulation.render.truth import HoleTruth
 from simulation.scenario.values import Scenario
-from simulation.world.poses import World, WorldState, starting_state, world_at
+from simulation.world.poses import WorldState, starting_state
 
 Drawn: TypeAlias = dict[str, int | float | str]
-ChangePacked: TypeAlias = Callable[[PackedScene, World], PackedScene]
 Floats = NDArray[np.float64]
 # Beginning of the name, among the drawn parameters, of the share that an object covers of a hole.
 COVERED = "covered_"
@@ -87,15 +84,10 @@ def rendered(
     change: ChangePacked = lambda packed, _: packed,
     shot_number: int = 0,
     faults: ImageFaults = NO_FAULTS,
+    retracing: Retracing | None = None,
 ) -> Shot:
     """A shot, as `render_scene`, of a world whose packed shapes were changed."""
-    world = world_at(scenario, state)
-    balls = balls_in_view(scenario, world)
-    packed = change(pack_scene(scenario, world, balls), world)
-    window = detector.window(scenario.detector, scenario.c_arm.size_px)
-    truth = image_truth(scenario, world, balls, window, metal_behind_mm(packed, balls))
-    view = View(world, trace_primary(scenario, world, packed), truth)
-    return exposed(scenario, view, shot_number, Noise.REAL, faults)
+    return exposed(scenario, view_of(scenario, state, retracing, change), shot_number, Noise.REAL, faults)
 
 
 def plain_scene(kind: str, seed: int) -> RobustScene:

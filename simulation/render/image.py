@@ -1,43 +1,25 @@
 """One X-ray image of the virtual operating room, from a scenario and a state to grey values and exact truth."""
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TypeVar
+from typing import TypeAlias
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from simulation.render import detector, display
-from simulation.render.attenuation import Material, Spectrum, spectrum
-from simulation.render.distortion import ideal_from_measured
+from simulation.render.attenuation import Material
+from simulation.render.primary import Image
+from simulation.render.retracing import Retracing
 from simulation.render.scene import BallsInView, balls_in_view, pack_scene
-from simulation.render.tracer import PackedScene, refine_pixels, trace_lengths, trace_rows
+from simulation.render.tracer import PackedScene, trace_lengths
 from simulation.render.truth import ImageTruth, image_truth
 from simulation.scenario.values import Scenario
 from simulation.world.poses import World, WorldState, world_at
 
 Floats = NDArray[np.float64]
-Image = NDArray[np.float32]
-T = TypeVar("T")
-_THREADS = 2
-# With their mirror images each column takes every sixteenth of the range once, and the columns hardly correlate (0.13).
-_SPREAD_32NDS = np.array(
-    [
-        [9, -9, -13, -3],
-        [-13, -11, 9, -1],
-        [-15, -5, -15, 7],
-        [5, 1, 11, 9],
-        [11, -3, 1, 15],
-        [-3, 7, 5, -5],
-        [-1, -13, 3, 13],
-        [7, -15, 7, -11],
-    ],
-    dtype=np.float64,
-)
-_EDGE = 0.08
+ChangePacked: TypeAlias = Callable[[PackedScene, World], PackedScene]
 
 
 class Noise(StrEnum):
@@ -85,6 +67,7 @@ def render_scene(
     shot_number: int = 0,
     noise: Noise = Noise.REAL,
     faults: ImageFaults = NO_FAULTS,
+    retracing: Retracing | None = None,
 ) -> Shot:
     """Take one X-ray image.
 
@@ -92,13 +75,15 @@ def render_scene(
     ----------
     shot_number
         Seeds the noise together with the scenario's seed.
+    retracing
+        See `view_of`.
 
     Returns
     -------
     Shot
         Grey values, shape (rows, columns), 8 or 16 bits, and the truth.
     """
-    return exposed(scenario, view_of(scenario, state), shot_number, noise, faults)
+    return exposed(scenario, view_of(scenario, state, retracing), shot_number, noise, faults)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,14 +101,27 @@ class View:
     truth: ImageTruth
 
 
-def view_of(scenario: Scenario, state: WorldState) -> View:
-    """Trace the rays once; running fluoroscopy makes many exposures of them."""
+def view_of(
+    scenario: Scenario,
+    state: WorldState,
+    retracing: Retracing | None = None,
+    change: ChangePacked = lambda packed, _: packed,
+) -> View:
+    """Trace the rays once; running fluoroscopy makes many exposures of them.
+
+    Parameters
+    ----------
+    retracing
+        Keeps rays from image to image of one room.
+    change
+        Changes what the X-rays meet.
+    """
     world = world_at(scenario, state)
     balls = balls_in_view(scenario, world)
-    packed = pack_scene(scenario, world, balls)
+    packed = change(pack_scene(scenario, world, balls), world)
     window = detector.window(scenario.detector, scenario.c_arm.size_px)
     truth = image_truth(scenario, world, balls, window, metal_behind_mm(packed, balls))
-    return View(world, trace_primary(scenario, world, packed), truth)
+    return View(world, (retracing or Retracing()).primary(scenario, world, packed), truth)
 
 
 def exposed(scenario: Scenario, view: View, shot_number: int, noise: Noise, faults: ImageFaults) -> Shot:
@@ -134,78 +132,6 @@ def exposed(scenario: Scenario, view: View, shot_number: int, noise: Noise, faul
     shown = replace(scenario.display, white_level=scenario.display.white_level * faults.overexposure)
     grey = display.grey_values(shown, signal, window)
     return Shot(display.as_shown(shown, grey), view.truth, view.world)
-
-
-def detector_points_mm(scenario: Scenario, world: World, measured_px: Floats) -> Floats:
-    """Where measured pixels, shape (..., 2), lie on the detector plane of the beam's frame, shape (..., 2), in mm."""
-    c = scenario.c_arm
-    ideal = ideal_from_measured(scenario.detector, measured_px, c.size_px, c.pixel_mm, world.rotation_deg)
-    return (ideal - world.intrinsic_matrix_px[:2, 2]) * c.pixel_mm
-
-
-def trace_primary(scenario: Scenario, world: World, packed: PackedScene) -> Image:
-    """Primary radiation at each pixel, relative to the open beam, shape (rows, columns).
-
-    One ray per pixel first; where neighbours differ, the mean of rays spread over the pixel and the focal spot.
-    """
-    beam = spectrum(scenario.exposure.tube_voltage_kv, scenario.exposure.filtration_mm_aluminium)
-    size = scenario.c_arm.size_px
-    rows, columns = np.mgrid[0:size, 0:size].astype(np.float64)
-    targets = detector_points_mm(scenario, world, np.stack([columns, rows], axis=-1))
-    parts = _side_by_side(
-        size,
-        lambda first, last: trace_rows(packed, first, targets[first:last], beam.weight, beam.attenuation_per_mm),
-    )
-    primary = np.concatenate([signal for signal, _ in parts])
-    share = np.concatenate([share for _, share in parts])
-    edges = np.argwhere(_edges(primary) & (detector.window(scenario.detector, size) > 0.0))
-    primary[tuple(edges.T)] = _refined(scenario, packed, targets, edges, share, beam)
-    return primary
-
-
-def _refined(
-    scenario: Scenario, packed: PackedScene, targets: Floats, pixels: NDArray[np.int64], share: Image, beam: Spectrum
-) -> Floats:
-    """Signal of some pixels, shape (N,), as the mean over each pixel's area and the focal spot."""
-    at = (pixels[:, 0], pixels[:, 1])
-    steps = np.stack([np.gradient(targets, axis=1)[at], np.gradient(targets, axis=0)[at]], axis=1)
-    middles, shares = targets[at], share[at].astype(np.float64)
-    samples = ray_samples(scenario.exposure.focal_spot_mm)
-    parts = _side_by_side(
-        len(pixels),
-        lambda first, last: refine_pixels(
-            packed,
-            pixels[first:last],
-            middles[first:last],
-            steps[first:last],
-            samples,
-            shares[first:last],
-            beam.weight,
-            beam.attenuation_per_mm,
-        ),
-    )
-    return np.concatenate(parts)
-
-
-def _side_by_side(count: int, work: Callable[[int, int], T]) -> list[T]:
-    """Share `count` rows or pixels among a few threads; `work` gets the first and the end of its share."""
-    ends = np.linspace(0, count, 2 * _THREADS + 1).astype(int)
-    with ThreadPoolExecutor(_THREADS) as pool:
-        return list(pool.map(work, ends[:-1].tolist(), ends[1:].tolist()))
-
-
-def _edges(primary: Image) -> NDArray[np.bool_]:
-    """Pixels next to which the signal bends or steps: a mere gradient is the same at the middle as on the average."""
-    window = np.ones((3, 3), np.uint8)
-    bend = np.abs(cv2.dilate(primary, window) + cv2.erode(primary, window) - 2.0 * primary)
-    # Twice, because the focal spot's penumbra reaches beyond the edge.
-    return np.asarray(cv2.dilate((bend > _EDGE * primary).astype(np.uint8), window) > 0)
-
-
-def ray_samples(focal_spot_mm: float) -> Floats:
-    """Places in the pixel (px from its middle) and on the focal spot (mm), shape (samples, 4), with mean zero."""
-    spread = np.concatenate([_SPREAD_32NDS, -_SPREAD_32NDS]) / 32.0
-    return np.asarray(spread * np.array([1.0, 1.0, focal_spot_mm, focal_spot_mm]))
 
 
 def metal_behind_mm(packed: PackedScene, balls: BallsInView) -> Floats:

@@ -238,6 +238,42 @@ def trace_rows(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def trace_pixels(
+    scene: PackedScene, pixels: Integers, targets_mm: Floats, weight: Floats, attenuation: Floats
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The same as `trace_rows` of some pixels, row and column in shape (N, 2): signal and mineral share, (N,) each."""
+    count = pixels.shape[0]
+    signal, share = np.empty(count, np.float32), np.empty(count, np.float32)
+    times, codes = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, np.int64)
+    inside, lengths = np.empty(_CLASSES, np.int64), np.empty(8)
+    ray, bone, centre = np.empty((2, 3)), np.empty((2, 3)), np.zeros(2)
+    for i in range(count):
+        scale = _aim(scene, targets_mm[i], centre, ray, bone)
+        tile = (pixels[i, 0] // scene.tile_px) * scene.tiles_across + pixels[i, 1] // scene.tile_px
+        n = _events(scene, tile, ray[0], ray[1], bone, times, codes)
+        _lengths(times, codes, n, scale, scene.nail_material, inside, lengths)
+        near, far = _marrow_stretch(times, codes, n)
+        share[i] = mineral_share(scene.spongy, scene.texture, scene.texture_mm, bone, near, far)
+        signal[i] = _signal(lengths, share[i], weight, attenuation)
+    return signal, share
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def meets(scene: PackedScene, targets_mm: Floats, step_px: int) -> NDArray[np.bool_]:
+    """Whether the rays of every so manieth pixel meet anything, shape (rows, columns), as of the targets."""
+    rows, columns = targets_mm.shape[:2]
+    met = np.empty((rows, columns), np.bool_)
+    times, codes = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, np.int64)
+    ray, bone, centre = np.empty((2, 3)), np.empty((2, 3)), np.zeros(2)
+    for row in range(rows):
+        for column in range(columns):
+            _aim(scene, targets_mm[row, column], centre, ray, bone)
+            tile = (row * step_px // scene.tile_px) * scene.tiles_across + column * step_px // scene.tile_px
+            met[row, column] = _events(scene, tile, ray[0], ray[1], bone, times, codes) > 0
+    return met
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def refine_pixels(
     scene: PackedScene,
     pixels: Integers,

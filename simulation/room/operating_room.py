@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from shared.geometry.frames import RobotBase, RobotTop
 from shared.geometry.transform import Transform
 from simulation.render.image import Noise, Shot, exposed, render_scene, view_of
+from simulation.render.retracing import Retracing
 from simulation.room.c_arm import check_reach, turned_about_image
 from simulation.room.drilling import Passage, drill, drill_force_n, insert_wire
 from simulation.room.faults import NO_ROOM_FAULTS, RoomFaults
@@ -42,6 +43,7 @@ class OperatingRoom:
     platform: PlatformReader
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _changes: _Changes = field(init=False)
+    _retracing: Retracing = field(default_factory=Retracing)
 
     def __post_init__(self) -> None:
         self._changes = _Changes(starting_state(self.scenario).angles)
@@ -90,7 +92,11 @@ class OperatingRoom:
         with self._lock:
             self._changes.shots += 1
             number, state, faults = self._changes.shots, self._state(), self._changes.faults
-        return number, state.angles, render_scene(self.scenario, state, number, faults=faults.image)
+        return (
+            number,
+            state.angles,
+            render_scene(self.scenario, state, number, faults=faults.image, retracing=self._retracing),
+        )
 
     def film(self, places: Sequence[CArmAngles], images: int) -> Iterator[tuple[int, CArmAngles, Shot]]:
         """Running fluoroscopy: so many images, while the C-arm goes through these places; it stays at the last one.

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from simulation.render.image import ImageFaults, Noise, Shot, ray_samples, render_scene, trace_primary
+from simulation.render.image import ImageFaults, Noise, Shot, render_scene
+from simulation.render.primary import ray_samples, trace
 from simulation.render.scene import balls_in_view, pack_scene
 from simulation.room.drilling import drill, drill_force_n, insert_wire
 from simulation.scenario.imaging_values import Intensifier
@@ -33,7 +34,7 @@ def centroid_errors_px(scenario: Scenario) -> NDArray[np.float64]:
     balls = balls_in_view(scenario, world)
     packed = pack_scene(scenario, world, balls)
     without = packed._replace(tile_start=np.zeros_like(packed.tile_start))
-    with_balls, bare = (trace_primary(scenario, world, p).astype(np.float64) for p in (packed, without))
+    with_balls, bare = (trace(scenario, world, p).primary.astype(np.float64) for p in (packed, without))
     rows, columns = np.mgrid[0 : bare.shape[0], 0 : bare.shape[1]]
     errors = []
     for i, (x, y) in enumerate(balls.image_px):
