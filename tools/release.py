@@ -21,6 +21,7 @@ from typing import Final
 from distalock.version import revision
 from shared.errors import ConfigurationError, DistalockError
 from shared.pki.signing_key import SigningKey
+from tools.npm_lock import console_lock
 from tools.sbom import ROOT, bill_of_materials
 from tools.wheel import built_wheel
 
@@ -60,7 +61,7 @@ def release(key: SigningKey, out: Path, made_at: datetime) -> None:
     with tempfile.TemporaryDirectory() as folder:
         files = [built_wheel(Path(folder)), ROOT / LOCK]
         pyproject, lock = (ROOT / "pyproject.toml").read_text(), (ROOT / LOCK).read_text()
-        bill = json.dumps(bill_of_materials(pyproject, lock, made_at), indent=1) + "\n"
+        bill = json.dumps(bill_of_materials(pyproject, lock, console_lock(), made_at), indent=1) + "\n"
         try:
             out.mkdir(parents=True)
         except OSError as error:

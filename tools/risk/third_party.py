@@ -10,6 +10,7 @@ from pydantic import TypeAdapter
 from typing_extensions import TypedDict
 
 from deploy.subset_lock import lock_entries, normalised, subset, wanted_roots
+from tools.npm_lock import console_lock, console_packages
 from tools.risk.evidence import ROOT
 from tools.risk.files import FOLDER, ThirdParty, entries
 from tools.risk.tables import NOT_A_DEVICE, table
@@ -64,6 +65,14 @@ def third_party_page() -> str:
     )
     others = ", ".join(f"`{name}` {version}" for name, version in sorted(locked.items()) if name not in direct)
     heads = ("package", "version", "items", "does", "a defect could", "shown by")
+    npm = {package.name: package for package in console_packages(console_lock()) if not package.types_only}
+    of_page = sorted(entries(FOLDER / "third-party-console.yaml", ThirdParty), key=lambda one: one.name)
+    page_rows = (
+        (f"`{one.name}`", npm[one.name].version, ", ".join(one.items), one.does, one.wrong, one.shown)
+        for one in of_page
+    )
+    named_there = {one.name for one in of_page}
+    npm_others = ", ".join(f"`{name}` {one.version}" for name, one in npm.items() if name not in named_there)
     return "\n".join(
         [
             "# Software of others",
@@ -73,6 +82,14 @@ def third_party_page() -> str:
             *table(heads, rows),
             "",
             f"What these ask for in turn: {others}.",
+            "",
+            "## In the console's page",
+            "",
+            "From npm, by the console's `package-lock.json`; what only builds or checks the page is not listed.",
+            "",
+            *table(heads, page_rows),
+            "",
+            f"What these ask for in turn: {npm_others}.",
             "",
             "## Known vulnerabilities",
             "",

@@ -8,11 +8,13 @@ from pathlib import Path
 import pytest
 
 from shared.pki.signing_key import SigningKey
+from tools.npm_lock import console_lock, console_packages
 from tools.release import PUBLIC_KEY, SIGNATURE, SUMS, main, sign
 from tools.sbom import ROOT, bill_of_materials
 
 MADE_AT = datetime(2026, 1, 2, tzinfo=UTC)
 PYPROJECT, LOCK = (ROOT / "pyproject.toml").read_text(), (ROOT / "requirements.lock").read_text()
+NPM_LOCK = console_lock()
 
 
 @pytest.fixture
@@ -58,11 +60,12 @@ def test_a_release_of_another_key_is_noticed(signed: Path, tmp_path: Path) -> No
 
 
 def test_the_bill_names_what_is_installed_and_who_asks_for_it() -> None:
-    bill = json.loads(json.dumps(bill_of_materials(PYPROJECT, LOCK, MADE_AT)))
+    bill = json.loads(json.dumps(bill_of_materials(PYPROJECT, LOCK, NPM_LOCK, MADE_AT)))
     components = {component["name"]: component for component in bill["components"]}
     assert {"numpy", "eclipse-zenoh", "cryptography", "starlette"} <= components.keys()
     assert not {"pytest", "mypy", "ruff"} & components.keys()
-    for component in components.values():
+    of_python = [component for component in components.values() if component["purl"].startswith("pkg:pypi/")]
+    for component in of_python:
         assert f"{component['name']}=={component['version']}" in LOCK
         (distribution,) = component["externalReferences"]
         assert distribution["hashes"]
@@ -73,8 +76,32 @@ def test_the_bill_names_what_is_installed_and_who_asks_for_it() -> None:
     assert depends.keys() == {bill["metadata"]["component"]["bom-ref"], *(c["purl"] for c in components.values())}
 
 
+def test_the_bill_names_what_the_consoles_page_is_made_of() -> None:
+    bill = json.loads(json.dumps(bill_of_materials(PYPROJECT, LOCK, NPM_LOCK, MADE_AT)))
+    components = {one["name"]: one for one in bill["components"] if one["purl"].startswith("pkg:npm/")}
+    assert {"react", "react-dom", "three", "scheduler", "@tanstack/query-core"} <= components.keys()
+    assert not {"vite", "vitest", "jsdom", "@biomejs/biome"} & components.keys()
+    assert components["@types/react"]["scope"] == "excluded"
+    assert {len(one["hashes"][0]["content"]) for one in components.values()} == {128}
+    assert all(one["licenses"][0]["license"]["id"] for one in components.values())
+    depends = {entry["ref"]: entry["dependsOn"] for entry in bill["dependencies"]}
+    assert (
+        components["@tanstack/react-query"]["purl"]
+        == f"pkg:npm/%40tanstack/react-query@{components['@tanstack/react-query']['version']}"
+    )
+    assert components["scheduler"]["purl"] in depends[components["react-dom"]["purl"]]
+
+
+def test_a_package_without_a_strong_hash_is_refused() -> None:
+    lock = json.dumps({"packages": {"node_modules/old": {"version": "1.0.0", "integrity": "sha1-aGVsbG8="}}})
+    with pytest.raises(ValueError, match="old: the lock states sha1, sha512 is needed"):
+        console_packages(lock)
+
+
 def test_a_bill_that_is_made_again_is_the_same() -> None:
-    assert bill_of_materials(PYPROJECT, LOCK, MADE_AT) == bill_of_materials(PYPROJECT, LOCK, MADE_AT)
+    assert bill_of_materials(PYPROJECT, LOCK, NPM_LOCK, MADE_AT) == bill_of_materials(
+        PYPROJECT, LOCK, NPM_LOCK, MADE_AT
+    )
 
 
 def test_a_key_in_the_checkout_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

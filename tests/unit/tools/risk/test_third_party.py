@@ -7,6 +7,7 @@ from subprocess import CompletedProcess
 import pytest
 
 from shared.errors import InputError
+from tools.npm_lock import console_lock, direct_packages
 from tools.risk import audit
 from tools.risk.files import FOLDER, ThirdParty, entries, load_risk_file
 from tools.risk.third_party import direct_names, product_versions, read_audit
@@ -16,6 +17,12 @@ def test_every_package_that_the_product_asks_for_is_explained() -> None:
     named = entries(FOLDER / "third-party.yaml", ThirdParty)
     assert {one.name for one in named} == direct_names()
     assert direct_names() <= set(product_versions())
+    assert {item for one in named for item in one.items} <= {item.id for item in load_risk_file().items}
+
+
+def test_every_package_that_the_console_asks_for_is_explained() -> None:
+    named = entries(FOLDER / "third-party-console.yaml", ThirdParty)
+    assert {one.name for one in named} == direct_packages(console_lock())
     assert {item for one in named for item in one.items} <= {item.id for item in load_risk_file().items}
 
 
