@@ -20,7 +20,7 @@ KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared si
 COMPILED := .venv/.compiled
 CONSOLE := .venv/.console
 
-.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock release containers \
+.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock version release containers \
 	generated wheel-check clean
 
 help:
@@ -38,6 +38,7 @@ help:
 	@echo "make containers  builds all images, starts them with the virtual room and drills, the robot's container killed once"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
 	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
+	@echo "make version  the next version of what is committed: changelog, number, commit and tag, VERSION=0.2.0; docs/releases.md"
 	@echo "make release  a signed release in OUT=FOLDER with the key KEY=FILE; docs/releases.md"
 	@echo "make setup   only the environment in .venv, with the command at .venv/bin/distalock"
 
@@ -141,6 +142,9 @@ lock: setup
 
 wheel-check: setup
 	$(BIN)/python -m tests.packaging.wheel_check
+
+version: setup
+	$(BIN)/python -m tools.version $(VERSION)
 
 release: setup
 	$(BIN)/python -m tools.release --key $(KEY) --out $(OUT)

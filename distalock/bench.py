@@ -198,6 +198,12 @@ BENCHMARKS: Final = {
         "rooms",
         "rooms at one site: latencies in one beside another's flood and the site's loss, and growth to 16",
     ),
+    "upgrade": Benchmark(
+        "upgrade.command",
+        "upgrade",
+        "a running room upgraded service by service from an earlier revision, a procedure after each change, and back",
+        needs_arguments=True,
+    ),
     "bus": Benchmark(
         "bus.bus", "bus", "frames of 2 MB and commands under mutual TLS and access control, beside bare Zenoh"
     ),

@@ -128,8 +128,8 @@ class Fleet:
                 return lines[-1]
         return "it wrote nothing"
 
-    def restart(self, name: str) -> None:
-        """Start a process again, after ending it if it still runs.
+    def restart(self, name: str, change: Callable[[ProcessSpec], ProcessSpec] = lambda spec: spec) -> None:
+        """Start a process again, after ending it if it still runs; `change` may replace what is run.
 
         Raises
         ------
@@ -138,7 +138,7 @@ class Fleet:
         """
         spec, process = self.end(name)
         self._running.remove((spec, process))
-        self._start(spec)
+        self._start(change(spec))
 
     def forget(self, name: str) -> None:
         """Miss a process no longer that has ended."""

@@ -59,7 +59,12 @@ def release(key: SigningKey, out: Path, made_at: datetime) -> None:
     if changed is None or changed.endswith(_UNCOMMITTED):
         raise ConfigurationError(f"the checkout is at {changed}: commit what was changed, then make the release")
     with tempfile.TemporaryDirectory() as folder:
-        files = [built_wheel(Path(folder)), ROOT / LOCK]
+        wheel = built_wheel(Path(folder), made_at)
+        if (again := _sha256(built_wheel(_new(Path(folder) / "again"), made_at))) != _sha256(wheel):
+            raise ConfigurationError(
+                f"the wheel made again is another one ({_sha256(wheel)[:12]}, then {again[:12]}): nobody could check it"
+            )
+        files = [wheel, ROOT / LOCK]
         pyproject, lock = (ROOT / "pyproject.toml").read_text(), (ROOT / LOCK).read_text()
         bill = json.dumps(bill_of_materials(pyproject, lock, console_lock(), made_at), indent=1) + "\n"
         try:
@@ -78,6 +83,11 @@ def sign(key: SigningKey, folder: Path) -> None:
     (folder / SUMS).write_text(sums, encoding="utf-8")
     (folder / SIGNATURE).write_bytes(bytes.fromhex(key.sign(sums.encode())))
     (folder / PUBLIC_KEY).write_bytes(key.public().pem)
+
+
+def _new(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
 
 
 def _sha256(file: Path) -> str:

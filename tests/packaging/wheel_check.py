@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import venv
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +27,7 @@ def main() -> int:
     """Build, install and run; the exit code is 0 when every command does what it should."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        command = installed(built_wheel(folder), folder / "environment")
+        command = installed(built_wheel(folder, datetime.now(UTC)), folder / "environment")
         wrong = [sentence for sentence in checks(command, folder) if sentence]
     for sentence in wrong:
         print(f"wheel: {sentence}", file=sys.stderr)

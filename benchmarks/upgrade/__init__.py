@@ -1,0 +1,1 @@
+"""A running room upgraded service by service, and taken back."""
