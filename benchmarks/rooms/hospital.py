@@ -26,6 +26,7 @@ from shared.messages.base import MessageInvalid, decode
 from shared.messages.site import RoomSummary
 from shared.pki.keystore import ROUTER, Keystore
 from shared.pki.site import site_keystore
+from shared.signals import PARENT_PIPE
 
 _START_WITHIN_S: Final = 60.0
 _S_TO_NS: Final = 1e9
@@ -100,6 +101,10 @@ class Hospital:
     def __init__(self, folder: Path, names: Sequence[str], stack: ExitStack, *, own_cores: bool) -> None:
         self._folder, self._stack, self._own_cores = folder, stack, own_cores
         self.rooms: list[Room] = []
+        # Its other end closes with this process, however that ends.
+        self._lifeline, kept_open = os.pipe()
+        stack.callback(os.close, self._lifeline)
+        stack.callback(os.close, kept_open)
         self.site_state = folder / "site"
         self.site_keys = site_keystore(self.site_state / PKI_FOLDER, names)
         self.site_keys.ensure(datetime.now(UTC))
@@ -158,6 +163,8 @@ class Hospital:
             stderr=subprocess.DEVNULL,
             text=True,
             bufsize=1,
+            pass_fds=(self._lifeline,),
+            env={**os.environ, PARENT_PIPE: str(self._lifeline)},
         )
         if self._own_cores:
             os.sched_setaffinity(process.pid, {core_of(measured=alone)})
