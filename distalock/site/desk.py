@@ -4,7 +4,7 @@ import json
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -93,8 +93,9 @@ def show_rooms(settings: BusSettings, *, as_json: bool, once: bool) -> int:
         bus.subscribe_retained(ANY_SUMMARY, desk.on_sample)
         if once:
             stop.wait(_FIRST_WITHIN_S)
-            _print(desk.rooms(), as_json=as_json)
-            return EXIT_ATTENTION if any(room.why_attention for room in desk.rooms()) else 0
+            rooms = desk.rooms()
+            _print(rooms, as_json=as_json)
+            return 0 if rooms and not any(room.why_attention for room in rooms) else EXIT_ATTENTION
         if as_json:
             while not stop.wait(_LOOK_EVERY_S):
                 for summary in desk.taken():
@@ -107,7 +108,9 @@ def show_rooms(settings: BusSettings, *, as_json: bool, once: bool) -> int:
     return 0
 
 
-def _print(rooms: Iterable[SeenRoom], *, as_json: bool) -> None:
+def _print(rooms: Sequence[SeenRoom], *, as_json: bool) -> None:
+    if not rooms:
+        print(f"no room has shown itself within {_FIRST_WITHIN_S:g} s", file=sys.stderr)
     if not as_json:
         Console(file=sys.stdout).print(table_of(rooms))
         return
