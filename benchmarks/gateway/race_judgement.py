@@ -111,7 +111,7 @@ def _too_many_motions(race: Race) -> list[str]:
     found = [f"operation {one.id} has not ended" for one in race.operations if not one.ended]
     if moves > 1:
         found.append(f"{moves} motions went to the controller for one plan")
-    if moves != began:
+    if moves > began:  # fewer: a stop came between brakes and servos and the command to move
         found.append(f"{moves} motions went to the controller, and {began} operations say that they began")
     return found
 

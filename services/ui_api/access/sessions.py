@@ -173,8 +173,15 @@ class Sessions:
     def _issued(self, session: _Session, session_id: str, refresh_token: str) -> Tokens:
         access_token, now_s = _new_token(), self._clock.monotonic_s()
         with self._lock:
-            good = {sha256: access for sha256, access in self._accesses.items() if access.ends_s > now_s}
-            self._accesses = {**good, _sha256(access_token): _Access(session_id, now_s + ACCESS_TOKEN_S)}
+            # An expired one is kept until its own session has a newer: its holder is told to renew it, not to sign in.
+            newest = {access.session_id: sha256 for sha256, access in self._accesses.items()}
+            newest[session_id] = ""
+            known = {
+                sha256: access
+                for sha256, access in self._accesses.items()
+                if access.ends_s > now_s or (newest[access.session_id] == sha256 and self.is_open(access.session_id))
+            }
+            self._accesses = {**known, _sha256(access_token): _Access(session_id, now_s + ACCESS_TOKEN_S)}
         return Tokens(session.user, access_token, refresh_token, ACCESS_TOKEN_S, session.ends_s - now_s)
 
     def _forget(self, is_meant: Callable[[str, _Session], bool]) -> None:

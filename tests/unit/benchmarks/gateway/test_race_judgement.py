@@ -48,6 +48,11 @@ def test_each_fault_is_noticed(race: Race, said: str) -> None:
     assert any(said in fault for fault in faults_of(race, CODES)), faults_of(race, CODES)
 
 
+def test_a_motion_that_a_stop_ended_before_its_command_has_begun_all_the_same() -> None:
+    """Servos are on and brakes off before the controller is told where to go."""
+    assert faults_of(replace(GOOD, commanded=(STOP,)), CODES) == []
+
+
 def test_the_record_has_what_was_answered_and_nothing_else() -> None:
     approved, asked = Recorded("plan_approved", 1), Recorded("operation_requested", 1, "move")
     stopped, withdrawn = Recorded("stop_requested", None), Recorded("approval_withdrawn", 1)

@@ -76,6 +76,21 @@ def test_tokens_end_with_their_time_and_sessions_with_theirs(engine: Engine) -> 
     assert refusal(here.sessions, renewed.refresh_token) == "refresh_token_invalid"
 
 
+def test_an_expired_token_stays_known_while_others_renew_theirs(engine: Engine) -> None:
+    """Its holder is told to renew it; told that it is nobody's, a surgeon would have to sign in again."""
+    time = Time()
+    here = opened(engine, time)
+    account = nora(here)
+    one, other = here.sessions.open(account), here.sessions.open(account)
+    time.now_s += ACCESS_TOKEN_S
+    here.sessions.refresh(other.refresh_token)
+    for token in (one.access_token, other.access_token):
+        with pytest.raises(Refused) as refused:
+            here.sessions.user_of(token)
+        assert refused.value.code == ("token_expired" if token == one.access_token else "token_invalid")
+    assert here.sessions.user_of(here.sessions.refresh(one.refresh_token).access_token).name == "nora"
+
+
 def test_after_a_restart_a_session_is_renewed_unless_its_account_was_disabled(engine: Engine) -> None:
     time = Time()
     before = opened(engine, time)
