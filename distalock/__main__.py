@@ -252,6 +252,12 @@ def _calibrate_arguments(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _operations_arguments(parser: argparse.ArgumentParser) -> None:
+    from distalock.operations_arguments import add_arguments
+
+    add_arguments(parser)
+
+
 def _parts_arguments(parser: argparse.ArgumentParser) -> None:
     from distalock.parts_arguments import add_arguments
 
@@ -361,6 +367,12 @@ COMMANDS = (
         "keys and certificates of an installation: make, show, renew, make all anew",
         _pki_arguments,
         _imported("distalock.pki"),
+    ),
+    Command(
+        "operations",
+        "what a running gateway does that takes time: how far it is, and an end to what is computed",
+        _operations_arguments,
+        _imported("distalock.operations"),
     ),
     Command(
         "parts",

@@ -8,7 +8,7 @@ from distalock.client import Client
 from distalock.client.models import OperationView
 
 # An operation of which nothing more will come.
-ENDED: Final = frozenset({"succeeded", "failed", "stopped"})
+ENDED: Final = frozenset({"succeeded", "failed", "stopped", "cancelled"})
 _POLL_S: Final = 0.05
 _READY_WITHIN_S: Final = 60.0
 # An image that is taken sooner is bound to no pose of the robot.

@@ -268,7 +268,8 @@ class Procedure:
             found = self._localise()
             self._enter(Moment.PLAN)
             try:
-                reply = self.system.planning.ask_for_plan(self._case, PlanBasis(found.number), holes)
+                planning = self.system.planning
+                reply = planning.ask_for_plan(planning.request(self._case, PlanBasis(found.number), holes))
             except Refused as refusal:
                 self._note(refusal.code, str(refusal))
                 self._mend_if_named((refusal.code,))
@@ -307,7 +308,8 @@ class Procedure:
         assert newest is not None
         self._enter(Moment.PLAN)
         try:
-            reply = self.system.planning.ask_for_plan(self._case, PlanBasis(newest.number), group)
+            planning = self.system.planning
+            reply = planning.ask_for_plan(planning.request(self._case, PlanBasis(newest.number), group))
             case_id = self._case.case_id
             with self._asked() as unit:
                 number = self.system.planning.keep_plan(unit, case_id, newest.number, group, reply)
@@ -389,7 +391,8 @@ class Procedure:
         self._localise()
         image = self._case.images[-1].image_sha256
         try:
-            reply = self.system.verifications.ask(self._case, (image,), "guide")
+            verifications = self.system.verifications
+            reply = verifications.ask(verifications.request(self._case, (image,), "guide"))
             case_id = self._case.case_id
             with self._asked() as unit:
                 number = self.system.verifications.keep(unit, case_id, (image,), reply)

@@ -21,6 +21,7 @@ from distalock.client.models import (
     CaseView,
     CatalogueView,
     ChallengeBody,
+    ComputationBody,
     HealthView,
     ImageDrawing,
     ImageView,
@@ -319,18 +320,18 @@ class AsyncMethods(ABC):
         *,
         cursor: str | None = None,
         limit: int = 50,
-        status: Literal["running", "unknown", "succeeded", "failed", "stopped"] | None = None,
+        status: Literal["running", "unknown", "succeeded", "failed", "stopped", "cancelled"] | None = None,
         since: datetime | None = None,
         sort: Literal["oldest", "newest"] = "oldest",
     ) -> Page[OperationView]:
-        """All operations."""
+        """All operations, in the order in which they were asked for."""
         return await self.send(calls.list_operations(cursor=cursor, limit=limit, status=status, since=since, sort=sort))
 
     async def iterate_operations(
         self,
         *,
         limit: int = 50,
-        status: Literal["running", "unknown", "succeeded", "failed", "stopped"] | None = None,
+        status: Literal["running", "unknown", "succeeded", "failed", "stopped", "cancelled"] | None = None,
         since: datetime | None = None,
         sort: Literal["oldest", "newest"] = "oldest",
     ) -> AsyncIterator[OperationView]:
@@ -347,8 +348,12 @@ class AsyncMethods(ABC):
             cursor = page.next_cursor
 
     async def read_operation(self, operation_id: str) -> OperationView:
-        """How far an operation has come."""
+        """How far an operation has come: as a step of so many, in words, and as a fraction where that is known."""
         return await self.send(calls.read_operation(operation_id))
+
+    async def cancel_operation(self, operation_id: str, *, idempotency_key: str | None = None) -> OperationView:
+        """Wait no more for what is computed: nothing of it is kept. What moves the robot is ended by a stop alone."""
+        return await self.send(calls.cancel_operation(operation_id, idempotency_key=idempotency_key))
 
     async def renew_lease(self, operation_id: str) -> LeaseView:
         """Go on holding: motion stops when this is not repeated in time. A lapsed lease cannot be renewed."""
@@ -428,6 +433,17 @@ class AsyncMethods(ABC):
     async def read_qa_report(self, case_id: str, number: int) -> QaReportView:
         """One report."""
         return await self.send(calls.read_qa_report(case_id, number))
+
+    async def begin_computation(
+        self, case_id: str, body: ComputationBody, *, if_match: str | None = None, idempotency_key: str | None = None
+    ) -> OperationView:
+        """Verify, report on images, or plan, without waiting for it; the operation can be followed and cancelled.
+
+        What can be refused at once is refused at once; the operation's `result` is the path of what was made.
+        """
+        return await self.send(
+            calls.begin_computation(case_id, body, if_match=if_match, idempotency_key=idempotency_key)
+        )
 
     async def read_robot(self) -> RobotView:
         """The robot as last seen, its age, and whether it says that it is simulated."""

@@ -18,6 +18,7 @@ from distalock.client.models import (
     CaseView,
     CatalogueView,
     ChallengeBody,
+    ComputationBody,
     HealthView,
     ImageDrawing,
     ImageView,
@@ -288,11 +289,11 @@ def list_operations(
     *,
     cursor: str | None = None,
     limit: int = 50,
-    status: Literal["running", "unknown", "succeeded", "failed", "stopped"] | None = None,
+    status: Literal["running", "unknown", "succeeded", "failed", "stopped", "cancelled"] | None = None,
     since: datetime | None = None,
     sort: Literal["oldest", "newest"] = "oldest",
 ) -> Call[Page[OperationView]]:
-    """All operations."""
+    """All operations, in the order in which they were asked for."""
     return Call(
         "GET",
         "/api/v1/operations",
@@ -302,8 +303,15 @@ def list_operations(
 
 
 def read_operation(operation_id: str) -> Call[OperationView]:
-    """How far an operation has come."""
+    """How far an operation has come: as a step of so many, in words, and as a fraction where that is known."""
     return Call("GET", f"/api/v1/operations/{escaped(operation_id)}", OperationView)
+
+
+def cancel_operation(operation_id: str, *, idempotency_key: str | None = None) -> Call[OperationView]:
+    """Wait no more for what is computed: nothing of it is kept. What moves the robot is ended by a stop alone."""
+    return Call(
+        "POST", f"/api/v1/operations/{escaped(operation_id)}/cancel", OperationView, key=idempotency_key or new_key()
+    )
 
 
 def renew_lease(operation_id: str) -> Call[LeaseView]:
@@ -381,6 +389,24 @@ def read_qa_page(case_id: str, number: int) -> Call[str]:
 def read_qa_report(case_id: str, number: int) -> Call[QaReportView]:
     """One report."""
     return Call("GET", f"/api/v1/cases/{escaped(case_id)}/qa-reports/{number}", QaReportView)
+
+
+def begin_computation(
+    case_id: str, body: ComputationBody, *, if_match: str | None = None, idempotency_key: str | None = None
+) -> Call[OperationView]:
+    """Verify, report on images, or plan, without waiting for it; the operation can be followed and cancelled.
+
+    What can be refused at once is refused at once; the operation's `result` is the path of what was made.
+    """
+    return Call(
+        "POST",
+        f"/api/v1/cases/{escaped(case_id)}/operations",
+        OperationView,
+        body=body,
+        key=idempotency_key or new_key(),
+        matches=f"/api/v1/cases/{escaped(case_id)}",
+        if_match=if_match,
+    )
 
 
 def read_robot() -> Call[RobotView]:

@@ -129,6 +129,35 @@ class CasePruned(ReceivedModel):
     image_numbers: tuple[ImageNumbers, ...] = Field(default=())
 
 
+ComputationStatus = Literal["running", "succeeded", "failed", "cancelled"]
+
+
+class ComputationEnded(ReceivedModel):
+    """A computation is over: `result` is the path of what it made; a cancelled one has made nothing."""
+
+    operation_id: str
+    status: ComputationStatus
+    code: str
+    message: str
+    result: str | None = Field(default=None)
+
+
+class ComputationProgressed(ReceivedModel):
+    """A computation is at another of its steps, which `says` names."""
+
+    operation_id: str
+    step: int
+    says: str
+
+
+class ComputationRequested(ReceivedModel):
+    """A verification, a quality report or a plan is computed while nobody waits for it. `says` is what, in words."""
+
+    operation_id: str
+    verb: Literal["verify", "report_quality", "plan"]
+    says: str
+
+
 class GatewayStarted(ReceivedModel):
     """The gateway began to run."""
 
@@ -409,6 +438,9 @@ EventData = (
     | OperationRequested
     | OperationProgressed
     | OperationEnded
+    | ComputationRequested
+    | ComputationProgressed
+    | ComputationEnded
     | StopRequested
     | VerificationMade
     | VerificationRefused
@@ -438,6 +470,9 @@ DATA_OF_KIND: Mapping[str, type[EventData]] = {
     "operation_requested": OperationRequested,
     "operation_progressed": OperationProgressed,
     "operation_ended": OperationEnded,
+    "computation_requested": ComputationRequested,
+    "computation_progressed": ComputationProgressed,
+    "computation_ended": ComputationEnded,
     "stop_requested": StopRequested,
     "verification_made": VerificationMade,
     "verification_refused": VerificationRefused,

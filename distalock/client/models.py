@@ -412,6 +412,45 @@ class CommandBody(SentModel):
     """Asks the robot to reference, to acknowledge a stop, or to reset; may be left out."""
 
 
+class PlanBody(SentModel):
+    """Asks for a plan from a localisation, by its number in the case."""
+
+    localisation: int
+    hole_ids: Sequence[str]
+    localisations: Sequence[int] = Field(
+        default=(),
+        description="Localisations of the same set-up to fuse with it: same revision, robot in the same place.",
+    )
+    verification: int | None = Field(
+        default=None,
+        description="The last verification, of the localisation's image: its wires are brought onto the holes.",
+    )
+
+
+class QaBody(SentModel):
+    """Asks for a quality report over images of the case."""
+
+    images: Sequence[str]
+
+
+class VerificationBody(SentModel):
+    """Asks for a verification from one image or two."""
+
+    images: Sequence[str]
+    of: Literal["wires", "guide"] = Field(
+        default="wires",
+        description="`wires` in the guide's holes, or `guide`: its own holes, from images without wires.",
+    )
+
+
+class ComputationBody(SentModel):
+    """What to compute: exactly one of the three, each as in the body of its own `POST`, which waits for the answer."""
+
+    verification: VerificationBody | None = Field(default=None)
+    qa_report: QaBody | None = Field(default=None)
+    plan: PlanBody | None = Field(default=None)
+
+
 class Curvature(ReceivedModel):
     """Of a bent nail's centre line at the nail's origin, towards y and z of the nail's frame."""
 
@@ -820,20 +859,40 @@ class MotionBody(SentModel):
 MotionState = Literal["disconnected", "unreferenced", "referencing", "locked", "moving", "stopped", "fault"]
 
 
+class ProgressView(ReceivedModel):
+    """How far an operation has come."""
+
+    step: int = Field(description="Which of the steps, from 1.")
+    steps: int
+    says: str = Field(description="What is done in this step.")
+    fraction: float | None = Field(
+        description="Of the whole: of a move, the share of its way that lies behind it; null where nobody knows."
+    )
+
+
 class OperationView(ReceivedModel):
-    """A command to the robot and how far it has come; `began` is null while nobody knows."""
+    """What takes time, and how far it has come; `began` is null while nobody knows.
+
+    A command to the robot (`move`, `reference`, `acknowledge_stop`, `reset`), or something that is computed (`verify`,
+    `report_quality`, `plan`).
+    """
 
     id: str
     verb: str
     case_id: str | None
     plan: int | None
     hold_to_move: bool
-    status: Literal["running", "unknown", "succeeded", "failed", "stopped"] = Field(
-        description="`unknown`: the robot has not answered; its state will tell. The last three are final."
+    status: Literal["running", "unknown", "succeeded", "failed", "stopped", "cancelled"] = Field(
+        description="`unknown`: the robot has not answered; its state will tell. The last four are final."
+    )
+    progress: ProgressView
+    ended_by: Literal["cancel", "stop"] | None = Field(
+        description="How it can be ended now: `cancel` (POST /operations/{id}/cancel), or `stop` (POST /robot/stop) of what moves the robot; null of what has ended, or takes but a moment."
     )
     began: bool | None
     code: str
     detail: str
+    result: str | None = Field(description="Path of what was computed, once it has succeeded.")
     deviation_mm: float | None = Field(description="Read-back minus target, once the move has ended.")
     deviation_deg: float | None
     requested_at_ns: int
@@ -1072,27 +1131,6 @@ class PasswordBody(SentModel):
     new_password: str = Field(repr=False)
 
 
-class PlanBody(SentModel):
-    """Asks for a plan from a localisation, by its number in the case."""
-
-    localisation: int
-    hole_ids: Sequence[str]
-    localisations: Sequence[int] = Field(
-        default=(),
-        description="Localisations of the same set-up to fuse with it: same revision, robot in the same place.",
-    )
-    verification: int | None = Field(
-        default=None,
-        description="The last verification, of the localisation's image: its wires are brought onto the holes.",
-    )
-
-
-class QaBody(SentModel):
-    """Asks for a quality report over images of the case."""
-
-    images: Sequence[str]
-
-
 class ReadyView(ReceivedModel):
     """Everything that a procedure needs is there."""
 
@@ -1216,16 +1254,6 @@ class UserPatch(SentModel):
     password: str | None = Field(default=None, repr=False)
     roles: Sequence[Literal["viewer", "technician", "surgeon", "administrator"]] | None = Field(default=None)
     disabled: bool | None = Field(default=None)
-
-
-class VerificationBody(SentModel):
-    """Asks for a verification from one image or two."""
-
-    images: Sequence[str]
-    of: Literal["wires", "guide"] = Field(
-        default="wires",
-        description="`wires` in the guide's holes, or `guide`: its own holes, from images without wires.",
-    )
 
 
 class WaysView(ReceivedModel):

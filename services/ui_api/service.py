@@ -12,6 +12,7 @@ from services.ui_api.handlers.bus_refusals import BusRefusalLog
 from services.ui_api.handlers.cases import CaseHandler
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.commands import CommandHandler
+from services.ui_api.handlers.computations import ComputationHandler
 from services.ui_api.handlers.context import ContextHandler
 from services.ui_api.handlers.disk_space import DiskSpace
 from services.ui_api.handlers.event_tail import EventTail
@@ -20,6 +21,7 @@ from services.ui_api.handlers.images import ImageHandler
 from services.ui_api.handlers.inbox import WATCHED_SERVICES, Inbox
 from services.ui_api.handlers.leases import Leases
 from services.ui_api.handlers.live import LiveHandler
+from services.ui_api.handlers.operation_progress import OperationProgress
 from services.ui_api.handlers.permits import PermitHandler
 from services.ui_api.handlers.picture_encoder import PictureEncoder
 from services.ui_api.handlers.planning import PlanningHandler
@@ -61,6 +63,8 @@ class Gateway:
     planning: PlanningHandler
     verifications: VerificationHandler
     quality: QualityHandler
+    computations: ComputationHandler
+    progress: OperationProgress
     images: ImageHandler
     inbox: Inbox
     feed: Feed
@@ -91,6 +95,7 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
         record.append(EventDraft(GatewayStarted(runtime.boot_epoch, software_version()), None, "gateway"))
         gateway.access.start()
         gateway.commands.adopt_orphans()
+        gateway.computations.adopt_orphans()
         context.announce()
         gateway.stop_recorder.start()
         gateway.leases.start()
@@ -101,6 +106,7 @@ def open_gateway(bus: Bus, runtime: Runtime, settings: UiApiSettings, clock: Clo
             yield gateway
         finally:
             gateway.readiness.close()
+            gateway.computations.close()
             gateway.feed.close()
             gateway.live.close()
             gateway.leases.close()
@@ -145,6 +151,8 @@ def _assemble(
         planning=PlanningHandler(bus, keys, record, procedure, commands),
         verifications=VerificationHandler(bus, keys, record, procedure),
         quality=QualityHandler(bus, keys, record),
+        computations=ComputationHandler(record),
+        progress=OperationProgress(record, view),
         images=ImageHandler(bus, keys, record, settings.images()),
         inbox=inbox,
         feed=feed,

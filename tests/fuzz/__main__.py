@@ -1,6 +1,7 @@
 """`make fuzz`: generated requests as each role, along the links of the interface's document.
 
-usage: python -m tests.fuzz [--examples 40] [--seed 1] [--role ROLE] [--phases stateful] [--logs FOLDER] [--report FILE]
+usage: python -m tests.fuzz [--site gateway|installation] [--examples 40] [--seed 1] [--role ROLE] [--phases stateful]
+           [--logs FOLDER] [--report FILE]
 
 Exit code 1 when anything was found.
 """
@@ -14,12 +15,14 @@ from typing import Final
 
 from services.ui_api.api_document.links import LINKS
 from services.ui_api.core.roles import Role
+from tests.fuzz.gateway_site import gateway_site
 from tests.fuzz.page import PAGE, page_text
 from tests.fuzz.runner import ALL_PHASES, STREAMS, FuzzPlan, RoleRun, run_as
-from tests.fuzz.site import fuzz_site
+from tests.fuzz.site import installation_site
 
 # Chosen: with four roles, more than 10,000 requests.
 _EXAMPLES: Final = 40
+_SITES: Final = {"gateway": gateway_site, "installation": installation_site}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,16 +34,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--logs", type=Path, help="where what was found goes")
     parser.add_argument("--report", type=Path, default=PAGE)
     parser.add_argument("--phases", choices=ALL_PHASES, action="append", help="only this one; may be repeated")
+    parser.add_argument("--site", choices=tuple(_SITES), default="gateway", help="what is asked (gateway)")
     asked = parser.parse_args(arguments)
     plan, runs = FuzzPlan(asked.examples, asked.seed, tuple(asked.phases or ALL_PHASES)), list[RoleRun]()
-    with tempfile.TemporaryDirectory() as folder, fuzz_site() as site:
+    with tempfile.TemporaryDirectory() as folder, _SITES[asked.site]() as site:
         for role in asked.role or Role:
             runs.append(_told(run_as(role, site, plan, asked.logs or Path(folder))))
             if asked.logs is not None:
                 (asked.logs / f"{role}.txt").write_text(runs[-1].output, encoding="utf-8")
     if asked.role is None and asked.phases is None:
         in_document = sum(link.target not in STREAMS for link in LINKS)
-        asked.report.write_text(page_text(runs, plan, in_document), encoding="utf-8")
+        asked.report.write_text(page_text(runs, plan, in_document, asked.site), encoding="utf-8")
     return 1 if any(run.failed or run.beyond for run in runs) else 0
 
 

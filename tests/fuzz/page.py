@@ -13,8 +13,8 @@ _PAGE: Final = """# Generated requests
 
 `make fuzz` (seed {seed}, {examples} generated requests for each operation beside those of the other phases,
 {minutes:.0f} min, {rate:.0f} requests a second).
-[Schemathesis](https://schemathesis.readthedocs.io) reads `/openapi.json` of an installation with the virtual operating
-room and asks as each role: the document's examples, values at the edges of every schema, generated ones, and sequences
+[Schemathesis](https://schemathesis.readthedocs.io) reads `/openapi.json` of {site}
+and asks as each role: the document's examples, values at the edges of every schema, generated ones, and sequences
 along the links ([decision 44](../decisions/0044-generated-requests.md)). Each role begins with an open case, an image
 and a plan. Half of the requests name a case, an image, a plan and an operation that exist, and quote the newest ETag.
 Rate limits are off. Streams of events are left out: they have no end.
@@ -39,13 +39,21 @@ robot in fault is: it is accepted there alone, and only with the code `not_ready
 """
 
 
-def page_text(runs: Sequence[RoleRun], plan: FuzzPlan, in_document: int) -> str:
+_SITES: Final = {
+    "gateway": "a gateway, front and application as installed, whose imaging and registration are scripted and whose "
+    "robot is a state machine",
+    "installation": "an installation with the virtual operating room",
+}
+
+
+def page_text(runs: Sequence[RoleRun], plan: FuzzPlan, in_document: int, site: str) -> str:
     """The page."""
     total, errors = sum(run.cases for run in runs), sum(run.server_errors for run in runs)
     beyond, took_s = sum(len(run.beyond) for run in runs), sum(run.took_s for run in runs)
     links = sum((run.links for run in runs), Counter[str]())
     succeeded = sum((run.links_that_succeeded for run in runs), Counter[str]())
     return _PAGE.format(
+        site=_SITES[site],
         seed=plan.seed,
         examples=plan.examples,
         minutes=took_s / 60,

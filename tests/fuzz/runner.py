@@ -131,8 +131,26 @@ def _context(role: Role, site: FuzzSite, seed: int, tally: Path) -> dict[str, ob
         "known": dict(there_is.known),
         "known_user": OTHER_ACCOUNT,
         "plan_etag": there_is.plan_etag,
+        "bodies": _good_bodies(account_of(role), str(there_is.known["image_id"])),
         "seed": seed,
         "tally": str(tally),
+    }
+
+
+def _good_bodies(name: str, image: str) -> dict[str, object]:
+    """By operation, what is granted as long as the state of things allows it."""
+    plan, guide = {"localisation": 1, "hole_ids": ["distal"]}, {"images": [image], "of": "guide"}
+    return {
+        "sign_in": {"name": name, "password": PASSWORD},
+        "create_user": {"password": PASSWORD, "roles": ["viewer"]},
+        "change_case": {"drill_diameter_mm": 4.2, "why": "as on the drill"},
+        "record_step": {"step": "wires_removed", "why": "once more"},
+        "make_plan": plan,
+        "approve_plan": {"password": PASSWORD},
+        "begin_motion": {"plan": 1},
+        "make_verification": guide,
+        "make_qa_report": {"images": [image]},
+        "begin_computation": {"verification": guide},
     }
 
 

@@ -3,9 +3,10 @@
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -51,29 +52,19 @@ class FuzzSite:
     ----------
     administrator
         Token of an administrator, who mends an account that a generated request has changed.
+    fresh_case
+        Makes a new open case with an image and a plan; whatever was open before is abandoned.
     """
 
     url: str
     administrator: str
-    client: Client
-    room: RoomClient
+    fresh_case: Callable[[], ThereIs]
 
-    def fresh_case(self) -> ThereIs:
-        """A new open case with an image and a plan; whatever was open before is abandoned."""
-        for case in CaseClient.open_cases(self.client):
-            case.abandon("the next role begins with a case of its own")
-        scenario = self.room.scenario()
-        case = CaseClient.opened(self.client, scenario.set_up)
-        make_robot_ready(self.client)
-        plan = _planned(case, self.room, scenario.hole_ids)
-        known: dict[str, object] = {
-            "case_id": case.id,
-            "image_id": case.newest_image_id(),
-            "number": 1,
-            "operation_id": self.client.list_operations(limit=1).items[0].id,
-            "name": "ring-120",
-        }
-        return ThereIs(known, f'"{plan.sha256}"')
+
+def abandon_open_cases(client: Client) -> None:
+    """Leave none open."""
+    for case in CaseClient.open_cases(client):
+        case.abandon("the next role begins with a case of its own")
 
 
 def account_of(role: Role) -> str:
@@ -82,8 +73,8 @@ def account_of(role: Role) -> str:
 
 
 @contextmanager
-def fuzz_site() -> Iterator[FuzzSite]:
-    """Start everything; gone afterwards."""
+def installation_site() -> Iterator[FuzzSite]:
+    """Start everything, with the virtual operating room; gone afterwards."""
     with tempfile.TemporaryDirectory(prefix="distalock-fuzz-") as folder:
         installation = Installation(Ports.any_free(), Path(folder), scenario_arguments=("--seed", str(SEED)))
         with (
@@ -94,7 +85,24 @@ def fuzz_site() -> Iterator[FuzzSite]:
             for role in Role:
                 client.create_user(UserBody(name=account_of(role), password=PASSWORD, roles=(role.value,)))
             client.create_user(UserBody(name=OTHER_ACCOUNT, password=PASSWORD, roles=("viewer",)))
-            yield FuzzSite(installation.gateway.url, installation.token, client, RoomClient(control))
+            fresh_case = partial(_with_case, client, RoomClient(control))
+            yield FuzzSite(installation.gateway.url, installation.token, fresh_case)
+
+
+def _with_case(client: Client, room: RoomClient) -> ThereIs:
+    abandon_open_cases(client)
+    scenario = room.scenario()
+    case = CaseClient.opened(client, scenario.set_up)
+    make_robot_ready(client)
+    plan = _planned(case, room, scenario.hole_ids)
+    known: dict[str, object] = {
+        "case_id": case.id,
+        "image_id": case.newest_image_id(),
+        "number": 1,
+        "operation_id": client.list_operations(limit=1).items[0].id,
+        "name": "ring-120",
+    }
+    return ThereIs(known, f'"{plan.sha256}"')
 
 
 def _without_rate_limits(spec: ProcessSpec) -> ProcessSpec:

@@ -75,6 +75,7 @@ SEEN_OTHERWISE = {
     ("services/ui_api/handed_server.py", "create_task"): "reports what it raises",
     ("services/ui_api/handed_server.py", "add_done_callback"): "forgets the task and nothing else",
     ("services/ui_api/handlers/commands.py", "ThreadPoolExecutor"): "its work is supervised",
+    ("services/ui_api/handlers/computations.py", "ThreadPoolExecutor"): "its work is supervised",
     ("services/ui_api/handlers/readiness.py", "ThreadPoolExecutor"): "readyz looks at every result",
     ("services/ui_api/routes/live.py", "create_task"): "the viewer's own task; it ends with the viewer",
     ("services/ui_api/routes/live.py", "add_done_callback"): "sets an event and nothing else",
@@ -393,6 +394,16 @@ def break_commands(rig: Rig) -> str:
     return "commands"
 
 
+def break_computations(rig: Rig) -> str:
+    room = rig.stack.enter_context(open_room(rig.tmp_path))
+    case_id = room.open_case()
+    room.image("image", case_id)
+    room.gateway.planning._bus = type("Bus", (), {"query": inject})()
+    begun = room.post(f"/cases/{case_id}/operations", {"plan": {"localisation": 1, "hole_ids": ["distal"]}}).json()
+    room.log.wait_for(lambda: room.gateway.record.ledger.computations[str(begun["id"])].ended)
+    return "computations"
+
+
 def break_dicom(rig: Rig) -> str:
     def restore(actions: Callable[[GatedServer], None] = GatedServer.service_actions) -> None:
         GatedServer.service_actions = actions  # type: ignore[method-assign, assignment]
@@ -432,6 +443,7 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("services/ui_api/front_link.py", "front link"): break_front_link,
     ("services/ui_api/handlers/catch_up.py", "catch up"): break_catch_up,
     ("services/ui_api/handlers/commands.py", "commands"): break_commands,
+    ("services/ui_api/handlers/computations.py", "computations"): break_computations,
     ("services/ui_api/handlers/inbox.py", "inbox"): break_inbox,
     ("services/ui_api/handlers/leases.py", "lapse"): break_lapse,
     ("services/ui_api/handlers/leases.py", "leases"): break_leases,

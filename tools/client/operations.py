@@ -128,4 +128,4 @@ def _body(described: JsonObject, schemas: JsonObject) -> tuple[str | None, bool]
     schema = mapping(schemas[found[1]])
     if all(mapping(one).get("deprecated") for one in mapping(schema["properties"]).values()):
         return None, False
-    return found[1], bool(schema.get("required"))
+    return found[1], bool(schema.get("required") or schema.get("minProperties"))

@@ -13,6 +13,7 @@ from distalock.client import Client, RequestRefused
 from distalock.client.models import (
     CaseBody,
     CasePatch,
+    ComputationBody,
     LoginBody,
     MotionBody,
     PasswordBody,
@@ -126,6 +127,9 @@ class Recording:
         mine.read_qa_report(case_id, report.number)
         mine.list_qa_reports(case_id)
         mine.read_qa_page(case_id, report.number)
+        guide = ComputationBody(verification=VerificationBody(images=(newest,), of="guide"))
+        begun = mine.begin_computation(case_id, guide, if_match=case.etag())
+        mine.cancel_operation(begun.id)
         case.record_step("drilled", hole_ids)
         mine.withdraw_step(case_id, self.plain.list_steps(case_id).items[-1].number)
         mine.read_timeline(case_id)

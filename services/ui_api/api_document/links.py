@@ -46,6 +46,7 @@ _CHANGES: Final = (
     ("begin_motion", "begin the motion of the approved plan"),
     ("make_verification", "compare wires or guide with the axes"),
     ("make_qa_report", "report on images"),
+    ("begin_computation", "verify, report or plan without waiting for it"),
 )
 _LISTS: Final = ("localisation", "plan", "verification", "qa_report")
 
@@ -95,6 +96,8 @@ LINKS: Final = (
     Link("approve_plan", "begin_motion", "begin its motion", _CASE | _CASE_TAG, {"plan": "$response.body#/plan"}),
     Link("begin_motion", "read_operation", "how far it has come", _OPERATION),
     Link("begin_motion", "renew_lease", "go on holding", _OPERATION),
+    Link("begin_computation", "read_operation", "how far it has come", _OPERATION),
+    Link("begin_computation", "cancel_operation", "wait for it no more", _OPERATION),
     *(
         Link(source, "read_operation", "how far it has come", _OPERATION)
         for source in ("reference_robot", "acknowledge_stop", "reset_robot")

@@ -8,6 +8,11 @@ from enum import StrEnum
 
 from services.ui_api.core.account_event_data import AccountChanged
 from services.ui_api.core.bus_event_data import BusRefused
+from services.ui_api.core.computation_event_data import (
+    ComputationEnded,
+    ComputationProgressed,
+    ComputationRequested,
+)
 from services.ui_api.core.event_data import (
     ApprovalWithdrawn,
     CaseOpened,
@@ -55,6 +60,9 @@ class EventKind(StrEnum):
     OPERATION_REQUESTED = "operation_requested"
     OPERATION_PROGRESSED = "operation_progressed"
     OPERATION_ENDED = "operation_ended"
+    COMPUTATION_REQUESTED = "computation_requested"
+    COMPUTATION_PROGRESSED = "computation_progressed"
+    COMPUTATION_ENDED = "computation_ended"
     STOP_REQUESTED = "stop_requested"
     VERIFICATION_MADE = "verification_made"
     VERIFICATION_REFUSED = "verification_refused"
@@ -84,6 +92,9 @@ EventData = (
     | OperationRequested
     | OperationProgressed
     | OperationEnded
+    | ComputationRequested
+    | ComputationProgressed
+    | ComputationEnded
     | StopRequested
     | VerificationMade
     | VerificationRefused
@@ -113,6 +124,9 @@ DATA_OF_KIND: dict[EventKind, type[EventData]] = {
     EventKind.OPERATION_REQUESTED: OperationRequested,
     EventKind.OPERATION_PROGRESSED: OperationProgressed,
     EventKind.OPERATION_ENDED: OperationEnded,
+    EventKind.COMPUTATION_REQUESTED: ComputationRequested,
+    EventKind.COMPUTATION_PROGRESSED: ComputationProgressed,
+    EventKind.COMPUTATION_ENDED: ComputationEnded,
     EventKind.STOP_REQUESTED: StopRequested,
     EventKind.VERIFICATION_MADE: VerificationMade,
     EventKind.VERIFICATION_REFUSED: VerificationRefused,

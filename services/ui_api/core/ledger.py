@@ -4,7 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from services.ui_api.core import computations
 from services.ui_api.core.case import Case, applied, opened_case
+from services.ui_api.core.computation_event_data import (
+    ComputationEnded,
+    ComputationProgressed,
+    ComputationRequested,
+)
+from services.ui_api.core.computations import Computation
 from services.ui_api.core.event_data import CaseOpened, CasePruned, ImageReceived
 from services.ui_api.core.events import Event, EventKind
 from services.ui_api.core.image_numbers import NumbersOnRecord
@@ -23,6 +30,9 @@ _DECIDES_NOTHING: Final = frozenset(
         EventKind.VERIFICATION_REFUSED,
         EventKind.QA_REPORTED,
         EventKind.OPERATION_PROGRESSED,
+        EventKind.COMPUTATION_REQUESTED,
+        EventKind.COMPUTATION_PROGRESSED,
+        EventKind.COMPUTATION_ENDED,
         EventKind.STOP_REQUESTED,
         EventKind.ROBOT_CHANGED,
         EventKind.PRESENCE_CHANGED,
@@ -45,6 +55,7 @@ class Ledger:
     operations: dict[str, Operation] = field(default_factory=dict)
     head_sequence: int = 0
     images: dict[str, NumbersOnRecord] = field(default_factory=dict)  # by image store, of all cases and none
+    computations: dict[str, Computation] = field(default_factory=dict)
 
     _decided: dict[str, int] = field(default_factory=dict)  # by case, the last event by which something was decided
 
@@ -54,6 +65,7 @@ class Ledger:
             raise ValueError(f"expected event {self.head_sequence + 1}, got event {event.sequence}")
         self._take_case(event)
         self._take_operation(event)
+        self._take_computation(event)
         self._take_image(event)
         self._take_decision(event)
         self.head_sequence = event.sequence
@@ -66,7 +78,15 @@ class Ledger:
 
     def with_events(self, events: Sequence[Event]) -> "Ledger":
         """The ledger after more events; this one stays as it is. Raises what an event brings that does not fit."""
-        after = Ledger(self.images_held, self.cases, self.operations, self.head_sequence, self.images, self._decided)
+        after = Ledger(
+            self.images_held,
+            self.cases,
+            self.operations,
+            self.head_sequence,
+            self.images,
+            self.computations,
+            self._decided,
+        )
         for event in events:
             after.take(event)
         return after
@@ -74,7 +94,7 @@ class Ledger:
     def become(self, after: "Ledger") -> None:
         """Take over another ledger's contents."""
         self.cases, self.operations, self.head_sequence = after.cases, after.operations, after.head_sequence
-        self.images, self._decided = after.images, after._decided
+        self.images, self.computations, self._decided = after.images, after.computations, after._decided
 
     def open_case(self) -> Case | None:
         """The case that is open in this room, if any."""
@@ -88,6 +108,10 @@ class Ledger:
     def pending_operations(self) -> tuple[Operation, ...]:
         """Operations that have not ended."""
         return tuple(o for o in self.operations.values() if not o.ended)
+
+    def pending_computations(self) -> tuple[Computation, ...]:
+        """Computations that have not ended."""
+        return tuple(c for c in self.computations.values() if not c.ended)
 
     def case_after(self, case_id: str, events: Sequence[Event]) -> Case:
         """A case as it will be after events that have not been taken yet; raises `KeyError` when there is none."""
@@ -141,6 +165,18 @@ class Ledger:
         else:
             return
         self.operations = {**self.operations, data.operation_id: operation}
+
+    def _take_computation(self, event: Event) -> None:
+        data = event.data
+        if isinstance(data, ComputationRequested):
+            computation = Computation(data, event.case_id, event.at_ns)
+        elif isinstance(data, ComputationProgressed):
+            computation = computations.progressed(self.computations[data.operation_id], data)
+        elif isinstance(data, ComputationEnded):
+            computation = computations.ended(self.computations[data.operation_id], data, event.at_ns)
+        else:
+            return
+        self.computations = {**self.computations, data.operation_id: computation}
 
 
 def _case_with(case: Case | None, event: Event) -> Case | None:

@@ -35,6 +35,7 @@ class Action(StrEnum):
     PLAN = "plan"
     VERIFY = "verify"
     REPORT_QUALITY = "report_quality"
+    COMPUTE = "compute"
     PREPARE_ROBOT = "prepare_robot"
     APPROVE_PLAN = "approve_plan"
     MOVE = "move"
@@ -88,6 +89,7 @@ PERMISSIONS: Final = (
     Permission(Action.PLAN, _STAFF, "plan from a localisation"),
     Permission(Action.VERIFY, _STAFF, "compare wires or guide with the hole axes"),
     Permission(Action.REPORT_QUALITY, _STAFF, "quality reports"),
+    Permission(Action.COMPUTE, _STAFF, "verify, plan or report without waiting for it; cancel that"),
     Permission(Action.PREPARE_ROBOT, _STAFF, "acknowledge a stop, reference, reset"),
     Permission(Action.APPROVE_PLAN, _SURGEON, "approve a plan, with the credential again"),
     Permission(Action.MOVE, _SURGEON, "begin the motion of an approved plan, hold its lease"),

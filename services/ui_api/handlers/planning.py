@@ -67,19 +67,22 @@ class PlanningHandler:
         self._bus, self._keys, self._record = bus, keys, record
         self._procedure, self._commands = procedure, commands
 
-    def ask_for_plan(self, case: Case, basis: PlanBasis, hole_ids: tuple[str, ...]) -> PlanReply:
-        """Have registration plan from a localisation; raises `Refused` or `NoReply`. Moves and records nothing."""
+    def request(self, case: Case, basis: PlanBasis, hole_ids: tuple[str, ...]) -> PlanRequest:
+        """What to ask registration; raises `Refused` where nothing can be planned from that now."""
         self._procedure.require(case, Action.REQUEST_PLAN)
         require_known_holes(case, hole_ids)
         alone = not basis.earlier and basis.verification is None
         measured = (_usable_localisation if alone else _newest)(case, basis.localisation)
-        request = PlanRequest(
+        return PlanRequest(
             case_id=case.case_id,
             image_sha256=measured.image_sha256,
             hole_ids=hole_ids,
             earlier_image_sha256=tuple(localisation_of(case, number).image_sha256 for number in basis.earlier),
             verified_image_sha256=() if basis.verification is None else _verified_images(case, basis.verification),
         )
+
+    def ask_for_plan(self, request: PlanRequest) -> PlanReply:
+        """Have registration plan; raises `Refused` or `NoReply`. Moves and records nothing."""
         answer = self._bus.query(self._keys.plan_request, encode(request), PLAN_TIMEOUT_S)
         reply = decode(PlanReply, answer.payload)
         if reply.plan is not None:

@@ -21,14 +21,17 @@ class QualityHandler:
     def __init__(self, bus: Bus, keys: Keys, record: CaseRecord) -> None:
         self._bus, self._keys, self._record = bus, keys, record
 
-    def ask(self, case: Case, images: tuple[str, ...]) -> QaReply:
-        """Have imaging examine images; raises `Refused` or `NoReply`. Records nothing."""
+    def request(self, case: Case, images: tuple[str, ...]) -> QaRequest:
+        """What to ask imaging; raises `Refused` where there can be no report."""
         if case.progress.closed:
             raise conflict("case_closed", f"case {case.case_id} is {case.progress.stage}: it takes no quality report")
         for image in images:
             if case.image(image) is None:
                 raise unknown("image", image, f"GET /cases/{case.case_id}/images lists those of the case")
-        request = QaRequest(case_id=case.case_id, image_sha256=images)
+        return QaRequest(case_id=case.case_id, image_sha256=images)
+
+    def ask(self, request: QaRequest) -> QaReply:
+        """Have imaging examine images; raises `NoReply`. Records nothing."""
         return decode(QaReply, self._bus.query(self._keys.qa_request, encode(request), QA_TIMEOUT_S).payload)
 
     def keep(self, unit: UnitOfWork, case_id: str, images: tuple[str, ...], report: QaReport, page: str) -> int:

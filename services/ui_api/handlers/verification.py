@@ -31,13 +31,16 @@ class VerificationHandler:
     def __init__(self, bus: Bus, keys: Keys, record: CaseRecord, procedure: ProcedureHandler) -> None:
         self._bus, self._keys, self._record, self._procedure = bus, keys, record, procedure
 
-    def ask(self, case: Case, images: tuple[str, ...], of: VerificationOf = "wires") -> VerificationReply:
-        """Have registration verify; raises `Refused` or `NoReply`. Records nothing."""
+    def request(self, case: Case, images: tuple[str, ...], of: VerificationOf = "wires") -> VerificationRequest:
+        """What to ask registration; raises `Refused` where that cannot be verified now."""
         self._procedure.require(case, Action.VERIFY)
         for image in images:
             if case.image(image) is None:
                 raise unknown("image", image, f"GET /cases/{case.case_id}/images lists those of the case")
-        request = VerificationRequest(case_id=case.case_id, image_sha256=images, of=of)
+        return VerificationRequest(case_id=case.case_id, image_sha256=images, of=of)
+
+    def ask(self, request: VerificationRequest) -> VerificationReply:
+        """Have registration verify; raises `NoReply`. Records nothing."""
         answer = self._bus.query(self._keys.verification_request, encode(request), VERIFICATION_TIMEOUT_S)
         return decode(VerificationReply, answer.payload)
 

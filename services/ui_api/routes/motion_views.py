@@ -1,29 +1,13 @@
-"""What clients get: plans, approvals, operations and the robot."""
-
-from collections.abc import Mapping
-from typing import Literal
+"""What clients get: plans, approvals and the robot."""
 
 from pydantic import Field
 
 from services.ui_api.core.case import PlanEntry
-from services.ui_api.core.operations import Operation
-from services.ui_api.core.robot_event_data import OperationStatus
 from services.ui_api.routes.procedure_views import ActionView
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256, UnixNanoseconds
 from shared.messages.registration import Plan
 from shared.messages.robot import RobotState
-
-OperationStatusName = Literal["running", "unknown", "succeeded", "failed", "stopped"]
-# To a client, a command on its way to the robot and one that the robot carries out are both under way.
-_STATUS_NAMES: Mapping[OperationStatus, OperationStatusName] = {
-    OperationStatus.REQUESTED: "running",
-    OperationStatus.RUNNING: "running",
-    OperationStatus.UNKNOWN: "unknown",
-    OperationStatus.SUCCEEDED: "succeeded",
-    OperationStatus.FAILED: "failed",
-    OperationStatus.STOPPED: "stopped",
-}
 
 
 class ApprovalView(View):
@@ -72,64 +56,6 @@ class PlanView(View):
             stale_because=stale_because,
             plan=plan,
         )
-
-
-class OperationView(View):
-    """A command to the robot and how far it has come; `began` is null while nobody knows."""
-
-    id: str
-    verb: str
-    case_id: str | None
-    plan: int | None
-    hold_to_move: bool
-    status: OperationStatusName = Field(
-        description="`unknown`: the robot has not answered; its state will tell. The last three are final."
-    )
-    began: bool | None
-    code: str
-    detail: str
-    deviation_mm: float | None = Field(description="Read-back minus target, once the move has ended.")
-    deviation_deg: float | None
-    requested_at_ns: UnixNanoseconds
-    ended_at_ns: UnixNanoseconds | None
-    approver: str | None = Field(description="Who approved the plan, or asked for the reference.")
-    authenticated_by: str | None = Field(description="How the approver showed who he is.")
-    permit_sha256: Sha256 | None = Field(description="The permit that went with it: its text's hash.")
-
-    @staticmethod
-    def of(operation: Operation) -> "OperationView":
-        """From the ledger's value."""
-        requested = operation.requested
-        return OperationView(
-            id=requested.operation_id,
-            verb=requested.verb,
-            case_id=operation.case_id,
-            plan=requested.plan_number,
-            hold_to_move=requested.hold_to_move,
-            status=status_name(operation),
-            began=operation.began,
-            code=operation.code,
-            detail=operation.message,
-            deviation_mm=operation.deviation_mm,
-            deviation_deg=operation.deviation_deg,
-            requested_at_ns=operation.requested_at_ns,
-            ended_at_ns=operation.ended_at_ns,
-            approver=requested.approver,
-            authenticated_by=requested.authenticated_by,
-            permit_sha256=requested.permit_sha256,
-        )
-
-
-def status_name(operation: Operation) -> OperationStatusName:
-    """How far an operation has come, as clients see it."""
-    return _STATUS_NAMES[operation.status]
-
-
-class LeaseView(View):
-    """A renewed hold-to-move lease."""
-
-    operation: str
-    expires_in_s: float
 
 
 class RobotView(View):

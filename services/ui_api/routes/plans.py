@@ -42,7 +42,8 @@ def make_plan(
     basis = PlanBasis(body.localisation, tuple(body.localisations), body.verification)
 
     def ask() -> PlanReply:
-        return gateway.planning.ask_for_plan(matched_case(gateway, case_id, if_match), basis, hole_ids)
+        planning, case = gateway.planning, matched_case(gateway, case_id, if_match)
+        return planning.ask_for_plan(planning.request(case, basis, hole_ids))
 
     def act(unit: UnitOfWork, reply: PlanReply) -> Answer:
         number = gateway.planning.keep_plan(unit, case_id, body.localisation, hole_ids, reply)

@@ -43,7 +43,7 @@ def make_qa_report(
     images = tuple(body.images)
 
     def ask() -> QaReply:
-        return gateway.quality.ask(matched_case(gateway, case_id, if_match), images)
+        return gateway.quality.ask(gateway.quality.request(matched_case(gateway, case_id, if_match), images))
 
     def act(unit: UnitOfWork, reply: QaReply) -> Answer:
         if reply.report is None:

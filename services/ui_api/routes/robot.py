@@ -13,8 +13,9 @@ from services.ui_api.routes.access import TheGateway, TheIdempotency, gateway_of
 from services.ui_api.routes.bodies import CommandBody
 from services.ui_api.routes.guards import TheUser, needs
 from services.ui_api.routes.idempotency import Idempotency, IdempotencyKey, Keyed, keyed
-from services.ui_api.routes.motion_views import OperationView, RobotView, StopView, says_simulated
-from services.ui_api.routes.motions import accepted
+from services.ui_api.routes.motion_views import RobotView, StopView, says_simulated
+from services.ui_api.routes.operation_views import OperationView
+from services.ui_api.routes.operations import accepted
 from services.ui_api.routes.problems import problem, problem_response
 from services.ui_api.routes.routers import resource_router
 from services.ui_api.service import Gateway

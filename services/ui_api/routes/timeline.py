@@ -5,7 +5,7 @@ from functools import singledispatch
 
 from pydantic import Field
 
-from services.ui_api.core import event_data, robot_event_data
+from services.ui_api.core import computation_event_data, event_data, robot_event_data
 from services.ui_api.core.events import Event, EventData
 from services.ui_api.core.roles import Action
 from services.ui_api.record.record import PAGE
@@ -130,6 +130,16 @@ def _(data: robot_event_data.OperationEnded) -> str:
 
 
 @_what.register
+def _(data: computation_event_data.ComputationRequested) -> str:
+    return f"Begun without waiting for it: {data.says}."
+
+
+@_what.register
+def _(data: computation_event_data.ComputationEnded) -> str:
+    return f"What was computed has {data.status}{': ' + data.message if data.message else '.'}"
+
+
+@_what.register
 def _(data: robot_event_data.StopRequested) -> str:
     return f"Stop, {'confirmed' if data.confirmed else 'not confirmed'}: {data.message}"
 
@@ -171,6 +181,8 @@ def _href(data: EventData, case: str) -> str | None:
         case event_data.PlanMade() | event_data.PlanApproved() | event_data.ApprovalWithdrawn():
             return f"{case}/plans/{data.number}"
         case robot_event_data.OperationRequested() | robot_event_data.OperationEnded():
+            return f"/api/v1/operations/{data.operation_id}"
+        case computation_event_data.ComputationRequested() | computation_event_data.ComputationEnded():
             return f"/api/v1/operations/{data.operation_id}"
         case event_data.VerificationMade():
             return f"{case}/verifications/{data.number}"

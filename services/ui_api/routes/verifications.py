@@ -33,7 +33,8 @@ def make_verification(
     images = tuple(body.images)
 
     def ask() -> VerificationReply:
-        return gateway.verifications.ask(matched_case(gateway, case_id, if_match), images, body.of)
+        verifications = gateway.verifications
+        return verifications.ask(verifications.request(matched_case(gateway, case_id, if_match), images, body.of))
 
     def act(unit: UnitOfWork, reply: VerificationReply) -> Answer:
         number = gateway.verifications.keep(unit, case_id, images, reply)

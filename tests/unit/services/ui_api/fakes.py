@@ -219,6 +219,7 @@ class FakeRobot(OnTheBus):
             stop=StopReport(written=True, standstill=True, locked=True),
         )
         self.release = threading.Event()
+        self.plain_is_held = False
         self.bus.queryable(keys.robot_command("move"), self._move)
         self.bus.queryable(keys.robot_command("stop"), self._stop)
         for verb in ("reference", "acknowledge_stop", "reset"):
@@ -257,6 +258,8 @@ class FakeRobot(OnTheBus):
     def _plain(self, query: Query) -> Answer:
         command = decode(PlainCommand, query.payload)
         self.plain.append(command)
+        if self.plain_is_held:
+            self.release.wait(PATIENCE_S)
         reply = CommandReply(command_id=command.envelope.command_id, verdict="accepted", state=self.state.state)
         return Answer(encode(reply))
 

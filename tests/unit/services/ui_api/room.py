@@ -3,7 +3,7 @@
 import re
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -111,9 +111,14 @@ class Room:
         return answer
 
 
-@contextmanager
-def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
+def open_room(state_dir: Path, **settings: object) -> AbstractContextManager[Room]:
     """A gateway among its fakes, on a state folder that may have been used before."""
+    return open_room_with(FakeRobot, state_dir, **settings)
+
+
+@contextmanager
+def open_room_with(robot_type: type[FakeRobot], state_dir: Path, **settings: object) -> Iterator[Room]:
+    """The same with a robot of one's own."""
     router, keys = MemoryRouter(), Keys(ROOM)
     unhurried: dict[str, object] = {
         "robot_state_stale_after_s": 10.0,
@@ -125,7 +130,7 @@ def open_room(state_dir: Path, **settings: object) -> Iterator[Room]:
     with ExitStack() as stack:
         imaging = stack.enter_context(FakeImaging(router, keys))
         registration = stack.enter_context(FakeRegistration(router, keys))
-        robot = stack.enter_context(FakeRobot(router, keys))
+        robot = stack.enter_context(robot_type(router, keys))
         bus, runtime = stack.enter_context(open_service("ui_api", chosen, lambda _: router.open()))
         gateway = stack.enter_context(open_gateway(bus, runtime, chosen, Clock()))
         log = LogWatch(gateway.record)
