@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from pydantic import TypeAdapter
+
 from services.ui_api.core.roles import PERMISSION_OF, Role, WithoutLogin, may
 from tests.fuzz.site import OTHER_ACCOUNT, PASSWORD, FuzzSite, account_of
 
@@ -30,11 +32,20 @@ ALL_PHASES: Final = ("examples", "coverage", "fuzzing", "stateful")
 
 @dataclass(frozen=True, slots=True)
 class FuzzPlan:
-    """How much is asked; `examples` of each operation in the phase of generated requests, and so many sequences."""
+    """How much is asked.
+
+    Attributes
+    ----------
+    examples
+        Of each operation in the phase of generated requests, and so many sequences.
+    seconds
+        As each role, at most: generated requests and sequences are repeated until then; None for once.
+    """
 
     examples: int
     seed: int
     phases: tuple[str, ...] = ALL_PHASES
+    seconds: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +97,10 @@ class RoleRun:
         return sum(count for status, count in self.answers.items() if status.startswith("5")) - self.not_ready
 
 
+_RUN: Final = ".run.json"
+_RUNS: Final = TypeAdapter(RoleRun)
+
+
 def run_as(role: Role, site: FuzzSite, plan: FuzzPlan, folder: Path) -> RoleRun:
     """All phases as one role: examples, coverage, generated requests, and sequences along the links."""
     tally, began_s = folder / f"{role}.json", time.monotonic()
@@ -111,6 +126,18 @@ def run_as(role: Role, site: FuzzSite, plan: FuzzPlan, folder: Path) -> RoleRun:
         failed=done.returncode != 0,
         output=done.stdout + done.stderr,
     )
+
+
+def write_run(run: RoleRun, folder: Path) -> None:
+    """Keep a run, and what Schemathesis said."""
+    (folder / f"{run.role}{_RUN}").write_bytes(_RUNS.dump_json(run))
+    (folder / f"{run.role}.txt").write_text(run.output, encoding="utf-8")
+
+
+def kept_runs(folder: Path) -> list[RoleRun]:
+    """Runs that were kept, in the order of the roles."""
+    files = [folder / f"{role}{_RUN}" for role in Role]
+    return [_RUNS.validate_json(file.read_bytes()) for file in files if file.exists()]
 
 
 def _context(role: Role, site: FuzzSite, seed: int, tally: Path) -> dict[str, object]:
@@ -159,6 +186,7 @@ def _words(url: str, plan: FuzzPlan) -> list[str]:
     words += ["--checks", ",".join(CHECKS), "--max-examples", str(plan.examples), "--seed", str(plan.seed)]
     words += ["--workers", "1", "--continue-on-failure", "--no-shrink", "--generation-database", "none"]
     words += ["--suppress-health-check", "all", "--warnings", "off", "--request-timeout", "60", "--no-color"]
+    words += [] if plan.seconds is None else ["--max-time", str(plan.seconds)]
     for name in STREAMS:
         words += ["--exclude-operation-id", name]
     return words

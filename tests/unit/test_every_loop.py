@@ -79,7 +79,7 @@ SEEN_OTHERWISE = {
     ("services/ui_api/handlers/readiness.py", "ThreadPoolExecutor"): "readyz looks at every result",
     ("services/ui_api/routes/live.py", "create_task"): "the viewer's own task; it ends with the viewer",
     ("services/ui_api/routes/live.py", "add_done_callback"): "sets an event and nothing else",
-    ("simulation/render/image.py", "ThreadPoolExecutor"): "the caller waits for the result and gets the exception",
+    ("simulation/render/primary.py", "ThreadPoolExecutor"): "the caller waits for the result and gets the exception",
 }
 BEGINS_WORK = {
     "Thread",
