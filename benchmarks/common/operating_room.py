@@ -19,7 +19,7 @@ WITHOUT_RATE_LIMITS: Final = {
     "DISTALOCK_UI_API_REQUESTS_PER_ADDRESS_PER_S": "0",
 }
 # A machine that is busy otherwise starts processes slowly.
-_START_PATIENCE_S = 300.0
+START_PATIENCE_S = 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class OperatingRoom:
 
 def patient_fleet(installation: Installation, change: Callable[[ProcessSpec], ProcessSpec] = lambda s: s) -> Fleet:
     """The installation's processes, with time to start; `change` may replace what is run."""
-    return installation.fleet(threading.Event(), _START_PATIENCE_S, change)
+    return installation.fleet(threading.Event(), START_PATIENCE_S, change)
 
 
 @contextmanager

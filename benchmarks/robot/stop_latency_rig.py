@@ -13,7 +13,7 @@ from pathlib import Path
 
 import httpx
 
-from benchmarks.common.operating_room import WITHOUT_RATE_LIMITS
+from benchmarks.common.operating_room import START_PATIENCE_S, WITHOUT_RATE_LIMITS
 from benchmarks.robot.permits import permit_for
 from benchmarks.robot.plans import HEXAPOD, plan_between, random_target
 from benchmarks.robot.rig import PlainVerb
@@ -289,7 +289,7 @@ def _robot_and_gateway(installation: Installation) -> Fleet:
         for spec in installation.specs()
         if spec.name == "ui_api"
     ]
-    return Fleet(wanted, installation.state_dir / "logs", prepare=installation.make_keys)
+    return Fleet(wanted, installation.state_dir / "logs", START_PATIENCE_S, prepare=installation.make_keys)
 
 
 def _session(installation: Installation, service: ServiceName) -> ZenohBus:
