@@ -67,5 +67,8 @@ def line_of(operation: OperationView) -> str:
     share = "" if progress.fraction is None else f", {progress.fraction:.0%}"
     how_far = f"step {progress.step} of {progress.steps}: {progress.says}{share}"
     ended = operation.status in ENDED
-    outcome = operation.result or f"{operation.code}: {operation.detail}".strip(": ")
+    why = (
+        operation.detail if operation.code == operation.status else f"{operation.code}: {operation.detail}".strip(": ")
+    )
+    outcome = operation.result or why
     return f"{operation.id}  {operation.verb}  {operation.status}  {outcome if ended else how_far}".rstrip()
