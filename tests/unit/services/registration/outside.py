@@ -12,7 +12,7 @@ from shared.bus.keys import Keys
 from shared.bus.port import Bus
 from shared.errors import ReasonCode
 from shared.messages.base import ReasonMessage, WireModel, decode, encode
-from shared.messages.cases import CaseContext
+from shared.messages.cases import CaseContext, ObjectInside
 from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader, ImageReference
 from shared.messages.registration import (
     LocalisationRecord,
@@ -58,7 +58,13 @@ class Outside:
     plans: "queue.Queue[Plan]"
     clock: Clock
 
-    def open_case(self, revision: int = 1, nail_json: str = NAIL_JSON, case_id: str | None = CASE) -> None:
+    def open_case(
+        self,
+        revision: int = 1,
+        nail_json: str = NAIL_JSON,
+        case_id: str | None = CASE,
+        inside: tuple[ObjectInside, ...] = (),
+    ) -> None:
         context = CaseContext(
             case_id=case_id,
             revision=revision,
@@ -66,6 +72,7 @@ class Outside:
             guide_json=GUIDE_JSON,
             nail_json=nail_json,
             hexapod_json=HEXAPOD_JSON,
+            inside=inside,
         )
         self.bus.retained_publisher(KEYS.case_context).put(encode(context))
 

@@ -14,6 +14,7 @@ from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Answer
 from shared.errors import NoReply, ReasonCode
 from shared.messages.base import decode, encode
+from shared.messages.cases import ObjectInside
 from shared.messages.imaging import CalibrationValues
 from shared.messages.presence import ServiceStatus
 from shared.messages.registration import (
@@ -95,6 +96,17 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     eventually(lambda: outside.ask_plan("one").code == "stale")
     outside.open_case(revision=2)
     eventually(lambda: outside.ask_verification("one").code == "unknown_image")
+
+
+def test_an_image_that_came_before_the_wires_were_known_is_verified(outside: Outside) -> None:
+    outside.robot_rests()
+    outside.open_case()
+    outside.frame("one")
+    outside.calibrated("one", None)
+    outside.next_record()
+    outside.open_case(inside=(ObjectInside(kind="wire", hole_id="distal"),))
+    eventually(lambda: outside.state.case is not None and bool(outside.state.case.context.inside))
+    assert outside.ask_verification("one").code != "unknown_image"
 
 
 def test_images_with_the_robot_in_two_places_are_not_verified_together(outside: Outside) -> None:
