@@ -26,6 +26,7 @@ _SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.0
 _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_objects --seeds fit`")
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
+_CURVED: Final = fitted("`distalock bench processing --seeds fit`: local contrast, monitor chain (decision 0045)")
 _TOLERANCE: Final = physical("manufacturing tolerance, assumed")
 _ABANDONED: Final = fitted("65 abandoned fits, 30 scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred")
 _KEPT: Final = fitted("7 seeded scenes: the fit ends 0.03 standard deviations away at most (docs/nail-likelihood.md)")
@@ -285,6 +286,21 @@ class AgreementOfParts:
     sharpening_of_one_deviation: float = tuned(1.0, "sd", "sharpening beyond it that doubles the variance", _PROCESSED)
     processed_from: float = tuned(2.5, "1", "growth of the variance from where an image counts as processed", _FILTERED)
     processed_sd_deg: float = tuned(0.3, "°", "error of a tilt by processing, whatever the noise", _FILTERED)
+
+
+@dataclass(frozen=True, slots=True)
+class DisplayCurveFit:
+    """The display's curve by place (`core/nail/display_curve.py`); steps are those from metal to background."""
+
+    least_error_ratio: float = tuned(1.5, "times", "disagreement of parts from which it is estimated", _CURVED)
+    remaining_share: float = tuned(0.8, "1", "largest share of it that is left where the curve is kept", _CURVED)
+    most_rounds: int = tuned(3, "1", "fits, each without the curve that the one before it shows", _CURVED)
+    levels: int = tuned(10, "1", "grey values between which the correction is linear", _CURVED)
+    cut_share: float = tuned(0.002, "1", "share of the pixels below the first and above the last", _INSPECTION)
+    pixel_sd: float = tuned(0.04, "steps", "what a pixel of an edge differs by beside the curve", _INSPECTION)
+    correction_sd: float = tuned(0.1, "steps", "prior of the correction in the middle", _CURVED)
+    change_sd: float = tuned(0.05, "steps", "prior of each coefficient by which it changes with the place", _CURVED)
+    bend_sd: float = tuned(0.03, "steps", "prior of its second differences from level to level", _CURVED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -876,6 +892,7 @@ NAIL_PRIORS: Final = NailPriors()
 NAIL_NOISE: Final = NailNoise()
 NAIL_SOLVER: Final = NailSolver()
 AGREEMENT_OF_PARTS: Final = AgreementOfParts()
+DISPLAY_CURVE: Final = DisplayCurveFit()
 HOLE_GROUPS: Final = HoleGroups()
 FOREIGN_OBJECTS: Final = ForeignObjects()
 CENTRING_STAGE: Final = CentringStage()

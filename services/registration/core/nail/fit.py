@@ -13,6 +13,7 @@ from services.registration.core.acceptance.image import FitEvidence, fit_reasons
 from services.registration.core.estimation.pose_estimate import PoseErrors
 from services.registration.core.nail.between_holes import spread_of_holes_mm
 from services.registration.core.nail.covariance import curvature_covariance, errors_of_straight, pose_errors
+from services.registration.core.nail.display_curve import display_curve_of
 from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
 from services.registration.core.nail.forward_model import ForwardModel, model_at
 from services.registration.core.nail.least_squares import (
@@ -41,7 +42,7 @@ from services.registration.core.nail.parameters import (
 )
 from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, bent_optimum, find_global_optimum
-from services.registration.core.tuning import BENT_NAIL, FINAL_STAGE, FOREIGN_OBJECTS, NAIL_PRIORS
+from services.registration.core.tuning import BENT_NAIL, DISPLAY_CURVE, FINAL_STAGE, FOREIGN_OBJECTS, NAIL_PRIORS
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
@@ -175,6 +176,24 @@ class _Fitted:
 
 
 def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Rejected:
+    """The fit; where parts of the image disagree, without the display's curve, if that makes them agree better."""
+    best = found = _fitted_as_shown(fit_input, start)
+    for _ in range(DISPLAY_CURVE.most_rounds):
+        if isinstance(found, Rejected) or _disagreement(found) < DISPLAY_CURVE.least_error_ratio:
+            break
+        curve = display_curve_of(found.end.solution.linear, fit_input.pixels)
+        fit_input = replace(fit_input, pixels=curve.undone(fit_input.pixels))
+        found = _fitted_as_shown(fit_input, found.fit.camera_from_nail)
+        if _disagreement(found) < DISPLAY_CURVE.remaining_share * _disagreement(best):
+            best = found
+    return best
+
+
+def _disagreement(found: "_Fitted | Rejected") -> float:
+    return float("inf") if isinstance(found, Rejected) else found.fit.evidence.error_ratio
+
+
+def _fitted_as_shown(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Rejected:
     """The straight nail's fit, unless the pixels show a curvature that no straight nail has.
 
     Wrong brightness between the rims looks like a bend as well: where parts of the image disagree, the curvature that

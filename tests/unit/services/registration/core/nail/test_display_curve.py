@@ -1,0 +1,77 @@
+"""A display's curve that changes from place to place is undone where parts of the image disagree because of it."""
+
+from dataclasses import replace
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.registration.core.nail import fit
+from services.registration.core.nail.display_curve import DisplayCurve
+from services.registration.core.nail.fit import NailFit, measure_nail
+from services.registration.core.nail.occluders import Occluders
+from services.registration.core.nail.region import FitInput
+from shared.errors import Accepted
+from shared.geometry.lines import angle_between_rad
+from tests.unit.services.registration.rendered_case import CAMERA_FROM_NAIL, SIZE_PX, rendered_parts, turned_nail
+from tests.unit.services.registration.xray_scene import Scene, calibration, render
+
+PARTS, VIEW = rendered_parts(), calibration(SIZE_PX)
+
+
+@cache
+def plain() -> NDArray[np.float32]:
+    return render(Scene(SIZE_PX, PARTS.nail, CAMERA_FROM_NAIL), VIEW, 5)
+
+
+@cache
+def with_local_contrast() -> NDArray[np.float32]:
+    """Histogram equalisation with limited contrast, tile by tile, as displays have it."""
+    bytes_ = np.rint(255.0 * plain() / plain().max()).astype(np.uint8)
+    shown = cv2.createCLAHE(3.0, (4, 4)).apply(bytes_)
+    return np.asarray(shown, dtype=np.float32) / np.float32(255.0)
+
+
+def fitted(pixels: NDArray[np.float32]) -> NailFit:
+    found = measure_nail(FitInput(pixels, VIEW, PARTS.nail, Occluders(None, PARTS.ring)), turned_nail((3.0, -1.5)))
+    assert isinstance(found, Accepted)
+    return found.value
+
+
+def tilt_error_deg(found: NailFit) -> float:
+    """Between the estimated and the true direction of the holes."""
+    return float(np.degrees(angle_between_rad(found.camera_from_nail.rotation[:, 2], CAMERA_FROM_NAIL.rotation[:, 2])))
+
+
+@pytest.mark.requirement("REG-06")
+def test_local_contrast_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    undone = fitted(with_local_contrast())
+    monkeypatch.setattr(fit, "DISPLAY_CURVE", replace(fit.DISPLAY_CURVE, most_rounds=0))
+    as_shown = fitted(with_local_contrast())
+    assert as_shown.evidence.error_ratio > 2.0 * undone.evidence.error_ratio
+    assert tilt_error_deg(undone) < 0.5 * tilt_error_deg(as_shown)
+
+
+def test_a_plain_image_is_fitted_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    # another renderer's image: parts of it disagree, but not because of a curve
+    found = fitted(plain())
+    monkeypatch.setattr(fit, "DISPLAY_CURVE", replace(fit.DISPLAY_CURVE, most_rounds=0))
+    assert np.array_equal(found.camera_from_nail.matrix, fitted(plain()).camera_from_nail.matrix)
+
+
+def test_what_is_undone_depends_on_grey_value_and_place() -> None:
+    corrections = np.zeros((6, 2))
+    corrections[0] = 0.1, 0.3  # everywhere
+    corrections[1] = 0.0, 0.2  # towards larger columns
+    corrections[5] = 0.05, 0.0  # with the square of the row
+    curve = DisplayCurve(np.array([1.0, 2.0]), corrections, np.array([10.0, 20.0]), 10.0)
+    grey = np.full((41, 21), 1.5, dtype=np.float32)
+    undone = curve.undone(grey)
+    assert undone[20, 10] == pytest.approx(1.5 + 0.2)
+    assert undone[20, 20] == pytest.approx(1.5 + 0.2 + 0.1)
+    assert undone[25, 10] == pytest.approx(1.5 + 0.2 + 0.25 * 0.025)
+    # beyond the reach it is as at its end, beyond the levels as at theirs
+    assert undone[40, 10] == pytest.approx(1.5 + 0.2 + 0.025)
+    assert curve.undone(np.full((21, 11), 3.0, dtype=np.float32))[20, 10] == pytest.approx(3.3)
