@@ -14,7 +14,7 @@ from services.registration.core.estimation.pose_estimate import (
 )
 from services.registration.core.guide.locate import GuideFit, distortion_correlation_px
 from services.registration.core.hole_axes import rims_of
-from services.registration.core.nail.fit import NailFit
+from services.registration.core.nail.image_fit import NailFit
 from services.registration.core.tuning import HOLE_RIMS
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera

@@ -5,8 +5,8 @@ measured, and a few rounds of assignment and fit refine the pose.
 
 An image that was localised in full is the reference: it gives the nail's pose in the guide's frame and the nail's
 appearance (radii, attenuation, display curve). As long as neither guide nor nail moves, the guide of a later frame
-predicts the nail's pose; the likelihood of `nail.fit`, on coarser pixels, refines pose and blur. What the reference
-leaves open, because it is correlated with the tilt, is added to every later covariance.
+predicts the nail's pose; the likelihood of `nail.image_fit`, on coarser pixels, refines pose and blur. What the
+reference leaves open, because it is correlated with the tilt, is added to every later covariance.
 """
 
 from dataclasses import dataclass, replace

@@ -57,7 +57,8 @@ def display_curve_of(linear: LinearSolution, pixels: NDArray[np.float32]) -> Dis
     visible, shown = _visible_fraction(linear), region.compared_values(region.grey)
     expected = visible * linear.background + (1.0 - visible) * linear.floor
     step = float(np.median(linear.background - linear.floor))
-    levels = np.linspace(*np.quantile(shown, (s.cut_share, 1.0 - s.cut_share)), s.levels)
+    darkest, brightest = (float(np.quantile(shown, share)) for share in (s.cut_share, 1.0 - s.cut_share))
+    levels = np.linspace(darkest, brightest, s.levels)
     places_px = _centres_px(region)
     middle_px = places_px.mean(axis=0)
     reach_px = float(np.abs(places_px - middle_px).max())

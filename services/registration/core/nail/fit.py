@@ -3,63 +3,29 @@
 `docs/nail-likelihood.md` has the model, the alternatives and their measured gains.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
-from services.registration.core.acceptance.image import FitEvidence, fit_reasons
-from services.registration.core.estimation.pose_estimate import PoseErrors
-from services.registration.core.nail.between_holes import spread_of_holes_mm
-from services.registration.core.nail.covariance import curvature_covariance, errors_of_straight, pose_errors
+from services.registration.core.acceptance.image import fit_reasons
 from services.registration.core.nail.display_curve import display_curve_of
-from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
-from services.registration.core.nail.forward_model import ForwardModel, model_at
+from services.registration.core.nail.forward_model import model_at
+from services.registration.core.nail.image_fit import FitEnd, ImageFit, NailFit, fit_image
 from services.registration.core.nail.least_squares import (
-    Problem,
-    Solution,
     estimate_noise,
     linear_solution_at,
-    minimise_from,
-    predicted_decrease,
     problem_for,
-    reweighted,
-    whitened,
-    with_curvature,
-    with_derivatives,
-    with_hidden_filled,
 )
 from services.registration.core.nail.left_out import around_holes, beyond_foreign, foreign_pixels
-from services.registration.core.nail.noise import NoiseModel
 from services.registration.core.nail.parameters import (
-    CURVATURE,
-    DISPLAY_BENDS,
     STRAIGHT_DISPLAY,
-    STRAIGHT_NAIL,
-    Parameter,
-    curvature_of,
 )
 from services.registration.core.nail.region import FitInput
-from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, bent_optimum, find_global_optimum
-from services.registration.core.tuning import BENT_NAIL, DISPLAY_CURVE, FINAL_STAGE, FOREIGN_OBJECTS, NAIL_PRIORS
+from services.registration.core.tuning import DISPLAY_CURVE, FINAL_STAGE, FOREIGN_OBJECTS
 from shared.errors import Accepted, Rejected
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.transform import Transform
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NailFit:
-    """Pose of the nail with its errors, and the evidence for its acceptance."""
-
-    camera_from_nail: Transform[Camera, Nail]  # the pose
-    # Of the small motion `m` with true pose = `camera_from_nail @ m`: rotation vector (rad), then translation (mm),
-    # both in the nail's frame at its origin. Correlated noise, all nuisances and the model's own errors are included;
-    # calibration's and guide's errors are not.
-    errors: PoseErrors
-    evidence: FitEvidence
-    curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
-    hole_spread_mm: float  # standard deviation of the holes' places about their file's (`spread_of_holes_mm`)
 
 
 def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
@@ -75,8 +41,11 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
     Accepted[NailFit] or Rejected
         Rejected as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
     """
-    _, found = _fitted_without_foreign_objects(fit_input, start)
-    if isinstance(found, Rejected) or fit_reasons(found.fit.evidence):
+    as_shown = fit_image(fit_input, start)
+    found = _without_display_curve(fit_input, as_shown)
+    if _is_refused(found):
+        _, found = _fitted_without_foreign_objects(fit_input, start, as_shown)
+    if _is_refused(found):
         seen = _seen_from_the_holes(fit_input, start)
         again = None if seen is None else _beside_objects(_fitted_without_foreign_objects(*seen)[1])
         found = found if again is None or isinstance(again, Rejected) else again
@@ -86,22 +55,52 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
     return Rejected(reasons) if reasons else Accepted(found.fit)
 
 
+def _is_refused(found: ImageFit | Rejected) -> bool:
+    return isinstance(found, Rejected) or bool(fit_reasons(found.fit.evidence))
+
+
+def _without_display_curve(fit_input: FitInput, as_shown: ImageFit | Rejected) -> ImageFit | Rejected:
+    """The fit without the display's curve, where parts of the image disagree and that makes them agree better."""
+    best = found = as_shown
+    for _ in range(DISPLAY_CURVE.most_rounds):
+        before = _disagreement(found)
+        tried = DISPLAY_CURVE.least_error_ratio <= before <= DISPLAY_CURVE.hopeless_error_ratio
+        if isinstance(found, Rejected) or not tried:
+            break
+        curve = display_curve_of(found.end.solution.linear, fit_input.pixels)
+        fit_input = replace(fit_input, pixels=curve.undone(fit_input.pixels))
+        found = fit_image(fit_input, found.fit.camera_from_nail)
+        largest = min(DISPLAY_CURVE.remaining_share * _disagreement(best), DISPLAY_CURVE.largest_error_ratio)
+        if _disagreement(found) < largest:
+            best = found
+        if _disagreement(found) > DISPLAY_CURVE.hopeless_growth * before:
+            break
+    return best
+
+
+def _disagreement(found: ImageFit | Rejected) -> float:
+    return float("inf") if isinstance(found, Rejected) else found.fit.evidence.error_ratio
+
+
 def _fitted_without_foreign_objects(
-    fit_input: FitInput, start: Transform[Camera, Nail]
-) -> tuple[FitInput, "_Fitted | Rejected"]:
-    """Leave out what is darker than the fit and fit again, while the fit is not acceptable and there is more."""
-    found = _fitted(fit_input, start)
+    fit_input: FitInput, start: Transform[Camera, Nail], as_shown: ImageFit | Rejected | None = None
+) -> tuple[FitInput, ImageFit | Rejected]:
+    """Leave out what is darker than the fit and fit again, while the fit is not acceptable and there is more.
+
+    Begins with the fit of the image as it is shown, where that is known.
+    """
+    found = fit_image(fit_input, start) if as_shown is None else as_shown
     for _ in range(FOREIGN_OBJECTS.most_rounds):
-        if isinstance(found, Rejected) or not fit_reasons(found.fit.evidence):
+        if isinstance(found, Rejected) or not _is_refused(found):
             break
         without = _without_foreign_objects(fit_input, found.end)
         if without is None:
             break
-        fit_input, found = without, _beside_objects(_fitted(without, start))
+        fit_input, found = without, _beside_objects(fit_image(without, start))
     return fit_input, found
 
 
-def _beside_objects(found: "_Fitted | Rejected") -> "_Fitted | Rejected":
+def _beside_objects(found: ImageFit | Rejected) -> ImageFit | Rejected:
     """The same fit, marked as one from which pixels were left out that are darker than an earlier fit."""
     if isinstance(found, Rejected):
         return found
@@ -120,7 +119,7 @@ def _seen_from_the_holes(
     """
     around = around_holes(fit_input, start)
     only, found = _fitted_without_foreign_objects(_hiding(fit_input, ~around), start)
-    if isinstance(found, Rejected) or fit_reasons(found.fit.evidence):
+    if isinstance(found, Rejected) or _is_refused(found):
         return None
     pose, covered = found.fit.camera_from_nail, only.occluders.hidden
     whole = fit_input if covered is None else _hiding(fit_input, covered & around)
@@ -147,152 +146,12 @@ def _hides_more(one: FitInput, other: FitInput) -> bool:
 
 def measure_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
     """The same without acceptance criteria; rejected only when the holes are not in the image."""
-    found = _fitted(fit_input, start)
+    found = _without_display_curve(fit_input, fit_image(fit_input, start))
     return found if isinstance(found, Rejected) else Accepted(found.fit)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _End:
-    """Where a fit ended."""
-
-    problem: Problem
-    solution: Solution
-    noise: NoiseModel
-    margin: float
-
-    @staticmethod
-    def of(problem: Problem, solution: Solution, margin: float) -> "_End":
-        """The end of a fit, with derivatives and noise from there."""
-        solution = with_derivatives(problem, solution)
-        return _End(problem, solution, estimate_noise(problem, solution.linear), margin)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fitted:
-    """A fit, and how it ended."""
-
-    fit: NailFit
-    end: _End
-
-
-def _fitted(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Rejected:
-    """The fit; where parts of the image disagree, without the display's curve, if that makes them agree better."""
-    best = found = _fitted_as_shown(fit_input, start)
-    for _ in range(DISPLAY_CURVE.most_rounds):
-        if isinstance(found, Rejected) or _disagreement(found) < DISPLAY_CURVE.least_error_ratio:
-            break
-        curve = display_curve_of(found.end.solution.linear, fit_input.pixels)
-        fit_input = replace(fit_input, pixels=curve.undone(fit_input.pixels))
-        found = _fitted_as_shown(fit_input, found.fit.camera_from_nail)
-        if _disagreement(found) < DISPLAY_CURVE.remaining_share * _disagreement(best):
-            best = found
-    return best
-
-
-def _disagreement(found: "_Fitted | Rejected") -> float:
-    return float("inf") if isinstance(found, Rejected) else found.fit.evidence.error_ratio
-
-
-def _fitted_as_shown(fit_input: FitInput, start: Transform[Camera, Nail]) -> _Fitted | Rejected:
-    """The straight nail's fit, unless the pixels show a curvature that no straight nail has.
-
-    Wrong brightness between the rims looks like a bend as well: where parts of the image disagree, the curvature that
-    was found is what the straight nail's is uncertain by.
-    """
-    optimum = find_global_optimum(fit_input, start)
-    model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
-    if optimum is None or model is None:
-        return Rejected((NAIL_OUTSIDE.reason(),))
-    straight = _refined(model, optimum)
-    problem, solution, noise = straight.problem, straight.solution, straight.noise
-    freed, there = with_curvature(problem, solution)
-    bent, curvature_sd = _bent(straight, freed, there), NAIL_PRIORS.straightness_sd_per_m
-    if bent is not None:
-        curvature = np.array(bent.fit.curvature_per_m)
-        if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio:
-            curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
-        elif is_bent(curvature, bent.fit.errors.bend_covariance):
-            return bent
-    return _with_evidence(straight, errors_of_straight(problem, solution, noise, there, curvature_sd))
-
-
-def _bent(straight: _End, freed: Problem, there: Solution) -> _Fitted | None:
-    """The fit with the curvature free; None where noise explains the curvature that the straight fit leaves.
-
-    Parameters
-    ----------
-    freed, there
-        The straight nail's problem with the curvature free, and its end with derivatives by it.
-    """
-    step = np.asarray(np.linalg.solve(there.equations.matrix, there.equations.gradient))[-len(CURVATURE) :]
-    if not is_bent(step, curvature_covariance(freed, there, straight.noise)):
-        return None
-    found = bent_optimum(freed, straight.solution)
-    if found is None:
-        return None
-    linear, margin = found[0].linear, found[1]
-    problem = reweighted(freed, linear, estimate_noise(freed, linear))
-    solution = minimise_from(problem, linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
-    end = _End.of(problem, solution, straight.margin if margin is None else margin)
-    return _with_evidence(end, pose_errors(end.problem, end.solution, end.noise))
-
-
-def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
-    """Whether a curvature, shape (2,), of a covariance is beyond what makers leave in straight nails."""
-    expected = covariance + NAIL_PRIORS.straightness_sd_per_m**2 * np.eye(len(CURVATURE))
-    return float(curvature_per_m @ np.linalg.solve(expected, curvature_per_m)) > BENT_NAIL.chi_square
-
-
-def _with_evidence(end: _End, errors: PoseErrors) -> _Fitted:
-    """The fit that ended so, its errors grown by what the model does not explain."""
-    problem, solution, noise = end.problem, end.solution, end.noise
-    model, parameters = problem.model, solution.parameters
-    parts, camera_from_nail = agreement_of_parts(problem, solution, noise), model.pose(parameters)
-    evidence = FitEvidence(
-        holes=hole_views(problem, solution),
-        residual=residual_statistics(problem, solution, noise),
-        hole_radius_excess_mm=float(parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
-        nail_radius_excess_mm=float(parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
-        mirror_margin=end.margin / parts.pull_ratio,
-        error_ratio=parts.error_ratio,
-        rim_shares=rim_shares(model.region, model.nail),
-    )
-    fit = NailFit(
-        camera_from_nail,
-        parts.widened(errors, camera_from_nail, model.nail),
-        evidence,
-        curvature_of(parameters),
-        spread_of_holes_mm(problem, solution, noise),
-    )
-    return _Fitted(fit, end)
-
-
-def _without_foreign_objects(fit_input: FitInput, end: _End) -> FitInput | None:
+def _without_foreign_objects(fit_input: FitInput, end: FitEnd) -> FitInput | None:
     """The same input with what is darker than the fit left out; None where there is nothing more."""
     region, residual = end.problem.model.region, end.solution.linear.residual
     without = _hiding(fit_input, foreign_pixels(region, residual, end.noise.variance, fit_input.pixels.shape))
     return without if _hides_more(without, fit_input) else None
-
-
-def _refined(model: ForwardModel, optimum: GlobalOptimum) -> _End:
-    """Full resolution: estimate the noise where the coarser stage ended, whiten, fit, weight, fit."""
-    start = optimum.parameters.copy()
-    bent = bool(np.any(np.abs(start[DISPLAY_BENDS]) > FINAL_STAGE.usual_display_bend))
-    if not bent:
-        start[DISPLAY_BENDS] = 0.0
-    problem = problem_for(model, FINAL_STAGE, STRAIGHT_NAIL if bent else STRAIGHT_DISPLAY)
-    problem, here = whitened(*with_hidden_filled(problem, linear_solution_at(problem, start)))
-    solution = minimise_from(problem, here, FINAL_STAGE.first_steps, FINAL_STAGE.tolerance)
-    problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
-    # The last steps begin with derivatives from here: those of the first may have led along the valley in which radii,
-    # curve and tilt nearly compensate one another, and ended in it.
-    solution = minimise_from(problem, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
-    return _End.of(*_with_display_bent_where_evident(problem, solution), optimum.margin)
-
-
-def _with_display_bent_where_evident(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
-    """Free bulge and S of the display where the image asks for them: plain images are fitted without."""
-    freed = replace(problem, free=STRAIGHT_NAIL)
-    if np.all(problem.free[DISPLAY_BENDS]) or predicted_decrease(freed, solution.linear) < FINAL_STAGE.evident_decrease:
-        return problem, solution
-    return freed, minimise_from(freed, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)

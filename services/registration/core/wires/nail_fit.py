@@ -27,7 +27,8 @@ from services.registration.core.fusion import LocalisedImage, usable_estimate
 from services.registration.core.guide.locate import GuideFit
 from services.registration.core.guide_from_nail import NailEstimate
 from services.registration.core.localise import Parts, conclude, unmirrored
-from services.registration.core.nail.fit import NailFit, measure_nail
+from services.registration.core.nail.fit import measure_nail
+from services.registration.core.nail.image_fit import NailFit
 from services.registration.core.nail.occluders import Occluders, PlacedGuide, SteelRod
 from services.registration.core.nail.region import FitInput
 from services.registration.core.nail.search.band import SearchImage, prepare_search

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.nail.fit import NailFit, fit_nail
+from services.registration.core.nail.fit import fit_nail
+from services.registration.core.nail.image_fit import NailFit
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.region import FitInput
 from shared.errors import Accepted, ReasonCode, Rejected

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.registration.core.nail.fit import NailFit, measure_nail
+from services.registration.core.nail.fit import measure_nail
+from services.registration.core.nail.image_fit import NailFit
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.region import FitInput
 from shared.errors import Accepted

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail import fit
 from services.registration.core.nail.display_curve import DisplayCurve
-from services.registration.core.nail.fit import NailFit, measure_nail
+from services.registration.core.nail.fit import measure_nail
+from services.registration.core.nail.image_fit import NailFit
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.region import FitInput
+from services.registration.core.tuning import DISPLAY_CURVE
 from shared.errors import Accepted
 from shared.geometry.lines import angle_between_rad
 from tests.unit.services.registration.rendered_case import CAMERA_FROM_NAIL, SIZE_PX, rendered_parts, turned_nail
@@ -48,7 +50,7 @@ def tilt_error_deg(found: NailFit) -> float:
 @pytest.mark.requirement("REG-06")
 def test_local_contrast_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
     undone = fitted(with_local_contrast())
-    monkeypatch.setattr(fit, "DISPLAY_CURVE", replace(fit.DISPLAY_CURVE, most_rounds=0))
+    monkeypatch.setattr(fit, "DISPLAY_CURVE", replace(DISPLAY_CURVE, most_rounds=0))
     as_shown = fitted(with_local_contrast())
     assert as_shown.evidence.error_ratio > 2.0 * undone.evidence.error_ratio
     assert tilt_error_deg(undone) < 0.5 * tilt_error_deg(as_shown)
@@ -57,7 +59,7 @@ def test_local_contrast_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_plain_image_is_fitted_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     # another renderer's image: parts of it disagree, but not because of a curve
     found = fitted(plain())
-    monkeypatch.setattr(fit, "DISPLAY_CURVE", replace(fit.DISPLAY_CURVE, most_rounds=0))
+    monkeypatch.setattr(fit, "DISPLAY_CURVE", replace(DISPLAY_CURVE, most_rounds=0))
     assert np.array_equal(found.camera_from_nail.matrix, fitted(plain()).camera_from_nail.matrix)
 
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.registration.core.nail import fit as nail_fit
+from services.registration.core.nail import image_fit as nail_fit
 from services.registration.core.nail.background import BorderedFactor, DesignMatrix
-from services.registration.core.nail.fit import NailFit, is_bent, measure_nail
+from services.registration.core.nail.fit import measure_nail
 from services.registration.core.nail.forward_model import ForwardModel, TracedTransmission
+from services.registration.core.nail.image_fit import NailFit, is_bent
 from services.registration.core.nail.least_squares import LinearSolution, NormalEquations, Problem, Solution
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.parameters import CURVATURE, Anchors, Parameter, prior_mean

@@ -1,0 +1,179 @@
+"""The fit of one image as it is shown: stages, the nail's bend, and the evidence for its acceptance."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
+from services.registration.core.acceptance.image import FitEvidence
+from services.registration.core.estimation.pose_estimate import PoseErrors
+from services.registration.core.nail.between_holes import spread_of_holes_mm
+from services.registration.core.nail.covariance import curvature_covariance, errors_of_straight, pose_errors
+from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
+from services.registration.core.nail.forward_model import ForwardModel, model_at
+from services.registration.core.nail.least_squares import (
+    Problem,
+    Solution,
+    estimate_noise,
+    linear_solution_at,
+    minimise_from,
+    predicted_decrease,
+    problem_for,
+    reweighted,
+    whitened,
+    with_curvature,
+    with_derivatives,
+    with_hidden_filled,
+)
+from services.registration.core.nail.noise import NoiseModel
+from services.registration.core.nail.parameters import (
+    CURVATURE,
+    DISPLAY_BENDS,
+    STRAIGHT_DISPLAY,
+    STRAIGHT_NAIL,
+    Parameter,
+    curvature_of,
+)
+from services.registration.core.nail.region import FitInput
+from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, bent_optimum, find_global_optimum
+from services.registration.core.tuning import BENT_NAIL, FINAL_STAGE, NAIL_PRIORS
+from shared.errors import Rejected
+from shared.geometry.frames import Camera, Nail
+from shared.geometry.transform import Transform
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NailFit:
+    """Pose of the nail with its errors, and the evidence for its acceptance."""
+
+    camera_from_nail: Transform[Camera, Nail]  # the pose
+    # Of the small motion `m` with true pose = `camera_from_nail @ m`: rotation vector (rad), then translation (mm),
+    # both in the nail's frame at its origin. Correlated noise, all nuisances and the model's own errors are included;
+    # calibration's and guide's errors are not.
+    errors: PoseErrors
+    evidence: FitEvidence
+    curvature_per_m: tuple[float, float]  # of the centre line towards the nail's y and z; zero where none was found
+    hole_spread_mm: float  # standard deviation of the holes' places about their file's (`spread_of_holes_mm`)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitEnd:
+    """Where a fit ended."""
+
+    problem: Problem
+    solution: Solution
+    noise: NoiseModel
+    margin: float
+
+    @staticmethod
+    def of(problem: Problem, solution: Solution, margin: float) -> "FitEnd":
+        """The end of a fit, with derivatives and noise from there."""
+        solution = with_derivatives(problem, solution)
+        return FitEnd(problem, solution, estimate_noise(problem, solution.linear), margin)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageFit:
+    """A fit, and how it ended."""
+
+    fit: NailFit
+    end: FitEnd
+
+
+def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit | Rejected:
+    """The straight nail's fit, unless the pixels show a curvature that no straight nail has.
+
+    Wrong brightness between the rims looks like a bend as well: where parts of the image disagree, the curvature that
+    was found is what the straight nail's is uncertain by.
+    """
+    optimum = find_global_optimum(fit_input, start)
+    model = None if optimum is None else model_at(fit_input, optimum.camera_from_nail, FINAL_STAGE, 1)
+    if optimum is None or model is None:
+        return Rejected((NAIL_OUTSIDE.reason(),))
+    straight = _refined(model, optimum)
+    problem, solution, noise = straight.problem, straight.solution, straight.noise
+    freed, there = with_curvature(problem, solution)
+    bent, curvature_sd = _bent(straight, freed, there), NAIL_PRIORS.straightness_sd_per_m
+    if bent is not None:
+        curvature = np.array(bent.fit.curvature_per_m)
+        if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio:
+            curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
+        elif is_bent(curvature, bent.fit.errors.bend_covariance):
+            return bent
+    return _with_evidence(straight, errors_of_straight(problem, solution, noise, there, curvature_sd))
+
+
+def _bent(straight: FitEnd, freed: Problem, there: Solution) -> ImageFit | None:
+    """The fit with the curvature free; None where noise explains the curvature that the straight fit leaves.
+
+    Parameters
+    ----------
+    freed, there
+        The straight nail's problem with the curvature free, and its end with derivatives by it.
+    """
+    step = np.asarray(np.linalg.solve(there.equations.matrix, there.equations.gradient))[-len(CURVATURE) :]
+    if not is_bent(step, curvature_covariance(freed, there, straight.noise)):
+        return None
+    found = bent_optimum(freed, straight.solution)
+    if found is None:
+        return None
+    linear, margin = found[0].linear, found[1]
+    problem = reweighted(freed, linear, estimate_noise(freed, linear))
+    solution = minimise_from(problem, linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
+    end = FitEnd.of(problem, solution, straight.margin if margin is None else margin)
+    return _with_evidence(end, pose_errors(end.problem, end.solution, end.noise))
+
+
+def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
+    """Whether a curvature, shape (2,), of a covariance is beyond what makers leave in straight nails."""
+    expected = covariance + NAIL_PRIORS.straightness_sd_per_m**2 * np.eye(len(CURVATURE))
+    return float(curvature_per_m @ np.linalg.solve(expected, curvature_per_m)) > BENT_NAIL.chi_square
+
+
+def _with_evidence(end: FitEnd, errors: PoseErrors) -> ImageFit:
+    """The fit that ended so, its errors grown by what the model does not explain."""
+    problem, solution, noise = end.problem, end.solution, end.noise
+    model, parameters = problem.model, solution.parameters
+    parts, camera_from_nail = agreement_of_parts(problem, solution, noise), model.pose(parameters)
+    evidence = FitEvidence(
+        holes=hole_views(problem, solution),
+        residual=residual_statistics(problem, solution, noise),
+        hole_radius_excess_mm=float(parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
+        nail_radius_excess_mm=float(parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
+        mirror_margin=end.margin / parts.pull_ratio,
+        error_ratio=parts.error_ratio,
+        rim_shares=rim_shares(model.region, model.nail),
+    )
+    fit = NailFit(
+        camera_from_nail,
+        parts.widened(errors, camera_from_nail, model.nail),
+        evidence,
+        curvature_of(parameters),
+        spread_of_holes_mm(problem, solution, noise),
+    )
+    return ImageFit(fit, end)
+
+
+def _refined(model: ForwardModel, optimum: GlobalOptimum) -> FitEnd:
+    """Full resolution: estimate the noise where the coarser stage ended, whiten, fit, weight, fit."""
+    start = optimum.parameters.copy()
+    bent = bool(np.any(np.abs(start[DISPLAY_BENDS]) > FINAL_STAGE.usual_display_bend))
+    if not bent:
+        start[DISPLAY_BENDS] = 0.0
+    problem = problem_for(model, FINAL_STAGE, STRAIGHT_NAIL if bent else STRAIGHT_DISPLAY)
+    problem, here = whitened(*with_hidden_filled(problem, linear_solution_at(problem, start)))
+    solution = minimise_from(problem, here, FINAL_STAGE.first_steps, FINAL_STAGE.tolerance)
+    problem = reweighted(problem, solution.linear, estimate_noise(problem, solution.linear))
+    # The last steps begin with derivatives from here: those of the first may have led along the valley in which radii,
+    # curve and tilt nearly compensate one another, and ended in it.
+    solution = minimise_from(problem, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
+    return FitEnd.of(*_with_display_bent_where_evident(problem, solution), optimum.margin)
+
+
+def _with_display_bent_where_evident(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
+    """Free bulge and S of the display where the image asks for them: plain images are fitted without."""
+    freed = replace(problem, free=STRAIGHT_NAIL)
+    if np.all(problem.free[DISPLAY_BENDS]) or predicted_decrease(freed, solution.linear) < FINAL_STAGE.evident_decrease:
+        return problem, solution
+    return freed, minimise_from(freed, solution.linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
