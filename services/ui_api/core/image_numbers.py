@@ -1,5 +1,7 @@
 """Which images are on record, by imaging's numbers, and what is still to come of them."""
 
+import math
+from bisect import bisect_right
 from dataclasses import dataclass
 
 from services.ui_api.core.case import Case
@@ -8,20 +10,34 @@ from services.ui_api.core.event_data import ImageReceived
 
 @dataclass(frozen=True, slots=True)
 class NumbersOnRecord:
-    """Numbers of one image store: all up to `through`, and those `beyond` a gap."""
+    """Numbers of one image store: all up to `through`, and ranges beyond it, each after a gap.
+
+    A gap may never close, for the image that is missing may be in no store any more: what is held grows with the number
+    of gaps, not with that of images.
+    """
 
     through: int = 0
-    beyond: frozenset[int] = frozenset()
+    beyond: tuple[tuple[int, int], ...] = ()  # first and last number of each range, increasing
 
     def __contains__(self, sequence: int) -> bool:
-        return sequence <= self.through or sequence in self.beyond
+        if sequence <= self.through:
+            return True
+        after = bisect_right(self.beyond, (sequence, math.inf))
+        return after > 0 and sequence <= self.beyond[after - 1][1]
 
     def with_number(self, sequence: int) -> "NumbersOnRecord":
         """One more, which may close a gap."""
-        beyond, through = self.beyond | {sequence}, self.through
-        while through + 1 in beyond:
-            through += 1
-        return NumbersOnRecord(through, frozenset(number for number in beyond if number > through))
+        if sequence in self:
+            return self
+        at, first, last = bisect_right(self.beyond, (sequence, math.inf)), sequence, sequence
+        before, after = self.beyond[:at], self.beyond[at:]
+        if before and before[-1][1] == sequence - 1:
+            first, before = before[-1][0], before[:-1]
+        if after and after[0][0] == sequence + 1:
+            last, after = after[0][1], after[1:]
+        if first == self.through + 1:
+            return NumbersOnRecord(last, after)
+        return NumbersOnRecord(self.through, (*before, (first, last), *after))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-
 from services.ui_api.core.case import Case
-from services.ui_api.core.event_data import ImageReceived
-from services.ui_api.core.image_numbers import NumbersOnRecord, unfinished
+from services.ui_api.core.image_numbers import NumbersOnRecord
 from shared.messages.stored_images import LocalisationReply, Skip, SkipCode, Step
 from tests.unit.services.ui_api import samples
 from tests.unit.services.ui_api.fakes import PATIENCE_S
@@ -143,26 +140,3 @@ def test_a_localisation_that_comes_late_is_not_the_newest(room: Room) -> None:
     assert room.get(f"/cases/{case_id}/alignment").json()["localisation"] == 1
     body = {"localisation": 1, "hole_ids": ["proximal", "distal"]}
     assert room.post(f"/cases/{case_id}/plans", body).status_code == 201
-
-
-@pytest.mark.parametrize(
-    ("given", "through", "beyond"),
-    [([1, 2, 3], 3, []), ([1, 3, 4], 1, [3, 4]), ([3, 1, 2], 3, []), ([2, 2], 0, [2]), ([5, 4, 2, 1], 2, [4, 5])],
-)
-def test_numbers_on_record_show_their_gaps(given: list[int], through: int, beyond: list[int]) -> None:
-    known = NumbersOnRecord()
-    for number in given:
-        known = known.with_number(number)
-    assert (known.through, sorted(known.beyond)) == (through, beyond)
-    assert all(number in known for number in given)
-    assert 6 not in known
-
-
-def test_of_a_run_only_the_newest_image_is_asked_for() -> None:
-    images = tuple(
-        ImageReceived(name, "1.2", 0, 1, None, "store-1", number, in_run)
-        for number, (name, in_run) in enumerate([("single", False), ("frame", True), ("last", True)], 1)
-    )
-    case = Case("case-1", 0, 0, 1, samples.case_setup(), images=images)
-    assert [one.image_sha256 for one in unfinished(case).to_calibrate] == ["single"]
-    assert unfinished(case).to_localise == ()
