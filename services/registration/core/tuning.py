@@ -293,8 +293,9 @@ class DisplayCurveFit:
     """The display's curve by place (`core/nail/display_curve.py`); steps are those from metal to background."""
 
     least_error_ratio: float = tuned(1.5, "times", "disagreement of parts from which it is estimated", _CURVED)
-    hopeless_error_ratio: float = tuned(25.0, "times", "disagreement from which no curve explains it", _CURVED)
-    hopeless_growth: float = tuned(1.25, "1", "growth of the disagreement after which no more is tried", _CURVED)
+    least_explained_share: float = tuned(
+        0.4, "1", "share of the edges' residuals that the first curve must explain", _CURVED
+    )
     remaining_share: float = tuned(0.8, "1", "largest share of it that is left where the curve is kept", _CURVED)
     largest_error_ratio: float = tuned(3.0, "times", "disagreement that may be left where the curve is kept", _CURVED)
     most_rounds: int = tuned(3, "1", "fits, each without the curve that the one before it shows", _CURVED)

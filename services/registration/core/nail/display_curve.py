@@ -29,6 +29,7 @@ class DisplayCurve:
     corrections: NDArray[np.float64]  # at each level, coefficients of a quadratic in the place, shape (6, K)
     middle_px: NDArray[np.float64]  # column and row, shape (2,)
     reach_px: float
+    explained_share: float  # of the squared differences between edges as shown and as expected
 
     def undone(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
         """An image, shape (rows, columns), without the curve; far from the nail as at the end of the curve's place."""
@@ -67,9 +68,12 @@ def display_curve_of(linear: LinearSolution, pixels: NDArray[np.float32]) -> Dis
     weight = (4.0 * visible * (1.0 - visible)).clip(0.0, 1.0) ** 2 / (s.pixel_sd * step) ** 2
     design = np.einsum("nk,nj->njk", _hats(shown, levels), terms).reshape(len(shown), -1)
     matrix = design.T @ (weight[:, None] * design) + _precision() / step**2
-    corrections = np.linalg.solve(matrix, design.T @ (weight * (expected - shown))).reshape(len(_POWERS), s.levels)
+    missing = expected - shown
+    solution = np.linalg.solve(matrix, design.T @ (weight * missing))
+    explained = 1.0 - float(weight @ (missing - design @ solution) ** 2) / float(weight @ missing**2)
     brightness = _brightness(region, pixels)
-    return DisplayCurve(levels * brightness, corrections * brightness, middle_px, reach_px)
+    corrections = solution.reshape(len(_POWERS), s.levels) * brightness
+    return DisplayCurve(levels * brightness, corrections, middle_px, reach_px, explained)
 
 
 def _visible_fraction(linear: LinearSolution) -> NDArray[np.float64]:

@@ -63,18 +63,16 @@ def _without_display_curve(fit_input: FitInput, as_shown: ImageFit | Rejected) -
     """The fit without the display's curve, where parts of the image disagree and that makes them agree better."""
     best = found = as_shown
     for _ in range(DISPLAY_CURVE.most_rounds):
-        before = _disagreement(found)
-        tried = DISPLAY_CURVE.least_error_ratio <= before <= DISPLAY_CURVE.hopeless_error_ratio
-        if isinstance(found, Rejected) or not tried:
+        if isinstance(found, Rejected) or _disagreement(found) < DISPLAY_CURVE.least_error_ratio:
             break
         curve = display_curve_of(found.end.solution.linear, fit_input.pixels)
+        if found is as_shown and curve.explained_share < DISPLAY_CURVE.least_explained_share:
+            break
         fit_input = replace(fit_input, pixels=curve.undone(fit_input.pixels))
         found = fit_image(fit_input, found.fit.camera_from_nail)
         largest = min(DISPLAY_CURVE.remaining_share * _disagreement(best), DISPLAY_CURVE.largest_error_ratio)
         if _disagreement(found) < largest:
             best = found
-        if _disagreement(found) > DISPLAY_CURVE.hopeless_growth * before:
-            break
     return best
 
 

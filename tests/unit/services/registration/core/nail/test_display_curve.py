@@ -68,7 +68,7 @@ def test_what_is_undone_depends_on_grey_value_and_place() -> None:
     corrections[0] = 0.1, 0.3  # everywhere
     corrections[1] = 0.0, 0.2  # towards larger columns
     corrections[5] = 0.05, 0.0  # with the square of the row
-    curve = DisplayCurve(np.array([1.0, 2.0]), corrections, np.array([10.0, 20.0]), 10.0)
+    curve = DisplayCurve(np.array([1.0, 2.0]), corrections, np.array([10.0, 20.0]), 10.0, 1.0)
     grey = np.full((41, 21), 1.5, dtype=np.float32)
     undone = curve.undone(grey)
     assert undone[20, 10] == pytest.approx(1.5 + 0.2)
