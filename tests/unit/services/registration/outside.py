@@ -24,6 +24,7 @@ from shared.messages.registration import (
 )
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
 from shared.messages.stored_images import LocalisationReply, LocalisationRequest
+from shared.parts.canonical import part_sha256
 from shared.parts.files import sha256_of
 from shared.parts.hexapod_file import hexapod_from_json
 from tests.unit.services.registration.rendered_case import (
@@ -155,7 +156,7 @@ def calibration(name: str, values: CalibrationValues | None, revision: int = 1) 
         image=reference(name),
         case_id=CASE,
         case_revision=revision,
-        ring_sha256=sha256_of(RING_JSON.encode()),
+        ring_sha256=part_sha256(RING_JSON.encode(), "ring"),
         software_version="0",
         verdict="accepted" if values else "rejected",
         reasons=reasons,

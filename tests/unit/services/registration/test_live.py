@@ -20,6 +20,7 @@ from shared.messages.guidance import Guidance
 from shared.messages.imaging import CalibrationMessage, CalibrationValues, FrameHeader
 from shared.messages.registration import LocalisationRecord
 from shared.messages.robot import MotionState, PlatformPoseMessage, RobotState, StopLatch
+from shared.parts.canonical import part_sha256
 from shared.parts.files import sha256_of
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.registration.live_case import context, still_picture
@@ -69,7 +70,7 @@ class CArm:
             image=header.reference(),
             case_id="case-1",
             case_revision=1,
-            ring_sha256=sha256_of(RING_JSON.encode()),
+            ring_sha256=part_sha256(RING_JSON.encode(), "ring"),
             software_version="0",
             verdict="rejected" if calibration is None else "accepted",
             reasons=() if calibration else (ReasonMessage(code=ReasonCode.RING_NOT_FOUND, message="no ring; show it"),),

@@ -18,6 +18,7 @@ from shared.messages.base import decode
 from shared.messages.guidance import Guidance
 from shared.messages.imaging import CalibrationMessage, CalibrationValues
 from shared.messages.registration import LocalisationRecord
+from shared.parts.canonical import part_sha256
 from shared.parts.files import sha256_of
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.registration.live_case import context, found_in_full, still_picture
@@ -49,7 +50,7 @@ class Lone:
                 ),
                 case_id="case-1",
                 case_revision=revision,
-                ring_sha256=sha256_of(RING_JSON.encode()),
+                ring_sha256=part_sha256(RING_JSON.encode(), "ring"),
                 software_version="0",
                 verdict="accepted",
                 reasons=(),

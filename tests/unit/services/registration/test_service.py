@@ -24,6 +24,7 @@ from shared.messages.registration import (
 )
 from shared.messages.robot import MotionState, PlatformPoseMessage
 from shared.messages.stored_images import LocalisationReply
+from shared.parts.canonical import part_sha256
 from shared.parts.files import sha256_of
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.registration.outside import BLANK, HOME, KEYS, PATIENCE_S, Clock, Outside, eventually, header
@@ -62,7 +63,7 @@ def test_an_accepted_image_is_planned_and_verified(outside: Outside) -> None:
     record = outside.next_record()
     assert record.localisation.verdict == "accepted", record.localisation.reasons
     assert record.robot_pose == HOME
-    assert record.nail_sha256 == sha256_of(NAIL_JSON.encode())
+    assert record.nail_sha256 == part_sha256(NAIL_JSON.encode(), "nail")
     assert base64.b64decode(record.overlay_png_base64 or "").startswith(b"\x89PNG")
 
     reply = outside.ask_plan("one")
