@@ -20,7 +20,7 @@ KERNELS := $(shell grep -rlE --include='*.py' 'njit|compiled' services shared si
 COMPILED := .venv/.compiled
 CONSOLE := .venv/.console
 
-.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock version release containers \
+.PHONY: help setup demo test check lint console tests contract-tests e2e-tests quick-tests unit attacks fuzz examples model-check mutation faults bench lock version release containers screenshots \
 	generated wheel-check clean
 
 help:
@@ -35,6 +35,7 @@ help:
 	@echo "make mutation  which changes of the safety modules the unit tests notice; one module with M=guard"
 	@echo "make faults  every fault at every step of the procedure; a tenth of them with ARGS=\"--tenth --seed 1\""
 	@echo "make bench   the full statistics; results go to docs/"
+	@echo "make screenshots  pictures and a film of the console for the README, and what its tests compare with"
 	@echo "make containers  builds all images, starts them with the virtual room and drills, the robot's container killed once"
 	@echo "make generated  rewrites message schemas, openapi.json and printed pages"
 	@echo "make wheel-check  builds the wheel and runs its commands in an empty environment"
@@ -126,6 +127,10 @@ mutation: $(COMPILED)
 
 faults: $(COMPILED)
 	$(BIN)/distalock bench faults $(ARGS)
+
+# Needs a Chromium: Debian's package, or its file in CHROMIUM.
+screenshots: $(COMPILED) $(CONSOLE)
+	$(BIN)/python -m benchmarks.console.screenshots $(ARGS)
 
 # Needs docker and root or its group; where no registry can be reached, debootstrap for the base image.
 containers: $(COMPILED)

@@ -218,6 +218,11 @@ BENCHMARKS: Final = {
     "image_to_plan": Benchmark(
         "gateway.image_to_plan", "image-to-plan", "from an X-ray that comes in to a plan, beside `locate` that is warm"
     ),
+    "console": Benchmark(
+        "console.command",
+        "console",
+        "the console in a Chromium: accessibility, image to screen, frames, absent gateway, stop, load, set-up",
+    ),
     "races": Benchmark(
         "gateway.races",
         "races",

@@ -54,9 +54,14 @@ def new_context(of: Browser, screen: Screen = _USUAL_SCREEN) -> BrowserContext:
     return context
 
 
+def start_page(page: Page, url: str) -> None:
+    """Load the console."""
+    page.goto(f"{url}/")
+
+
 def sign_in(page: Page, url: str, name: str, password: str) -> None:
     """Load the console and sign in."""
-    page.goto(f"{url}/")
+    start_page(page, url)
     page.fill("[name=name]", name)
     page.fill("[name=password]", password)
     page.get_by_role("button", name="Sign in").click()

@@ -2,14 +2,21 @@
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
-from playwright.sync_api import Locator, Page
+from playwright.sync_api import Locator, Page, Response
 
 _PATIENCE_S: Final = 300.0
 _MOST_ACTS: Final = 60
-_CLOSED: Final = "closed"
+# Of the virtual room's own API all but what the panel reads by itself.
+_HANDS: Final = "/virtual-room/"
+_ENDED: Final = ".hold-end:is(.succeeded, .stopped, .failed, .refused)"
+# Together, because the procedure may be closed between two questions.
+_SAID: Final = """() => {
+    const panel = document.querySelector(".procedure");
+    return panel && [panel.dataset.phase, panel.dataset.next, panel.querySelector(".next").innerText];
+}"""
 
 
 class ConsoleOperator:
@@ -24,27 +31,62 @@ class ConsoleOperator:
     def __init__(self, page: Page, password: str) -> None:
         self.page, self._password = page, password
         self.acts: list[str] = []
+        self.drilled: list[str] = []
         self._tried_turn = False
 
     @property
     def phase(self) -> str:
         """Where the case is, as the page shows it."""
-        return self._panel.get_attribute("data-phase") or ""
+        return self._said()[0]
 
     @property
     def next_action(self) -> str:
         """What the page asks for; empty where there is to wait."""
-        return self._panel.get_attribute("data-next") or ""
+        return self._said()[1]
+
+    @property
+    def sentence(self) -> str:
+        """What stands under *Next*."""
+        return self._said()[2]
 
     @property
     def _panel(self) -> Locator:
         return self.page.locator(".procedure")
 
-    def open_case(self) -> None:
-        """Open the case that the virtual room proposes."""
+    def open_case(self, side: str | None = None) -> None:
+        """Open the case that the virtual room proposes, or the same of another side."""
         self.page.wait_for_selector("text=The virtual room proposes")
+        if side is not None:
+            self.choose_side(side)
         self.page.get_by_role("button", name="Open a case").click()
         self._panel.wait_for()
+
+    def choose_side(self, side: str) -> None:
+        """Choose the side of the body in the form that shows."""
+        self.page.locator(".set-up").get_by_role("radio", name=side.upper(), exact=True).check()
+
+    def change_side(self, side: str) -> None:
+        """Correct the side of the open case."""
+        self.choose_side(side)
+        self.page.locator(".set-up").get_by_role("button", name="Change the set-up").click()
+
+    def inject(self, fault: str) -> None:
+        """Switch a fault of the virtual room on, by the name that the page gives it."""
+        self.page.locator(".virtual-room select").select_option(label=fault)
+        self.room("Switch on")
+
+    def clear_faults(self) -> None:
+        """Switch all faults off."""
+        self.room("Clear all")
+
+    def record(self, step: str, hole: str | None = None) -> None:
+        """Record a step that is in order."""
+        row = self.page.get_by_role("button", name=step, exact=True)
+        if row.get_attribute("aria-expanded") != "true":
+            row.click()
+        if hole is not None:
+            self.page.locator(".step-form").get_by_role("checkbox", name=hole).check()
+        self._click(f"Record: {step}")
 
     def run_until(self, reached: Callable[["ConsoleOperator"], bool]) -> None:
         """Do what is next, again and again, until the page shows what is wanted.
@@ -59,6 +101,25 @@ class ConsoleOperator:
                 return
             self.act()
         raise AssertionError(f"not reached after {self.acts}; the page says: {self._panel.inner_text()}")
+
+    def states(self) -> Iterator[str]:
+        """Open a case and do the whole procedure, with a pause in each state for whoever iterates.
+
+        Yields
+        ------
+        str
+            Phase and what is next.
+        """
+        self.open_case()
+        while (said := self._said())[0]:
+            if said[1]:
+                yield f"{said[0]}: {said[1]}"
+            self.act()
+
+    def abandon(self) -> None:
+        """End the case."""
+        self.record("Abandon the case")
+        self.page.wait_for_selector(".no-case")
 
     def finish(self) -> None:
         """The whole procedure, to the case's end."""
@@ -81,9 +142,9 @@ class ConsoleOperator:
             "start_motion": self.hold,
             "verify": lambda: self._click("Verify the guide"),
             "drilled": self._drill,
-            "robot_removed": lambda: self._record("Robot taken off"),
-            "screws_inserted": lambda: self._record("Screws inserted"),
-            "finished": lambda: self._record("Finish the case"),
+            "robot_removed": lambda: self.record("Robot taken off"),
+            "screws_inserted": lambda: self.record("Screws inserted"),
+            "finished": lambda: self.record("Finish the case"),
         }
         if wanted in doing:  # otherwise there is to wait
             doing[wanted]()
@@ -99,9 +160,9 @@ class ConsoleOperator:
         self._click(re.compile("^2 · "))
 
     def hold(self) -> None:
-        """Hold the button until the robot has reached its target."""
+        """Hold the button until the motion has ended: at its target, unless this machine is too busy to hold it."""
         self.press_and_hold()
-        self._wait(lambda: self.page.locator(".hold-end.succeeded").count() > 0, "while the robot moves")
+        self._wait(lambda: self.page.locator(_ENDED).count() > 0, "while the robot moves")
         self.page.mouse.up()
 
     def press_and_hold(self) -> None:
@@ -116,38 +177,29 @@ class ConsoleOperator:
         turn = self.page.get_by_role("button", name="Turn as advised")
         if self.phase == "alignment" and turn.count() > 0 and not self._tried_turn:
             self._tried_turn = True
-            turn.click()
-        self._room("Take one image")
+            self.room("Turn as advised")
+        self.room("Take one image")
 
     def _drill(self) -> None:
-        drilled = (self.page.locator(".virtual-room").inner_text() or "").count("passed")
-        holes = self.page.get_by_role("button", name=re.compile("^Drill (?!inserted)"))
-        hole = holes.nth(min(drilled, holes.count() - 1))
-        name = (hole.inner_text() or "").removeprefix("Drill ")
-        hole.click()
-        self._record("Drilled, and the drill is out", name)
+        holes = self.page.locator(".virtual-room").get_by_role("button", name=re.compile("^Drill ")).all_inner_texts()
+        name = next(text.removeprefix("Drill ") for text in holes if text not in self.drilled)
+        self.room(f"Drill {name}")
+        self.drilled.append(f"Drill {name}")
+        self.record("Drilled, and the drill is out", name)
 
-    def _record(self, step: str, hole: str | None = None) -> None:
-        row = self.page.get_by_role("button", name=step, exact=True)
-        if row.get_attribute("aria-expanded") != "true":
-            row.click()
-        if hole is not None:
-            self.page.locator(".step-form").get_by_role("checkbox", name=hole).check()
-        self._click(f"Record: {step}")
-
-    def _room(self, name: str) -> None:
-        button = self.page.get_by_role("button", name=name, exact=True)
-        button.click()
-        # The page lets go of it when the room has answered.
-        self._wait(button.is_enabled, f"the virtual room: {name}")
+    def room(self, name: str) -> None:
+        """Something that hands do; the virtual room has answered when this returns."""
+        with self.page.expect_response(_is_of_hands) as answer:
+            self.page.locator(".virtual-room").get_by_role("button", name=name, exact=True).click()
+        if not answer.value.ok:
+            raise AssertionError(f"the virtual room, {name}: {answer.value.text()}")
 
     def _click(self, name: str | re.Pattern[str]) -> None:
         self.page.get_by_role("button", name=name).first.click()
 
     def _said(self) -> tuple[str, str, str]:
-        if self._panel.count() == 0:
-            return "", "", ""
-        return self.phase, self.next_action, self.page.locator(".next").inner_text()
+        phase, wanted, sentence = self.page.evaluate(_SAID) or ("", "", "")
+        return phase, wanted, sentence
 
     def _wait(self, holds: Callable[[], bool], what: str) -> None:
         until = time.monotonic() + _PATIENCE_S
@@ -158,3 +210,7 @@ class ConsoleOperator:
             if time.monotonic() > until:
                 raise AssertionError(f"nothing happened {what}; the page says: {self.page.inner_text('body')[:3000]}")
             self.page.wait_for_timeout(50)
+
+
+def _is_of_hands(response: Response) -> bool:
+    return _HANDS in response.url and response.request.method != "GET"

@@ -1,8 +1,12 @@
-"""The console in a real browser: a whole procedure, use errors, and axe on every screen."""
+"""The console in a real browser: a whole procedure from the page alone, use errors, and axe on every screen.
+
+One installation and one Chromium serve all of it; a case is closed before the next begins.
+"""
 
 import json
 import os
 import re
+import time
 from collections.abc import Iterator
 from typing import Final
 
@@ -12,19 +16,36 @@ from playwright.sync_api import Browser, Page, Route
 from benchmarks.common.operating_room import OperatingRoom
 from benchmarks.console.accessibility import violations
 from benchmarks.console.browser import NO_CHROMIUM, browser, chromium_path, new_context, sign_in
+from benchmarks.console.looks import LARGEST_DIFFERENCE, difference, kept, look_of
 from benchmarks.console.operator import ConsoleOperator
+from benchmarks.console.screenshots import LOOKS, SETTLED_MS
 from services.ui_api.core.access_settings import DEMO_USER
 
-# Not yet part of `make test`: it has not been seen to pass as a whole.
-_WANTED: Final = "CONSOLE_TESTS"
+# CI sets it where it has a Chromium: then a test that does not find it fails.
+_REQUIRED: Final = "CHROMIUM_REQUIRED"
 pytestmark = [
-    pytest.mark.skipif(chromium_path() is None, reason=NO_CHROMIUM),
-    pytest.mark.skipif(_WANTED not in os.environ, reason=f"set {_WANTED}=1 to try the console in a browser"),
+    pytest.mark.skipif(chromium_path() is None and _REQUIRED not in os.environ, reason=NO_CHROMIUM),
+    pytest.mark.slow,
+    pytest.mark.timeout(1200),
 ]
+
+_USE_ERRORS: Final = "CONSOLE_USE_ERRORS"
+
+LOOKED_AT: Final = ("approval: approve_plan", "drilling: drilled")
+# What the page promises: that a gateway is gone is said within 2 s.
+SAID_WITHIN_S = 2.0
+# Ten years behind.
+SLOW_CLOCK = """{
+    const Right = Date, now = () => Right.now() - 3.15e11;
+    globalThis.Date = class extends Right {
+        static now = now;
+        constructor(...given) { super(...(given.length > 0 ? given : [now()])); }
+    };
+}"""
 
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
+def chromium(site: OperatingRoom) -> Iterator[Browser]:
     with browser() as launched:
         yield launched
 
@@ -33,99 +54,68 @@ def chromium() -> Iterator[Browser]:
 def page(chromium: Browser, site: OperatingRoom) -> Iterator[Page]:
     with new_context(chromium) as context:
         opened = context.new_page()
-        sign_in(opened, site.installation.ports.rest_url, DEMO_USER, site.installation.token)
+        wrong: list[str] = []
+        opened.on("pageerror", lambda error: wrong.append(str(error)))
+        sign_in(opened, _url(site), DEMO_USER, site.installation.token)
         yield opened
+        assert wrong == [], "scripts of the page failed"
+
+
+def _url(site: OperatingRoom) -> str:
+    """By the machine's name, to which passkeys are bound."""
+    return site.installation.ports.rest_url.replace("127.0.0.1", "localhost")
 
 
 def _operator(page: Page, site: OperatingRoom) -> ConsoleOperator:
     return ConsoleOperator(page, site.installation.token)
 
 
-def _at(phase: str, action: str) -> "re.Pattern[str]":
-    return re.compile(f"^{phase}/{action}$")
+def _reach(operator: ConsoleOperator, phase: str, action: str) -> None:
+    operator.run_until(lambda one: (one.phase, one.next_action) == (phase, action))
 
 
-def _reaches(operator: ConsoleOperator, phase: str, action: str) -> None:
-    pattern = _at(phase, action)
-    operator.run_until(lambda one: pattern.match(f"{one.phase}/{one.next_action}") is not None)
-
-
-def test_use_errors_and_the_whole_procedure(page: Page, site: OperatingRoom) -> None:
-    """One case, because an installation has one at a time; each part leaves it so that it can go on."""
+def test_a_whole_procedure_from_the_page_alone(page: Page, site: OperatingRoom) -> None:
     operator = _operator(page, site)
-    assert violations(page) == []
-    operator.open_case()
     page.wait_for_selector("text=SIMULATION")
-    _reaches(operator, "plan", "request_plan")
+    page.wait_for_selector("text=The virtual room proposes")
+    _looks_as_kept(page, "no-case")
     assert violations(page) == []
-    _a_reload_shows_the_same(page, operator)
-    _reaches(operator, "approval", "approve_plan")
-    _an_approval_needs_both_acts_and_the_right_credential(page)
-    _a_session_that_ends_during_approval_approves_nothing(page, site)
-    _reaches(operator, "motion", "start_motion")
-    _a_double_tap_moves_nothing(page)
-    _letting_go_stops(page, site)
-    operator.finish()
-    assert page.locator(".no-case").count() == 1
-    assert {"approve_plan", "start_motion", "verify", "drilled"} <= set(operator.acts)
+    for state in operator.states():
+        if state in LOOKED_AT:
+            page.wait_for_selector(".overlay .hole .axis", state="attached")
+            assert violations(page) == []
+    assert {"approve_plan", "start_motion", "verify", "drilled", "finished"} <= set(operator.acts)
     drills = site.control.get("/drills")["items"]
     assert isinstance(drills, list)
     assert [drill["passed"] for drill in drills] == [True, True]
 
 
-def _a_reload_shows_the_same(page: Page, operator: ConsoleOperator) -> None:
-    said = (operator.phase, operator.next_action)
-    page.reload()
-    page.wait_for_selector(".procedure")
-    assert (operator.phase, operator.next_action) == said
-
-
-def _an_approval_needs_both_acts_and_the_right_credential(page: Page) -> None:
-    assert page.locator("[name=credential]").count() == 0, "the credential is asked for before the plan was checked"
-    page.get_by_role("button", name=re.compile("^1 · ")).click()
-    page.fill("[name=credential]", "not the password")
-    page.get_by_role("button", name=re.compile("^2 · ")).click()
-    page.wait_for_selector("text=he password is not that of")
-
-
-def _a_session_that_ends_during_approval_approves_nothing(page: Page, site: OperatingRoom) -> None:
-    page.context.clear_cookies()
-    page.fill("[name=credential]", site.installation.token)
-    page.get_by_role("button", name=re.compile("^2 · ")).click()
-    page.wait_for_selector("text=The session has ended")
-    assert violations(page) == []
-    page.fill("[name=name]", DEMO_USER)
-    page.fill("[name=password]", site.installation.token)
-    page.get_by_role("button", name="Sign in").click()
-    page.wait_for_selector(".procedure[data-next=approve_plan]")
-    assert page.locator("[name=credential]").count() == 0, "the plan is looked at again"
-
-
-def _a_double_tap_moves_nothing(page: Page) -> None:
-    began: list[str] = []
-    page.on("request", lambda request: began.append(request.url) if request.url.endswith("/motions") else None)
-    page.locator(".hold-button").dblclick()
-    page.wait_for_timeout(1_000)
-    assert began == []
-    assert page.locator(".procedure").get_attribute("data-next") == "start_motion"
-
-
-def _letting_go_stops(page: Page, site: OperatingRoom) -> None:
-    page.locator(".hold-button").hover()
-    page.mouse.down()
-    page.wait_for_selector(".hold-button.moving")
-    page.mouse.up()
-    page.wait_for_selector(".hold-end.stopped")
-    state = site.rest.get("/api/v1/robot")["state"]
-    assert isinstance(state, dict)
-    assert state["locked"] is True
+def _looks_as_kept(page: Page, name: str) -> None:
+    page.wait_for_timeout(SETTLED_MS)
+    apart = difference(look_of(page), kept(LOOKS / f"{name}.png"))
+    assert apart <= LARGEST_DIFFERENCE, (
+        f"{name} looks otherwise, by {apart:.0f} of 255 in one place; if it is to, run `make screenshots`"
+    )
 
 
 @pytest.mark.parametrize("place", ["cases", "users", "service"])
 def test_other_screens_have_no_violation(page: Page, place: str) -> None:
     page.goto(f"{page.url.split('#')[0]}#/{place}")
     page.wait_for_selector(".page-view h1")
+    page.wait_for_selector(".page-view :is(form, td, .empty)")
     assert violations(page) == []
+
+
+def test_the_record_of_a_case_has_its_timeline_and_prints_light(page: Page, site: OperatingRoom) -> None:
+    newest = site.gateway.list_cases(sort="newest", limit=1).items
+    assert newest, "the procedure's test opened one"
+    page.goto(f"{page.url.split('#')[0]}#/cases/{newest[0].id}")
+    page.wait_for_selector(".timeline li img")
+    page.wait_for_selector(".bars")
+    assert violations(page) == []
+    page.emulate_media(media="print")
+    assert not page.locator(".stop").is_visible()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
 
 
 def test_a_gateway_that_is_gone_is_said_and_comes_back_by_itself(page: Page) -> None:
@@ -134,7 +124,7 @@ def test_a_gateway_that_is_gone_is_said_and_comes_back_by_itself(page: Page) -> 
 
     page.wait_for_selector(".connection.live")
     page.route("**/api/**", gone)
-    page.wait_for_selector(".connection.lost", timeout=2_500)
+    page.wait_for_selector(".connection.lost", timeout=1e3 * SAID_WITHIN_S)
     assert page.locator(".robot:not(.not-live)").count() == 0, "the robot's state is shown as live"
     assert violations(page) == []
     page.unroute("**/api/**")
@@ -163,11 +153,170 @@ def test_the_page_keeps_nothing_that_identifies_a_patient(page: Page) -> None:
 
 
 def test_a_clock_of_the_page_that_is_wrong_changes_no_age(page: Page) -> None:
-    page.add_init_script(
-        "Date.now = () => 0; const D = Date;"
-        "Date = class extends D { constructor(...a) { super(...(a.length ? a : [0])) } }"
-    )
+    page.add_init_script(SLOW_CLOCK)
     page.reload()
+    assert page.evaluate("new Date().getFullYear()") < 2020
     page.wait_for_selector(".connection.live")
     age = page.locator(".robot h2 small").inner_text()
     assert float(age.split()[0]) < 60
+
+
+@pytest.mark.skipif(_USE_ERRORS not in os.environ, reason=f"not seen to pass as a whole yet; set {_USE_ERRORS}=1")
+def test_use_errors(page: Page, site: OperatingRoom) -> None:
+    """One case, because an installation has one at a time; each part leaves it so that it can go on."""
+    operator = _operator(page, site)
+    _a_wrong_side_is_noticed_and_corrected(operator, site)
+    _an_image_without_the_guide_is_refused(operator)
+    _reach(operator, "plan", "request_plan")
+    _who_has_not_seen_what_another_did_plans_nothing(operator)
+    _reach(operator, "approval", "approve_plan")
+    _an_approval_needs_both_acts_and_the_right_credential(page)
+    _a_session_that_ends_during_approval_approves_nothing(page, site)
+    _reach(operator, "motion", "start_motion")
+    _a_reload_shows_the_same(operator)
+    _a_double_tap_moves_nothing(page)
+    _letting_go_stops(operator, site)
+    _reach(operator, "approval", "approve_plan")
+    _a_passkey_approves(operator, site)
+    _the_stop_is_stronger_than_the_hand_that_holds(operator, site)
+    _reach(operator, "motion", "start_motion")
+    _a_connection_that_is_lost_in_motion_stops_and_is_said(operator, site)
+    operator.abandon()
+
+
+def _a_wrong_side_is_noticed_and_corrected(operator: ConsoleOperator, site: OperatingRoom) -> None:
+    right = str(site.room.scenario().set_up["side"])
+    operator.open_case(side="left" if right == "right" else "right")
+    _reach(operator, "localisation", "change_setup")
+    assert f"header states the {right} side" in operator.sentence
+    operator.change_side(right)
+    operator.page.wait_for_selector(f".case-line .side:has-text('{right.upper()}')")
+
+
+def _an_image_without_the_guide_is_refused(operator: ConsoleOperator) -> None:
+    operator.inject("no guide")
+    operator.room("Take one image")
+    operator.page.wait_for_selector(".image-status .verdict.rejected")
+    _reach(operator, "mounting", "take_image")
+    operator.clear_faults()
+
+
+def _who_has_not_seen_what_another_did_plans_nothing(operator: ConsoleOperator) -> None:
+    """Two tabs: the mount has moved in one, and the other did not hear of it."""
+    page, path = operator.page, re.compile("/api/v1/cases")
+    page.route(path, lambda route: route.abort() if route.request.method == "GET" else route.continue_())
+    with page.context.expect_page() as opening:
+        page.evaluate("window.open(location.href, '_blank')")
+    other = ConsoleOperator(opening.value, "")
+    other.page.wait_for_selector(".procedure[data-next=request_plan]")
+    other.record("The mount has moved")
+    other.page.wait_for_selector(".procedure[data-next=take_image]")
+    other.page.wait_for_selector(".image-status .stale-result")
+    other.page.close()
+    assert operator.next_action == "request_plan"
+    page.get_by_role("button", name="Plan the move").click()
+    page.wait_for_selector(".problem:has-text('Look at it again')")
+    page.unroute(path)
+    page.wait_for_selector(".procedure[data-next=take_image]")
+
+
+def _a_reload_shows_the_same(operator: ConsoleOperator) -> None:
+    said = (operator.phase, operator.next_action)
+    operator.page.reload()
+    operator.page.wait_for_selector(".procedure")
+    assert (operator.phase, operator.next_action) == said
+
+
+def _an_approval_needs_both_acts_and_the_right_credential(page: Page) -> None:
+    assert page.locator("[name=credential]").count() == 0, "the credential is asked for before the plan was checked"
+    assert violations(page) == []
+    page.get_by_role("button", name=re.compile("^1 · ")).click()
+    page.fill("[name=credential]", "not the password")
+    page.get_by_role("button", name=re.compile("^2 · ")).click()
+    page.wait_for_selector("text=he password is not that of")
+
+
+def _a_session_that_ends_during_approval_approves_nothing(page: Page, site: OperatingRoom) -> None:
+    page.fill("[name=credential]", site.installation.token)
+    page.context.clear_cookies()
+    # Without anything being pressed: what the page reads by itself is refused.
+    page.wait_for_selector("text=The session has ended")
+    assert violations(page) == []
+    page.fill("[name=name]", DEMO_USER)
+    page.fill("[name=password]", site.installation.token)
+    page.get_by_role("button", name="Sign in").click()
+    page.wait_for_selector(".procedure[data-next=approve_plan]")
+    assert page.locator("[name=credential]").count() == 0, "the plan is looked at again"
+
+
+def _a_passkey_approves(operator: ConsoleOperator, site: OperatingRoom) -> None:
+    page = operator.page
+    authenticator = page.context.new_cdp_session(page)
+    authenticator.send("WebAuthn.enable")
+    finger = {"protocol": "ctap2", "transport": "internal", "hasUserVerification": True, "isUserVerified": True}
+    authenticator.send("WebAuthn.addVirtualAuthenticator", {"options": finger})
+    page.evaluate("location.hash = '#/users'")
+    page.fill("[name=label]", "this machine")
+    page.fill("[name=passkey-password]", site.installation.token)
+    page.get_by_role("button", name="Register a passkey").click()
+    page.wait_for_selector(".passkeys li:has-text('this machine')")
+    assert violations(page) == []
+    page.evaluate("location.hash = '#/'")
+    page.get_by_role("button", name=re.compile("^1 · ")).click()
+    page.get_by_role("button", name="Approve with the passkey").click()
+    page.wait_for_selector(".procedure[data-next=start_motion]")
+
+
+def _a_double_tap_moves_nothing(page: Page) -> None:
+    began: list[str] = []
+    page.on("request", lambda request: began.append(request.url) if request.url.endswith("/motions") else None)
+    page.locator(".hold-button").dblclick()
+    page.wait_for_timeout(1_000)
+    assert began == []
+    assert page.locator(".procedure").get_attribute("data-next") == "start_motion"
+
+
+def _letting_go_stops(operator: ConsoleOperator, site: OperatingRoom) -> None:
+    _move(operator)
+    operator.page.mouse.up()
+    operator.page.wait_for_selector(".hold-end.stopped")
+    assert _state(site)["locked"] is True
+
+
+def _the_stop_is_stronger_than_the_hand_that_holds(operator: ConsoleOperator, site: OperatingRoom) -> None:
+    _move(operator)
+    operator.page.keyboard.press("Escape")
+    operator.page.wait_for_selector(".stop-state.confirmed")
+    assert _state(site)["locked"] is True
+    operator.page.wait_for_selector(".hold-end.stopped")
+    assert violations(operator.page) == []
+    operator.page.mouse.up()
+
+
+def _a_connection_that_is_lost_in_motion_stops_and_is_said(operator: ConsoleOperator, site: OperatingRoom) -> None:
+    page = operator.page
+    _move(operator)
+    page.wait_for_selector(".robot .lamp.moving")
+    lost_s = time.monotonic()
+    page.context.set_offline(True)
+    page.wait_for_selector(".connection.lost")
+    page.wait_for_selector(".alarm.high")
+    assert time.monotonic() - lost_s <= SAID_WITHIN_S
+    assert page.locator(".robot:not(.not-live)").count() == 0, "the robot's state is shown as live"
+    assert violations(page) == []
+    page.context.set_offline(False)
+    page.wait_for_selector(".connection.live")
+    page.wait_for_selector(".hold-end.stopped")
+    assert _state(site)["locked"] is True
+    page.mouse.up()
+
+
+def _move(operator: ConsoleOperator) -> None:
+    operator.press_and_hold()
+    operator.page.wait_for_selector(".hold-button.moving")
+
+
+def _state(site: OperatingRoom) -> dict[str, object]:
+    state = site.rest.get("/api/v1/robot")["state"]
+    assert isinstance(state, dict)
+    return state

@@ -113,9 +113,15 @@ function Room({ me, caseId, robot, isLive, isKnown, isWall }: RoomProps) {
   const scenario = useScenario(isSimulated && !isWall).data ?? null;
   const read = useCase(caseId).data;
   const isRead = read !== undefined && read.view.id === caseId;
-  if (isWall) return <WallScreen read={isRead ? read : null} robot={robot} isLive={isLive} />;
+  if (isRead && isWall) return <WallScreen read={read} robot={robot} isLive={isLive} />;
   if (isRead) return <OpenCase me={me} read={read} robot={robot} isLive={isLive} scenario={scenario} />;
   if (!isKnown || caseId !== null) return <main className="room" />;
+  if (isWall)
+    return (
+      <main className="wall without-case">
+        <h1>{t("wall.no_case")}</h1>
+      </main>
+    );
   return (
     <main className="no-case">
       <h1 className="unseen">{t("nav.room")}</h1>

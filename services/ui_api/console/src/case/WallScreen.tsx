@@ -8,25 +8,13 @@ import Pictures from "./Pictures";
 import { useCaseResults } from "./useCaseResults";
 
 interface Props {
-  /** Null while no case is open. */
-  readonly read: ReadCase | null;
+  readonly read: ReadCase;
   readonly robot: RobotSnapshot | null;
   readonly isLive: boolean;
 }
 
 /** A second screen for the whole team: everything to be seen, nothing to be done. */
 export default function WallScreen({ read, robot, isLive }: Props) {
-  const { t } = useTranslation();
-  if (read === null)
-    return (
-      <main className="wall waiting">
-        <h1>{t("wall.no_case")}</h1>
-      </main>
-    );
-  return <Shown read={read} robot={robot} isLive={isLive} />;
-}
-
-function Shown({ read, robot, isLive }: Props & { readonly read: ReadCase }) {
   const { t } = useTranslation();
   const results = useCaseResults(read, robot, isLive);
   const { plan, verification } = results;

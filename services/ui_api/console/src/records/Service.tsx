@@ -35,6 +35,9 @@ export default function Service() {
         </tbody>
       </table>
       <ProblemNote error={checks.error} />
+      <p className="hint">
+        {t("service.doctor")} <code>distalock doctor</code>
+      </p>
       <dl className="facts">
         <div>
           <dt>{t("service.version")}</dt>

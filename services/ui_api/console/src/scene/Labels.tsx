@@ -8,6 +8,9 @@ export interface Label {
   readonly at_mm: Vector3;
 }
 
+/** Of a word whose width is not known yet. */
+const HALF_PX = 30;
+
 interface FollowerProps {
   readonly labels: readonly Label[];
   readonly elements: React.RefObject<readonly (HTMLElement | null)[]>;
@@ -23,7 +26,10 @@ export function LabelFollower({ labels, elements }: FollowerProps) {
       const { x, y, z } = seen.current.copy(label.at_mm).project(camera);
       const left = ((x + 1) / 2) * size.width;
       const top = ((1 - y) / 2) * size.height;
-      element.style.transform = `translate(${left.toFixed(1)}px, ${top.toFixed(1)}px)`;
+      // A word at the edge stands beside its point rather than being cut off.
+      const half = Math.min(element.offsetWidth / 2 || HALF_PX, size.width / 2);
+      const inside = Math.min(Math.max(left, half), size.width - half);
+      element.style.transform = `translate(${inside.toFixed(1)}px, ${top.toFixed(1)}px)`;
       element.hidden = z > 1 || Math.abs(x) > 0.95 || Math.abs(y) > 0.95;
     });
   });
