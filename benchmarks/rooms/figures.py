@@ -26,6 +26,12 @@ class Disturbance:
         pairs = zip(self.disturbed, self.quiet, strict=True)
         return float(np.median([np.median(now[kind]) / np.median(before[kind]) for now, before in pairs]))
 
+    @property
+    def lost(self) -> tuple[int, int]:
+        """Questions that brought no answer, without and with it."""
+        before, now = (sum(len(one["lost"]) for one in rounds) for rounds in (self.quiet, self.disturbed))
+        return before, now
+
     def percentile_ms(self, kind: str, percent: float) -> tuple[float, float]:
         """Without and with it, over all rounds."""
         return tuple(  # type: ignore[return-value]  # of two

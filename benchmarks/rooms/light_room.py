@@ -21,6 +21,7 @@ from shared.bus.port import Answer, Sample
 from shared.bus.settings import BusSettings
 from shared.bus.tls import TlsFiles
 from shared.bus.zenoh_bus import ZenohBus, open_bus
+from shared.errors import BusUnavailable, NoReply
 from shared.messages.base import decode, encode
 from shared.messages.presence import Heartbeat, ServiceName, ServiceStatus
 from shared.messages.robot import RobotState
@@ -84,18 +85,23 @@ class LightRoom:
         """Latencies of stops, commands and states for a while."""
         with self._lock:
             self._states_s.clear()
-        stops, commands, until_s = list[float](), list[float](), time.monotonic() + seconds
+        stops, commands, lost, until_s = list[float](), list[float](), list[float](), time.monotonic() + seconds
         while time.monotonic() < until_s:
-            stops.append(self._asked_s("stop"))
-            commands.append(self._asked_s("reset"))
+            for verb, answered in (("stop", stops), ("reset", commands)):
+                took_s = self._asked_s(verb)
+                (lost if took_s is None else answered).append(took_s or 0.0)
             time.sleep(_PAUSE_S)
         with self._lock:
-            return {"stop": stops, "command": commands, "state": list(self._states_s)}
+            return {"stop": stops, "command": commands, "state": list(self._states_s), "lost": lost}
 
-    def _asked_s(self, verb: "str") -> float:
+    def _asked_s(self, verb: str) -> float | None:
+        """From asking to the answer; None when none came, as when a link was lost on a machine that has no time."""
         began_s = time.perf_counter()
         key = self.keys.robot_command("stop" if verb == "stop" else "reset")
-        self._bus["ui_api"].query(key, bytes(500), TIMEOUT_S)
+        try:
+            self._bus["ui_api"].query(key, bytes(500), TIMEOUT_S)
+        except (NoReply, BusUnavailable):
+            return None
         return time.perf_counter() - began_s
 
 

@@ -21,8 +21,8 @@ machine's kernel has no `netem`, so loss is what a program on TCP sees of it (a 
 
 A ratio is the median over the rounds of the ratio of medians, with and without; the limit is {limit:g}.
 
-| meanwhile | of | median without -> with | 99 % without -> with | ratio |
-|---|---|---|---|---|
+| meanwhile | of | median without -> with | 99 % without -> with | ratio | no answer without -> with |
+|---|---|---|---|---|---|
 """
 _GROWTH_HEAD: Final = """
 ## Growth
@@ -52,7 +52,8 @@ def _disturbance(one: Disturbance) -> Iterator[str]:
         (median, median_with), (late, late_with) = one.percentile_ms(kind, 50.0), one.percentile_ms(kind, 99.0)
         yield (
             f"| {one.name if kind == KINDS[0] else ''} | {kind} | {median:.2f} -> {median_with:.2f} ms "
-            f"| {late:.2f} -> {late_with:.2f} ms | {one.ratio(kind):.2f} |\n"
+            f"| {late:.2f} -> {late_with:.2f} ms | {one.ratio(kind):.2f} "
+            f"| {' -> '.join(map(str, one.lost)) if kind == KINDS[0] else ''} |\n"
         )
 
 
