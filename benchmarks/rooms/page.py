@@ -56,8 +56,8 @@ def _load(load: float) -> str:
         return f"{said}\n"
     return (
         f"{said} Other programs had the measured room's processor most of the time, also in the rounds without a "
-        "disturbance: **its ratios show nothing**, and questions without an answer are links that were lost for want of "
-        "time. Memory, bytes and shares of processor time hold.\n"
+        "disturbance: **its ratios show nothing**, and questions without an answer are links that were lost for want "
+        "of time. Memory, bytes and shares of processor time hold.\n"
     )
 
 
