@@ -72,12 +72,12 @@ class Compared:
     Attributes
     ----------
     not_begun
-        Motions whose command came too late for the robot to begin.
+        Motions that did not begin, by the reason that their operation gives.
     """
 
     without: Measured
     watched: Measured
-    not_begun: int = 0
+    not_begun: Mapping[str, int] = field(default_factory=dict)
 
     def ratio(self, of: Callable[[Measured], list[float]], percent: float) -> float:
         """Of a quantile."""
@@ -106,7 +106,7 @@ def compare(rig: StopRig, trials: int, blocks: int, consoles: int) -> Compared:
         with clients(rig, everybody) as received:
             found.watched.block(motions, source, trials // blocks)
         found.watched.received.append(received)
-    return replace(found, not_begun=motions.not_begun)
+    return replace(found, not_begun=dict(motions.not_begun))
 
 
 def main(arguments: Sequence[str] = ()) -> int:
@@ -167,8 +167,8 @@ def page_of(found: Compared, consoles: int) -> str:
         f"| watched | {most[1]:.0f} MiB | {watched.growth:+.1%} (limit {LARGEST_GROWTH:.0%}) |\n\n"
         f"Meanwhile {frames:.0f} images/s were published; each console received {pictures:.1f} pictures/s and "
         f"{events:.0f} events/s, and {again} of their connections\nwere closed; "
-        f"{found.not_begun} motions did not begin, because the command had become too old. The consoles run on the "
-        "same machine, at nice 10.\n\n"
+        f"{sum(found.not_begun.values())} motions did not begin. The consoles run on the same machine, at nice 10.\n\n"
+        f"{''.join(f'- {count} times: {why}' + chr(10) for why, count in found.not_begun.items())}"
         f"Load average of the five minutes before the end of this run: {os.getloadavg()[1]:.1f}, "
         f"on {os.cpu_count()} processors.\n"
     )

@@ -2,6 +2,7 @@
 
 import random
 import time
+from collections import Counter
 from typing import Final
 
 from benchmarks.gateway.stand_in_registration import LOCALISATION, StandInRegistration
@@ -12,7 +13,7 @@ from distalock.client import Client
 from distalock.client.models import OperationView
 
 MOST_NOT_BEGUN: Final = 20
-# A command that is older than that is never carried out.
+# More than the time to live of a command, which is never carried out later.
 _BEGINS_WITHIN_S: Final = 3.0
 
 
@@ -24,12 +25,12 @@ class PlannedMotions:
     rig
         Whose registration it stands in for.
     not_begun
-        Motions whose command came too late for the robot to begin.
+        Motions that did not begin, by the code and the words with which their operation ended.
     """
 
     def __init__(self, rig: StopRig) -> None:
         self.rig = rig
-        self.not_begun = 0
+        self.not_begun: Counter[str] = Counter()
         self._last: OperationView | None = None
         self._case = CaseClient(Client(rig.installation.ports.rest_url, rig.installation.token), rig.case[0])
         self._registration = StandInRegistration(rig)
@@ -37,9 +38,8 @@ class PlannedMotions:
     def motion_latency_s(self, source: random.Random) -> float:
         """One trial: time a move from its request to its command at the controller; repeated where it never began."""
         while (latency_s := self._attempt_s(source)) is None:
-            self.not_begun += 1
-            if self.not_begun > MOST_NOT_BEGUN:
-                raise TimeoutError(f"{self.not_begun} motions did not begin; the robot is {self.rig.state}")
+            if self.not_begun.total() > MOST_NOT_BEGUN:
+                raise TimeoutError(f"motions did not begin: {dict(self.not_begun)}; the robot is {self.rig.state}")
         return latency_s
 
     def _attempt_s(self, source: random.Random) -> float | None:
@@ -56,5 +56,7 @@ class PlannedMotions:
         asked_s = time.monotonic()  # the client reads the case first, as a console does
         self._last = self._case.begin_motion(plan)
         if not self.rig.controller.move_heard.wait(_BEGINS_WITHIN_S):
+            ended = self._case.follow(self._last)
+            self.not_begun[f"{ended.code or ended.status}: {ended.detail}"] += 1
             return None
         return self.rig.controller.moved_s - asked_s

@@ -7,6 +7,7 @@ from fastapi import FastAPI
 
 from services.ui_api.api_document.document import whole_document
 from services.ui_api.api_document.page import POLICY, page_of
+from services.ui_api.handlers.acting import Acting
 from services.ui_api.routes import (
     alarms,
     api_page,
@@ -32,7 +33,7 @@ from services.ui_api.routes import (
     verifications,
     virtual_room,
 )
-from services.ui_api.routes.acting_first import Acting, ActingFirst
+from services.ui_api.routes.acting_first import ActingFirst
 from services.ui_api.routes.body_limit import BodyLimitMiddleware
 from services.ui_api.routes.console_files import console_files
 from services.ui_api.routes.idempotency import Idempotency
@@ -67,7 +68,7 @@ def make_app(
     virtual_room_url
         Control API of the virtual operating room; None where there is none.
     """
-    app = routed_app()
+    app = routed_app(gateway.acting)
     app.add_middleware(RequestGate, allowed_hosts=allowed_hosts, cors_origins=cors_origins)
     app.add_middleware(RequestTrace)
     app.state.gateway = gateway
@@ -80,7 +81,7 @@ def make_app(
     return app
 
 
-def routed_app() -> FastAPI:
+def routed_app(acting: Acting | None = None) -> FastAPI:
     """The application without a gateway behind it: enough to write the OpenAPI file."""
     app = FastAPI(
         title=TITLE,
@@ -90,8 +91,8 @@ def routed_app() -> FastAPI:
         # Traces and figures are the gateway's own (`request_trace`, `metrics`); no variable may have others sent out.
         telemetry={"tracing": False, "metrics": False, "logs": False},
     )
-    app.state.metrics, app.state.acting = Metrics(), Acting()
-    app.add_middleware(ActingFirst, acting=app.state.acting)
+    app.state.metrics = Metrics()
+    app.add_middleware(ActingFirst, acting=acting or Acting())
     app.add_middleware(BodyLimitMiddleware)
     app.add_middleware(MeasuringMiddleware, metrics=app.state.metrics)
     for resource in (

@@ -1,4 +1,4 @@
-"""uvicorn's server, which also serves connections that the front has accepted and hands over: see `front.handover`."""
+"""uvicorn's server for connections that the front has accepted and hands over: see `front.handover`."""
 
 import asyncio
 import socket
@@ -13,7 +13,7 @@ _MOST_BYTES: Final = 64 * 1024
 
 
 class HandedServer(uvicorn.Server):
-    """Takes connections from a socket beside its own; they end with their answer.
+    """Takes connections from a socket; they end with their answer.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class HandedServer(uvicorn.Server):
         How many of them are open.
     """
 
-    def __init__(self, config: uvicorn.Config, handed_on: socket.socket | None) -> None:
+    def __init__(self, config: uvicorn.Config, handed_on: socket.socket) -> None:
         super().__init__(config)
         self._handed_on = handed_on
         self._transports: set[asyncio.Transport] = set()
@@ -31,14 +31,12 @@ class HandedServer(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Begin to take connections."""
         await super().startup(sockets)
-        if self._handed_on is not None:
-            self._handed_on.setblocking(False)  # noqa: FBT003 - the standard library's signature
-            asyncio.get_running_loop().add_reader(self._handed_on, self._take, self._handed_on)
+        self._handed_on.setblocking(False)  # noqa: FBT003 - the standard library's signature
+        asyncio.get_running_loop().add_reader(self._handed_on, self._take)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Take no more."""
-        if self._handed_on is not None:
-            asyncio.get_running_loop().remove_reader(self._handed_on)
+        asyncio.get_running_loop().remove_reader(self._handed_on)
         await super().shutdown(sockets)
 
     async def on_tick(self, counter: int) -> bool:
@@ -47,16 +45,16 @@ class HandedServer(uvicorn.Server):
         self.streams = len(self._transports)
         return await super().on_tick(counter)
 
-    def _take(self, handed_on: socket.socket) -> None:
+    def _take(self) -> None:
         try:
-            content, handles, _, _ = socket.recv_fds(handed_on, _MOST_BYTES, 1)
+            content, handles, _, _ = socket.recv_fds(self._handed_on, _MOST_BYTES, 1)
         except BlockingIOError:
             return
         except OSError as error:
             report_error("a connection from the front", error)
             return
         if not content:  # the front has ended
-            asyncio.get_running_loop().remove_reader(handed_on)
+            asyncio.get_running_loop().remove_reader(self._handed_on)
         for handle in handles:
             task = asyncio.get_running_loop().create_task(self._adopt(socket.socket(fileno=handle), content))
             self._adopting.add(task)

@@ -1,6 +1,11 @@
-"""The HTTP server on a thread of its own: signals are the business of the main thread."""
+"""The HTTP servers on threads of their own: signals are the business of the main thread.
+
+Requests have one event loop, and what streams another: fifty viewers fill the one with a hundred messages for each
+picture, and a request would wait until the last of them is sent.
+"""
 
 import socket
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -22,17 +27,49 @@ def serving(
     listening: socket.socket,
     on_early_end: Callable[[], None],
     handed_on: socket.socket | None = None,
-) -> Iterator[HandedServer]:
-    """Serve an application for as long as the context lasts; the socket is closed on leaving.
+) -> Iterator[Callable[[], int]]:
+    """Serve an application for as long as the context lasts; tells how many connections stream.
+
+    The socket is closed on leaving.
 
     Parameters
     ----------
     on_early_end
-        Called, on the server's thread, when the server ends by itself.
+        Called, on a server's thread, when it ends by itself.
     handed_on
         Where the front hands over connections that stream.
     """
-    config = uvicorn.Config(
+    requests = uvicorn.Server(_config(app))
+    servers = [requests]
+    threads = [supervised_thread("http", _work(requests, [listening], on_early_end))]
+    streams = None if handed_on is None else HandedServer(_config(app), handed_on)
+    if streams is not None:
+        servers.append(streams)
+        threads.append(supervised_thread("streams", _work(streams, [], on_early_end)))
+    for thread in threads:
+        thread.start()
+    try:
+        yield lambda: 0 if streams is None else streams.streams
+    finally:
+        for server in servers:
+            server.should_exit = True
+        gone_by_s = time.monotonic() + _LEAVE_WITHIN_S + 2.0
+        for thread in threads:
+            thread.join(max(gone_by_s - time.monotonic(), 0.0))
+        listening.close()
+
+
+def _work(server: uvicorn.Server, sockets: list[socket.socket], on_early_end: Callable[[], None]) -> Callable[[], None]:
+    def serve() -> None:
+        server.run(sockets=sockets)
+        if not server.should_exit:
+            on_early_end()
+
+    return serve
+
+
+def _config(app: FastAPI) -> uvicorn.Config:
+    return uvicorn.Config(
         app,
         log_config=None,
         access_log=False,
@@ -43,18 +80,3 @@ def serving(
         http="h11",  # as strict as the front, which has read the request before
         server_header=False,
     )
-    server = HandedServer(config, handed_on)
-
-    def serve() -> None:
-        server.run(sockets=[listening])
-        if not server.should_exit:
-            on_early_end()
-
-    thread = supervised_thread("http", serve)
-    thread.start()
-    try:
-        yield server
-    finally:
-        server.should_exit = True
-        thread.join(_LEAVE_WITHIN_S + 2.0)
-        listening.close()

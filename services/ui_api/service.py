@@ -8,6 +8,7 @@ from typing import Final
 from services.ui_api.access.access_control import AccessControl
 from services.ui_api.core.event_data import GatewayStarted
 from services.ui_api.core.events import EventDraft
+from services.ui_api.handlers.acting import Acting
 from services.ui_api.handlers.bus_refusals import BusRefusalLog
 from services.ui_api.handlers.cases import CaseHandler
 from services.ui_api.handlers.clock import Clock
@@ -77,6 +78,7 @@ class Gateway:
     readiness: Readiness
     status: StatusReporter
     access: AccessControl
+    acting: Acting
 
 
 @contextmanager
@@ -124,8 +126,8 @@ def _assemble(
     stops = StopHandler(bus, keys, f"gateway-{runtime.boot_epoch[:12]}")
     recorder = StopRecorder(record)
     leases = Leases(clock, settings.lease_s, lambda _: _stop_for_lapse(stops, recorder))
-    permits = PermitHandler(record, signer)
-    commands = CommandHandler(bus, keys, record, view, stops, leases, clock, permits)
+    permits, acting = PermitHandler(record, signer), Acting()
+    commands = CommandHandler(bus, keys, record, view, stops, leases, clock, permits, acting)
     context = ContextHandler(bus, keys, record)
     tail, feed = _followed(record)
     refusals = BusRefusalLog(clock)
@@ -165,6 +167,7 @@ def _assemble(
         readiness=Readiness(asked),
         status=runtime.status,
         access=AccessControl(record, clock, settings.access(), feed.wake),
+        acting=acting,
     )
     return gateway, context
 

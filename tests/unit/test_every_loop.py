@@ -70,12 +70,15 @@ SEEN_OTHERWISE = {
     ("shared/runtime/lifecycle.py", "Timer"): "its work is supervised; it ends the process in any case",
     ("services/ui_api/front/relay.py", "ensure_future"): "the connection waits for both, and gets the exception",
     ("services/ui_api/front/server.py", "create_task"): "in a group: what it raises ends the front's loop with a fault",
+    ("services/ui_api/front/server.py", "ensure_future"): "reports what it raises",
+    ("services/ui_api/front/server.py", "add_done_callback"): "forgets the task and nothing else",
     ("services/ui_api/front/stops.py", "add_done_callback"): "hands a message over; the stop was sent before",
     ("services/ui_api/front_link.py", "add_done_callback"): "sends a message and nothing else",
     ("services/ui_api/handed_server.py", "create_task"): "reports what it raises",
     ("services/ui_api/handed_server.py", "add_done_callback"): "forgets the task and nothing else",
     ("services/ui_api/handlers/commands.py", "ThreadPoolExecutor"): "its work is supervised",
     ("services/ui_api/handlers/computations.py", "ThreadPoolExecutor"): "its work is supervised",
+    ("services/ui_api/handlers/commands.py", "add_done_callback"): "counts and nothing else",
     ("services/ui_api/handlers/readiness.py", "ThreadPoolExecutor"): "readyz looks at every result",
     ("services/ui_api/routes/live.py", "create_task"): "the viewer's own task; it ends with the viewer",
     ("services/ui_api/routes/live.py", "add_done_callback"): "sets an event and nothing else",
@@ -385,6 +388,13 @@ def break_http(rig: Rig) -> str:
     return "http"
 
 
+def break_streams(rig: Rig) -> str:
+    listening, (_, taking) = listening_socket("127.0.0.1", 0), socket.socketpair()
+    taking.close()
+    rig.stack.enter_context(serving(FastAPI(), listening, lambda: None, taking))
+    return "streams"
+
+
 def break_commands(rig: Rig) -> str:
     room = rig.stack.enter_context(open_room(rig.tmp_path))
     room.gateway.commands._bus = type("Bus", (), {"query": inject})()
@@ -451,6 +461,7 @@ INJECTIONS: dict[tuple[str, str], Callable[[Rig], str]] = {
     ("services/ui_api/handlers/stop_recorder.py", "stop record"): break_stop_record,
     ("services/ui_api/handlers/stop_sender.py", "stop"): break_stop,
     ("services/ui_api/server.py", "http"): break_http,
+    ("services/ui_api/server.py", "streams"): break_streams,
 }
 # It ends the process with code 1 whatever happens in it: see `lifecycle`.
 ENDS_ANYWAY = {("shared/runtime/lifecycle.py", "leaving")}
@@ -510,7 +521,7 @@ def test_an_exception_in_any_loop_is_a_fault_and_stops_the_robot(place: tuple[st
         message = ""
         while not message.startswith(f"thread '{name}' ended with "):
             message = listener.faults.get(timeout=PATIENCE_S)
-        assert "injected" in message or name == "http"
+        assert "injected" in message or name in ("http", "streams")
         if name in MOVES:
             drive = listener.first.__self__  # type: ignore[attr-defined]
             assert drive.status.state is MotionState.FAULT

@@ -1,7 +1,7 @@
 """Connections to the application whose two directions end apart from each other, and those that wait to be used again.
 
 An application that refuses a body answers and closes while the body is still being sent. The answer must arrive all the
-same; a stream of asyncio would give it up together with what could not be sent.
+same; a transport of asyncio would give it up together with what could not be sent.
 """
 
 import asyncio
@@ -27,6 +27,8 @@ class ApplicationGone(Exception):
 class ApplicationSocket:
     """One connection; `close` it in any case.
 
+    What comes is read as soon as it is there, so that an end is noticed also while nothing is asked for.
+
     Attributes
     ----------
     used
@@ -39,7 +41,9 @@ class ApplicationSocket:
         self._loop = asyncio.get_running_loop()
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.setblocking(False)  # noqa: FBT003 - the standard library's signature
-        self._read_ahead = b""
+        self._received = b""
+        self._ended = self._is_listening = False
+        self._reader: asyncio.Future[None] | None = None
 
     async def connect(self, address: Path) -> None:
         """Connect; raises `ApplicationGone` when nobody listens."""
@@ -47,6 +51,12 @@ class ApplicationSocket:
             await self._loop.sock_connect(self._socket, str(address))
         except OSError as error:
             raise ApplicationGone(error.strerror or str(error)) from None
+        self._listen()
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether it is there, and the application says nothing: it takes a request."""
+        return not (self._ended or self._received)
 
     async def send(self, content: bytes) -> bool:
         """Send; False when the application takes no more."""
@@ -58,32 +68,70 @@ class ApplicationSocket:
 
     async def receive(self) -> bytes:
         """What comes next; empty at the end."""
-        if self._read_ahead:
-            return self.read_ahead()
-        try:
-            return await self._loop.sock_recv(self._socket, PIECE_BYTES)
-        except OSError:
-            return b""
+        while self.is_quiet:
+            self._reader = self._loop.create_future()
+            try:
+                await self._reader
+            finally:
+                self._reader = None
+        content, self._received = self._received, b""
+        if not (self._is_listening or self._ended):
+            self._listen()
+        return content
 
     async def receive_head(self) -> bytes:
         """The head of an answer; raises `ApplicationGone` when none comes."""
-        content = b""
+        content = await self.receive()
         while _HEAD_END not in content:
             piece = await self.receive()
             if not piece or len(content) > _MOST_HEAD_BYTES:
                 raise ApplicationGone("it ended the connection before it answered")
             content += piece
-        head, end, self._read_ahead = content.partition(_HEAD_END)
+        head, end, rest = content.partition(_HEAD_END)
+        self._received = rest + self._received
         return head + end
 
     def read_ahead(self) -> bytes:
         """What came with the head."""
-        content, self._read_ahead = self._read_ahead, b""
+        content, self._received = self._received, b""
         return content
+
+    def give_up(self) -> None:
+        """Nobody waits for an answer any more: to whoever does, the connection has ended."""
+        self._received, self._ended = b"", True
+        self._stop_listening()
+        self._wake()
 
     def close(self) -> None:
         """Close."""
+        self.give_up()
         self._socket.close()
+
+    def _listen(self) -> None:
+        self._loop.add_reader(self._socket, self._take)
+        self._is_listening = True
+
+    def _stop_listening(self) -> None:
+        if self._is_listening:
+            self._loop.remove_reader(self._socket)
+            self._is_listening = False
+
+    def _take(self) -> None:
+        try:
+            piece = self._socket.recv(PIECE_BYTES)
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError:
+            piece = b""
+        self._received += piece
+        self._ended = not piece
+        if self._ended or len(self._received) >= PIECE_BYTES:
+            self._stop_listening()
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._reader is not None and not self._reader.done():
+            self._reader.set_result(None)
 
 
 class ApplicationConnections:
@@ -101,7 +149,7 @@ class ApplicationConnections:
         now_s = asyncio.get_running_loop().time()
         while self._idle:
             kept = self._idle.pop()
-            if now_s - kept.idle_since_s < _KEPT_FOR_S:
+            if kept.is_quiet and now_s - kept.idle_since_s < _KEPT_FOR_S:
                 return kept
             kept.close()
         return await self.take_new()

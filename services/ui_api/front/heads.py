@@ -1,7 +1,9 @@
 """Heads of HTTP/1.1 messages on their way through the front: pure functions of what h11 has parsed, and of bytes."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 from urllib.parse import unquote, urlsplit
 
@@ -17,6 +19,70 @@ _END: Final = b"\r\n\r\n"
 _CHUNKED_END: Final = b"0\r\n\r\n"
 _NO_BODY: Final = frozenset((204, 304))
 _READING: Final = frozenset((b"GET", b"HEAD"))
+# What of an answer's head the front reads: one line each, with the line's end before it.
+_OF_ANSWER: Final = re.compile(
+    rb"\r\n(content-length|transfer-encoding|connection)[ \t]*:[ \t]*([^\r\n]*?)[ \t]*(?=\r\n)", re.IGNORECASE
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Sender:
+    """Who sends: its address, and the scheme by which it has come."""
+
+    address: str
+    scheme: str
+
+
+class RequestHead:
+    """A request's head and what the front reads off it, each found out once: heads are met again (`incoming`)."""
+
+    def __init__(self, request: h11.Request, sender: Sender) -> None:
+        self.request, self._sender = request, sender
+
+    @cached_property
+    def is_stop(self) -> bool:
+        """See `is_stop`."""
+        return is_stop(self.request)
+
+    @cached_property
+    def is_upgrade(self) -> bool:
+        """See `is_upgrade`."""
+        return is_upgrade(self.request)
+
+    @cached_property
+    def is_stream(self) -> bool:
+        """See `is_stream`."""
+        return is_stream(self.request)
+
+    @cached_property
+    def is_repeatable(self) -> bool:
+        """See `is_repeatable`."""
+        return is_repeatable(self.request)
+
+    @cached_property
+    def stays_open(self) -> bool:
+        """See `stays_open`."""
+        return stays_open(self.request)
+
+    @cached_property
+    def states_length(self) -> bool:
+        """Whether it says that a body follows, however short."""
+        return any(name in _FRAMING for name, _ in self.request.headers)
+
+    @cached_property
+    def is_chunked(self) -> bool:
+        """See `is_chunked`."""
+        return is_chunked(self.request)
+
+    @cached_property
+    def forwarded(self) -> bytes:
+        """See `forwarded`."""
+        return forwarded(self.request, self._sender.address, self._sender.scheme)
+
+    @property
+    def path(self) -> str:
+        """See `path_of`."""
+        return path_of(self.request)
 
 
 def is_stop(request: h11.Request) -> bool:
@@ -110,10 +176,9 @@ class AnswerFraming:
     @staticmethod
     def of(head: bytes, method: bytes) -> "AnswerFraming":
         """Read an answer's head, to a request with this method."""
-        status_line, *fields = head[: -len(_END)].split(b"\r\n")
-        named = {name.strip().lower(): value.strip() for name, _, value in (field.partition(b":") for field in fields)}
+        named = {name.lower(): value for name, value in _OF_ANSWER.findall(head)}
         keeps_open = named.get(b"connection", b"").lower() != b"close"
-        if method == b"HEAD" or int(status_line.split(b" ", 2)[1]) in _NO_BODY:
+        if method == b"HEAD" or int(head.split(b" ", 2)[1]) in _NO_BODY:
             return AnswerFraming(chunked=False, length_bytes=0, keeps_open=keeps_open)
         length = named.get(b"content-length")
         chunked = named.get(b"transfer-encoding", b"").lower() == b"chunked"
@@ -137,7 +202,5 @@ class AnswerFraming:
 
 def answer_head(head: bytes, *, keeps_open: bool) -> bytes:
     """The application's answer's head as the client gets it: whether its own connection stays open."""
-    lines = [line for line in head[: -len(_END)].split(b"\r\n") if not line.lower().startswith(b"connection:")]
-    if not keeps_open:
-        lines.append(b"connection: close")
-    return b"\r\n".join(lines) + _END
+    kept = _OF_ANSWER.sub(lambda line: b"" if line[1].lower() == b"connection" else line[0], head)
+    return kept if keeps_open else kept[: -len(_END)] + b"\r\nconnection: close" + _END

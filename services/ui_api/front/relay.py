@@ -5,25 +5,14 @@ states no length. A connection on which an answer ended by its length takes the 
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-import h11
-
-from services.ui_api.front.application_socket import (
-    PIECE_BYTES,
-    ApplicationConnections,
-    ApplicationGone,
-    ApplicationSocket,
-)
-from services.ui_api.front.heads import (
-    AnswerFraming,
-    answer_head,
-    forwarded,
-    is_chunked,
-    is_repeatable,
-    is_upgrade,
-)
+from services.ui_api.front.application_socket import ApplicationConnections, ApplicationGone, ApplicationSocket
+from services.ui_api.front.client_stream import ClientStream
+from services.ui_api.front.heads import AnswerFraming, RequestHead, answer_head
+from services.ui_api.front.incoming import Incoming
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +21,13 @@ class Client:
 
     Attributes
     ----------
-    parser
-        Has parsed the request's head.
-    received
-        Reads more from the client into the parser; False when the client has left.
+    on_more
+        Called when the client sends something while it waits for its answer.
     """
 
-    parser: h11.Connection
-    reader: asyncio.StreamReader
-    writer: asyncio.StreamWriter
-    received: Callable[[], Awaitable[bool]]
+    stream: ClientStream
+    incoming: Incoming
+    on_more: Callable[[], None]
 
 
 class Relay:
@@ -52,11 +38,11 @@ class Relay:
 
     def __init__(self, client: Client, connections: ApplicationConnections) -> None:
         self._client, self._connections = client, connections
-        self._body_sent = False
+        self._has_left = self._body_sent = False
         self._answered_early = True
         self._reusable = False
 
-    async def carry(self, request: h11.Request, peer: str, scheme: str, *, keeps_open: bool) -> bool:
+    async def carry(self, head: RequestHead) -> bool:
         """Pass on the request and its answer; whether the client's connection can take another request.
 
         Raises
@@ -66,98 +52,109 @@ class Relay:
         """
         connection = await self._connections.take()
         try:
-            return await self._exchange(connection, request, forwarded(request, peer, scheme), keeps_open=keeps_open)
+            return await self._exchange(connection, head)
         except ApplicationGone:
-            if not (connection.used and is_repeatable(request)):
+            if not (connection.used and head.is_repeatable):
                 raise
-        anew = await self._connections.take_new()
-        return await self._exchange(anew, request, forwarded(request, peer, scheme), keeps_open=keeps_open)
+        return await self._exchange(await self._connections.take_new(), head)
 
-    async def _exchange(
-        self, application: ApplicationSocket, request: h11.Request, head: bytes, *, keeps_open: bool
-    ) -> bool:
-        """Carry it over one connection."""
+    async def _exchange(self, application: ApplicationSocket, head: RequestHead) -> bool:
+        """Carry it over one connection, until the answer has ended or the client has left."""
+
+        def leave() -> None:
+            self._has_left = True
+            application.give_up()
+
         try:
-            await application.send(head)
-            if is_upgrade(request):
-                await _first_of(self._outward(application), self._inward(application))
+            with self._client.stream.watched(self._client.on_more, leave):
+                answered = await self._answered(application, head)
+        except ApplicationGone:
+            if self._has_left:
                 return False
-            answered = await _first_of(
-                self._answer(application, request.method, keeps_open=keeps_open),
-                self._send_body(application, chunked=is_chunked(request)),
-            )
-            return keeps_open and answered and not self._answered_early
+            raise
+        else:
+            return head.stays_open and answered and not (self._answered_early or self._has_left)
         finally:
-            if self._reusable and not self._answered_early:
+            if self._reusable and not (self._answered_early or self._has_left):
                 self._connections.give_back(application)
             else:
                 application.close()
 
-    async def _send_body(self, application: ApplicationSocket, *, chunked: bool) -> bool:
-        """Pass on the body, then wait until the client leaves; what it sends meanwhile stays with the parser."""
-        parser = self._client.parser
-        while not self._body_sent:
-            event = parser.next_event()
-            if event is h11.NEED_DATA:
-                if parser.they_are_waiting_for_100_continue:
-                    self._client.writer.write(b"HTTP/1.1 100 Continue\r\n\r\n")
-                if not await self._client.received():
-                    return False
-            elif isinstance(event, h11.Data):
-                content = bytes(event.data)
-                await application.send(b"%x\r\n%s\r\n" % (len(content), content) if chunked else content)
-            elif isinstance(event, h11.EndOfMessage):
-                await application.send(b"0\r\n\r\n" if chunked else b"")
-                self._body_sent = True
-        while await self._client.received():
-            pass
-        return False
+    async def _answered(self, application: ApplicationSocket, head: RequestHead) -> bool:
+        """Pass on the request and the answer; whether that came whole. An upgrade's own bytes follow its answer."""
+        await application.send(head.forwarded + self._taken_of_body(head))
+        if head.is_upgrade:
+            async with _beside(self._inward(application)):
+                await self._outward(application)
+            return False
+        if self._client.incoming.is_whole:
+            self._body_sent = True
+            return await self._answer(application, head)
+        async with _beside(self._send_body(application, head)):
+            return await self._answer(application, head)
 
-    async def _answer(self, application: ApplicationSocket, method: bytes, *, keeps_open: bool) -> bool:
+    async def _send_body(self, application: ApplicationSocket, head: RequestHead) -> None:
+        """Pass on the rest of the body, as it comes."""
+        incoming = self._client.incoming
+        try:
+            while not incoming.is_whole:
+                if incoming.client_waits_to_go_on:
+                    self._client.stream.write(b"HTTP/1.1 100 Continue\r\n\r\n")
+                if not await incoming.receive_body():
+                    return
+                await application.send(self._taken_of_body(head))
+        except BaseException:
+            application.give_up()  # a body that cannot be read: nobody answers it
+            raise
+        self._body_sent = True
+
+    def _taken_of_body(self, head: RequestHead) -> bytes:
+        """What has come of the body, as the application gets it."""
+        pieces = list(self._client.incoming.body_pieces())
+        if not head.is_chunked:
+            return b"".join(pieces)
+        end = b"0\r\n\r\n" if self._client.incoming.is_whole else b""
+        return b"".join(b"%x\r\n%s\r\n" % (len(piece), piece) for piece in pieces) + end
+
+    async def _answer(self, application: ApplicationSocket, request: RequestHead) -> bool:
         """Pass on the answer; whether it came whole."""
+        stream = self._client.stream
         head = await application.receive_head()
-        framing = AnswerFraming.of(head, method)
+        framing = AnswerFraming.of(head, request.request.method)
         self._answered_early = not self._body_sent
         content = application.read_ahead()
         framing.take(content)
-        stays_open = keeps_open and not self._answered_early
-        self._client.writer.write(answer_head(head, keeps_open=stays_open) + content)
+        stays_open = request.stays_open and not self._answered_early
+        stream.write(answer_head(head, keeps_open=stays_open) + content)
         while not framing.ended and (content := await application.receive()):
             framing.take(content)
-            self._client.writer.write(content)
-            await self._client.writer.drain()
-        await self._client.writer.drain()
+            stream.write(content)
+            await stream.drain()
+        await stream.drain()
         self._reusable = framing.ended and framing.keeps_open
         return framing.whole
 
-    async def _inward(self, application: ApplicationSocket) -> bool:
+    async def _inward(self, application: ApplicationSocket) -> None:
         """After an upgrade, everything that the client sends."""
-        while self._client.parser.next_event() not in (h11.NEED_DATA, h11.PAUSED):
-            pass  # the end of a request that has no body
-        content = self._client.parser.trailing_data[0] or await self._client.reader.read(PIECE_BYTES)
-        while content and await application.send(content):
-            content = await self._client.reader.read(PIECE_BYTES)
-        return False
+        while (content := await self._client.incoming.receive_raw()) and await application.send(content):
+            pass
 
-    async def _outward(self, application: ApplicationSocket) -> bool:
+    async def _outward(self, application: ApplicationSocket) -> None:
         """After an upgrade, everything that the application sends."""
         while content := await application.receive():
-            self._client.writer.write(content)
-            await self._client.writer.drain()
-        return True
+            self._client.stream.write(content)
+            await self._client.stream.drain()
 
 
-async def _first_of(main: Awaitable[bool], other: Awaitable[bool]) -> bool:
-    """Wait until either ends, and end the other; what `main` returned or raised, False when the other ended first.
-
-    `other` begins: what of a body is there already is sent before an answer is looked for.
-    """
-    beside, first = asyncio.ensure_future(other), asyncio.ensure_future(main)
+@asynccontextmanager
+async def _beside(work: Coroutine[None, None, None]) -> AsyncIterator[None]:
+    """Do something else meanwhile; it ends with the context. What it raises is raised."""
+    task = asyncio.ensure_future(work)
+    await asyncio.sleep(0)  # it begins: what of a body is there already is sent before an answer is looked for
     try:
-        await asyncio.wait((beside, first), return_when=asyncio.FIRST_COMPLETED)
-        is_first_done = first.done()
+        yield
     finally:
-        for task in (beside, first):
-            task.cancel()
-        await asyncio.gather(beside, first, return_exceptions=True)
-    return first.result() if is_first_done else beside.result()
+        task.cancel()
+        (failed,) = await asyncio.gather(task, return_exceptions=True)
+        if isinstance(failed, Exception):
+            raise failed

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from services.ui_api.front.application import ApplicationLink
-from services.ui_api.front.application_socket import PIECE_BYTES
+from services.ui_api.front.client_stream import ClientStream
 from services.ui_api.front.connection import Connection, FrontParts
 from services.ui_api.link_messages import FrontFigures
 from shared.runtime.impairments import nearly_out_of_handles, nearly_out_of_memory
@@ -54,10 +54,9 @@ class FrontServer:
         self._loop = asyncio.get_running_loop()
         async with asyncio.TaskGroup() as group:  # what one of them raises ends all, and the thread with a fault
             helpers = [group.create_task(self._link.run(line)), group.create_task(self._report_figures())]
-            async with await asyncio.start_server(
-                self._on_connection,
+            async with await self._loop.create_server(
+                lambda: ClientStream(self._on_connection),
                 sock=listening,
-                limit=PIECE_BYTES,
                 backlog=_ACCEPTED_AT_ONCE,
                 ssl=self._tls,
                 ssl_handshake_timeout=None if self._tls is None else _HANDSHAKE_WITHIN_S,
@@ -71,18 +70,18 @@ class FrontServer:
             self._parts.application.close()
             await asyncio.sleep(0.0)  # transports close with the loop's next turn
 
-    async def _on_connection(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task is not None
+    def _on_connection(self, stream: ClientStream) -> None:
+        task = asyncio.ensure_future(self._serve_connection(stream))
         self._connections.add(task)
+        task.add_done_callback(self._connections.discard)
+
+    async def _serve_connection(self, stream: ClientStream) -> None:
         try:
-            await Connection(self._parts, reader, writer).serve()
+            await Connection(self._parts, stream).serve()
         except asyncio.CancelledError:
             return  # the front ends
         except Exception as error:  # noqa: BLE001 - the border of a task: one connection must not end the others
             report_error("a connection of the front", error)
-        finally:
-            self._connections.discard(task)
 
     async def _report_figures(self) -> None:
         admission = self._parts.admission

@@ -19,6 +19,7 @@ from services.ui_api.core.robot_event_data import (
     OperationRequested,
     OperationStatus,
 )
+from services.ui_api.handlers.acting import Acting
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.leases import Leases
 from services.ui_api.handlers.operation_requests import Move, requested_operation, with_permit
@@ -76,7 +77,9 @@ class CommandHandler:
         leases: Leases,
         clock: Clock,
         permits: PermitHandler,
+        acting: Acting | None = None,
     ) -> None:
+        self._acting = acting or Acting()
         self._permits = permits
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._stops, self._leases, self._clock = view, stops, leases, clock
@@ -157,7 +160,9 @@ class CommandHandler:
         return Operation(requested, draft.case_id, event.at_ns)
 
     def _hand_over(self, waiting: _Waiting) -> None:
-        self._sender.submit(carried(supervised("commands", self._send)), waiting)
+        self._acting.begin()  # until the robot has answered; the request that asked for it ends before
+        sending = self._sender.submit(carried(supervised("commands", self._send)), waiting)
+        sending.add_done_callback(lambda _: self._acting.end())
 
     def _send(self, waiting: _Waiting) -> None:
         """Send a command and record what came of it; whatever goes wrong, the operation does not stay as it was."""

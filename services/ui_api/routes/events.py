@@ -66,6 +66,7 @@ async def _stream(gateway: Gateway, user: User, start: int, case_id: str | None)
     grown, place = Awakening(), start
     with gateway.feed.listening(grown.call):
         while not gateway.feed.closed and gateway.access.still_admits(user):
+            await gateway.acting.nobody()
             grown.clear()
             news = gateway.tail.after(place)
             if news is None:  # the client is far behind: it catches up from the database

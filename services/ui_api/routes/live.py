@@ -7,7 +7,6 @@ from fastapi import WebSocket, WebSocketDisconnect
 
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.live import HeardGuidance, LiveFrame, LiveHandler
-from services.ui_api.routes.acting_first import Acting
 from services.ui_api.routes.awakening import Awakening
 from services.ui_api.routes.guards import guarded_websocket
 from services.ui_api.routes.result_views import GuidanceView, aged
@@ -60,10 +59,10 @@ async def watch(socket: WebSocket) -> None:
 
 
 async def _send_on(socket: WebSocket, gateway: Gateway, news: Awakening, leaving: "asyncio.Task[None]") -> None:
-    live, acting = gateway.live, _acting(socket)
+    live = gateway.live
     shown: tuple[LiveFrame | None, HeardGuidance | None] = (None, None)
     while not (live.feed.closed or leaving.done()) and gateway.access.still_admits(socket.state.user):
-        await acting.nobody()
+        await gateway.acting.nobody()
         news.clear()
         frame = live.frame
         heard = None if frame is None else live.guidance(frame.header.case_id)
@@ -75,11 +74,6 @@ async def _send_on(socket: WebSocket, gateway: Gateway, news: Awakening, leaving
             shown = (frame, heard)
         else:
             await news.wait()
-
-
-def _acting(socket: WebSocket) -> Acting:
-    acting: Acting = socket.app.state.acting
-    return acting
 
 
 def _view(

@@ -3,6 +3,7 @@
 import json
 import socket
 import threading
+import time
 
 import pytest
 
@@ -108,6 +109,78 @@ def test_a_stop_that_was_sent_ahead_on_a_busy_connection_goes_out_at_once() -> N
         assert answer_of(client).endswith(b"{}")
         assert b'"confirmed":true' in answer_of(client)
         assert not rig.stopped.acquire(blocking=False), "it went out once"
+
+
+@pytest.mark.parametrize("before", [1, 3])
+def test_a_stop_in_the_same_piece_as_what_goes_before_it_goes_out_at_once(before: int) -> None:
+    hanging = Hanging()
+    with front(hanging) as rig, rig.connect() as client:
+        client.sendall(GET * before + STOP)
+        assert rig.stopped.acquire(timeout=PATIENCE_S), "it waited for the answer before it"
+        hanging.release.set()
+        for _ in range(before):
+            assert answer_of(client).endswith(b"{}")
+        assert b'"confirmed":true' in answer_of(client)
+        assert not rig.stopped.acquire(blocking=False), "it went out once"
+
+
+def test_a_body_that_reads_like_a_stop_is_none() -> None:
+    hanging = Hanging()
+    with front(hanging) as rig, rig.connect() as client:
+        client.sendall(b"POST /api/v1/cases HTTP/1.1\r\nhost: g\r\ncontent-length: %d\r\n\r\n" % (2 * len(STOP)))
+        assert hanging.asked.acquire(timeout=PATIENCE_S)
+        client.sendall(STOP)
+        client.sendall(STOP)
+        hanging.release.set()
+        answer_of(client)
+        assert not rig.stopped.acquire(blocking=False)
+
+
+def test_a_head_that_is_met_again_is_the_same_request_and_no_other() -> None:
+    asked: list[bytes] = []
+
+    def noting(connection: socket.socket) -> None:
+        asked.append(connection.recv(65536))
+        connection.sendall(OK)
+
+    other = GET.replace(b"cases", b"parts")
+    with front(noting) as rig, rig.connect() as client:
+        for sent in (GET, GET, other, GET):
+            client.sendall(sent)
+            answer_of(client)
+        client.sendall(GET[:20])
+        time.sleep(0.05)
+        client.sendall(GET[20:])
+        answer_of(client)
+        client.sendall(GET[20:])
+        assert answer_of(client).startswith(b"HTTP/1.1 400 "), "half a head is none"
+    targets = [head.split(b" ", 2)[1] for head in asked]
+    assert [target.rpartition(b"/")[2] for target in targets] == [b"cases"] * 2 + [b"parts"] + [b"cases"] * 2
+
+
+def test_who_reads_slowly_slows_his_own_answer_alone() -> None:
+    sent: list[int] = []
+    piece, size = b"x" * 65536, 256
+
+    def pours(connection: socket.socket) -> None:
+        connection.recv(65536)
+        connection.sendall(b"HTTP/1.1 200 OK\r\ncontent-length: %d\r\n\r\n" % (size * len(piece)))
+        for _ in range(size):
+            connection.sendall(piece)
+            sent.append(len(piece))
+
+    with front(pours) as rig, rig.connect() as client:
+        client.sendall(GET)
+        wait_until(lambda: bool(sent))
+        before = -1
+        while before != len(sent):  # until nothing more is taken
+            before = len(sent)
+            time.sleep(0.2)
+        assert len(sent) < size, "the front took all of an answer that nobody reads"
+        with rig.connect() as other:
+            other.sendall(STOP)
+            assert rig.stopped.acquire(timeout=PATIENCE_S)
+        assert len(answer_of(client)) > size * len(piece)
 
 
 def test_a_stop_from_outside_the_room_is_the_applications_business() -> None:
