@@ -58,6 +58,11 @@ class Ledger:
     computations: dict[str, Computation] = field(default_factory=dict)
 
     _decided: dict[str, int] = field(default_factory=dict)  # by case, the last event by which something was decided
+    # Asked for with each state of the robot, when thousands have ended.
+    _pending: tuple[Operation, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._pending = tuple(operation for operation in self.operations.values() if not operation.ended)
 
     def take(self, event: Event) -> None:
         """Fold in one more event, which must be the next of the log."""
@@ -78,23 +83,17 @@ class Ledger:
 
     def with_events(self, events: Sequence[Event]) -> "Ledger":
         """The ledger after more events; this one stays as it is. Raises what an event brings that does not fit."""
-        after = Ledger(
-            self.images_held,
-            self.cases,
-            self.operations,
-            self.head_sequence,
-            self.images,
-            self.computations,
-            self._decided,
-        )
+        after = Ledger(self.images_held)
+        after.become(self)
         for event in events:
             after.take(event)
         return after
 
     def become(self, after: "Ledger") -> None:
-        """Take over another ledger's contents."""
-        self.cases, self.operations, self.head_sequence = after.cases, after.operations, after.head_sequence
-        self.images, self.computations, self._decided = after.images, after.computations, after._decided
+        """Take over another ledger's contents; its head last: who has seen that sees all that belongs to it."""
+        self.cases, self.operations, self.images = after.cases, after.operations, after.images
+        self.computations, self._decided, self._pending = after.computations, after._decided, after._pending
+        self.head_sequence = after.head_sequence
 
     def open_case(self) -> Case | None:
         """The case that is open in this room, if any."""
@@ -107,7 +106,7 @@ class Ledger:
 
     def pending_operations(self) -> tuple[Operation, ...]:
         """Operations that have not ended."""
-        return tuple(o for o in self.operations.values() if not o.ended)
+        return self._pending
 
     def pending_computations(self) -> tuple[Computation, ...]:
         """Computations that have not ended."""
@@ -165,6 +164,9 @@ class Ledger:
         else:
             return
         self.operations = {**self.operations, data.operation_id: operation}
+        before = {other.requested.operation_id: other for other in self._pending}
+        after = {**before, data.operation_id: operation}
+        self._pending = tuple(other for other in after.values() if not other.ended)
 
     def _take_computation(self, event: Event) -> None:
         data = event.data

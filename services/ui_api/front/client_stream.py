@@ -11,6 +11,9 @@ from typing import Final
 
 # Chosen: what a client may send ahead before the front takes no more of it (decision 22).
 _MOST_WAITING_BYTES: Final = 64 * 1024
+# Chosen: somebody who reads a picture over a bad line reads something in it; who reads nothing holds one of the places
+# of requests under way, of which there are some hundreds.
+READS_WITHIN_S: Final = 30.0
 
 
 class ClientStream(asyncio.Protocol):
@@ -20,6 +23,8 @@ class ClientStream(asyncio.Protocol):
     ----------
     on_connection
         Called once it is there.
+    reads_within_s
+        A client that reads nothing for so long while an answer waits for it has its connection ended.
 
     Attributes
     ----------
@@ -29,8 +34,8 @@ class ClientStream(asyncio.Protocol):
 
     transport: asyncio.Transport
 
-    def __init__(self, on_connection: Callable[["ClientStream"], None]) -> None:
-        self._on_connection = on_connection
+    def __init__(self, on_connection: Callable[["ClientStream"], None], reads_within_s: float = READS_WITHIN_S) -> None:
+        self._on_connection, self._reads_within_s = on_connection, reads_within_s
         self._on_more: Callable[[], None] = _nothing
         self._on_end: Callable[[], None] = _nothing
         self._waiting = b""
@@ -96,11 +101,15 @@ class ClientStream(asyncio.Protocol):
         self.transport.write(content)
 
     async def drain(self) -> None:
-        """Wait until the client has read enough; raises `ConnectionResetError` when it has gone."""
+        """Wait until the client has read enough; raises `ConnectionResetError` when it has gone, or reads nothing."""
         while self._is_paused and not self._lost:
             self._writer = asyncio.get_running_loop().create_future()
             try:
-                await self._writer
+                async with asyncio.timeout(self._reads_within_s):
+                    await self._writer
+            except TimeoutError:
+                self.abort()
+                raise ConnectionResetError(f"the client has read nothing for {self._reads_within_s:g} s") from None
             finally:
                 self._writer = None
         if self._lost:

@@ -14,7 +14,7 @@ from services.ui_api.core.networks import PRIVATE_NETWORKS, Network, is_in_netwo
 from services.ui_api.front.admission import Admission, Place
 from services.ui_api.front.answers import Asked, problem_answer, stop_answer
 from services.ui_api.front.application_socket import ApplicationConnections, ApplicationGone
-from services.ui_api.front.client_stream import ClientStream
+from services.ui_api.front.client_stream import READS_WITHIN_S, ClientStream
 from services.ui_api.front.deadline import Deadline
 from services.ui_api.front.handover import Handover
 from services.ui_api.front.heads import RequestHead, Sender
@@ -61,6 +61,7 @@ class FrontParts:
     handover: Handover | None = None
     head_within_s: float = HEAD_WITHIN_S
     idle_for_s: float = IDLE_FOR_S
+    reads_within_s: float = READS_WITHIN_S
     leaving: Leaving = field(default_factory=Leaving)
 
 
@@ -97,7 +98,7 @@ class Connection:
             asked = Asked("", self._parts.scheme, keeps_open=False)
             self._stream.write(problem_answer(error.error_status_hint, "request_invalid", detail, asked))
         except OSError:
-            pass  # the client has gone
+            pass  # the client has gone, or reads nothing
         except asyncio.CancelledError:
             self._stream.abort()  # the front ends: nobody waits until a slow client has read its answer
             raise

@@ -66,7 +66,9 @@ class Relay:
             application.give_up()
 
         try:
-            with self._client.stream.watched(self._client.on_more, leave):
+            # What comes after an upgrade are no requests.
+            on_more = _nothing if head.is_upgrade else self._client.on_more
+            with self._client.stream.watched(on_more, leave):
                 answered = await self._answered(application, head)
         except ApplicationGone:
             if self._has_left:
@@ -144,6 +146,10 @@ class Relay:
         while content := await application.receive():
             self._client.stream.write(content)
             await self._client.stream.drain()
+
+
+def _nothing() -> None:
+    pass
 
 
 @asynccontextmanager

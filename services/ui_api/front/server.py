@@ -55,7 +55,7 @@ class FrontServer:
         async with asyncio.TaskGroup() as group:  # what one of them raises ends all, and the thread with a fault
             helpers = [group.create_task(self._link.run(line)), group.create_task(self._report_figures())]
             async with await self._loop.create_server(
-                lambda: ClientStream(self._on_connection),
+                lambda: ClientStream(self._on_connection, self._parts.reads_within_s),
                 sock=listening,
                 backlog=_ACCEPTED_AT_ONCE,
                 ssl=self._tls,

@@ -12,7 +12,7 @@ import json
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Annotated, Final, TypeVar
 
@@ -24,7 +24,7 @@ from services.ui_api.handlers.refusals import invalid
 from services.ui_api.record.record import CaseRecord
 from services.ui_api.record.unit_of_work import Answer, UnitOfWork
 from services.ui_api.routes.problems import PROBLEM_JSON, Problem, headers_of, log_refusal, problem_of, sender_of
-from shared.errors import DistalockError
+from shared.errors import DistalockError, RecordUnavailable
 
 T = TypeVar("T")
 
@@ -100,8 +100,6 @@ class Idempotency:
             return _response(self._first_time(request, ask, act))
 
     def _first_time(self, request: Keyed, ask: Callable[[], T], act: Callable[[UnitOfWork, T], Answer]) -> Answer:
-        if next(self._firsts) % _FORGET_EVERY == 0:
-            self._record.forget_old_answers()
         try:
             asked = ask()
             with self._record.write() as unit:
@@ -115,7 +113,14 @@ class Idempotency:
             answer = problem_answer(refusal, headers_of(error))
             with self._record.write() as unit:
                 unit.remember(request.key, request.request_sha256, answer)
+        self._forget_now_and_then()
         return answer
+
+    def _forget_now_and_then(self) -> None:
+        """Behind what was asked for: a motion must not wait for it, and what was done stays answered."""
+        if next(self._firsts) % _FORGET_EVERY == 0:
+            with suppress(RecordUnavailable):
+                self._record.forget_old_answers()
 
     @contextmanager
     def _alone(self, key: str) -> Iterator[None]:

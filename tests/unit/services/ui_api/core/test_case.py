@@ -19,7 +19,12 @@ from services.ui_api.core.events import Event, EventData
 from services.ui_api.core.inside import Inside, ObjectKind
 from services.ui_api.core.ledger import Ledger
 from services.ui_api.core.procedure import Aim, Stage
-from services.ui_api.core.robot_event_data import OperationEnded, OperationRequested, OperationStatus
+from services.ui_api.core.robot_event_data import (
+    OperationEnded,
+    OperationProgressed,
+    OperationRequested,
+    OperationStatus,
+)
 from tests.unit.services.ui_api import samples
 
 
@@ -184,3 +189,15 @@ def test_of_a_long_fluoroscopy_the_newest_frames_are_held_and_every_image_that_w
     assert len(names) <= 2 + 8 + 8 // 4
     assert case.frames_let_go + len(names) == 101
     assert 7 in log.ledger.images["store"]
+
+
+def test_operations_that_go_on_are_known_in_the_order_in_which_they_began(approved: Log) -> None:
+    running = OperationProgressed("one", OperationStatus.RUNNING, "")
+    approved.add(_move("one"), _move("two"), running, _move("three"))
+    approved.add(_ended("two", OperationStatus.STOPPED, began=True))
+    after = approved.ledger.with_events([])
+    for ledger in (approved.ledger, after):
+        pending = ledger.pending_operations()
+        assert [one.requested.operation_id for one in pending] == ["one", "three"]
+        assert pending == tuple(one for one in ledger.operations.values() if not one.ended)
+        assert pending[0].status is OperationStatus.RUNNING

@@ -45,6 +45,7 @@ class FrontRig:
         head_within_s: float,
         handover: Handover | None,
         room_networks: tuple[Network, ...],
+        reads_within_s: float,
     ) -> None:
         self.stopped = threading.Semaphore(0)
         self.robot_answers = threading.Event()
@@ -66,6 +67,7 @@ class FrontRig:
             handover,
             head_within_s,
             head_within_s,
+            reads_within_s,
         )
         self.leaving = parts.leaving
         server = FrontServer(parts, self.link)
@@ -133,7 +135,8 @@ def front(
     head_within_s: float = PATIENCE_S,
     handover: Handover | None = None,
     room_networks: tuple[Network, ...] = PRIVATE_NETWORKS,
+    reads_within_s: float = PATIENCE_S,
 ) -> Iterator[FrontRig]:
     """A front on a free port for as long as the context lasts."""
     with ExitStack() as stack:
-        yield FrontRig(stack, application, limits, head_within_s, handover, room_networks)
+        yield FrontRig(stack, application, limits, head_within_s, handover, room_networks, reads_within_s)

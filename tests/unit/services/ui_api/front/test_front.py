@@ -183,6 +183,24 @@ def test_who_reads_slowly_slows_his_own_answer_alone() -> None:
         assert len(answer_of(client)) > size * len(piece)
 
 
+def test_who_reads_nothing_does_not_hold_a_place_for_ever() -> None:
+    ended = threading.Event()
+
+    def pours(connection: socket.socket) -> None:
+        connection.recv(65536)
+        connection.sendall(b"HTTP/1.1 200 OK\r\ncontent-length: %d\r\n\r\n" % 2**30)
+        try:
+            while True:
+                connection.sendall(bytes(65536))
+        except OSError:
+            ended.set()
+
+    with front(pours, reads_within_s=0.2) as rig, rig.connect() as client:
+        client.sendall(GET)
+        assert ended.wait(PATIENCE_S)
+        wait_until(lambda: rig.admission.relays == 0)
+
+
 def test_a_stop_from_outside_the_room_is_the_applications_business() -> None:
     hanging = Hanging()
     with front(hanging, room_networks=()) as rig, rig.connect() as client:
