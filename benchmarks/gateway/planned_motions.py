@@ -6,7 +6,7 @@ from collections import Counter
 from typing import Final
 
 from benchmarks.gateway.stand_in_registration import LOCALISATION, StandInRegistration
-from benchmarks.robot.plans import HOLE_IDS, plan_between, random_target
+from benchmarks.robot.plans import HOLE_IDS, plan_between, reachable_target
 from benchmarks.robot.stop_latency_rig import TARGET_SIZE, StopRig
 from distalock.case_client import CaseClient
 from distalock.client import Client
@@ -48,7 +48,8 @@ class PlannedMotions:
             raise TimeoutError(f"the robot has no pose; it is {state}")
         if self._last is not None:
             self._case.follow(self._last)  # or its end would be a change since the case was read
-        start, target = state.pose.value(), random_target(source, TARGET_SIZE)
+        start = state.pose.value()
+        target = reachable_target(source, start, TARGET_SIZE)
         self._registration.offer(plan_between(start, target, self.rig.epoch, state.boot_epoch, self.rig.case))
         plan = self._case.plan(LOCALISATION, HOLE_IDS)
         self._case.approve(plan)

@@ -6,6 +6,8 @@ import numpy as np
 
 from shared.geometry.frames import Guide
 from shared.geometry.hexapod import PlatformPose, base_from_top, leg_lengths_mm
+from shared.geometry.hexapod_limits import path_violations
+from shared.geometry.hexapod_screw import screw_violations
 from shared.geometry.transform import Transform
 from shared.messages.geometry import matrix4, vector3
 from shared.messages.registration import Plan
@@ -51,3 +53,12 @@ def plan_between(
 def random_target(source: random.Random, size: float) -> PlatformPose:
     """A pose within `size` (mm and degrees) of the middle on every axis, to a micrometre as people would give it."""
     return PlatformPose(*(round(source.uniform(-size, size), 3) for _ in range(6)))
+
+
+def reachable_target(source: random.Random, start: PlatformPose, size: float) -> PlatformPose:
+    """A random target to which the robot can go, straight and along the screw, as its service demands."""
+    while True:
+        target = random_target(source, size)
+        way = (HEXAPOD, start, target, HEXAPOD.pivot_mm)
+        if not (path_violations(*way) or screw_violations(*way)):
+            return target
