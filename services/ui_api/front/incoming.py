@@ -8,6 +8,7 @@ import h11
 from services.ui_api.front.client_stream import ClientStream
 from services.ui_api.front.heads import RequestHead, Sender
 
+# Chosen: several times what a browser with all its cookies sends (decision 22).
 _MOST_HEAD_BYTES: Final = 32 * 1024
 # Consoles ask for the same thing again and again, in the same words. Chosen: more than a console's head, and so little
 # that thousands of connections may remember one.

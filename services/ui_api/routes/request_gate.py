@@ -34,6 +34,7 @@ _FRAMING: Final = frozenset((b"content-length", b"transfer-encoding"))
 _ENCRYPTED: Final = frozenset(("https", "wss"))
 _CONNECTION: Final = b"connection"
 _CLOSES: Final = (_CONNECTION, b"close")
+# http, https, ws and wss, and room.
 _SCHEMES: Final = 8
 Fields = Sequence[tuple[bytes, bytes]]
 
