@@ -11,7 +11,8 @@ def page_with(panel: int, noise: int = 0) -> Look:
     look = np.full((100, 160), 20, dtype=np.uint8)
     look[30:60, 50:110] = panel
     source = np.random.default_rng(3)
-    return np.clip(look + source.integers(-noise, noise + 1, look.shape), 0, 255).astype(np.uint8)
+    noisy = np.clip(look + source.integers(-noise, noise + 1, look.shape), 0, 255)
+    return np.asarray(noisy, dtype=np.uint8)
 
 
 def test_a_panel_that_is_missing_is_noticed_and_other_letters_are_not() -> None:
