@@ -20,7 +20,10 @@ export default function VerifyForm({ read }: { readonly read: ReadCase }) {
   );
   const doing = useAct((of: "wires" | "guide") => act.verify(read, { images: [...wanted], of }));
   // While the list is read anew, the newest image may not be in it yet: it must not be mistaken for one before.
-  const isBlocked = known.isFetching || wanted.length === 0;
+  const isBeingLocalised = images.some(
+    (image) => wanted.includes(image.id) && image.localisation === null && image.skipped === null,
+  );
+  const isBlocked = known.isFetching || isBeingLocalised || wanted.length === 0;
   const hasWires = read.view.procedure.wired_hole_ids.length > 0;
   function toggle(id: string) {
     setChosen(wanted.includes(id) ? wanted.filter((other) => other !== id) : [...wanted, id].slice(-MOST));
@@ -59,6 +62,7 @@ export default function VerifyForm({ read }: { readonly read: ReadCase }) {
           {t("verify.guide")}
         </button>
       </div>
+      {isBeingLocalised && <p role="status">{t("verify.localising")}</p>}
       {doing.isPending && <p role="status">{t("verify.running")}</p>}
       <ProblemNote error={doing.error} />
     </div>
