@@ -72,11 +72,12 @@ class LocalisationJobs:
         skip = self._why_not(request)
         if skip is not None:
             return LocalisationReply(skip=skip)
-        if not self._is_in_hand(sha256) and self._knows_open_case(request):
+        if not self.is_in_hand(sha256) and self._knows_open_case(request):
             self.put(request.calibration)
         return LocalisationReply()
 
-    def _is_in_hand(self, sha256: str) -> bool:
+    def is_in_hand(self, sha256: str) -> bool:
+        """Whether an image is being localised, or will be next."""
         with self._changed:
             return sha256 == self._in_work or (self._waiting is not None and self._waiting.image.sha256 == sha256)
 
@@ -99,7 +100,7 @@ class LocalisationJobs:
             return _skip(SkipCode.SET_UP_CHANGED, message)
         if unusable:
             return _skip(SkipCode.FAULT, f"the open case cannot be used ({unusable}); correct the case")
-        if newest is not None and image.precedes(newest) and not self._is_in_hand(image.sha256):
+        if newest is not None and image.precedes(newest) and not self.is_in_hand(image.sha256):
             return _skip(
                 SkipCode.SUPERSEDED,
                 f"image {newest.sha256[:12]} came after it and is localised instead; take it again if it is needed",

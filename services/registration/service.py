@@ -162,12 +162,7 @@ class RegistrationService:
         # what is in the holes changes between two images of one set-up
         known = [f for f in found if f is not None and set_up_of(f.case) == set_up_of(case)]
         if case is None or case.context.case_id != request.case_id or len(known) < len(found):
-            missing = len(found) - len(known)
-            message = (
-                f"{missing} of the {len(found)} images were not localised under the present set-up of case "
-                f"'{request.case_id}' since registration started; take them again"
-            )
-            return Answer(encode(VerificationReply(code="unknown_image", message=message)))
+            return Answer(encode(VerificationReply(code="unknown_image", message=self._why_unknown(request, known))))
         against = _not_one_set_up(known)
         if against is not None:
             return Answer(encode(against))
@@ -180,6 +175,16 @@ class RegistrationService:
             self._state.note_verified(request.image_sha256, verified)
         verification = verification_message(request.image_sha256, verified, request.of)
         return Answer(encode(VerificationReply(verification=verification)))
+
+    def _why_unknown(self, request: VerificationRequest, known: list[LocalisedFrame]) -> str:
+        for sha256 in request.image_sha256:
+            if self._jobs.is_in_hand(sha256):
+                return f"image {sha256[:12]} is being localised; verify it when its localisation is on record"
+        count = len(request.image_sha256)
+        return (
+            f"{count - len(known)} of the {count} images were not localised under the present set-up of case "
+            f"'{request.case_id}' since registration started; take them again"
+        )
 
     def _publish_epochs(self) -> None:
         """Publish the newest epoch: at every change, and steadily: silence then means that nothing is confirmed."""

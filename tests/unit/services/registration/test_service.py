@@ -110,6 +110,13 @@ def test_an_image_that_came_before_the_wires_were_known_is_verified(outside: Out
     assert outside.ask_verification("one").code != "unknown_image"
 
 
+def test_an_image_that_is_being_localised_is_verified_later(outside: Outside) -> None:
+    outside.robot_rests()
+    outside.open_case()
+    outside.calibrated("one", None)  # its pixels are waited for
+    eventually(lambda: "is being localised; verify it when" in outside.ask_verification("one").message)
+
+
 def test_images_with_the_robot_in_two_places_are_not_verified_together(outside: Outside) -> None:
     outside.robot_rests()
     outside.open_case()
