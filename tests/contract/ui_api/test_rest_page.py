@@ -14,7 +14,7 @@ _RAISED = (
     r'RefusalKind\.\w+,\s*"(\w+)"',
     r'\bstale_precondition\(\s*"(\w+)"',
     r'\bproblem\(\s*\d+,\s*"(\w+)"',
-    r'\b_refuse\(request, "(\w+)"',
+    r'\b_refuse\(\w+, "(\w+)"',
     r'\n        \d+,\n        "(\w+)",\n        "the header',
 )
 # From the shared tree of errors, and from the table of plain HTTP statuses.
