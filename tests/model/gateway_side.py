@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Callable
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
 from typing import NoReturn
@@ -40,7 +41,7 @@ from tests.model.labels import CASE, GATEWAY, NOW_S
 from tests.model.memory_record import MemoryRecord
 from tests.model.packets import FIRST_NUMBER, Packet, packet, wire
 from tests.model.permits import SIGNER
-from tests.model.plans import HOLES, IMAGE_SHA256, REGISTRATION_EPOCH, PlanName, sha256
+from tests.model.plans import HEXAPOD, HOLES, IMAGE_SHA256, REGISTRATION_EPOCH, PlanName, sha256
 from tests.model.robot_memory import Reply
 from tests.model.silent_bus import SilentBus
 
@@ -60,9 +61,12 @@ class _ByHand:
     def __init__(self) -> None:
         self.waiting: list[_Waiting] = []
 
-    def submit(self, work: Callable[[_Waiting], None], waiting: _Waiting) -> None:  # noqa: ARG002 - an executor's
+    def submit(self, work: Callable[[_Waiting], None], waiting: _Waiting) -> Future[None]:  # noqa: ARG002 - an executor's
         """Keep a command until the model sends it."""
         self.waiting.append(waiting)
+        handed_over: Future[None] = Future()
+        handed_over.set_result(None)
+        return handed_over
 
 
 class GatewaySide:
@@ -88,7 +92,8 @@ class GatewaySide:
     def started(self) -> GatewayMemory:
         """The gateway with a case that was opened and for which a plan was approved."""
         part = PartUse("part", "0" * 64, HOLES)
-        setup = CaseSetup("left", "femur", "distal", 60.0, part, part, part, part)
+        hexapod = replace(part, sha256=HEXAPOD.sha256)
+        setup = CaseSetup("left", "femur", "distal", 60.0, part, part, part, hexapod)
         self._record.ledger = Ledger()
         self._record.note([EventDraft(CaseOpened(setup), CASE, WHO), *_PLANNED])
         case = self._record.ledger.cases[CASE]
