@@ -26,6 +26,12 @@ class Acting:
         """How many act now."""
         return self._count
 
+    @property
+    def waiting(self) -> int:
+        """How many wait for those who act."""
+        with self._lock:
+            return len(self._wakers)
+
     def begin(self) -> None:
         """Somebody acts."""
         with self._lock:

@@ -65,9 +65,11 @@ async def _stream(gateway: Gateway, user: User, start: int, case_id: str | None)
     """Read the log from `start`, wait until it grows, and go on, until gateway, session or client end."""
     grown, place = Awakening(), start
     with gateway.feed.listening(grown.call):
-        while not gateway.feed.closed and gateway.access.still_admits(user):
+        while True:
             await gateway.acting.nobody()
-            grown.clear()
+            grown.clear()  # before anything is looked at: an end that comes after the look wakes the stream
+            if gateway.feed.closed or not gateway.access.still_admits(user):
+                break
             news = gateway.tail.after(place)
             if news is None:  # the client is far behind: it catches up from the database
                 news = await asyncio.to_thread(_page, gateway.record, place, case_id)

@@ -8,7 +8,7 @@ from fastapi import WebSocket, WebSocketDisconnect
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.live import HeardGuidance, LiveFrame, LiveHandler
 from services.ui_api.routes.awakening import Awakening
-from services.ui_api.routes.guards import guarded_websocket
+from services.ui_api.routes.guards import POLICY_VIOLATION, guarded_websocket
 from services.ui_api.routes.result_views import GuidanceView, aged
 from services.ui_api.routes.routers import resource_router
 from services.ui_api.routes.views import View
@@ -20,6 +20,7 @@ router = resource_router(tag="live")
 # Status code of https://www.iana.org/assignments/websocket/: the client may connect again after some seconds.
 SERVICE_RESTART: Final = 1012
 _GATEWAY_ENDS: Final = "the gateway ends or restarts; connect again in some seconds"
+_SESSION_ENDED: Final = "session_ended"
 
 
 class LiveView(View):
@@ -52,6 +53,8 @@ async def watch(socket: WebSocket) -> None:
             await _send_on(socket, gateway, news, leaving)
             if gateway.live.feed.closed:
                 await socket.close(SERVICE_RESTART, _GATEWAY_ENDS)
+            elif not leaving.done():
+                await socket.close(POLICY_VIOLATION, _SESSION_ENDED)
         except WebSocketDisconnect:
             pass  # it left while something was sent
         finally:
@@ -61,9 +64,11 @@ async def watch(socket: WebSocket) -> None:
 async def _send_on(socket: WebSocket, gateway: Gateway, news: Awakening, leaving: "asyncio.Task[None]") -> None:
     live = gateway.live
     shown: tuple[LiveFrame | None, HeardGuidance | None] = (None, None)
-    while not (live.feed.closed or leaving.done()) and gateway.access.still_admits(socket.state.user):
+    while True:
         await gateway.acting.nobody()
-        news.clear()
+        news.clear()  # before anything is looked at: an end that comes after the look wakes the stream
+        if live.feed.closed or leaving.done() or not gateway.access.still_admits(socket.state.user):
+            return
         frame = live.frame
         heard = None if frame is None else live.guidance(frame.header.case_id)
         if frame is not None and (frame, heard) != shown:

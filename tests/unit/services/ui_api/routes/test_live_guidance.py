@@ -9,9 +9,11 @@ import pytest
 from starlette.types import Message
 
 from services.ui_api.app import make_app
+from services.ui_api.core.roles import Role
 from services.ui_api.routes.live import SERVICE_RESTART
 from tests.unit.services.ui_api.fakes import PATIENCE_S
-from tests.unit.services.ui_api.room import TOKEN, Room
+from tests.unit.services.ui_api.people import add_account, tokens_of
+from tests.unit.services.ui_api.room import TOKEN, Room, wait_until
 
 
 def heard(room: Room, say: Callable[[], None]) -> None:
@@ -88,6 +90,28 @@ def test_viewers_are_told_to_come_again_when_the_gateway_ends(room: Room) -> Non
     accepted, closed = asyncio.run(_watched(room, 2))
     assert accepted["type"] == "websocket.accept"
     assert (closed["type"], closed["code"]) == ("websocket.close", SERVICE_RESTART)
+
+
+def test_a_viewer_whose_session_ends_while_the_picture_waits_for_somebody_who_acts_sees_no_more(room: Room) -> None:
+    case_id = room.open_case()
+    image = room.image("one", case_id)
+    heard(room, lambda: room.registration.guide(image, 1.5))
+    add_account(room, "nora", Role.TECHNICIAN)
+    token, acting = tokens_of(room, "nora").access_token, room.gateway.acting
+
+    def end_the_session() -> None:
+        wait_until(lambda: acting.waiting > 0)
+        sessions = room.gateway.access.sessions
+        sessions.end(sessions.user_of(token).session_id)
+        acting.end()
+
+    acting.begin()
+    ender = threading.Thread(target=end_the_session)
+    ender.start()
+    accepted, closed = asyncio.run(_watched(room, 2, (HERE, (b"authorization", f"Bearer {token}".encode()))))
+    ender.join()
+    assert accepted["type"] == "websocket.accept"
+    assert (closed["type"], closed["code"], closed["reason"]) == ("websocket.close", 1008, "session_ended")
 
 
 HERE = (b"host", b"localhost:8000")

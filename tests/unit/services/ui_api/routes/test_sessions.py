@@ -13,7 +13,7 @@ from services.ui_api.core.roles import Role
 from services.ui_api.handlers.refusals import Refused
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.people import PASSWORD, add_account, signed_in, tokens_of
-from tests.unit.services.ui_api.room import TOKEN, Room, new_key, open_room
+from tests.unit.services.ui_api.room import TOKEN, Room, new_key, open_room, wait_until
 
 SESSIONS = "/api/v1/sessions"
 ME = "/api/v1/users/me"
@@ -103,6 +103,21 @@ def test_a_viewers_stream_ends_with_its_session(room: Room, outside: httpx.Clien
         assert ended.status_code == 204
         for _ in lines:
             pass  # until it ends
+
+
+def test_a_stream_ends_also_when_its_session_ends_while_it_waits_for_somebody_who_acts(
+    room: Room, outside: httpx.Client
+) -> None:
+    token, acting = tokens_of(room, "nora").access_token, room.gateway.acting
+    with outside.stream("GET", "/api/v1/events?after=0", headers=bearer(token), timeout=PATIENCE_S) as events:
+        lines = events.iter_lines()
+        assert next(lines).startswith("id:")
+        with acting.acting():
+            room.gateway.feed.wake()
+            wait_until(lambda: acting.waiting > 0)
+            room.gateway.access.sessions.end(room.gateway.access.sessions.user_of(token).session_id)
+        lines_after = list(lines)  # until it ends
+    assert not [line for line in lines_after if line.startswith(":")], "no ping: it ended at once"
 
 
 def test_an_answer_is_its_users_alone(room: Room, outside: httpx.Client) -> None:
