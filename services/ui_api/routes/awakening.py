@@ -7,7 +7,7 @@ class Awakening:
     """However often it is called for before the stream looks again, the loop has one thing to do.
 
     Make it on the loop. What there is to see must be there before `call`, and the stream looks after `clear`: at
-    everything for which it may be called, also at whether it goes on. Whatever it looked at before is lost with `clear`.
+    everything for which it may be called, also at whether it goes on.
     """
 
     def __init__(self) -> None:

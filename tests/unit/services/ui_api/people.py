@@ -35,6 +35,14 @@ def tokens_of(room: Room, name: str) -> Tokens:
     return access.sessions.open(access.accounts.account(name))
 
 
+def end_session_of(room: Room, access_token: str) -> None:
+    """End the session that a token is of, at once."""
+    sessions = room.gateway.access.sessions
+    session_id = sessions.user_of(access_token).session_id
+    assert session_id is not None
+    sessions.end(session_id)
+
+
 @contextmanager
 def signed_in(room: Room, name: str) -> Iterator[httpx.Client]:
     """A client of its own, with a session."""

@@ -12,7 +12,7 @@ from services.ui_api.app import make_app
 from services.ui_api.core.roles import Role
 from services.ui_api.routes.live import SERVICE_RESTART
 from tests.unit.services.ui_api.fakes import PATIENCE_S
-from tests.unit.services.ui_api.people import add_account, tokens_of
+from tests.unit.services.ui_api.people import add_account, end_session_of, tokens_of
 from tests.unit.services.ui_api.room import TOKEN, Room, wait_until
 
 
@@ -101,8 +101,7 @@ def test_a_viewer_whose_session_ends_while_the_picture_waits_for_somebody_who_ac
 
     def end_the_session() -> None:
         wait_until(lambda: acting.waiting > 0)
-        sessions = room.gateway.access.sessions
-        sessions.end(sessions.user_of(token).session_id)
+        end_session_of(room, token)
         acting.end()
 
     acting.begin()

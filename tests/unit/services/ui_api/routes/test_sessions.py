@@ -12,7 +12,7 @@ from services.ui_api.core.lockout import FREE_FAILURES
 from services.ui_api.core.roles import Role
 from services.ui_api.handlers.refusals import Refused
 from tests.unit.services.ui_api.fakes import PATIENCE_S
-from tests.unit.services.ui_api.people import PASSWORD, add_account, signed_in, tokens_of
+from tests.unit.services.ui_api.people import PASSWORD, add_account, end_session_of, signed_in, tokens_of
 from tests.unit.services.ui_api.room import TOKEN, Room, new_key, open_room, wait_until
 
 SESSIONS = "/api/v1/sessions"
@@ -115,7 +115,7 @@ def test_a_stream_ends_also_when_its_session_ends_while_it_waits_for_somebody_wh
         with acting.acting():
             room.gateway.feed.wake()
             wait_until(lambda: acting.waiting > 0)
-            room.gateway.access.sessions.end(room.gateway.access.sessions.user_of(token).session_id)
+            end_session_of(room, token)
         lines_after = list(lines)  # until it ends
     assert not [line for line in lines_after if line.startswith(":")], "no ping: it ended at once"
 
