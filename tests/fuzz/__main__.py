@@ -37,6 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--phases", choices=ALL_PHASES, action="append", help="only this one; may be repeated")
     parser.add_argument("--site", choices=tuple(_SITES), default="gateway", help="what is asked (gateway)")
     asked = parser.parse_args(arguments)
+    if asked.logs is not None:
+        asked.logs.mkdir(parents=True, exist_ok=True)
     plan, runs = FuzzPlan(asked.examples, asked.seed, tuple(asked.phases or ALL_PHASES), asked.seconds), list[RoleRun]()
     with tempfile.TemporaryDirectory() as folder, _SITES[asked.site]() as site:
         for role in asked.role or Role:
