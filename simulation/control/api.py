@@ -145,6 +145,11 @@ def _add_tools(app: FastAPI, room: OperatingRoom) -> None:
         """Drill through a guide hole as the robot holds it now."""
         return passage_body(room.drill(body.hole_id))
 
+    @app.delete("/drills", status_code=204)
+    def take_new_bone() -> None:
+        """Take a bone of the same shape in which nothing was drilled: the next patient."""
+        room.take_new_bone()
+
 
 def _add_faults(app: FastAPI, room: OperatingRoom, controller: VirtualController) -> None:
     def now() -> FaultsBody:

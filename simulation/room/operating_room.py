@@ -142,6 +142,11 @@ class OperatingRoom:
             self._changes.drills = (*self._changes.drills, passage)
         return passage
 
+    def take_new_bone(self) -> None:
+        """A bone of the same shape in which nothing was drilled: the next patient."""
+        with self._lock:
+            self._changes.drills = ()
+
     @property
     def drills(self) -> tuple[Passage, ...]:
         """What was drilled, in order."""

@@ -187,6 +187,7 @@ def test_use_errors(page: Page, site: OperatingRoom) -> None:
 def _a_wrong_side_is_noticed_and_corrected(operator: ConsoleOperator, site: OperatingRoom) -> None:
     right = str(site.room.scenario().set_up["side"])
     operator.open_case(side="left" if right == "right" else "right")
+    operator.room("New bone, nothing drilled")
     _reach(operator, "localisation", "change_setup")
     assert f"header states the {right} side" in operator.sentence
     operator.change_side(right)

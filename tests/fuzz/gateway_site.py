@@ -114,17 +114,18 @@ def gateway_site() -> Iterator[FuzzSite]:
 
         def fresh_case() -> ThereIs:
             abandon_open_cases(client)
-            return _with_case(room, next(numbers))
+            return _with_case(room, folder, next(numbers))
 
         yield FuzzSite(str(room.client.base_url).rstrip("/"), TOKEN, fresh_case)
 
 
-def _with_case(room: Room, number: int) -> ThereIs:
+def _with_case(room: Room, folder: Path, number: int) -> ThereIs:
     with_robot = room.post("/robot/stop")
     assert with_robot.status_code == 200, with_robot.text
     acknowledged = room.post("/robot/acknowledge-stop").json()
     case_id = room.open_case()
     image = room.image(f"of case {number}", case_id)
+    _store(folder / "images", image.sha256)
     plan = room.post(f"/cases/{case_id}/plans", {"localisation": 1, "hole_ids": ["distal"]})
     assert plan.status_code == 201, plan.text
     known: dict[str, object] = {
@@ -135,3 +136,10 @@ def _with_case(room: Room, number: int) -> ThereIs:
         "name": "ring-120",
     }
     return ThereIs(known, plan.headers["etag"])
+
+
+def _store(images: Path, sha256: str) -> None:
+    """The image's file, as imaging leaves it."""
+    file = images / sha256[:2] / f"{sha256}.dcm"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(b"DICM")

@@ -82,6 +82,8 @@ def test_wires_and_drills(client: Client) -> None:
     drill = client.ask("POST", "/drills", {"hole_id": "distal"}).json()
     assert drill["passed"] is (drill["struck"] is None)
     assert client.ask("GET", "/drills").json()["items"] == [drill]
+    assert client.ask("DELETE", "/drills").status_code == 204
+    assert client.ask("GET", "/drills").json() == {"items": []}
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,7 @@ export const room = {
   insertWires: () => asked("POST", "wires"),
   removeWires: () => asked("DELETE", "wires"),
   drill: (hole_id: string) => asked<Passage>("POST", "drills", { hole_id }),
+  newBone: () => asked("DELETE", "drills"),
   inject: (fault: Record<string, unknown>) => asked("POST", "faults", fault),
   clearController: (name: string) => asked("DELETE", `faults/controller/${name}`),
   clearFaults: () => asked("DELETE", "faults"),

@@ -38,6 +38,7 @@ export default function VirtualRoom({ holeIds, advice, onHide }: Props) {
           {holeIds.map((hole) => (
             <Hand key={hole} label={t("room.drill", { hole })} run={() => room.drill(hole)} />
           ))}
+          <Hand label={t("room.new_bone")} run={room.newBone} />
           {state?.drills.map((drill) => (
             <p key={drill.hole_id} className={drill.passed ? "good" : "attention"}>
               {t(drill.passed ? "room.passed" : "room.struck", {
