@@ -61,7 +61,7 @@ class Case:
 
     Images are in the order in which they were received, the newest last: one that the gateway missed, and records
     later, takes its place among the others. Of running fluoroscopy, `frames_let_go` older frames from which nothing was
-    measured are on record only.
+    measured are on record only. `image_before_motion` was the newest when the robot's last motion was asked for.
     """
 
     case_id: str
@@ -71,6 +71,7 @@ class Case:
     setup: CaseSetup
     progress: Progress = _AT_THE_START
     stage_before_motion: Stage = Stage.POSITIONING
+    image_before_motion: str | None = None
     images: tuple[ImageReceived, ...] = ()
     frames_let_go: int = 0
     calibrations: tuple[ImageCalibrated, ...] = ()
@@ -157,6 +158,8 @@ class Case:
             return f"it was measured at set-up revision {revision}, and the set-up is now at revision {self.revision}"
         if self.images and self.images[-1].image_sha256 != image_sha256:
             return "a newer image has arrived"
+        if image_sha256 == self.image_before_motion:
+            return "the robot has moved since it was taken"
         return None
 
 
@@ -240,7 +243,12 @@ def _(data: OperationRequested, case: Case, event: Event) -> Case:  # noqa: ARG0
         return case
     known = _with_plan(case, data.plan_number, used=True)
     stage_before = case.progress.stage
-    known = replace(known, motions=(*case.motions, data.operation_id), stage_before_motion=stage_before)
+    known = replace(
+        known,
+        motions=(*case.motions, data.operation_id),
+        stage_before_motion=stage_before,
+        image_before_motion=case.images[-1].image_sha256 if case.images else None,
+    )
     return _moved(known, Trigger.MOTION_REQUESTED)
 
 
@@ -253,7 +261,7 @@ def _(data: OperationEnded, case: Case, event: Event) -> Case:  # noqa: ARG001
         return _moved(case, Trigger.MOTION_REACHED if reached else Trigger.MOTION_CUT_SHORT)
     plans = tuple(replace(p, used=False) if i == _last_used(case) else p for i, p in enumerate(case.plans))
     progress = replace(case.progress.after(Trigger.MOTION_NEVER_BEGAN), stage=case.stage_before_motion)
-    return replace(case, plans=plans, progress=progress)
+    return replace(case, plans=plans, progress=progress, image_before_motion=None)
 
 
 @_after.register

@@ -97,6 +97,16 @@ def test_a_motion_that_never_began_leaves_everything_as_it_was(approved: Log) ->
     assert (moving.progress.stage, moving.plans[0].used) == (Stage.MOVING, True)
     after = approved.add(_ended("op", OperationStatus.FAILED, began=False))
     assert (after.progress, after.plans) == (before.progress, before.plans)
+    assert after.staleness_of_image(after.images[-1].image_sha256, 1) is None
+
+
+@pytest.mark.parametrize("status", [OperationStatus.SUCCEEDED, OperationStatus.STOPPED])
+def test_an_image_of_before_a_motion_shows_a_robot_that_stood_elsewhere(approved: Log, status: OperationStatus) -> None:
+    case = approved.add(_move("op"), _ended("op", status, began=True))
+    assert case.staleness_of_image(case.images[-1].image_sha256, 1) == "the robot has moved since it was taken"
+    case = approved.add(_image("two"))
+    assert case.staleness_of_image(case.images[-1].image_sha256, 1) is None
+    assert approved.add(_localised(2, "two")).progress.aim is Aim.LOCALISED
 
 
 @pytest.mark.parametrize(
