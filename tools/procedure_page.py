@@ -151,8 +151,9 @@ def _condition_table() -> str:
 
 def _step_table() -> str:
     head = (
-        "## Steps in order\n\nWhat is taken out must be inside. Any other step can be recorded with a reason (`why`), "
-        "except while the robot\nmoves and in a closed case."
+        "## Steps in order\n\n"
+        "A step that takes something out is in order while that is inside. One that is not in order can be recorded\n"
+        "with a reason (`why`), except while the robot moves and in a closed case."
     )
     rows = (
         f"| `{stage}` | {', '.join(f'`{step}`' for step in steps) or 'none'} |"

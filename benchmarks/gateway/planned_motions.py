@@ -5,7 +5,7 @@ import time
 from collections import Counter
 from typing import Final
 
-from benchmarks.gateway.stand_in_registration import LOCALISATION, StandInRegistration
+from benchmarks.gateway.stand_in_registration import StandInRegistration
 from benchmarks.robot.plans import HOLE_IDS, plan_between, reachable_target
 from benchmarks.robot.stop_latency_rig import TARGET_SIZE, StopRig
 from distalock.case_client import CaseClient
@@ -50,8 +50,8 @@ class PlannedMotions:
             self._case.follow(self._last)  # or its end would be a change since the case was read
         start = state.pose.value()
         target = reachable_target(source, start, TARGET_SIZE)
-        self._registration.offer(plan_between(start, target, self.rig.epoch, state.boot_epoch, self.rig.case))
-        plan = self._case.plan(LOCALISATION, HOLE_IDS)
+        offered = plan_between(start, target, self.rig.epoch, state.boot_epoch, self.rig.case)
+        plan = self._case.plan(self._registration.offer(offered), HOLE_IDS)
         self._case.approve(plan)
         self.rig.controller.move_heard.clear()
         asked_s = time.monotonic()  # the client reads the case first, as a console does

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from benchmarks.gateway.race_room import NoPlan, OverheardLine, RaceRoom
-from benchmarks.gateway.stand_in_registration import LOCALISATION, StandInRegistration
+from benchmarks.gateway.stand_in_registration import StandInRegistration
 from benchmarks.robot.plans import HEXAPOD, HOLE_IDS, plan_between, random_target
 from benchmarks.robot.stop_latency_rig import ListeningController, StopRig, stop_rig
 from distalock.case_client import CaseClient
@@ -61,8 +61,8 @@ class OfferedPlans:
                 if state.pose is None:
                     continue
                 start, target = state.pose.value(), random_target(source, _TARGET_SIZE)
-                self.registration.offer(plan_between(start, target, self.rig.epoch, state.boot_epoch, self.rig.case))
-                return self.case.plan(LOCALISATION, HOLE_IDS)
+                offered = plan_between(start, target, self.rig.epoch, state.boot_epoch, self.rig.case)
+                return self.case.plan(self.registration.offer(offered), HOLE_IDS)
             except (RequestRefused, NotDone, TimeoutError) as odd:
                 last = odd
         raise NoPlan(f"no plan after {_MOST_TRIES} attempts: {last}")

@@ -201,7 +201,8 @@ class ProcedureHandler:
             quoted |= {"localisation": str(newest.number), "reasons": ", ".join(newest.reason_codes) or "no reason"}
             quoted |= {} if stale is None else {"localisation_stale_because": stale}
         if case.verifications and case.verifications[-1].passing_hole_ids:
-            quoted["verified_holes"] = ", ".join(case.verifications[-1].passing_hole_ids)
+            left = [one for one in case.verifications[-1].passing_hole_ids if one not in case.drilled_hole_ids]
+            quoted["verified_holes"] = ", ".join(left) or "no other was verified"
         if case.plans:
             entry = case.plans[-1]
             quoted["plan"] = str(entry.made.number)

@@ -152,10 +152,11 @@ def etag(entry: PlanEntry) -> str:
 def _require_match(gateway: Gateway, case: Case, entry: PlanEntry, if_match: str) -> None:
     """Neither `*` nor a list will do: consent is to one plan, by its hash."""
     if if_match.strip() != etag(entry):
+        is_bare = f'"{if_match.strip()}"' == etag(entry)
         raise stale_precondition(
             "plan_hash_mismatch",
-            f"If-Match is {if_match[:80]}, but the ETag of plan {entry.made.number} is {etag(entry)}; read the plan "
-            "that is to be approved",
+            f"If-Match is {if_match[:80]}, but the ETag of plan {entry.made.number} is {etag(entry)}; "
+            + ("send it with its quotation marks" if is_bare else "read the plan that is to be approved"),
             _view(gateway, case, entry),
             etag(entry),
         )

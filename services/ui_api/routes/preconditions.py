@@ -6,6 +6,7 @@ has decided something; a change needs that part alone, for images arrive thirty 
 """
 
 import hashlib
+import re
 from typing import Annotated, Final
 
 from fastapi import Header
@@ -21,6 +22,7 @@ from services.ui_api.service import Gateway
 _HASH_CHARACTERS: Final = 16
 # In place of a hash, in an ETag for `If-Match` alone: no content has it, so that `If-None-Match` never finds it.
 _UNREAD: Final = "unread"
+_CASE_ETAG: Final = r'"\d+-\w+"'
 CaseMatch = Annotated[
     str,
     Header(
@@ -66,14 +68,19 @@ def matched_case(gateway: Gateway, case_id: str, if_match: str) -> Case:
     case = gateway.cases.case(case_id)
     if if_match.strip().partition("-")[0] != f'"{gateway.record.ledger.decided(case_id)}':
         etag = case_etag(gateway, case)
-        raise stale_precondition(
-            "case_changed",
-            f"If-Match is {if_match}, but the case is at {etag}: something was decided in it since; look at its newest "
-            "state (`current`), and if the change is still wanted, send it with the newest ETag and a new key",
-            case_view(gateway, case),
-            etag,
-        )
+        raise stale_precondition("case_changed", _not_as_read(if_match, etag), case_view(gateway, case), etag)
     return case
+
+
+def _not_as_read(if_match: str, etag: str) -> str:
+    if not re.fullmatch(_CASE_ETAG, if_match.strip()):
+        return (
+            f"If-Match is {if_match}, which is no ETag of a case; send it as it was read, quotation marks too: {etag}"
+        )
+    return (
+        f"If-Match is {if_match}, but the case is at {etag}: something was decided in it since; look at its newest "
+        "state (`current`), and if the change is still wanted, send it with the newest ETag and a new key"
+    )
 
 
 def content_hash(content: bytes) -> str:

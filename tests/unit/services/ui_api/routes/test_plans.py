@@ -49,6 +49,8 @@ def test_approval_quotes_the_hash_of_the_plan(room: Room) -> None:
     for wrong in ('"' + "0" * 64 + '"', "*", f"W/{etag}", f"{etag}, {etag}"):
         refused = room.post(path, if_match=wrong)
         assert (refused.status_code, refused.json()["code"]) == (412, "plan_hash_mismatch"), wrong
+    bare = room.post(path, if_match=etag.strip('"')).json()
+    assert "quotation marks" in bare["detail"]
     approved = room.post(path, if_match=etag)
     assert (approved.status_code, approved.json()["approved_by"]) == (201, "demo")
     again = room.post(path, if_match=etag)

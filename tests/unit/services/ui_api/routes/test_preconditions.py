@@ -32,6 +32,17 @@ def test_every_change_of_a_case_quotes_it(room: Room, method: str, what: str, bo
         assert _send(room, method, f"/cases/{case_id}{what}", body, If_Match=other) == (412, "case_changed"), other
 
 
+def test_what_is_no_etag_is_not_said_to_be_an_old_one(room: Room) -> None:
+    case_id = room.open_case()
+    etag = room.etag_for(f"/cases/{case_id}")
+    for wrong in ("*", etag.strip('"'), "nonsense"):
+        refused = room.patch(f"/cases/{case_id}", {"mount": "nail_head"}, wrong)
+        assert "no ETag of a case" in refused.json()["detail"], wrong
+    assert (
+        "something was decided" in room.patch(f"/cases/{case_id}", {"mount": "nail_head"}, '"0-none"').json()["detail"]
+    )
+
+
 @pytest.mark.requirement("GW-09")
 def test_who_was_slower_is_told_the_newest_state(room: Room) -> None:
     case_id = room.open_case()

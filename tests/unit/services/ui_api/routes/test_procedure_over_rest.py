@@ -128,6 +128,8 @@ def test_the_guide_alone_is_verified_and_drilling_is_then_in_order(room: Room) -
     procedure = room.get(f"/cases/{case_id}").json()["procedure"]
     assert (procedure["stage"], procedure["next"]) == ("verified", "Drill through the guide: distal.")
     assert room.post(f"/cases/{case_id}/steps", {"step": "drilled", "hole_ids": ["distal"]}).status_code == 201
+    said = room.get(f"/cases/{case_id}").json()["procedure"]["next"]
+    assert said.startswith("Drill what is left through the guide (no other was verified), or plan the move")
 
 
 @pytest.mark.requirement("GW-04")
