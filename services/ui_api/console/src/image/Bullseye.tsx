@@ -19,7 +19,8 @@ export default function Bullseye({ advice, ageS, isLive }: Props) {
   return (
     <section className={`aim ${isShown ? (advice.quality ?? "unknown") : "not-current"}`}>
       <Target advice={advice} />
-      <div className="aim-words">
+      {/* biome-ignore lint/a11y/noNoninteractiveTabindex: what does not fit is scrolled to, with keys too */}
+      <section className="aim-words" aria-label={t("image.aim.title")} tabIndex={0}>
         <Quality advice={advice} />
         <Turns advice={advice} />
         <Shifts advice={advice} />
@@ -29,7 +30,7 @@ export default function Bullseye({ advice, ageS, isLive }: Props) {
           {!isLive && ` ${t("image.state.not_live")}`}
           {advice.staleBecause && ` ${t("image.state.stale")} ${advice.staleBecause}`}
         </p>
-      </div>
+      </section>
     </section>
   );
 }
@@ -113,11 +114,13 @@ function PictureTurns({ turn }: { readonly turn: NonNullable<Advice["turn"]> }) 
   const x = useSteadied(turn.x) ?? 0;
   const y = useSteadied(turn.y) ?? 0;
   return (
-    <dl className="aim-turns">
-      <Step name={t(x < 0 ? "image.aim.to_bottom" : "image.aim.to_top")} value={Math.abs(x)} />
-      <Step name={t(y < 0 ? "image.aim.to_left" : "image.aim.to_right")} value={Math.abs(y)} />
-      <dd className="aim-hint">{t("image.aim.turn_two_degrees")}</dd>
-    </dl>
+    <>
+      <dl className="aim-turns">
+        <Step name={t(x < 0 ? "image.aim.to_bottom" : "image.aim.to_top")} value={Math.abs(x)} />
+        <Step name={t(y < 0 ? "image.aim.to_left" : "image.aim.to_right")} value={Math.abs(y)} />
+      </dl>
+      <p className="aim-hint">{t("image.aim.turn_two_degrees")}</p>
+    </>
   );
 }
 
