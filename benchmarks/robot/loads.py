@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -44,15 +44,27 @@ class ClientsOfAll:
     of_case: bool = True
 
 
+def _let_others_go_first(session: int) -> None:
+    """Clients and C-arm are other machines: here they take only what the installation leaves.
+
+    Linux gives each session the same share of the processors, however nice its processes are, while it groups them
+    automatically; then the session has a niceness of its own.
+    """
+    with suppress(OSError):
+        Path(f"/proc/{session}/autogroup").write_text("10")
+
+
 class LoadProcess:
     """A module of this folder, which says `ready` and ends with its standard input; `result` is its last line."""
 
     def __init__(self, module: str, arguments: Mapping[str, object]) -> None:
         words = [word for name, value in arguments.items() for word in (f"--{name}", str(value))]
-        # Clients and C-arm are other machines: here they take only what the installation leaves.
         command = ["nice", "-n", "10", sys.executable, "-m", f"benchmarks.robot.{module}", *words]
         with ordinary():
-            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+            )
+        _let_others_go_first(self._process.pid)
         self.result = ""
 
     def wait_until_ready(self) -> None:

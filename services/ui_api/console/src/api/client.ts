@@ -1,5 +1,6 @@
 // The one place that talks to the gateway. Everything else asks it through `queries.ts` and `actions.ts`.
 import createClient from "openapi-fetch";
+import { onSharedConnection } from "./connections";
 import { withRenewal } from "./renewal";
 import type { components, paths } from "./schema";
 
@@ -23,9 +24,16 @@ const ANSWER_WITHIN_MS = 60_000;
 
 async function sent(request: Request): Promise<Response> {
   const limit = AbortSignal.timeout(ANSWER_WITHIN_MS);
-  return await withRenewal(request, (again) =>
-    fetch(again, { signal: AbortSignal.any([again.signal, limit]), credentials: "same-origin" }),
-  );
+  return await withRenewal(request, (again) => {
+    const send = () =>
+      fetch(again, { signal: AbortSignal.any([again.signal, limit]), credentials: "same-origin" });
+    return keepsMotionGoing(again) ? send() : onSharedConnection(send);
+  });
+}
+
+/** A lease that waits for other requests would stop the robot. */
+function keepsMotionGoing(request: Request): boolean {
+  return request.method === "PUT" && new URL(request.url).pathname.endsWith("/lease");
 }
 
 export const gateway = createClient<paths>({

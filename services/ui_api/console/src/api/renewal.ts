@@ -1,5 +1,6 @@
 // Access ends every 15 minutes and with the gateway's process; the session goes on. A refresh token is good once, so
 // that tabs of one browser, which share it, must take turns.
+import { onSharedConnection } from "./connections";
 
 const REFRESH = "/api/v1/sessions/refresh";
 const ME = "/api/v1/users/me";
@@ -39,9 +40,11 @@ export function renewed(): Promise<boolean> {
 
 async function renewOnce(): Promise<boolean> {
   // Another tab may have renewed it while this one waited for its turn.
-  const known = await fetch(ME, { credentials: "same-origin" });
+  const known = await onSharedConnection(() => fetch(ME, { credentials: "same-origin" }));
   if (known.ok) return true;
-  const answer = await fetch(REFRESH, { method: "POST", credentials: "same-origin" });
+  const answer = await onSharedConnection(() =>
+    fetch(REFRESH, { method: "POST", credentials: "same-origin" }),
+  );
   return answer.ok;
 }
 

@@ -1,6 +1,7 @@
 // Pictures as grey values, decoded by the browser.
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
+import { onSharedConnection } from "../api/connections";
 import type { LiveFrame } from "../api/live";
 import { greyValues } from "./decoder";
 import { NewestFirst } from "./newestFirst";
@@ -27,6 +28,11 @@ export interface Wanted {
 
 const BYTE_VALUES = 256;
 const KEPT_MS = 120_000;
+/**
+ * After a live picture the page rests for as long as that took, so that a finger on the stop does not wait behind
+ * pictures where the processor draws them. Chosen: at 10 images/s none is passed over for it.
+ */
+const LONGEST_REST_MS = 60;
 
 /** A stored picture; while the wanted one comes, the one before. */
 export function usePixels(wanted: Wanted | null) {
@@ -45,7 +51,8 @@ export function usePixels(wanted: Wanted | null) {
 }
 
 async function fetchedPicture(wanted: Wanted, signal: AbortSignal): Promise<Blob> {
-  const response = await fetch(`/api/v1/images/${wanted.image}.png?view=${wanted.view}`, { signal });
+  const address = `/api/v1/images/${wanted.image}.png?view=${wanted.view}`;
+  const response = await onSharedConnection(() => fetch(address, { signal }));
   if (!response.ok) throw new Error(`status ${response.status}`);
   return await response.blob();
 }
@@ -55,9 +62,12 @@ export function useLivePixels(live: LiveFrame | null): Pixels | null {
   const [pixels, setPixels] = useState<Pixels | null>(null);
   const [line] = useState(
     () =>
-      new NewestFirst<{ readonly blob: Blob; readonly image: string }>(async ({ blob, image }) =>
-        setPixels(await pixelsOf(blob, image, "raw", false)),
-      ),
+      new NewestFirst<{ readonly blob: Blob; readonly image: string }>(async ({ blob, image }) => {
+        const began_ms = performance.now();
+        setPixels(await pixelsOf(blob, image, "raw", false));
+        await presented();
+        await forMs(Math.min(performance.now() - began_ms, LONGEST_REST_MS));
+      }),
   );
   const blob = live?.picture ?? null;
   const image = live?.pictureOf ?? null;
@@ -68,6 +78,15 @@ export function useLivePixels(live: LiveFrame | null): Pixels | null {
   }, [blob, image, line]);
   // One that was under way when the pictures ended is none of those that are wanted.
   return blob === null ? null : pixels;
+}
+
+/** The frame with what was set is drawn when the one after it begins. */
+function presented(): Promise<void> {
+  return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done())));
+}
+
+function forMs(ms: number): Promise<void> {
+  return new Promise((done) => setTimeout(done, ms));
 }
 
 async function pixelsOf(blob: Blob, image: string, view: PictureView, isReversed: boolean): Promise<Pixels> {
