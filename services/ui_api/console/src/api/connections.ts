@@ -21,7 +21,7 @@ export async function onSharedConnection(send: () => Promise<Response>): Promise
 }
 
 async function wholeAnswer(answer: Response): Promise<Response> {
-  const body = await answer.blob();
+  const body = await answer.arrayBuffer();
   const { status, statusText, headers } = answer;
   return new Response(WITHOUT_A_BODY.has(status) ? null : body, { status, statusText, headers });
 }
