@@ -69,15 +69,19 @@ def measure(site: OperatingRoom, images: int = IMAGES) -> Section:
         operator.open_case()
         operator.run_until(lambda one: (one.phase, one.next_action) == ("plan", "request_plan"))
         page.evaluate(_WATCH)
+        watched_from_ms = page.evaluate("performance.timeOrigin + performance.now()")
         (case,) = site.gateway.list_cases(status="open").items
         with _followed(site, case.id) as events:
             for _ in range(images):
                 _one(page, site)
             seen = page.evaluate("globalThis.seen")
         operator.abandon()
-    pictures = [seen["picture"][one] - at for one, at in events.images_ms.items() if one in seen["picture"]]
-    overlays = [seen["overlay"][one] - at for one, at in events.localisations_ms.items() if one in seen["overlay"]]
-    return section_of(pictures, overlays)
+
+    def after_ms(kind: str, recorded_ms: Mapping[str, float]) -> list[float]:
+        shown = seen[kind]
+        return [shown[one] - at for one, at in recorded_ms.items() if one in shown and at >= watched_from_ms]
+
+    return section_of(after_ms("picture", events.images_ms), after_ms("overlay", events.localisations_ms))
 
 
 def _one(page: Page, site: OperatingRoom) -> None:
@@ -104,10 +108,9 @@ def _followed(site: OperatingRoom, case_id: str) -> Iterator[GatewaysEvents]:
 
 def section_of(pictures_ms: list[float], overlays_ms: list[float]) -> Section:
     """Median, 95 % and worst of both."""
-    # The first events of the stream are of images from before.
     found = {
-        "image on record → picture on the screen": [ms for ms in pictures_ms if ms >= 0],
-        "localisation on record → overlay on the screen": [ms for ms in overlays_ms if ms >= 0],
+        "image on record → picture on the screen": pictures_ms,
+        "localisation on record → overlay on the screen": overlays_ms,
     }
     rows = []
     for name, values in found.items():
