@@ -99,7 +99,8 @@ class Hospital:
     """A site with its router and desk; rooms are added one by one. Use within an `ExitStack`."""
 
     def __init__(self, folder: Path, names: Sequence[str], stack: ExitStack, *, own_cores: bool) -> None:
-        self._folder, self._stack, self._own_cores = folder, stack, own_cores
+        self._folder, self._stack = folder, stack
+        self._cores = _cores_of_their_own(stack) if own_cores else None
         self.rooms: list[Room] = []
         # Its other end closes with this process, however that ends.
         self._lifeline, kept_open = os.pipe()
@@ -166,16 +167,18 @@ class Hospital:
             pass_fds=(self._lifeline,),
             env={**os.environ, PARENT_PIPE: str(self._lifeline)},
         )
-        if self._own_cores:
-            os.sched_setaffinity(process.pid, {core_of(measured=alone)})
+        if self._cores is not None:
+            os.sched_setaffinity(process.pid, {self._cores[0] if alone else self._cores[-1]})
         self._stack.callback(_ended, process)
         return process
 
 
-def core_of(*, measured: bool) -> int:
-    """The processor of the measured room, or that of everybody else."""
+def _cores_of_their_own(stack: ExitStack) -> list[int]:
+    """The measured room's processor, and last that of everybody else, on which this process stays: it is the desk."""
     cores = sorted(os.sched_getaffinity(0))
-    return cores[0] if measured else cores[-1]
+    os.sched_setaffinity(0, cores[-1:])
+    stack.callback(os.sched_setaffinity, 0, cores)
+    return cores
 
 
 def resident_mib(pid: int) -> float:
