@@ -27,8 +27,12 @@ async function sent(request: Request): Promise<Response> {
   return await withRenewal(request, (again) => {
     const send = () =>
       fetch(again, { signal: AbortSignal.any([again.signal, limit]), credentials: "same-origin" });
-    return keepsMotionGoing(again) ? send() : onSharedConnection(send);
+    return keepsMotionGoing(again) ? send() : onSharedConnection(send, isRobotsState(again));
   });
+}
+
+function isRobotsState(request: Request): boolean {
+  return request.method === "GET" && new URL(request.url).pathname === "/api/v1/robot";
 }
 
 /** A lease that waits for other requests would stop the robot. */

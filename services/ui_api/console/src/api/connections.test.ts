@@ -21,6 +21,26 @@ it("leaves connections of the browser's six for events, stop and lease, whatever
   expect(read).toEqual(asked.map((_, sent) => [`${sent}`, `"${sent}"`]));
 });
 
+it("lets what goes first go before what waits already", async () => {
+  const answers: ((answer: Response) => void)[] = [];
+  const sent: string[] = [];
+  const ask = (name: string, goesFirst = false) =>
+    onSharedConnection(() => {
+      sent.push(name);
+      return new Promise<Response>((answer) => answers.push(answer));
+    }, goesFirst);
+  const under_way = Array.from({ length: SHARED_CONNECTIONS }, () => ask("under way"));
+  const others = [ask("waits"), ask("state", true)];
+  answers[0]?.(new Response(""));
+  await settled();
+  expect(sent.slice(SHARED_CONNECTIONS)).toEqual(["state"]);
+  for (let i = 1; i < under_way.length + others.length; i++) {
+    answers[i]?.(new Response(""));
+    await settled();
+  }
+  await Promise.all([...under_way, ...others]);
+});
+
 it("gives the connection back when a request fails, and takes an answer without a body", async () => {
   for (let i = 0; i <= SHARED_CONNECTIONS; i++)
     await expect(onSharedConnection(() => Promise.reject(new Error("gone")))).rejects.toThrow("gone");

@@ -7,10 +7,17 @@ const WITHOUT_A_BODY: ReadonlySet<number> = new Set([204, 205, 304]);
 let taken = 0;
 const waiting: (() => void)[] = [];
 
-/** Send when one of the shared connections is free. It is free again once the whole answer is here. */
-export async function onSharedConnection(send: () => Promise<Response>): Promise<Response> {
-  if (taken >= SHARED_CONNECTIONS) await new Promise<void>((turn) => waiting.push(turn));
-  else taken++;
+/**
+ * Send when one of the shared connections is free. It is free again once the whole answer is here.
+ *
+ * `goesFirst`: before all that wait already, as the robot's state, by which the page knows whether it is live.
+ */
+export async function onSharedConnection(
+  send: () => Promise<Response>,
+  goesFirst = false,
+): Promise<Response> {
+  if (taken < SHARED_CONNECTIONS) taken++;
+  else await new Promise<void>((turn) => (goesFirst ? waiting.unshift(turn) : waiting.push(turn)));
   try {
     return await wholeAnswer(await send());
   } finally {

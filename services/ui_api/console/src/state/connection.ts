@@ -3,7 +3,7 @@
 export type Connection = "live" | "lost";
 
 /** Chosen: the gateway is asked four times a second; that it is gone must be said within 2 s. */
-export const LOST_AFTER_MS = 1_300;
+export const LOST_AFTER_MS = 1_100;
 
 export interface Answers {
   /** When the newest answer came, by the page's monotonic clock; null before the first. */
