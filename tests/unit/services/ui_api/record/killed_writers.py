@@ -40,7 +40,7 @@ def _write_until(url: str, point: int, acknowledge: int) -> None:
         unit.append(_EVENT)
         unit.put_document(f"{time.time_ns()}".encode())
         unit.append(_EVENT)
-        unit.remember(f"key-{point}", "a" * 64, Answer(201, "{}", {}))
+        unit.remember(f"of-the-killed-{point}", "a" * 64, Answer(201, "{}", {}))
         unit.after_commit(reach)
     os.write(acknowledge, b"..")
 
