@@ -75,7 +75,7 @@ class Incoming:
 
     @property
     def client_waits_to_go_on(self) -> bool:
-        """Whether the client sends its body only when it is told to (`100 Continue`)."""
+        """Whether the client sends its body only after `100 Continue`."""
         return self._parser is not None and self._parser.they_are_waiting_for_100_continue
 
     def body_pieces(self) -> Iterator[bytes]:
