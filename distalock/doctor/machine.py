@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from distalock.doctor.finding import Finding, attention, unknown, well, wrong
-from shared.bus.shared_memory import MemoryLimits, shared_memory_shortage
+from shared.bus.shared_memory import MemoryLimits, pool_bytes, shared_memory_shortage
 from shared.runtime.impairments import lack_of_space
 from shared.runtime.settings import ServiceSettings
 from shared.scheduling import has_precedence, precedence
@@ -115,7 +115,8 @@ def _handles(machine: Machine) -> Finding:
 def _shared_memory(machine: Machine) -> Finding:
     shortage = shared_memory_shortage(machine.locked)
     if shortage is None:
-        return well("shared memory", "frames go by shared memory")
+        pool_mib = pool_bytes(machine.locked) / 2**20
+        return well("shared memory", f"frames go by shared memory, from a pool of {pool_mib:g} MiB")
     measured, _, remedy = shortage.partition("; ")
     return attention("shared memory", measured, remedy)
 

@@ -59,6 +59,7 @@ def pump(channel: Channel[T], handle: Callable[[T], None], name: str) -> threadi
                 handle(item)
             except Exception as error:  # noqa: BLE001 - the border of a task
                 report_error(f"bus handler of '{name}'", error)
+            del item  # or it would keep its place in shared memory until the next one comes
 
     thread = supervised_thread(f"bus {name}", run)
     thread.start()

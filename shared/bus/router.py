@@ -26,6 +26,7 @@ from shared.bus.access_rules import access_control
 from shared.bus.keys import Keys
 from shared.bus.refusal_watch import captured_log, watched
 from shared.bus.router_log import NEEDED_TARGETS
+from shared.bus.shared_memory import unlock_pools
 from shared.bus.site import require_room_names, site_clients, site_refusals_key, site_table
 from shared.bus.tls import PLAIN_BUS_WARNING, SCHEME, TlsFiles
 from shared.errors import ConfigurationError
@@ -36,6 +37,8 @@ from shared.threads import faults_go_to
 
 # The services end first; the robot's locks the hexapod and says so.
 LINGER_S: Final = 5.0
+# No sender of frames starts twice within it.
+_UNLOCK_EVERY_S: Final = 0.5
 DEFAULT_CONFIG = Path(__file__).with_name("router.json5")
 _ERRORS: Final = "error"
 _RUST_LOG: Final = "RUST_LOG"
@@ -203,7 +206,7 @@ def _run_plain(config: zenoh.Config, stop: threading.Event) -> None:
     print(f"router: warning: {PLAIN_BUS_WARNING}", file=sys.stderr)  # noqa: T201 - for the terminal
     zenoh.init_log_from_env_or(_ERRORS)
     with running_router(config):
-        stop.wait()
+        _wait(stop)
 
 
 def _run_watched(config: zenoh.Config, protection: Protection, stop: threading.Event) -> None:
@@ -216,7 +219,14 @@ def _run_watched(config: zenoh.Config, protection: Protection, stop: threading.E
         running_router(config) as session,
         watched(log, str(session.info.zid()), lambda message: session.put(key, message), protection.clients),
     ):
-        stop.wait()
+        _wait(stop)
+
+
+def _wait(stop: threading.Event) -> None:
+    """Wait for the end; what Zenoh has mapped until then is unlocked."""
+    unlock_pools()
+    while not stop.wait(_UNLOCK_EVERY_S):
+        unlock_pools()
 
 
 def _parser() -> OneLineParser:

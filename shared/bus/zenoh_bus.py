@@ -17,11 +17,12 @@ from weakref import WeakSet
 import zenoh
 
 from shared.bus.declarations import Channel, Declared, pump
+from shared.bus.frame_pool import FramePool
 from shared.bus.liveliness import AliveView
 from shared.bus.port import Answer, Query, QueryHandler, Sample
 from shared.bus.replies import answered, error_text, no_answer, no_reply_in_time, outcome_of, replied_with_error
 from shared.bus.settings import BusSettings as BusSettings
-from shared.bus.shared_memory import POOL_BYTES
+from shared.bus.shared_memory import unlock_pools
 from shared.bus.tls import TlsFiles
 from shared.errors import BusUnavailable
 from shared.tracing import current_traceparent
@@ -31,8 +32,6 @@ _LEASE_MS = 1000
 # Chosen: a router that restarts is found within a second.
 _RECONNECT_FIRST_MS = 100
 _RECONNECT_MOST_MS = 1000
-# Frames go by shared memory; below it, copying costs less than a segment.
-_SHARED_MEMORY_FROM_BYTES = 64 * 1024
 # With Zenoh's own 1 ms and 50 ms, one in twelve first frames of 4 MB was lost, and on a busy machine one in four with
 # 200 ms. The wait must stay well below the lease: meanwhile the router does not read from the publisher.
 _WAIT_BEFORE_DROP_US = 20_000
@@ -46,6 +45,9 @@ _TOKEN_DEPTH = 1024
 # They end at once when nothing hangs in a handler; a service that leaves is ended by force after 10 s.
 _PUMP_ENDS_WITHIN_S = 1.0
 _TIMEOUT_TEXT = "Timeout"
+
+# What is retained stays in a cache, and would keep its place in a pool.
+_NO_POOL = FramePool(0)
 
 T = TypeVar("T")
 
@@ -66,7 +68,7 @@ def open_bus(settings: BusSettings) -> "ZenohBus":
     deadline = time.monotonic() + settings.open_timeout_s
     while True:
         try:
-            return ZenohBus(zenoh.open(client_config(settings)))
+            session = zenoh.open(client_config(settings))
         except zenoh.ZError as error:
             if time.monotonic() + _OPEN_AGAIN_AFTER_S > deadline:
                 raise BusUnavailable(
@@ -74,6 +76,9 @@ def open_bus(settings: BusSettings) -> "ZenohBus":
                     "start the router (python -m shared.bus.router), or correct the endpoint or the certificates "
                     "(distalock pki show)"
                 ) from error
+        else:
+            unlock_pools()
+            return ZenohBus(session)
         time.sleep(_OPEN_AGAIN_AFTER_S)
 
 
@@ -96,9 +101,7 @@ def client_config(settings: BusSettings) -> zenoh.Config:
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": _WAIT_BEFORE_DROP_US,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": _FRAGMENTS_WAIT_US,
         "transport/shared_memory/mode": "init",
-        "transport/shared_memory/transport_optimization/pool_size": POOL_BYTES,
-        "transport/shared_memory/transport_optimization/message_size_threshold": _SHARED_MEMORY_FROM_BYTES,
-        "transport/shared_memory/transport_optimization/messages": ["put"],
+        "transport/shared_memory/transport_optimization/enabled": False,  # see `frame_pool`
         **(_tls_values(settings.tls) if settings.tls is not None else {}),
     }
     for key, value in values.items():
@@ -118,13 +121,21 @@ def _tls_values(files: TlsFiles) -> dict[str, object]:
 
 
 class _Publisher(Declared):
-    def __init__(self, publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher, kept: set[Declared]) -> None:
+    """Publishes by shared memory what is large, when it is given a pool."""
+
+    def __init__(
+        self,
+        publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher,
+        kept: set[Declared],
+        pool: FramePool = _NO_POOL,
+    ) -> None:
         super().__init__(publisher, kept)
         self._publisher = publisher
+        self._pool = pool
 
     def put(self, payload: bytes, attachment: bytes = b"") -> None:
         try:
-            self._publisher.put(payload, attachment=attachment)
+            self._publisher.put(self._pool.placed(payload), attachment=attachment)
         except zenoh.ZError as error:
             raise BusUnavailable(f"'{self._publisher.key_expr}' cannot be published: {error}") from error
 
@@ -135,6 +146,7 @@ class ZenohBus:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._kept: set[Declared] = set()
+        self._pool = FramePool.of_this_process()
         self._pumps: WeakSet[threading.Thread] = WeakSet()  # those that still run
         self._views: list[AliveView] = []
         links = session.info.declare_transport_events_listener(zenoh.handlers.RingChannel(_TOKEN_DEPTH))
@@ -143,7 +155,7 @@ class ZenohBus:
     def publisher(self, key: str) -> _Publisher:
         """See `Bus`."""
         publisher = self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP, express=True)
-        return _Publisher(publisher, self._kept)
+        return _Publisher(publisher, self._kept, self._pool)
 
     def retained_publisher(self, key: str) -> _Publisher:
         """See `Bus`."""
@@ -264,6 +276,8 @@ def _text(value: zenoh.ZBytes | None) -> str:
 def _sample(sample: zenoh.Sample) -> Sample:
     payload = sample.payload
     shared = payload.as_shm() is not None
+    if shared:
+        unlock_pools()  # the sender's may have been mapped for this sample
     return Sample(str(sample.key_expr), payload.to_bytes(), _bytes(sample.attachment), by_shared_memory=shared)
 
 

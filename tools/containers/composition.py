@@ -14,7 +14,7 @@ from typing import Final
 from distalock.processes import free_ports
 from distalock.readiness import Server
 from distalock.version import revision
-from shared.bus.shared_memory import LOCKED_BYTES
+from shared.bus.shared_memory import LOCKED_BYTES, MemoryLimits, pool_bytes
 from shared.errors import ConfigurationError
 from tools.containers.base_image import BASE_VARIABLE, base_image
 
@@ -44,9 +44,15 @@ def limits_of_docker(image: str) -> Mapping[str, str]:
     wanted = ["--ulimit", f"memlock={LOCKED_BYTES}", "--ulimit", "rtprio=1"]
     if _runs(*wanted, image):
         return {}
-    print("docker may raise neither locked memory nor real-time scheduling here: frames go by TCP", flush=True)
     said = subprocess.run(_run_words("", image, "sh", "-c", "ulimit -Hl"), check=True, capture_output=True, text=True)
-    return {"DISTALOCK_MEMLOCK": str(int(said.stdout) * 1024), "DISTALOCK_RTPRIO": "0"}
+    lockable_bytes = int(said.stdout) * 1024
+    pool_mib = pool_bytes(MemoryLimits(lockable_bytes, 0)) / 2**20
+    print(
+        "docker may raise neither locked memory nor real-time scheduling here: "
+        + (f"frames go by a pool of {pool_mib:g} MiB" if pool_mib else "frames go by TCP"),
+        flush=True,
+    )
+    return {"DISTALOCK_MEMLOCK": str(lockable_bytes), "DISTALOCK_RTPRIO": "0"}
 
 
 def _runs(*words: str) -> bool:

@@ -71,6 +71,11 @@ class RouterProcess:
         with open_bus(BusSettings(self.endpoint, PATIENCE_S)):
             pass
 
+    @property
+    def pid(self) -> int:
+        assert self._process is not None
+        return self._process.pid
+
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)
         self.wait()

@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 
 from shared.bus.access import EXPORTER
-from shared.bus.shared_memory import LOCKED_BYTES, POOL_BYTES
+from shared.bus.shared_memory import LOCKED_BYTES, MOST_POOL_BYTES
 from shared.messages.presence import ServiceName
 from shared.pki.keystore import NAMES
 from shared.pki.network import NETWORK
@@ -92,7 +92,7 @@ def test_containers_may_lock_the_pool_of_frames_and_share_its_memory() -> None:
         assert "frames:/dev/shm:nocopy" in block_of(service)  # a copy would take the mode of the image's folder
     (size_mib,) = re.findall(r"size=(\d+)m,mode=1777,nosuid", TEXT)
     sessions = len(NAMES)  # the gateway has two, the exporter none
-    assert int(size_mib) * 2**20 >= (sessions + 1) * POOL_BYTES
+    assert int(size_mib) * 2**20 >= (sessions + 1) * MOST_POOL_BYTES
 
 
 def test_each_volume_is_mounted_where_the_image_has_a_folder_of_its_user() -> None:

@@ -35,7 +35,7 @@ def test_a_good_machine_is_well() -> None:
         ({"processors": 1}, "processors", Verdict.ATTENTION, "two"),
         ({"memory_mib": 1024.0}, "memory", Verdict.ATTENTION, "add memory"),
         ({"handles": 1024}, "handles", Verdict.ATTENTION, "LimitNOFILE"),
-        ({"locked": MemoryLimits(8 * 2**20, 2**30)}, "shared memory", Verdict.ATTENTION, "LimitMEMLOCK"),
+        ({"locked": MemoryLimits(2**16, 2**30)}, "shared memory", Verdict.ATTENTION, "LimitMEMLOCK"),
         ({"real_time": False}, "real time", Verdict.ATTENTION, "rtprio"),
         ({"synchronised": False}, "clock", Verdict.ATTENTION, "chrony"),
         ({"synchronised": None}, "clock", Verdict.UNKNOWN, ""),
