@@ -14,15 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-_MIB: Final = 2**20
 # Mapping the pool delays the first frame: 55 ms with 32 MiB, 200-340 ms with 64 MiB (and then some are lost).
-MOST_POOL_BYTES: Final = 32 * _MIB
+MOST_POOL_BYTES: Final = 32 * 2**20
 # An image of 1024 x 1024 pixels has 4 MiB.
-LEAST_POOL_BYTES: Final = 9 * _MIB // 2
+LEAST_POOL_BYTES: Final = 9 * 2**19
 # Zenoh's list of what is in a pool, which is locked beside it: 1.3 MiB were seen.
-_LISTED_BYTES: Final = 3 * _MIB // 2
+_LISTED_BYTES: Final = 3 * 2**19
 # What the largest pool takes.
 LOCKED_BYTES: Final = MOST_POOL_BYTES + _LISTED_BYTES
+# Bytes in a MiB.
+_MIB: Final = 2**20
 _FOLDER: Final = Path("/dev/shm")  # noqa: S108 - the system's place for shared memory, not a temporary file
 _CAPABILITY_IPC_LOCK: Final = 1 << 14
 _LIBC: Final = ctypes.CDLL(None)

@@ -13,7 +13,7 @@ from shared.runtime.presence import StatusReporter
 
 KEYS = Keys("or1")
 ENOUGH = MemoryLimits(None, 2**40)
-TOO_LITTLE = MemoryLimits(8 * 2**20, 2**40)
+TOO_LITTLE = MemoryLimits(5 * 2**20, 2**40)
 TLS, TCP = "tls/127.0.0.1:7447", "tcp/127.0.0.1:7447"
 
 
@@ -56,7 +56,7 @@ def test_frames_that_go_by_tcp_are_warned_of_and_stay_in_the_status_of_a_service
     said, status = checked(service, TLS, TOO_LITTLE)
     assert said == ["no shared memory"]
     assert status.condition == "ready"
-    assert status.detail.startswith("frames go by TCP: 8 MiB")
+    assert status.detail.startswith("frames go by TCP: 5 MiB")
 
 
 def test_the_robot_has_nothing_to_do_with_frames() -> None:
