@@ -27,6 +27,10 @@ _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_ob
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
 _PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
 _CURVED: Final = fitted("`distalock bench processing --seeds fit`: local contrast, monitor chain (decision 0045)")
+_CURVE_LEFT: Final = fitted(
+    "`distalock bench processing --kind local_contrast --kind monitor_chain --seeds fit --skip 100 --count 12` "
+    "(decision 0045)"
+)
 _TOLERANCE: Final = physical("manufacturing tolerance, assumed")
 _ABANDONED: Final = fitted("65 abandoned fits, 30 scenes, `python -m benchmarks.accuracy.capture`: up to 4 occurred")
 _KEPT: Final = fitted("7 seeded scenes: the fit ends 0.03 standard deviations away at most (docs/nail-likelihood.md)")
@@ -292,7 +296,11 @@ class AgreementOfParts:
 class DisplayCurveFit:
     """The display's curve by place (`core/nail/display_curve.py`); steps are those from metal to background."""
 
-    least_error_ratio: float = tuned(1.5, "times", "disagreement of parts from which it is estimated", _CURVED)
+    evident_share: float = tuned(
+        0.2, "1", "share of the edges' residuals that the first curve explains where a display has one", _CURVE_LEFT
+    )
+    turn_deg: float = tuned(4.5, "°", "turn of the nail by a curve that changes by the levels' range", _CURVE_LEFT)
+    least_error_ratio: float = tuned(1.5, "times", "disagreement of parts from which it is undone", _CURVED)
     least_explained_share: float = tuned(
         0.4, "1", "share of the edges' residuals that the first curve must explain", _CURVED
     )

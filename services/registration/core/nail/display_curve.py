@@ -31,6 +31,12 @@ class DisplayCurve:
     reach_px: float
     explained_share: float  # of the squared differences between edges as shown and as expected
 
+    @property
+    def change(self) -> float:
+        """By how much corrections change with the place, over the range of the levels: rms over the levels."""
+        by_level = np.sum(self.corrections[1:] ** 2, axis=0)
+        return float(np.sqrt(by_level.mean()) / np.ptp(self.levels))
+
     def undone(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
         """An image, shape (rows, columns), without the curve; far from the nail as at the end of the curve's place."""
         columns, rows = (np.arange(count, dtype=np.float64) for count in pixels.shape[::-1])

@@ -149,11 +149,22 @@ class Agreement:
 
     def _turned(self, nail: NailPart) -> NDArray[np.float64]:
         """Covariance by turns across the holes' axes through their middle, shape (6, 6): by processing, and of each."""
-        s, across = AGREEMENT_OF_PARTS, across_holes(nail)
+        s = AGREEMENT_OF_PARTS
         share = max(1.0 - s.processed_from / self.variance_ratio, 0.0)
-        square = share * np.radians(s.processed_sd_deg) ** 2 * np.eye(2) + self.between_holes
-        turns = np.hstack([across, -np.cross(across, hole_midpoints_mm(nail).mean(axis=0))])
-        return np.asarray(turns.T @ square @ turns)
+        return covariance_of_turns(nail, share * np.radians(s.processed_sd_deg) ** 2 * np.eye(2) + self.between_holes)
+
+
+def covariance_of_turns(nail: NailPart, square: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of the nail's small motion, shape (6, 6), by turns across the holes' axes through their middle.
+
+    Parameters
+    ----------
+    square
+        Mean square of the turns about the two directions across the holes, in rad², shape (2, 2).
+    """
+    across = across_holes(nail)
+    turns = np.hstack([across, -np.cross(across, hole_midpoints_mm(nail).mean(axis=0))])
+    return np.asarray(turns.T @ square @ turns)
 
 
 def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) -> Agreement:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.acceptance.image import fit_reasons
 from services.registration.core.nail.display_curve import display_curve_of
+from services.registration.core.nail.evidence import covariance_of_turns
 from services.registration.core.nail.forward_model import model_at
 from services.registration.core.nail.image_fit import FitEnd, ImageFit, NailFit, fit_image
 from services.registration.core.nail.least_squares import (
@@ -41,18 +42,18 @@ def fit_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[Na
     Accepted[NailFit] or Rejected
         Rejected as `hole_not_visible`, `nail_model_mismatch` or `mirror_ambiguous`.
     """
-    as_shown = fit_image(fit_input, start)
-    found = _without_display_curve(fit_input, as_shown)
+    first = fit_image(fit_input, start)
+    found = _without_display_curve(fit_input, first)
     if _is_refused(found):
-        _, found = _fitted_without_foreign_objects(fit_input, start, as_shown)
+        first = found = _fitted_without_foreign_objects(fit_input, start, first)[1]
     if _is_refused(found):
         seen = _seen_from_the_holes(fit_input, start)
         again = None if seen is None else _beside_objects(_fitted_without_foreign_objects(*seen)[1])
-        found = found if again is None or isinstance(again, Rejected) else again
+        first = found = found if again is None or isinstance(again, Rejected) else again
     if isinstance(found, Rejected):
         return found
     reasons = fit_reasons(found.fit.evidence)
-    return Rejected(reasons) if reasons else Accepted(found.fit)
+    return Rejected(reasons) if reasons else Accepted(_grown_by_curve(fit_input, first, found))
 
 
 def _is_refused(found: ImageFit | Rejected) -> bool:
@@ -74,6 +75,21 @@ def _without_display_curve(fit_input: FitInput, as_shown: ImageFit | Rejected) -
         if _disagreement(found) < largest:
             best = found
     return best
+
+
+def _grown_by_curve(fit_input: FitInput, first: ImageFit | Rejected, found: ImageFit) -> NailFit:
+    """The fit that was found, its errors grown by the display's curve that is left, where the first fit shows one.
+
+    A curve that turns all parts alike makes none of them disagree, and one that was undone may have been the wrong one.
+    """
+    if isinstance(first, Rejected):
+        first = found
+    shown = display_curve_of(first.end.solution.linear, fit_input.pixels)
+    if shown.explained_share < DISPLAY_CURVE.evident_share:
+        return found.fit
+    left = shown if found is first else display_curve_of(found.end.solution.linear, fit_input.pixels)
+    square = np.radians(DISPLAY_CURVE.turn_deg * left.change) ** 2 * np.eye(2)
+    return replace(found.fit, errors=found.fit.errors.with_more(covariance_of_turns(fit_input.nail, square)))
 
 
 def _disagreement(found: ImageFit | Rejected) -> float:
@@ -144,8 +160,9 @@ def _hides_more(one: FitInput, other: FitInput) -> bool:
 
 def measure_nail(fit_input: FitInput, start: Transform[Camera, Nail]) -> Accepted[NailFit] | Rejected:
     """The same without acceptance criteria; rejected only when the holes are not in the image."""
-    found = _without_display_curve(fit_input, fit_image(fit_input, start))
-    return found if isinstance(found, Rejected) else Accepted(found.fit)
+    first = fit_image(fit_input, start)
+    found = _without_display_curve(fit_input, first)
+    return found if isinstance(found, Rejected) else Accepted(_grown_by_curve(fit_input, first, found))
 
 
 def _without_foreign_objects(fit_input: FitInput, end: FitEnd) -> FitInput | None:
