@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.robustness.bent_nail import Bend, bent_truths, with_bent_nail, with_tip
 from benchmarks.robustness.command import RobustnessBench, run_bench
 from benchmarks.robustness.kinds import Kind, first_line, rendered_kind
-from benchmarks.robustness.scene import Drawn, RobustScene, generator_of, rendered, scene_of_shot
+from benchmarks.robustness.scene import BESIDE_FILE_MM, Drawn, RobustScene, generator_of, rendered, scene_of_shot
 from benchmarks.scenes.changed_parts import with_holes, with_nail_holes
 from benchmarks.scenes.random_scenes import scene_of_seed
 from shared.geometry.lines import Line
@@ -54,7 +54,7 @@ def hole_spacing(kind: str, seed: int) -> RobustScene:
         shift = 0.5 * off_mm * np.sign(axis.point_mm[0])
         return Line(axis.point_mm + np.array([shift, 0.0, 0.0]), axis.direction)
 
-    return _straight_scene(kind, with_nail_holes(scenario, moved), {"off_mm": off_mm})
+    return _straight_scene(kind, with_nail_holes(scenario, moved), {"off_mm": off_mm, BESIDE_FILE_MM: abs(off_mm)})
 
 
 def tilted_holes(kind: str, seed: int) -> RobustScene:
@@ -90,7 +90,7 @@ def oblong_slot(kind: str, seed: int) -> RobustScene:
     """The proximal hole 2 to 6 mm longer along the nail than the file says; its axis is that of the slot's middle."""
     longer_mm, scenario = float(generator_of(kind, seed).uniform(2.0, 6.0)), scene_of_seed(seed)
     changed = with_holes(scenario, _with_proximal_slot(scenario.parts.nail.holes, longer_mm))
-    return _straight_scene(kind, changed, {"longer_mm": longer_mm})
+    return _straight_scene(kind, changed, {"longer_mm": longer_mm, BESIDE_FILE_MM: longer_mm})
 
 
 def oblong_holes(kind: str, seed: int) -> RobustScene:
@@ -104,7 +104,7 @@ def oblong_holes(kind: str, seed: int) -> RobustScene:
 def slot_in_file(kind: str, seed: int) -> RobustScene:
     """Round holes, of which the file says that the proximal one is a slot, 2 to 6 mm longer than wide."""
     longer_mm, scenario = float(generator_of(kind, seed).uniform(2.0, 6.0)), scene_of_seed(seed)
-    scene = _straight_scene(kind, scenario, {"longer_mm": longer_mm})
+    scene = _straight_scene(kind, scenario, {"longer_mm": longer_mm, BESIDE_FILE_MM: longer_mm})
     return replace(scene, filed_holes=_with_proximal_slot(scenario.parts.nail.holes, longer_mm))
 
 

@@ -22,8 +22,9 @@ through what displays, C-arms and operating rooms do. Parameters of each kind ar
 own true axis. The columns:
 
 - *wrong*: accepted with an axis more than 1.5° or 1 mm (at the entry) off.
-- *usable*: scenes whose control, the same seed without the kind, is accepted, and where a foreign object covers at most
-  half of each hole next to its rim; how many of these are accepted, and how many of those are within 0.6° and 0.2 mm.
+- *usable*: scenes whose control, the same seed without the kind, is accepted, where a foreign object covers at most
+  half of each hole next to its rim, and where the holes lie as filed within 0.2 mm (others are to be refused); how many
+  of these are accepted, and how many of those are within 0.6° and 0.2 mm.
 - *entry*, *axis*: median / 95 % / worst of the worse hole, accepted scenes.
 - *normalised*: error over its predicted rms, as rms over all holes of accepted scenes (entry, axis).
 - *> 4*: accepted scenes with an error beyond four times its predicted rms.

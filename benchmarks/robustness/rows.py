@@ -11,10 +11,12 @@ import numpy as np
 from benchmarks.baselines.methods import LARGEST_AXIS_ERROR_DEG, LARGEST_ENTRY_ERROR_MM, run_model
 from benchmarks.common.statistics import Quantiles, quantiles, root_mean_square
 from benchmarks.robustness.kinds import Kind
-from benchmarks.robustness.scene import COVERED, Drawn, ImageFolder, RobustScene
+from benchmarks.robustness.scene import BESIDE_FILE_MM, COVERED, Drawn, ImageFolder, RobustScene
 
 LARGEST_NORMALISED = 4.0
 LARGEST_COVERED = 0.5
+# A part that differs from its file by more is to be refused, not localised.
+LARGEST_BESIDE_FILE_MM = 0.2
 # A result within these is good enough to drill by.
 GOOD_ENTRY_MM, GOOD_AXIS_DEG = 0.2, 0.6
 
@@ -71,9 +73,11 @@ class Row:
 
     @property
     def usable(self) -> bool:
-        """Whether the same scene without the kind is accepted, and an object covers at most half of each hole's rim."""
+        """Whether a result is wanted: accepted without the kind, each rim at least half free, the nail as its file."""
+        if self.control or float(self.drawn.get(BESIDE_FILE_MM, 0.0)) > LARGEST_BESIDE_FILE_MM:
+            return False
         covered = [float(share) for name, share in self.drawn.items() if name.startswith(COVERED)]
-        return not self.control and max(covered, default=0.0) <= LARGEST_COVERED
+        return max(covered, default=0.0) <= LARGEST_COVERED
 
     @property
     def wrong(self) -> bool:

@@ -28,6 +28,8 @@ Drawn: TypeAlias = dict[str, int | float | str]
 Floats = NDArray[np.float64]
 # Beginning of the name, among the drawn parameters, of the share that an object covers of a hole.
 COVERED = "covered_"
+# By how much a hole's place or length differs from what the part file says, among the drawn parameters.
+BESIDE_FILE_MM = "beside_file_mm"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -296,13 +296,10 @@ class AgreementOfParts:
 class DisplayCurveFit:
     """The display's curve by place (`core/nail/display_curve.py`); steps are those from metal to background."""
 
-    evident_share: float = tuned(
-        0.2, "1", "share of the edges' residuals that the first curve explains where a display has one", _CURVE_LEFT
-    )
     turn_deg: float = tuned(4.5, "°", "turn of the nail by a curve that changes by the levels' range", _CURVE_LEFT)
     least_error_ratio: float = tuned(1.5, "times", "disagreement of parts from which it is undone", _CURVED)
     least_explained_share: float = tuned(
-        0.4, "1", "share of the edges' residuals that the first curve must explain", _CURVED
+        0.4, "1", "share of the edges' residuals that the curve explains where one is evident", _CURVED
     )
     remaining_share: float = tuned(0.8, "1", "largest share of it that is left where the curve is kept", _CURVED)
     largest_error_ratio: float = tuned(3.0, "times", "disagreement that may be left where the curve is kept", _CURVED)

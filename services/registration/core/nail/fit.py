@@ -85,7 +85,7 @@ def _grown_by_curve(fit_input: FitInput, first: ImageFit | Rejected, found: Imag
     if isinstance(first, Rejected):
         first = found
     shown = display_curve_of(first.end.solution.linear, fit_input.pixels)
-    if shown.explained_share < DISPLAY_CURVE.evident_share:
+    if shown.explained_share < DISPLAY_CURVE.least_explained_share:
         return found.fit
     left = shown if found is first else display_curve_of(found.end.solution.linear, fit_input.pixels)
     square = np.radians(DISPLAY_CURVE.turn_deg * left.change) ** 2 * np.eye(2)

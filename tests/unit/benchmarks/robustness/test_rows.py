@@ -56,3 +56,9 @@ def test_a_hole_that_is_mostly_covered_is_not_usable() -> None:
     )
     assert half.usable
     assert not more.usable
+
+
+def test_a_nail_that_is_not_as_filed_is_to_be_refused() -> None:
+    within, beyond = (replace(row(0.1), drawn={"off_mm": -off_mm, "beside_file_mm": off_mm}) for off_mm in (0.2, 0.21))
+    assert within.usable
+    assert not beyond.usable

@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from services.registration.core.nail import fit
-from services.registration.core.nail.display_curve import DisplayCurve
+from services.registration.core.nail.display_curve import DisplayCurve, display_curve_of
 from services.registration.core.nail.fit import measure_nail
 from services.registration.core.nail.image_fit import NailFit
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import DISPLAY_CURVE
-from shared.errors import Accepted
+from shared.errors import Accepted, Rejected
 from shared.geometry.lines import angle_between_rad
 from tests.unit.services.registration.rendered_case import CAMERA_FROM_NAIL, SIZE_PX, rendered_parts, turned_nail
 from tests.unit.services.registration.xray_scene import Scene, calibration, render
@@ -36,8 +36,12 @@ def with_local_contrast() -> NDArray[np.float32]:
     return np.asarray(shown, dtype=np.float32) / np.float32(255.0)
 
 
+def fit_input(pixels: NDArray[np.float32]) -> FitInput:
+    return FitInput(pixels, VIEW, PARTS.nail, Occluders(None, PARTS.ring))
+
+
 def fitted(pixels: NDArray[np.float32]) -> NailFit:
-    found = measure_nail(FitInput(pixels, VIEW, PARTS.nail, Occluders(None, PARTS.ring)), turned_nail((3.0, -1.5)))
+    found = measure_nail(fit_input(pixels), turned_nail((3.0, -1.5)))
     assert isinstance(found, Accepted)
     return found.value
 
@@ -61,6 +65,24 @@ def test_a_plain_image_is_fitted_as_it_is(monkeypatch: pytest.MonkeyPatch) -> No
     found = fitted(plain())
     monkeypatch.setattr(fit, "DISPLAY_CURVE", replace(DISPLAY_CURVE, most_rounds=0))
     assert np.array_equal(found.camera_from_nail.matrix, fitted(plain()).camera_from_nail.matrix)
+
+
+def test_a_curve_that_is_left_turns_the_nail_by_as_much_as_it_changes_with_the_place() -> None:
+    shown = fit_input(with_local_contrast())
+    first = fit.fit_image(shown, CAMERA_FROM_NAIL)
+    assert not isinstance(first, Rejected)
+    curve = display_curve_of(first.end.solution.linear, shown.pixels)
+    grown = fit._grown_by_curve(shown, first, first).errors.covariance - first.fit.errors.covariance
+    assert np.sqrt(np.diag(grown)[:2]) == pytest.approx(np.radians(DISPLAY_CURVE.turn_deg * curve.change), rel=1e-6)
+    assert curve.change > 0.01
+
+
+def test_how_much_a_curve_changes_is_a_share_of_its_levels_range() -> None:
+    corrections = np.zeros((6, 2))
+    corrections[0] = 7.0
+    corrections[2], corrections[4] = (0.3, 0.0), (0.4, 0.5)
+    curve = DisplayCurve(np.array([1.0, 3.0]), corrections, np.zeros(2), 10.0, 1.0)
+    assert curve.change == pytest.approx(0.25)
 
 
 def test_what_is_undone_depends_on_grey_value_and_place() -> None:
