@@ -30,7 +30,7 @@ from shared.arguments import OneLineParser
 IMAGES: Final = ROOT / "docs" / "images"
 LOOKS: Final = ROOT / "tests" / "e2e" / "looks"
 LANGUAGES: Final = ("de", "zh", "en")
-SCREENS: Final = (Screen(1920, 1080), Screen(1280, 800))
+SCREENS: Final = (Screen(1920, 1080), Screen(1280, 800), Screen(3840, 2160))
 _SEED: Final = "2"
 _FRAME_PX: Final = (960, 600)
 _FRAME_MS: Final = 1_600
@@ -65,7 +65,7 @@ def _picture(page: Page) -> Image.Image:
 def take_pictures(arguments: Sequence[str]) -> int:
     """Take the pictures; exit code 0."""
     parser = OneLineParser(prog="python -m benchmarks.console.screenshots", description="pictures of the console")
-    parser.add_argument("--every", type=Path, help="folder for every state in every language and two sizes")
+    parser.add_argument("--every", type=Path, help="folder for every state in every language and three sizes")
     given: argparse.Namespace = parser.parse_args(list(arguments))
     with _signed_in_page() as (page, site):
         operator = ConsoleOperator(page, site.installation.token)

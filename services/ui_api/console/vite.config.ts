@@ -11,7 +11,7 @@ export default defineConfig({
     // The content security policy allows no inline code, and `data:` nowhere.
     modulePreload: { polyfill: false },
     assetsInlineLimit: 0,
-    // three.js is one file of its own; it is loaded after the page is there.
+    // three.js is in the file of the thread that draws the scene; it is loaded after the page is there.
     chunkSizeWarningLimit: 1200,
   },
   server: {

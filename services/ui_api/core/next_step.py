@@ -108,6 +108,11 @@ def _basis(*found: Basis) -> Callable[[Situation], bool]:
     return lambda s: s.progress.stage is Stage.POSITIONING and s.basis in found
 
 
+def _being_localised(s: Situation) -> bool:
+    """Whether the guide is in place and the newest image, taken there, has no localisation yet."""
+    return s.progress.stage is Stage.ALIGNED and s.progress.seen and s.basis in (Basis.NOTHING, Basis.STALE)
+
+
 _OUT = "{held}s are in the guide or the bone: take them out and record it, because the robot does not move before."
 _PHASE_AT_REST: Final[Mapping[Stage, Phase]] = {
     Stage.POSITIONING: Phase.SET_UP,
@@ -196,6 +201,12 @@ _ROBOT_FIRST: Final = (
         lambda s: s.progress.stage is Stage.VERIFIED and ObjectKind.WIRE in s.kinds_inside,
         Step.WIRES_REMOVED,
         "The wires are verified: take them out and record it, then drill through the guide.",
+    ),
+    NextStep(
+        Phase.VERIFICATION,
+        lambda s: _being_localised(s) and ObjectKind.WIRE in s.kinds_inside,
+        None,
+        "The newest image is being localised: wait, then verify the wires with it; or take one more.",
     ),
     NextStep(
         Phase.VERIFICATION,
@@ -305,6 +316,12 @@ _TO_THE_MOTION: Final = (
         _at(Stage.POSITIONING),
         Action.TAKE_IMAGE,
         "Take one image with ring, guide and both nail holes in view.",
+    ),
+    NextStep(
+        Phase.VERIFICATION,
+        _being_localised,
+        None,
+        "The newest image is being localised: wait, then verify the guide with it; or take one more.",
     ),
     NextStep(
         Phase.VERIFICATION,

@@ -1,6 +1,6 @@
 // The one place that talks to the gateway. Everything else asks it through `queries.ts` and `actions.ts`.
 import createClient from "openapi-fetch";
-import { onSharedConnection } from "./connections";
+import { type Lane, onConnection } from "./connections";
 import { withRenewal } from "./renewal";
 import type { components, paths } from "./schema";
 
@@ -25,19 +25,19 @@ const ANSWER_WITHIN_MS = 60_000;
 async function sent(request: Request): Promise<Response> {
   const limit = AbortSignal.timeout(ANSWER_WITHIN_MS);
   return await withRenewal(request, (again) => {
-    const send = () =>
-      fetch(again, { signal: AbortSignal.any([again.signal, limit]), credentials: "same-origin" });
-    return keepsMotionGoing(again) ? send() : onSharedConnection(send, isRobotsState(again));
+    const signal = AbortSignal.any([again.signal, limit]);
+    const send = () => fetch(again, { signal, credentials: "same-origin" });
+    const lane = laneOf(again);
+    return lane === null ? send() : onConnection(lane, send, signal);
   });
 }
 
-function isRobotsState(request: Request): boolean {
-  return request.method === "GET" && new URL(request.url).pathname === "/api/v1/robot";
-}
-
-/** A lease that waits for other requests would stop the robot. */
-function keepsMotionGoing(request: Request): boolean {
-  return request.method === "PUT" && new URL(request.url).pathname.endsWith("/lease");
+/** Null for a lease, which waits for nothing: without it the robot stops. */
+function laneOf({ method, url }: Request): Lane | null {
+  const { pathname } = new URL(url);
+  if (method === "PUT" && pathname.endsWith("/lease")) return null;
+  if (method === "GET" && pathname === "/api/v1/robot") return "state";
+  return method === "POST" && /\/(plans|verifications)$/.test(pathname) ? "long" : "usual";
 }
 
 export const gateway = createClient<paths>({

@@ -1,49 +1,85 @@
 import { expect, it } from "vitest";
-import { onSharedConnection, SHARED_CONNECTIONS } from "./connections";
+import { type Lane, onConnection } from "./connections";
+import { LocksOfPage } from "./tabs";
 
 const settled = () => new Promise((done) => setTimeout(done, 0));
 
-it("leaves connections of the browser's six for events, stop and lease, whatever else is asked", async () => {
-  const answers: ((answer: Response) => void)[] = [];
-  const asked = Array.from({ length: SHARED_CONNECTIONS + 2 }, () =>
-    onSharedConnection(() => new Promise<Response>((answer) => answers.push(answer))),
-  );
-  await settled();
-  expect(SHARED_CONNECTIONS).toBeLessThanOrEqual(3);
-  expect(answers).toHaveLength(SHARED_CONNECTIONS);
-  for (let sent = 0; sent < asked.length; sent++) {
-    answers[sent]?.(new Response(`${sent}`, { status: 200, headers: { etag: `"${sent}"` } }));
+/** Requests that are answered when the test says so. */
+class Gateway {
+  readonly sent: string[] = [];
+  private readonly answers = new Map<string, (answer: Response) => void>();
+  private readonly locks = new LocksOfPage();
+
+  ask(name: string, lane: Lane, signal?: AbortSignal): Promise<Response> {
+    const send = () => {
+      this.sent.push(name);
+      return new Promise<Response>((answer) => this.answers.set(name, answer));
+    };
+    return onConnection(lane, send, signal, this.locks);
+  }
+
+  async answer(name: string, answer = new Response(name)): Promise<void> {
+    this.answers.get(name)?.(answer);
     await settled();
   }
-  const read = await Promise.all(
-    asked.map(async (one) => [await (await one).text(), (await one).headers.get("etag")]),
-  );
-  expect(read).toEqual(asked.map((_, sent) => [`${sent}`, `"${sent}"`]));
+}
+
+it("leaves connections of the browser's six for events, stop and lease, whatever else is asked", async () => {
+  const gateway = new Gateway();
+  const asked = ["a", "b", "c"].map((name) => gateway.ask(name, "usual"));
+  const state = ["s", "t"].map((name) => gateway.ask(name, "state"));
+  await settled();
+  expect(gateway.sent.toSorted()).toEqual(["a", "b", "s"]);
+  await gateway.answer("a", new Response("a", { headers: { etag: '"7"' } }));
+  expect(gateway.sent).toContain("c");
+  await gateway.answer("s");
+  expect(gateway.sent).toContain("t");
+  for (const name of ["b", "c", "t"]) await gateway.answer(name);
+  expect(await Promise.all([...asked, ...state].map(async (one) => await (await one).text()))).toEqual([
+    "a",
+    "b",
+    "c",
+    "s",
+    "t",
+  ]);
+  expect((await asked[0])?.headers.get("etag")).toBe('"7"');
 });
 
-it("lets what goes first go before what waits already", async () => {
-  const answers: ((answer: Response) => void)[] = [];
-  const sent: string[] = [];
-  const ask = (name: string, goesFirst = false) =>
-    onSharedConnection(() => {
-      sent.push(name);
-      return new Promise<Response>((answer) => answers.push(answer));
-    }, goesFirst);
-  const under_way = Array.from({ length: SHARED_CONNECTIONS }, () => ask("under way"));
-  const others = [ask("waits"), ask("state", true)];
-  answers[0]?.(new Response(""));
+it("lets what is quick pass what takes seconds, however much of that is asked", async () => {
+  const gateway = new Gateway();
+  const long = ["plan", "verification"].map((name) => gateway.ask(name, "long"));
   await settled();
-  expect(sent.slice(SHARED_CONNECTIONS)).toEqual(["state"]);
-  for (let i = 1; i < under_way.length + others.length; i++) {
-    answers[i]?.(new Response(""));
-    await settled();
-  }
-  await Promise.all([...under_way, ...others]);
+  const quick = [gateway.ask("q", "usual")];
+  await settled();
+  expect(gateway.sent).toEqual(["plan", "q"]);
+  for (const name of ["plan", "verification", "q"]) await gateway.answer(name);
+  await Promise.all([...long, ...quick]);
 });
 
 it("gives the connection back when a request fails, and takes an answer without a body", async () => {
-  for (let i = 0; i <= SHARED_CONNECTIONS; i++)
-    await expect(onSharedConnection(() => Promise.reject(new Error("gone")))).rejects.toThrow("gone");
-  const answer = await onSharedConnection(() => Promise.resolve(new Response(null, { status: 204 })));
+  const locks = new LocksOfPage();
+  for (let i = 0; i < 3; i++)
+    await expect(
+      onConnection("state", () => Promise.reject(new Error("gone")), undefined, locks),
+    ).rejects.toThrow("gone");
+  const answer = await onConnection(
+    "state",
+    () => Promise.resolve(new Response(null, { status: 204 })),
+    undefined,
+    locks,
+  );
   expect(answer.status).toBe(204);
+});
+
+it("sends nothing for whoever has left while it waited", async () => {
+  const gateway = new Gateway();
+  const first = gateway.ask("first", "state");
+  const leaving = new AbortController();
+  const left = expect(gateway.ask("left", "state", leaving.signal)).rejects.toThrow("aborted");
+  await settled();
+  leaving.abort();
+  await gateway.answer("first");
+  await first;
+  await left;
+  expect(gateway.sent).toEqual(["first"]);
 });

@@ -1,29 +1,32 @@
-// A browser opens six connections to one machine, and with all of them taken a stop would wait for its turn. One is for
-// the stream of events, one for the stop, and one for the lease that keeps a motion going; all else shares three.
+// A browser opens six connections to one machine, for all of its tabs together, and with all of them taken a stop would
+// wait for its turn. One is for the stream of events, one for the stop, one for the lease that keeps a motion going and
+// one for the robot's state, by which the page knows whether it is live; all else shares two.
+import { firstFree, type Locks, locks } from "./tabs";
 
-export const SHARED_CONNECTIONS = 3;
+const SHARED = ["distalock connection 1", "distalock connection 2"] as const;
+const LANES = {
+  state: ["distalock connection of the robot's state"],
+  usual: SHARED,
+  /** For what takes seconds or comes in crowds: the other of the two stays free for what does not. */
+  long: [SHARED[0]],
+} as const;
+export type Lane = keyof typeof LANES;
+
 const WITHOUT_A_BODY: ReadonlySet<number> = new Set([204, 205, 304]);
+const NEVER = new AbortController().signal;
 
-let taken = 0;
-const waiting: (() => void)[] = [];
-
-/**
- * Send when one of the shared connections is free. It is free again once the whole answer is here.
- *
- * `goesFirst`: before all that wait already, as the robot's state, by which the page knows whether it is live.
- */
-export async function onSharedConnection(
+/** Send when a connection of that lane is free. It is free again once the whole answer is here. */
+export async function onConnection(
+  lane: Lane,
   send: () => Promise<Response>,
-  goesFirst = false,
+  signal: AbortSignal = NEVER,
+  of: Locks = locks,
 ): Promise<Response> {
-  if (taken < SHARED_CONNECTIONS) taken++;
-  else await new Promise<void>((turn) => (goesFirst ? waiting.unshift(turn) : waiting.push(turn)));
+  const giveBack = await firstFree(LANES[lane], signal, of);
   try {
     return await wholeAnswer(await send());
   } finally {
-    const next = waiting.shift();
-    if (next === undefined) taken--;
-    else next(); // takes over the place
+    giveBack();
   }
 }
 

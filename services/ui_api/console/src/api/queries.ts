@@ -1,7 +1,7 @@
 // What panels read. Events of the log say when something is out of date (`follow.ts`); only ages are asked for again.
 import { keepPreviousData, QueryCache, QueryClient, queryOptions, useQuery } from "@tanstack/react-query";
 import { ApiError, answered, content, gateway } from "./client";
-import type { CheckView, ReadCase, RobotSnapshot, TimelineEntry } from "./types";
+import type { CheckView, LocalisationView, ReadCase, RobotSnapshot, TimelineEntry } from "./types";
 
 /** Everything that an event of a case can change stands below this key. */
 export const CASE = "case";
@@ -136,6 +136,22 @@ export function drawingQuery(caseId: string, number: number) {
       ),
     staleTime: Number.POSITIVE_INFINITY,
   });
+}
+
+/**
+ * Read a localisation that has just come, and its drawing with it: the surgeon waits for both. It is the newest until
+ * all of the case is read anew.
+ */
+export async function readDrawn(client: QueryClient, caseId: string, number: number): Promise<void> {
+  void client.prefetchQuery({ ...drawingQuery(caseId, number), retry: false });
+  const read = await content(
+    gateway.GET("/api/v1/cases/{case_id}/localisations/{number}", {
+      params: { path: { case_id: caseId, number } },
+    }),
+  );
+  client.setQueryData<LocalisationView | null>([CASE, caseId, "newest localisation"], (known) =>
+    known && known.number > number ? known : read,
+  );
 }
 
 export function useNewestPlan(id: string | null) {

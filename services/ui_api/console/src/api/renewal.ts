@@ -1,6 +1,7 @@
 // Access ends every 15 minutes and with the gateway's process; the session goes on. A refresh token is good once, so
 // that tabs of one browser, which share it, must take turns.
-import { onSharedConnection } from "./connections";
+import { onConnection } from "./connections";
+import { locks } from "./tabs";
 
 const REFRESH = "/api/v1/sessions/refresh";
 const ME = "/api/v1/users/me";
@@ -40,16 +41,14 @@ export function renewed(): Promise<boolean> {
 
 async function renewOnce(): Promise<boolean> {
   // Another tab may have renewed it while this one waited for its turn.
-  const known = await onSharedConnection(() => fetch(ME, { credentials: "same-origin" }));
+  const known = await onConnection("usual", () => fetch(ME, { credentials: "same-origin" }));
   if (known.ok) return true;
-  const answer = await onSharedConnection(() =>
+  const answer = await onConnection("usual", () =>
     fetch(REFRESH, { method: "POST", credentials: "same-origin" }),
   );
   return answer.ok;
 }
 
 async function inTurn(act: () => Promise<boolean>): Promise<boolean> {
-  // Locks exist on pages that were loaded by HTTPS or from this machine.
-  const locks = globalThis.navigator?.locks as LockManager | undefined;
-  return locks === undefined ? await act() : await locks.request("distalock-renewal", act);
+  return await locks.request("distalock renewal", { signal: new AbortController().signal }, act);
 }

@@ -1,7 +1,7 @@
 // The virtual operating room, in a simulation only. The gateway passes its control API on.
 import { useQuery } from "@tanstack/react-query";
 import { ApiError, problemOf, type Schemas } from "./client";
-import { onSharedConnection } from "./connections";
+import { onConnection } from "./connections";
 import { withRenewal } from "./renewal";
 
 export interface RoomScenario {
@@ -55,7 +55,7 @@ async function asked<T>(method: string, path: string, body?: unknown): Promise<T
   });
   let answer: Response;
   try {
-    answer = await withRenewal(request, (again) => onSharedConnection(() => fetch(again)));
+    answer = await withRenewal(request, (again) => onConnection("usual", () => fetch(again)));
   } catch (error) {
     throw new ApiError(0, "no_answer", String(error));
   }

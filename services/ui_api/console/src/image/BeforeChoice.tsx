@@ -3,6 +3,7 @@ import { useTranslation } from "react-i18next";
 import type { ImageView } from "../api/types";
 import { ageText } from "./ages";
 import type { SettingsEvent } from "./settings";
+import Thumbnail, { pictureAddress } from "./Thumbnail";
 
 interface Props {
   readonly images: readonly ImageView[];
@@ -25,7 +26,7 @@ export default function BeforeChoice({ images, chosen, dispatch }: Props) {
           aria-pressed={image.id === chosen}
           onClick={() => dispatch({ kind: "before", image: image.id })}
         >
-          <img src={`/api/v1/images/${image.id}.png?view=raw&width=${THUMBNAIL_PX}`} alt="" />
+          <Thumbnail address={pictureAddress(image.id)} width_px={THUMBNAIL_PX} alt="" />
           {ageText(image.age_s)}
         </button>
       ))}

@@ -9,6 +9,14 @@ interface Painted {
 
 const painted = new WeakMap<Pixels, Painted>();
 
+let scratch: ImageData | null = null;
+
+/** For what is painted, one after another: 4 MB for each would be collected again and again. */
+function scratchOf({ width, height }: Pixels): ImageData {
+  if (scratch?.width !== width || scratch.height !== height) scratch = new ImageData(width, height);
+  return scratch;
+}
+
 /** Painted with this window and level; what was painted with another is painted over. */
 export function paintedPicture(pixels: Pixels, grey: Grey): OffscreenCanvas {
   const before = painted.get(pixels);
@@ -16,7 +24,7 @@ export function paintedPicture(pixels: Pixels, grey: Grey): OffscreenCanvas {
   const canvas = before?.canvas ?? new OffscreenCanvas(pixels.width, pixels.height);
   const context = canvas.getContext("2d", { alpha: false });
   if (context !== null) {
-    const shown = new ImageData(pixels.width, pixels.height);
+    const shown = scratchOf(pixels);
     shownPixels(pixels.values, lookUpTable(grey, pixels.levels), new Uint32Array(shown.data.buffer));
     context.putImageData(shown, 0, 0);
   }

@@ -1,7 +1,7 @@
 // Pictures as grey values, decoded by the browser.
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
-import { onSharedConnection } from "../api/connections";
+import { onConnection } from "../api/connections";
 import type { LiveFrame } from "../api/live";
 import { greyValues } from "./decoder";
 import { NewestFirst } from "./newestFirst";
@@ -52,7 +52,7 @@ export function usePixels(wanted: Wanted | null) {
 
 async function fetchedPicture(wanted: Wanted, signal: AbortSignal): Promise<Blob> {
   const address = `/api/v1/images/${wanted.image}.png?view=${wanted.view}`;
-  const response = await onSharedConnection(() => fetch(address, { signal }));
+  const response = await onConnection("usual", () => fetch(address, { signal }), signal);
   if (!response.ok) throw new Error(`status ${response.status}`);
   return await response.blob();
 }

@@ -3,6 +3,7 @@ import { useTranslation } from "react-i18next";
 import { act, useAct } from "../api/actions";
 import { useImages } from "../api/queries";
 import type { ReadCase } from "../api/types";
+import Thumbnail, { pictureAddress } from "../image/Thumbnail";
 import ProblemNote from "../state/ProblemNote";
 
 const SHOWN = 4;
@@ -40,7 +41,7 @@ export default function VerifyForm({ read }: { readonly read: ReadCase }) {
             aria-label={t("verify.image", { number: image.header?.sequence ?? "" })}
             onClick={() => toggle(image.id)}
           >
-            <img src={`/api/v1/images/${image.id}.png?view=raw&width=${THUMBNAIL_PX}`} alt="" />
+            <Thumbnail address={pictureAddress(image.id)} width_px={THUMBNAIL_PX} alt="" />
           </button>
         ))}
       </div>

@@ -1,6 +1,7 @@
 import { useTranslation } from "react-i18next";
 import { useCase, useQaReports, useTimeline, useVerifications } from "../api/queries";
 import type { TimelineEntry } from "../api/types";
+import Thumbnail from "../image/Thumbnail";
 import { useWhen } from "../languages/useWhen";
 import ProblemNote from "../state/ProblemNote";
 import { sentence } from "../state/sentence";
@@ -76,9 +77,9 @@ function Entry({ entry }: { readonly entry: TimelineEntry }) {
         <p className="hint">{entry.who}</p>
       </div>
       {entry.picture && (
-        <img
-          loading="lazy"
-          src={`${entry.picture}${entry.picture.includes("?") ? "&" : "?"}width=${THUMBNAIL_PX}`}
+        <Thumbnail
+          address={entry.picture}
+          width_px={THUMBNAIL_PX}
           alt={t("records.picture", { number: entry.sequence })}
         />
       )}

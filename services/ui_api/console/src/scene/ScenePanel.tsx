@@ -1,13 +1,15 @@
-import { Component, lazy, type ReactNode, Suspense, useCallback, useMemo, useState } from "react";
+import { Component, type ReactNode, useMemo, useState } from "react";
 import { useTranslation } from "react-i18next";
+import type { CaseView } from "../api/types";
 import type { ScenePanelProps } from "../panels";
+import type { NoPicture } from "./drawing";
 import GhostControls from "./GhostControls";
-import { findGraphics, type Graphics } from "./graphics";
 import Legend from "./Legend";
-import { leastSeconds, playedSeconds, poseAlong } from "./motion";
+import { leastSeconds, playedSeconds } from "./motion";
 import Numbers from "./Numbers";
 import { holeNumbers, nearestLeg } from "./numbers";
-import { type SceneModel, type Stance, sceneModel, stanceOf } from "./sceneModel";
+import SceneView from "./SceneView";
+import { type SceneModel, type Sources, sceneModel } from "./sceneModel";
 import { useSteadyState } from "./steady";
 import { useGhost } from "./useGhost";
 import { useParts } from "./useParts";
@@ -17,25 +19,25 @@ import ViewChoice, { viewName } from "./ViewChoice";
 import { directionsOf, isAlong } from "./views";
 import "./scene.css";
 
-const SceneView = lazy(() => import("./SceneView"));
 const USUAL_SOURCE_TO_DETECTOR_MM = 1000;
 
 /** Robot, guide, nail and C-arm in space, and the numbers that count beside them. */
 export default function ScenePanel(props: ScenePanelProps) {
   const { t } = useTranslation();
-  const { caseView, robot } = props;
+  const { caseView, robot, plan } = props;
   const parts = useParts(caseView);
   const localisation = useSeen(caseView, props.localisation);
   const state = useSteadyState(robot?.view.state ?? null);
-  const plan = props.plan;
-  const model = useMemo(
-    () => parts && sceneModel(parts, { caseView, robot: { state }, localisation, plan }),
-    [parts, caseView, state, localisation, plan],
+  const setUp = useSetUp(caseView);
+  const sources = useMemo(
+    () => ({ caseView: setUp, robot: { state }, localisation, plan }),
+    [setUp, state, localisation, plan],
   );
+  const model = useMemo(() => parts && sceneModel(parts, sources), [parts, sources]);
   if (model === null) return <p className="empty">{t("scene.loading")}</p>;
   return (
     <section className="scene" aria-label={t("scene.title")}>
-      <Space {...props} model={model} />
+      <Space {...props} model={model} sources={sources} />
       <Numbers
         holes={holeNumbers(model, { localisation, plan, verification: props.verification })}
         travel={model.motion && (plan?.plan ?? null)}
@@ -47,71 +49,66 @@ export default function ScenePanel(props: ScenePanelProps) {
   );
 }
 
-type SpaceProps = ScenePanelProps & { readonly model: SceneModel };
+/** What of a case is drawn; it is the same for as long as that is, though the case is read anew every 2 s. */
+function useSetUp({ side, bone, mount, head_extension_mm, drill_diameter_mm, revision }: CaseView) {
+  return useMemo(
+    () => ({ side, bone, mount, head_extension_mm, drill_diameter_mm, revision }),
+    [side, bone, mount, head_extension_mm, drill_diameter_mm, revision],
+  );
+}
+
+type SpaceProps = ScenePanelProps & { readonly model: SceneModel; readonly sources: Sources };
 
 /** The picture with its controls, or the sentence why there is none. */
 function Space(props: SpaceProps) {
   const { t } = useTranslation();
-  const [graphics] = useState(findGraphics);
-  const [isLost, setLost] = useState(false);
-  const onLost = useCallback(() => setLost(true), []);
-  if (graphics !== "none" && !isLost) return <Drawn {...props} graphics={graphics} onLost={onLost} />;
+  const [none, setNone] = useState<NoPicture | null>(null);
+  if (none === null) return <Shown {...props} onNone={setNone} />;
   return (
     <p className="scene-missing" role="status">
-      {t(graphics === "none" ? "scene.graphics_missing" : "scene.graphics_lost")}
+      {t(none === "missing" ? "scene.graphics_missing" : "scene.graphics_lost")}
     </p>
   );
 }
 
-type DrawnProps = SpaceProps & { readonly graphics: Graphics; readonly onLost: () => void };
+type ShownProps = SpaceProps & { readonly onNone: (why: NoPicture) => void };
 
-function Drawn(props: DrawnProps) {
-  const { model, caseView, plan, isLive, showsGhost, graphics, onLost } = props;
+function Shown({ model, sources, caseView, plan, isLive, showsGhost, onNone }: ShownProps) {
   const { t } = useTranslation();
   const view = useView();
   const { motion, parts } = model;
   const least_s = motion ? leastSeconds(parts.hexapod, motion.start, motion.target) : 0;
   const played_s = playedSeconds(least_s);
   const ghost = useGhost(motion && plan ? plan.sha256 : null, showsGhost, played_s);
-  const stance = useMemo(() => ghostStance(model, ghost.share), [model, ghost.share]);
   const labels = useMemo(() => labelsOf(model, (key) => t(key)), [model, t]);
   const holes = model.seen?.holes.map((hole) => hole.id) ?? [];
   return (
     <>
       <div className="scene-picture">
         <DrawingBoundary instead={<p className="scene-missing">{t("scene.graphics_lost")}</p>}>
-          <Suspense fallback={<p className="empty">{t("scene.loading")}</p>}>
-            <SceneView
-              model={model}
-              head_extension_mm={caseView.head_extension_mm}
-              source_to_detector_mm={caseView.nominal_source_to_detector_mm ?? USUAL_SOURCE_TO_DETECTOR_MM}
-              ghost={stance}
-              isLive={isLive}
-              isCoarse={graphics === "processor"}
-              view={view.id}
-              asked={view.asked}
-              labels={labels}
-              name={t("scene.picture", { view: viewName(view.id, t) })}
-              onTurned={view.onTurned}
-              onLost={onLost}
-            />
-          </Suspense>
+          <SceneView
+            model={model}
+            parts={parts}
+            sources={sources}
+            source_to_detector_mm={caseView.nominal_source_to_detector_mm ?? USUAL_SOURCE_TO_DETECTOR_MM}
+            ghostShare={motion && ghost.share}
+            isLive={isLive}
+            view={view.id}
+            asked={view.asked}
+            labels={labels}
+            name={t("scene.picture", { view: viewName(view.id, t) })}
+            onTurned={view.onTurned}
+            onNone={onNone}
+          />
         </DrawingBoundary>
         {!isLive && <p className="scene-stale">{t("scene.not_live")}</p>}
-        {stance && <p className="scene-ghost">{t("scene.ghost_is")}</p>}
+        {motion && ghost.share !== null && <p className="scene-ghost">{t("scene.ghost_is")}</p>}
       </div>
       <ViewChoice holes={holes} chosen={view.isTurned ? null : view.id} choose={view.choose} />
       {motion && <GhostControls ghost={ghost} faster={least_s / played_s} />}
       <Legend model={model} isAlongHole={isAlong(view.id)} />
     </>
   );
-}
-
-function ghostStance(model: SceneModel, share: number | null): Stance | null {
-  const { motion, parts } = model;
-  if (motion === null || share === null) return null;
-  const pose = poseAlong(motion.start, motion.target, share);
-  return stanceOf(parts.hexapod, pose, motion.pivot_mm, motion.head_extension_mm);
 }
 
 function labelsOf(model: SceneModel, t: (key: string) => string) {

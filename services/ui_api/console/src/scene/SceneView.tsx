@@ -1,62 +1,68 @@
-// The scene as a picture; loaded only where the browser can draw it.
-import { Canvas, useThree } from "@react-three/fiber";
-import { memo, useEffect, useLayoutEffect, useRef } from "react";
-import Axes from "./Axes";
-import CArm, { Rays } from "./CArm";
-import CameraRig from "./CameraRig";
-import { type Label, LabelFollower } from "./Labels";
-import { LOOK } from "./looks";
-import Patient from "./Patient";
-import Robot from "./Robot";
-import type { SceneModel, Stance } from "./sceneModel";
-import { directionsOf, isAlong, type ViewId, viewOf } from "./views";
+// The scene as a picture. Another thread draws it; here are its canvas, its camera and its words.
+import { type RefObject, useEffect, useLayoutEffect, useRef, useState } from "react";
+import type { Vector3 } from "three";
+import { usePlaceSize } from "../image/usePlaceSize";
+import { Drawer } from "./drawer";
+import type { Drawn, NoPicture } from "./drawing";
+import { type Label, placeLabels } from "./labels";
+import { Orbit } from "./orbit";
+import type { SceneModel } from "./sceneModel";
+import { type View, viewOf } from "./views";
 
-interface Props {
+interface Props extends Omit<Drawn, "size" | "camera"> {
   readonly model: SceneModel;
-  readonly head_extension_mm: number;
-  readonly source_to_detector_mm: number;
-  readonly ghost: Stance | null;
-  readonly isLive: boolean;
-  /** Drawn by the processor: one pixel of the picture a pixel of the page, and edges that are not smoothed. */
-  readonly isCoarse: boolean;
-  readonly view: ViewId;
+  /** Changes when the same view is asked for again after the hand has turned it. */
   readonly asked: number;
   readonly labels: readonly Label[];
   readonly name: string;
   readonly onTurned: () => void;
-  readonly onLost: () => void;
+  readonly onNone: (why: NoPicture) => void;
 }
 
-const FINE: [number, number] = [1, 2];
+interface Drawing {
+  readonly drawer: Drawer;
+  readonly orbit: Orbit;
+}
 
-/** Asked to draw only when something of it has changed: what surrounds it is asked four times a second. */
-export default memo(SceneView);
+export default function SceneView(props: Props) {
+  const { model, labels, name, asked } = props;
+  const place = useRef<HTMLDivElement>(null);
+  const words = useRef<(HTMLElement | null)[]>([]);
+  const size = usePlaceSize(place);
+  const moved = useRef<() => void>(() => undefined);
+  const drawing = useDrawing(place, moved, props);
+  const { drawer, orbit } = drawing ?? { drawer: null, orbit: null };
+  const view = viewOf(model, props.view);
+  const aspect = size.width / Math.max(size.height, 1);
 
-function SceneView(props: Props) {
-  const { model, labels, name, isCoarse, onLost } = props;
-  const elements = useRef<(HTMLElement | null)[]>([]);
+  useTold(drawer, props);
+  useEffect(() => {
+    drawer?.tell({ size: { ...size, pixelRatio: globalThis.devicePixelRatio } });
+  }, [drawer, size]);
+  useEffect(() => drawer?.canvas.setAttribute("aria-label", name), [drawer, name]);
+  useLayoutEffect(() => {
+    if (drawer === null || orbit === null) return;
+    moved.current = () => {
+      drawer.tell({ camera: orbit.place() });
+      placeLabels(labels, words.current, orbit.camera, size);
+    };
+    moved.current();
+  }, [drawer, orbit, labels, size]);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the key is what of the view counts, rounded.
+  useLayoutEffect(() => {
+    orbit?.put(view, aspect);
+    moved.current();
+  }, [orbit, `${asked} ${keyOf(view)}`, aspect]);
+
   return (
     <>
-      <Canvas
-        frameloop="demand"
-        dpr={isCoarse ? 1 : FINE}
-        gl={{ antialias: !isCoarse, alpha: true, powerPreference: "high-performance" }}
-        camera={{ fov: 30, near: 5, far: 4000 }}
-        flat
-        aria-label={name}
-        role="img"
-      >
-        <Drawing onLost={onLost} drawn={[model, props.ghost, props.isLive, props.view, labels]} />
-        <CameraRig view={viewOf(model, props.view)} asked={props.asked} onTurned={props.onTurned} />
-        <LabelFollower labels={labels} elements={elements} />
-        <Content {...props} />
-      </Canvas>
+      <div ref={place} className="scene-canvas" />
       <div className="scene-labels" aria-hidden="true">
         {labels.map((label, index) => (
           <span
             key={label.text}
             ref={(element) => {
-              elements.current[index] = element;
+              words.current[index] = element;
             }}
           >
             <b>{label.text}</b>
@@ -67,54 +73,46 @@ function SceneView(props: Props) {
   );
 }
 
-/** Draws anew when something has changed, and says when the graphics are lost. */
-function Drawing({ onLost, drawn }: { onLost: () => void; drawn: readonly unknown[] }) {
-  const { gl, invalidate } = useThree();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: these are what is drawn.
-  useLayoutEffect(() => invalidate(), drawn);
+/** The drawing thread and the camera, for as long as the picture shows. */
+function useDrawing(
+  place: RefObject<HTMLElement | null>,
+  moved: RefObject<() => void>,
+  { onTurned, onNone }: Props,
+): Drawing | null {
+  const [drawing, setDrawing] = useState<Drawing | null>(null);
   useEffect(() => {
-    const canvas = gl.domElement;
-    canvas.tabIndex = 0;
-    canvas.addEventListener("webglcontextlost", onLost);
-    return () => canvas.removeEventListener("webglcontextlost", onLost);
-  }, [gl, onLost]);
-  return null;
+    if (place.current === null) return;
+    const drawer = new Drawer(place.current, onNone);
+    const orbit = new Orbit(drawer.canvas, () => moved.current(), onTurned);
+    setDrawing({ drawer, orbit });
+    return () => {
+      orbit.end();
+      drawer.end();
+      setDrawing(null);
+    };
+  }, [place, moved, onTurned, onNone]);
+  return drawing;
 }
 
-function Content({ model, head_extension_mm, source_to_detector_mm, ghost, isLive, view }: Props) {
-  const { parts, seen, now, mount } = model;
-  const isAlongHole = isAlong(view);
-  const { away, up } = directionsOf(model);
-  const down = up.clone().multiplyScalar(-1);
-  const lamp = up.clone().addScaledVector(away, -1.2);
-  return (
-    <>
-      <hemisphereLight args={["#ffffff", "#34404c", 1.6]} position={up} />
-      <directionalLight intensity={1.8} position={lamp} />
-      {now && !isAlongHole && (
-        <Robot
-          parts={parts}
-          stance={now}
-          mount={mount}
-          head_extension_mm={head_extension_mm}
-          {...(isLive ? {} : { look: LOOK.stale })}
-        />
-      )}
-      {ghost && !isAlongHole && (
-        <Robot
-          parts={parts}
-          stance={ghost}
-          mount={mount}
-          head_extension_mm={model.motion?.head_extension_mm ?? head_extension_mm}
-          look={LOOK.ghost}
-        />
-      )}
-      {seen && <Patient nail={parts.nail} seen={seen} showsBone={!isAlongHole} />}
-      {seen && view === "room" && (
-        <CArm seen={seen} ring={parts.ring} down={down} usual_source_to_detector_mm={source_to_detector_mm} />
-      )}
-      {seen && !isAlongHole && <Rays seen={seen} />}
-      <Axes model={model} isAlongHole={isAlongHole} />
-    </>
-  );
+/** Tell what has changed, and only that: everything told is copied. */
+function useTold(drawer: Drawer | null, drawn: Omit<Drawn, "size" | "camera">): void {
+  const { parts, sources, source_to_detector_mm, ghostShare, isLive, view } = drawn;
+  useEffect(() => drawer?.tell({ parts }), [drawer, parts]);
+  useEffect(() => drawer?.tell({ sources }), [drawer, sources]);
+  useEffect(() => drawer?.tell({ source_to_detector_mm }), [drawer, source_to_detector_mm]);
+  useEffect(() => drawer?.tell({ ghostShare }), [drawer, ghostShare]);
+  useEffect(() => drawer?.tell({ isLive }), [drawer, isLive]);
+  useEffect(() => drawer?.tell({ view }), [drawer, view]);
+}
+
+/** Places that differ by less than half a millimetre are the same: a camera that creeps after the robot disturbs. */
+function keyOf({ eye_mm, target_mm, up }: View): string {
+  return [eye_mm, target_mm, up].map(roundedKey).join(" ");
+}
+
+function roundedKey(v: Vector3): string {
+  return v
+    .toArray()
+    .map((value) => value.toFixed(value > 1 || value < -1 ? 0 : 2))
+    .join(",");
 }

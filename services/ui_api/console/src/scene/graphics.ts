@@ -6,7 +6,7 @@ const PROCESSOR = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 /** Asks this browser (WebGL 2). */
 export function findGraphics(): Graphics {
   try {
-    const context = document.createElement("canvas").getContext("webgl2");
+    const context = new OffscreenCanvas(1, 1).getContext("webgl2");
     if (context === null) return "none";
     const told = context.getExtension("WEBGL_debug_renderer_info");
     const name = context.getParameter(told?.UNMASKED_RENDERER_WEBGL ?? context.RENDERER);

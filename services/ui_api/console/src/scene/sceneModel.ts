@@ -3,6 +3,7 @@ import type { Vector3 } from "three";
 import type { CaseView, LocalisationView, PlanView, RobotView } from "../api/types";
 import { baseFromTop, type Leg, legsOf, topFromGuide } from "./hexapod";
 import { angleBetweenDeg, type Line, offsetAcross } from "./lines";
+import { poseAlong } from "./motion";
 import type { GuidePart, HexapodPart, Parts, Pose } from "./parts";
 import { type Point, Transform } from "./transform";
 import type { AxisUncertainty } from "./uncertainty";
@@ -94,6 +95,13 @@ export function sceneModel(parts: Parts, { caseView, robot, localisation, plan }
     motion,
     seen: localisation && seenIn(parts, localisation, caseView.revision, pivot_mm, extension_mm),
   };
+}
+
+/** The robot on its planned way: after a share of it, 0 to 1. */
+export function ghostStance({ motion, parts }: SceneModel, share: number | null): Stance | null {
+  if (motion === null || share === null) return null;
+  const pose = poseAlong(motion.start, motion.target, share);
+  return stanceOf(parts.hexapod, pose, motion.pivot_mm, motion.head_extension_mm);
 }
 
 /** The motion of a plan that still holds; one that was made already leads nowhere, and stays to be seen. */
