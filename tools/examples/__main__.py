@@ -36,7 +36,8 @@ def main() -> int:
         ):
             room = RoomClient(control)
             case = CaseClient.opened(plain, room.scenario().set_up)
-            case.make_robot_ready()
+            case.follow(plain.acknowledge_stop())
+            case.follow(recorded.reference_robot())
             case.record_step("abandoned", why="the next one is recorded")
             Recording(recorder, recorded, plain, room).run()
     names = sorted(recorder.examples)

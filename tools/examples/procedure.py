@@ -159,8 +159,7 @@ class Recording:
         mine = self.recorded
         mine.read_robot()
         mine.read_alarms()
-        mine.reference_robot()  # refused by the robot later, because it is referenced: an operation that fails
-        mine.reset_robot()
+        mine.reset_robot()  # refused by the robot later, because it has no fault: an operation that fails
 
     def _others(self) -> None:
         mine = self.recorded

@@ -4,8 +4,8 @@ A condition gives its reason code, what is observed and the remedy: the same for
 to a request. Values in braces are those of `situation.Observed`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -269,6 +269,16 @@ ROBOT_SAYS: Final = {
 }
 
 
-def robot_is(wanted: RobotCondition) -> tuple[Condition, ...]:
-    """Conditions of a command that the robot carries out in one condition alone."""
-    return tuple(row for condition, row in ROBOT_SAYS.items() if condition is not wanted)
+def robot_is(wanted: RobotCondition, *, at_once: Collection[RobotCondition] = ()) -> tuple[Condition, ...]:
+    """Conditions of a command that the robot carries out in one condition alone.
+
+    Parameters
+    ----------
+    at_once
+        Conditions in which the gateway refuses it by itself: a newer state would change nothing about that.
+    """
+    return tuple(
+        replace(row, judge=Judge.GATEWAY) if condition in at_once else row
+        for condition, row in ROBOT_SAYS.items()
+        if condition is not wanted
+    )

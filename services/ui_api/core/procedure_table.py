@@ -122,7 +122,13 @@ TABLE: Final[Mapping[Action, Row]] = {
     Action.REFERENCE: Row(
         roles.Action.PREPARE_ROBOT,
         "`POST /robot/reference`",
-        (c.NO_OPERATION, c.HEARD, c.HEARD_NOW, *c.NOTHING_INSIDE, *c.robot_is(RobotCondition.UNREFERENCED)),
+        (
+            c.NO_OPERATION,
+            c.HEARD,
+            c.HEARD_NOW,
+            *c.NOTHING_INSIDE,
+            *c.robot_is(RobotCondition.UNREFERENCED, at_once=(RobotCondition.READY,)),
+        ),
     ),
     Action.RESET: Row(
         roles.Action.PREPARE_ROBOT, "`POST /robot/reset`", (c.HEARD, c.HEARD_NOW, *c.robot_is(RobotCondition.FAULT))

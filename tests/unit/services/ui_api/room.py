@@ -21,6 +21,7 @@ from shared.bus.memory_bus import MemoryRouter
 from shared.bus.tls import PKI_FOLDER
 from shared.errors import ReasonCode
 from shared.messages.imaging import FrameHeader
+from shared.messages.robot import MotionState
 from shared.pki.permit_key import PERMIT_KEY_FILE
 from shared.runtime.lifecycle import open_service
 from tests.unit.services.ui_api import samples
@@ -102,6 +103,11 @@ class Room:
         approval = self.post(f"/cases/{case_id}/plans/{number}/approval", if_match=answer.headers["etag"])
         assert approval.status_code == 201, approval.text
         return number
+
+    def unreference(self) -> None:
+        """The robot has lost its reference, and the gateway knows it."""
+        self.robot.say(MotionState.UNREFERENCED)
+        wait_until(lambda: self.get("/robot").json()["state"]["state"] == MotionState.UNREFERENCED)
 
     def wait_for_status(self, operation_id: str, *statuses: str) -> dict[str, object]:
         """Wait until an operation has one of the statuses; what REST then says of it."""

@@ -113,11 +113,13 @@ def test_whatever_is_in_the_bone_forbids_move_and_reference_until_it_is_out(
     assert room.client.post("/api/v1/robot/stop").status_code == 200
     room.post(f"/cases/{case_id}/steps", {"step": removed, "hole_ids": ["distal"], "why": "by hand"})
     wait_until(lambda: contexts[-1].inside == ())
+    room.unreference()
     assert room.post("/robot/reference").status_code == 202
 
 
 def test_nothing_is_reported_as_put_in_while_a_reference_is_pending(room: Room) -> None:
     case_id = room.open_case()
+    room.unreference()
     operation_id = room.post("/robot/reference").json()["id"]
     wires = {"step": "wires_inserted", "hole_ids": ["distal"], "why": "by hand"}
     answer = room.post(f"/cases/{case_id}/steps", wires)
@@ -126,6 +128,7 @@ def test_nothing_is_reported_as_put_in_while_a_reference_is_pending(room: Room) 
 
 
 def test_a_reference_carries_a_permit_that_the_record_keeps(room: Room) -> None:
+    room.unreference()
     operation_id = room.post("/robot/reference").json()["id"]
     wait_until(lambda: bool(room.robot.plain))
     signed = room.robot.plain[0].permit

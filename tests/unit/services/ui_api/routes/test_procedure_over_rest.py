@@ -80,7 +80,7 @@ def test_what_a_case_refuses_a_request_is_refused_with_the_same_code(room: Room)
     case_id = room.open_case()
     assert "request_plan" in _assert_case_and_requests_agree(room, case_id)
     plan = room.approved_plan(case_id)
-    assert _assert_case_and_requests_agree(room, case_id) == ["approve_plan", "withdraw_step"]
+    assert _assert_case_and_requests_agree(room, case_id) == ["approve_plan", "withdraw_step", "reference"]
     room.robot.say(MotionState.STOPPED, stop=StopLatch.LATCHED)
     room.log.wait_for_event(lambda e: getattr(e.data, "stop", "") == "latched")
     procedure = room.get(f"/cases/{case_id}").json()["procedure"]
@@ -189,9 +189,14 @@ def test_images_of_the_other_side_allow_no_plan_until_that_is_settled(room: Room
 def test_the_robot_says_what_may_be_done_with_it_and_by_whom(room: Room) -> None:
     actions = {one["name"]: one for one in room.get("/robot").json()["actions"]}
     assert actions["stop"]["verdict"] == "allowed"
-    assert (actions["reference"]["code"], actions["reference"]["refused_by"]) == ("nothing_to_do", "robot")
+    assert (actions["reference"]["code"], actions["reference"]["refused_by"]) == ("nothing_to_do", "gateway")
     assert actions["reference"]["roles"] == ["technician", "surgeon"]
-    assert room.post("/robot/reference").status_code == 202, "the robot is the judge of it"
+    refused = room.post("/robot/reference")
+    assert (refused.status_code, refused.json()["code"]) == (409, "nothing_to_do")
+    assert refused.json()["detail"] == "the robot is locked, referenced and free of faults; nothing is needed"
+    assert (actions["reset"]["code"], actions["reset"]["refused_by"]) == ("nothing_to_do", "robot")
+    assert room.post("/robot/reset").status_code == 202, "the robot is the judge of it"
+    assert [command.verb for command in room.robot.plain] in ([], ["reset"])
 
 
 def test_the_newest_localisation_tells_how_to_turn_the_c_arm(room: Room) -> None:

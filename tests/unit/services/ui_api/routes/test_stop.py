@@ -143,6 +143,7 @@ def test_acknowledging_a_stop_is_an_operation(room: Room) -> None:
 
 @pytest.mark.parametrize("verb", ["reference", "reset"])
 def test_other_commands_reach_the_robot_once(room: Room, verb: str) -> None:
+    room.unreference()
     for _ in range(2):
         answer = room.post(f"/robot/{verb}", key="the-same")
         assert answer.status_code == 202
@@ -153,6 +154,7 @@ def test_other_commands_reach_the_robot_once(room: Room, verb: str) -> None:
 
 
 def test_referencing_ends_when_the_robot_says_so(room: Room) -> None:
+    room.unreference()
     operation_id = room.post("/robot/reference").json()["id"]
     room.wait_for_status(operation_id, "running")
     room.robot.say(MotionState.REFERENCING, command_id=operation_id, outcome="moving")
