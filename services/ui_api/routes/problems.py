@@ -14,6 +14,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import Response
 
 from services.ui_api.handlers.refusals import RefusalKind, Refused
+from services.ui_api.routes.invalid_request import wrongs_of
 from services.ui_api.routes.route_index import RouteIndex
 from shared.errors import BusError, DistalockError, InputError, NoReply, RecordUnavailable
 from shared.messages.base import MessageInvalid
@@ -167,15 +168,14 @@ def headers_of(error: DistalockError) -> dict[str, str]:
 
 async def _on_invalid_request(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    places = [Place(place=".".join(str(p) for p in e["loc"]), message=str(e["msg"])) for e in error.errors()]
-    first = places[0]
+    places = [Place(place=wrong.place, message=wrong.message) for wrong in wrongs_of(error.errors())]
     for name, (status, code, detail) in _MISSING_HEADERS.items():
         if any(
             e["type"] == "missing" and [str(p).lower() for p in e["loc"]] == ["header", name] for e in error.errors()
         ):
             return _refusal(request, problem(status, code, detail, request.url.path))
     more = f" (and {len(places) - 1} more)" if len(places) > 1 else ""
-    detail = f"{first.place}: {first.message}{more}"
+    detail = f"{places[0].message}{more}"
     return _refusal(request, problem(422, "request_invalid", detail, request.url.path, places))
 
 

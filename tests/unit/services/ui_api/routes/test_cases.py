@@ -94,10 +94,24 @@ def _without(part: dict[str, object], key: str) -> dict[str, object]:
             "guide_calibration_mismatch",
             "has holes proximal, distal, the guide 'inline' has proximal",
         ),
-        ({"drill_diameter_mm": 12.0}, "request_invalid", "body.drill_diameter_mm: Input should be less than or equal"),
-        ({"head_extension_mm": 90.0}, "request_invalid", "body.head_extension_mm: Input should be less than or equal"),
-        ({"side": "middle"}, "request_invalid", "body.side: Input should be 'left' or 'right'"),
-        ({"colour": "red"}, "request_invalid", "body.colour: Extra inputs are not permitted"),
+        (
+            {"drill_diameter_mm": 12.0},
+            "request_invalid",
+            "drill_diameter_mm is 12 (limit: at most 10); give the diameter of the drill",
+        ),
+        (
+            {"head_extension_mm": 30.0},
+            "request_invalid",
+            "head_extension_mm is 30 (limit: at least 40); read it off the scale of the hexapod's head",
+        ),
+        (
+            {"nail": "Nail femur 11"},
+            "request_invalid",
+            "nail is 'Nail femur 11', which is no part; give a name from the catalogue (GET /parts lists them",
+        ),
+        ({"head_extension_mm": "60"}, "request_invalid", "head_extension_mm is '60'; send a number without quotes"),
+        ({"side": "middle"}, "request_invalid", "side is 'middle'; send 'left' or 'right'"),
+        ({"colour": "red"}, "request_invalid", "colour is not known here; leave it out"),
     ],
 )
 def test_what_is_wrong_with_a_case_is_one_sentence(
