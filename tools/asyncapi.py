@@ -9,7 +9,7 @@ from pydantic.json_schema import JsonSchemaMode
 
 from services.ui_api.app import PREFIX, TITLE
 from services.ui_api.core.events import DATA_OF_KIND, EventKind
-from services.ui_api.routes.live import LiveView
+from services.ui_api.routes.live_viewers import LiveView
 from services.ui_api.routes.views import EventView
 
 JsonObject = dict[str, object]

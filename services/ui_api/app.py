@@ -44,6 +44,7 @@ from services.ui_api.routes.request_gate import RequestGate
 from services.ui_api.routes.request_trace import RequestTrace
 from services.ui_api.routes.route_index import RouteIndex
 from services.ui_api.routes.routers import PREFIX as PREFIX
+from services.ui_api.routes.streams import Streams
 from services.ui_api.routes.virtual_room import VirtualRoom
 from services.ui_api.service import Gateway
 from shared.runtime.lifecycle import software_version
@@ -76,6 +77,7 @@ def make_app(
     app.state.virtual_room = None if virtual_room_url is None else VirtualRoom(virtual_room_url)
     app.state.idempotency = Idempotency(gateway.record)
     app.state.kept_views = KeptViews()
+    app.state.streams = Streams(gateway)
     gateway.record.listen(app.state.metrics.note_events)
     gateway.record.on_write = app.state.metrics.write_seconds.observe
     return app

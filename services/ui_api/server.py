@@ -13,12 +13,12 @@ import uvicorn
 from fastapi import FastAPI
 
 from services.ui_api.handed_server import HandedServer
+from services.ui_api.inner.protocol import InnerProtocol
+from services.ui_api.inner.websocket import InnerWebSocket
 from shared.threads import supervised_thread
 
 # Chosen: requests under way end within it; then their connections are closed.
 _LEAVE_WITHIN_S = 3
-# Longer than the front keeps a connection that waits for its next request (`front.application_socket`).
-_KEEP_FOR_S = 10
 
 
 @contextmanager
@@ -74,9 +74,9 @@ def _config(app: FastAPI) -> uvicorn.Config:
         log_config=None,
         access_log=False,
         timeout_graceful_shutdown=_LEAVE_WITHIN_S,
-        timeout_keep_alive=_KEEP_FOR_S,
-        forwarded_allow_ips="*",  # nobody but the front reaches this server
+        proxy_headers=False,  # who sends, these protocols take from the front's word themselves
         ws_per_message_deflate=False,  # the pictures are compressed, and each viewer would have them compressed again
-        http="h11",  # as strict as the front, which has read the request before
+        http=InnerProtocol,  # the front has read the request: one parser decides what it is
+        ws=InnerWebSocket,
         server_header=False,
     )

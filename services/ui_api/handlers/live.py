@@ -56,7 +56,13 @@ class _HeardFrame:
 
 
 class LiveHandler:
-    """Keeps the newest picture and the newest guidance; `feed` wakes those who watch."""
+    """Keeps the newest picture and the newest guidance; `feed` wakes those who watch.
+
+    Attributes
+    ----------
+    viewers
+        How many watch: event loops, each of which may show the picture to many.
+    """
 
     def __init__(self, bus: Bus, keys: Keys, clock: Clock, encoder: PictureEncoder) -> None:
         self._bus, self._keys, self._clock, self._encoder = bus, keys, clock, encoder
@@ -65,7 +71,7 @@ class LiveHandler:
         self._taken: _HeardFrame | None = None
         self._frame: LiveFrame | None = None
         self._guidance: HeardGuidance | None = None
-        self._viewers = 0
+        self.viewers = 0
         self.paths = FramePaths()
         self._thread = supervised_thread("live pictures", self._work)
         self.feed = Feed()
@@ -112,7 +118,7 @@ class LiveHandler:
 
     def _count_viewers(self, more: int) -> None:
         with self._changed:
-            self._viewers += more
+            self.viewers += more
             self._changed.notify_all()
 
     def _on_frame(self, sample: Sample) -> None:
@@ -143,7 +149,7 @@ class LiveHandler:
     def _wait_for_frame(self) -> _HeardFrame | None:
         """The newest frame, once somebody watches and it has no picture yet; None when closed."""
         with self._changed:
-            self._changed.wait_for(lambda: self.feed.closed or (self._viewers and self._heard is not self._taken))
+            self._changed.wait_for(lambda: self.feed.closed or (self.viewers and self._heard is not self._taken))
             self._taken = self._heard
             return None if self.feed.closed else self._heard
 

@@ -8,7 +8,7 @@ from itertools import islice
 
 import httpx
 
-from services.ui_api.routes.events import RETRY_MS
+from services.ui_api.routes.event_followers import RETRY_MS
 from tests.unit.services.ui_api.fakes import PATIENCE_S
 from tests.unit.services.ui_api.room import Room
 

@@ -1,0 +1,99 @@
+"""Those who follow the same thing on one event loop: one task serves all, and makes what they get once.
+
+A task for each of fifty viewers, each with a message of its own, kept the application busier than everything else. Here
+a viewer costs one look and one write for each picture. Nobody waits for somebody slow: who has not read what he got
+last gets nothing more until he has, and whoever reads nothing at all is cut off.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from typing import Final, Generic, Protocol, TypeVar
+
+from services.ui_api.handlers.acting import Acting
+from services.ui_api.outlet import Outlet
+from services.ui_api.routes.awakening import Awakening
+from shared.threads import report_error
+
+# Who is stuck, and whom to remind that the connection is there, is looked for that often where nothing happens.
+LOOK_EVERY_S: Final = 5.0
+
+
+class Follower(Protocol):
+    """Somebody who follows."""
+
+    @property
+    def outlet(self) -> Outlet:
+        """Where he reads."""
+
+
+F = TypeVar("F", bound=Follower)
+
+
+@dataclass(frozen=True, slots=True)
+class Programme(Generic[F]):
+    """What an audience follows.
+
+    Attributes
+    ----------
+    name
+        For the log.
+    listening
+        Has its argument called whenever there is something new, for as long as the context lasts.
+    serve
+        Writes what is new to each who does not have it yet. Never waits.
+    """
+
+    name: str
+    listening: Callable[[Callable[[], None]], AbstractContextManager[None]]
+    serve: Callable[[Sequence[F]], None]
+
+
+class Audience(Generic[F]):
+    """All followers of one event loop; belongs to it."""
+
+    def __init__(self, programme: Programme[F], acting: Acting) -> None:
+        self._programme, self._acting = programme, acting
+        self._news = Awakening()
+        self._followers: dict[F, None] = {}
+        self._serving: asyncio.Task[None] | None = None
+
+    @contextmanager
+    def joined(self, follower: F) -> Iterator[None]:
+        """Be served for as long as the context lasts."""
+        self._followers[follower] = None
+        if self._serving is None:
+            self._serving = asyncio.get_running_loop().create_task(self._serve())
+        self.look()
+        try:
+            yield
+        finally:
+            del self._followers[follower]
+            if not self._followers and self._serving is not None:
+                self._serving.cancel()
+                self._serving = None
+
+    def look(self) -> None:
+        """Serve once more: from any thread, never waits."""
+        self._news.call()
+
+    async def _serve(self) -> None:
+        now_s = asyncio.get_running_loop().time
+        try:
+            with self._programme.listening(self.look):
+                while True:
+                    await self._acting.nobody()
+                    self._news.clear()  # before anything is looked at: what comes after the look wakes the task
+                    followers = tuple(self._followers)
+                    for follower in followers:
+                        follower.outlet.end_if_stuck(now_s())
+                    self._programme.serve(followers)
+                    with suppress(TimeoutError):
+                        async with asyncio.timeout(LOOK_EVERY_S):  # `wait_for` may swallow that it was cancelled
+                            await self._news.wait()
+        except Exception as error:  # noqa: BLE001 - the border of a task: what streams must not end what acts
+            report_error(self._programme.name, error)
+            self._serving = None
+            for follower in tuple(self._followers):
+                follower.outlet.abort()
