@@ -26,7 +26,7 @@ DIVISIBLE: Final = ("scipy", "pydantic")
 # Of which a part imports all others, although each can do without them; where code names that part alone, it is alone.
 NARROWED: Final = {"scipy.spatial": "scipy.spatial.transform"}
 # Started by the compose file, and imported by nothing.
-_STARTED: Final = ("shared/runtime/health.py",)
+_STARTED: Final = ("shared/runtime/health.py", "shared/runtime/ready_check.py")
 _COMMON: Final = "shared"
 # Beside tests and headers: OpenCV's trained faces, and lists of what went into a wheel.
 _FOLDERS: Final = frozenset({"tests", "include", "sboms"})

@@ -33,12 +33,13 @@ def test_modules_stay_that_the_service_reaches_also_from_within_a_function(tmp_p
             "shared/c.py": "",
             "shared/d.py": "import shared.a\n",
             "shared/runtime/health.py": "import shared.e\n",
+            "shared/runtime/ready_check.py": "",
             "shared/e.py": "",
         },
     )
     SLIM["remove_unreached"](code, ["services/one"])
     left = {str(file.relative_to(code / "shared")) for file in (code / "shared").rglob("*.py")}
-    assert left == {"__init__.py", "a.py", "b.py", "c.py", "e.py", "runtime/health.py"}
+    assert left == {"__init__.py", "a.py", "b.py", "c.py", "e.py", "runtime/health.py", "runtime/ready_check.py"}
 
 
 @pytest.mark.parametrize(

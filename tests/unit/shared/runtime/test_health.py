@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from shared.runtime.health import SILENT_AFTER_S, HealthFile, why_unwell
+from shared.runtime.ready_check import why_not_ready
 
 
 def test_a_service_that_beats_is_well_and_one_that_is_silent_is_not(tmp_path: Path) -> None:
@@ -62,5 +63,11 @@ def port() -> Iterator[int]:
 
 
 def test_an_address_is_well_when_it_answers_200_and_otherwise_says_why(port: int) -> None:
-    assert why_unwell(f"http://127.0.0.1:{port}/readyz") == ""
-    assert "the robot is not there" in why_unwell(f"http://127.0.0.1:{port}/other")
+    assert why_not_ready(f"http://127.0.0.1:{port}/readyz") == ""
+    assert "the robot is not there" in why_not_ready(f"http://127.0.0.1:{port}/other")
+
+
+def test_an_address_without_a_server_is_not_ready() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    assert "refused" in why_not_ready(f"https://127.0.0.1:{port}/readyz")
