@@ -134,10 +134,27 @@ class CaseClient:
         """Cases that are open."""
         return [CaseClient(client, case.id) for case in client.iterate_cases(status="open")]
 
-    def make_robot_ready(self) -> tuple[OperationView, OperationView]:
-        """Acknowledge the stop that every start begins with, then reference; raises `RequestRefused`."""
+    def make_robot_ready(self) -> tuple[OperationView, ...]:
+        """Acknowledge the stop that every start begins with, then reference where that is needed; what was done.
+
+        Raises
+        ------
+        RequestRefused
+            When the robot cannot be asked for it.
+        """
         acknowledged = self.follow(self._client.acknowledge_stop())
+        if acknowledged.status != "succeeded" or self._robot_state_after("stopped") != "unreferenced":
+            return (acknowledged,)
         return acknowledged, self.follow(self._client.reference_robot())
+
+    def _robot_state_after(self, before: str) -> str | None:
+        """The robot's state once it is another one than before."""
+        deadline_s = time.monotonic() + _PATIENCE_S
+        while True:
+            state = self._client.read_robot().state
+            if (state is not None and state.state != before) or time.monotonic() > deadline_s:
+                return None if state is None else state.state
+            time.sleep(_POLL_S)
 
 
 def is_accepted(seen: LocalisationView) -> bool:

@@ -186,7 +186,7 @@ def test_a_pressed_stop_button_stops_the_move_and_holds(site: CaseRoom) -> None:
         assert "stop button is pressed" in ended.detail
         wait_until(lambda: site.robot().stop_button == "pressed", "the button shows")
         here = site.true_pose()
-        acknowledged, _ = site.case.make_robot_ready()
+        acknowledged, *_ = site.case.make_robot_ready()
         assert acknowledged.status == "failed"
         assert "stop button is pressed" in acknowledged.detail
         assert site.robot().stop == "latched"

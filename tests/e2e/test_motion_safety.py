@@ -54,7 +54,7 @@ def planned(site: OperatingRoom) -> Iterator[Planned]:
     """
     case = site.open_case()
     if robot_of(site).stop == "latched":
-        case.make_robot_ready()  # its reference fails when the robot is referenced already
+        case.make_robot_ready()
     wait_until(lambda: robot_of(site).state == "locked", "locked and ready")
     seen = case.localisation_of(site.room.take_shot())
     assert is_accepted(seen), summary_of(seen)
