@@ -19,6 +19,7 @@ from distalock.client.models import (
     CatalogueView,
     ChallengeBody,
     ComputationBody,
+    DiagnosisView,
     HealthView,
     ImageDrawing,
     ImageView,
@@ -293,7 +294,7 @@ def list_operations(
     since: datetime | None = None,
     sort: Literal["oldest", "newest"] = "oldest",
 ) -> Call[Page[OperationView]]:
-    """All operations, in the order in which they were asked for."""
+    """All operations, in the order in which they were asked for, and images on their way to a localisation."""
     return Call(
         "GET",
         "/api/v1/operations",
@@ -547,3 +548,12 @@ def read_readiness() -> Call[ReadyView]:
 def read_metrics() -> Call[str]:
     """Figures for Prometheus."""
     return Call("GET", "/metrics", str)
+
+
+def read_diagnosis() -> Call[DiagnosisView]:
+    """What of this machine, its folder and what runs would keep a procedure from going well, and what to do.
+
+    It is looked at now, and may take two seconds. At ports, the C-arm's echo and the controller's own line looks
+    `distalock doctor`, on the machine itself.
+    """
+    return Call("GET", "/api/v1/diagnosis", DiagnosisView)

@@ -22,6 +22,7 @@ from distalock.client.models import (
     CatalogueView,
     ChallengeBody,
     ComputationBody,
+    DiagnosisView,
     HealthView,
     ImageDrawing,
     ImageView,
@@ -308,7 +309,7 @@ class Methods(ABC):
         since: datetime | None = None,
         sort: Literal["oldest", "newest"] = "oldest",
     ) -> Page[OperationView]:
-        """All operations, in the order in which they were asked for."""
+        """All operations, in the order in which they were asked for, and images on their way to a localisation."""
         return self.send(calls.list_operations(cursor=cursor, limit=limit, status=status, since=since, sort=sort))
 
     def iterate_operations(
@@ -537,3 +538,11 @@ class Methods(ABC):
     def read_metrics(self) -> str:
         """Figures for Prometheus."""
         return self.send(calls.read_metrics())
+
+    def read_diagnosis(self) -> DiagnosisView:
+        """What of this machine, its folder and what runs would keep a procedure from going well, and what to do.
+
+        It is looked at now, and may take two seconds. At ports, the C-arm's echo and the controller's own line looks
+        `distalock doctor`, on the machine itself.
+        """
+        return self.send(calls.read_diagnosis())

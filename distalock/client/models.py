@@ -460,6 +460,25 @@ class Curvature(ReceivedModel):
     standard_uncertainty_per_m: float
 
 
+Verdict = Literal["well", "attention", "wrong", "not looked at"]
+
+
+class FindingView(ReceivedModel):
+    """One thing that was looked at."""
+
+    name: str
+    verdict: Verdict
+    measured: str
+    remedy: str = Field(description="What to do; empty where nothing is to be done.")
+
+
+class DiagnosisView(ReceivedModel):
+    """Everything that was looked at, and the worst of it."""
+
+    verdict: Verdict
+    findings: tuple[FindingView, ...]
+
+
 class DrawnBall(ReceivedModel):
     """A ball of ring or guide."""
 
@@ -666,6 +685,9 @@ class ImageView(ReceivedModel):
     localisation: int | None = Field(description="Number of the newest localisation made from it.")
     calibrated: bool | None = Field(description="Null until imaging has reported.")
     skipped: SkipView | None = Field(description="Why there is no calibration or no localisation and will be none.")
+    operation: str | None = Field(
+        description="Id of its way to the localisation (GET /operations/{id}); null of a frame that nobody localises."
+    )
     age_s: float = Field(description="Time since it was received, as the gateway's clock has it; for people.")
 
 
@@ -873,8 +895,8 @@ class ProgressView(ReceivedModel):
 class OperationView(ReceivedModel):
     """What takes time, and how far it has come; `began` is null while nobody knows.
 
-    A command to the robot (`move`, `reference`, `acknowledge_stop`, `reset`), or something that is computed (`verify`,
-    `report_quality`, `plan`).
+    A command to the robot (`move`, `reference`, `acknowledge_stop`, `reset`), something that is computed (`verify`,
+    `report_quality`, `plan`), or an image on its way to its localisation (`localise`), for which nobody asks.
     """
 
     id: str

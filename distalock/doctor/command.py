@@ -10,13 +10,14 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
-from distalock.doctor.finding import Finding, Verdict
-from distalock.doctor.machine import Machine, disk_finding, machine_findings
 from distalock.doctor.running import controller_finding, dicom_finding, gateway_findings, ports_finding
-from distalock.doctor.state import settings_finding, state_findings
+from distalock.doctor.settings import settings_finding
 from distalock.installation import Installation, Ports
 from services.imaging.settings import ImagingSettings
 from services.robot.settings import RobotSettings
+from shared.doctor.finding import Finding, Verdict
+from shared.doctor.machine import Machine, disk_finding, machine_findings
+from shared.doctor.state import state_findings
 from shared.runtime.settings import ServiceSettings, load_settings
 
 EXIT_WELL, EXIT_WRONG, EXIT_ATTENTION = 0, 1, 3

@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing
 from typing import Final
 
-from distalock.doctor.finding import Finding, Verdict, attention, unknown, well, wrong
 from distalock.readiness import Server
 from services.imaging.settings import ImagingSettings
 from services.robot.devices.dialects import IDENTITIES
 from services.robot.devices.serial_line import open_port
 from services.robot.settings import RobotSettings
+from shared.doctor.finding import Finding, attention, of_running, unknown, well, wrong
 from shared.errors import DeviceError
 
 # Chosen: a person waits for it.
@@ -29,10 +29,7 @@ def gateway_findings(gateway: Server) -> Iterator[Finding]:
         )
         return
     for check in answer.json()["checks"]:
-        name = f"running: {check['name'].replace('_', ' ')}"
-        remedy = str(check["remedy"])
-        verdict = Verdict.WRONG if not check["ok"] else Verdict.ATTENTION if remedy else Verdict.WELL
-        yield Finding(name, verdict, str(check["measured"]), remedy)
+        yield of_running(check["name"], check["measured"], check["remedy"], does_its_work=check["ok"])
 
 
 def dicom_finding(settings: ImagingSettings, *, running: bool) -> Finding:

@@ -15,6 +15,7 @@ from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.commands import CommandHandler
 from services.ui_api.handlers.computations import ComputationHandler
 from services.ui_api.handlers.context import ContextHandler
+from services.ui_api.handlers.diagnosis import Diagnosis
 from services.ui_api.handlers.disk_space import DiskSpace
 from services.ui_api.handlers.event_tail import EventTail
 from services.ui_api.handlers.feed import Feed
@@ -76,6 +77,7 @@ class Gateway:
     services: ServiceHealth
     refusals: BusRefusalLog
     readiness: Readiness
+    diagnosis: Diagnosis
     status: StatusReporter
     access: AccessControl
     acting: Acting
@@ -139,7 +141,7 @@ def _assemble(
     asked = ReadinessParts(
         record, view, inbox, services, refusals, runtime.status, link_up, settings, clock, live.paths
     )
-    procedure = ProcedureHandler(record, view)
+    procedure, readiness = ProcedureHandler(record, view), Readiness(asked)
     gateway = Gateway(
         record=record,
         view=view,
@@ -164,7 +166,8 @@ def _assemble(
         link_up=link_up,
         services=services,
         refusals=refusals,
-        readiness=Readiness(asked),
+        readiness=readiness,
+        diagnosis=Diagnosis(settings, readiness),
         status=runtime.status,
         access=AccessControl(record, clock, settings.access(), feed.wake),
         acting=acting,

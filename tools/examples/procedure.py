@@ -166,6 +166,7 @@ class Recording:
         mine.read_part(mine.list_parts()[0].name)
         mine.read_health()
         mine.read_readiness()
+        mine.read_diagnosis()
         mine.read_metrics()
 
     def _stream(self, name: str, path: str, placed: dict[str, str]) -> None:

@@ -102,6 +102,12 @@ LINKS: Final = (
         Link(source, "read_operation", "how far it has come", _OPERATION)
         for source in ("reference_robot", "acknowledge_stop", "reset_robot")
     ),
+    Link(
+        "read_image",
+        "read_operation",
+        "how far its localisation has come",
+        {"operation_id": "$response.body#/operation"},
+    ),
     Link("list_operations", "read_operation", "the first of them", {"operation_id": "$response.body#/items/0/id"}),
     Link("make_verification", "read_verification", "read it again", _CASE | _NUMBER),
     Link("make_qa_report", "read_qa_report", "read it again", _CASE | _NUMBER),

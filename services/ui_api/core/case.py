@@ -61,7 +61,8 @@ class Case:
 
     Images are in the order in which they were received, the newest last: one that the gateway missed, and records
     later, takes its place among the others. Of running fluoroscopy, `frames_let_go` older frames from which nothing was
-    measured are on record only. `image_before_motion` was the newest when the robot's last motion was asked for.
+    measured are on record only. `localised_at_ns` and `skipped_at_ns` are when that was reported.
+    `image_before_motion` was the newest when the robot's last motion was asked for.
     """
 
     case_id: str
@@ -77,6 +78,8 @@ class Case:
     calibrations: tuple[ImageCalibrated, ...] = ()
     skipped: tuple[ImageSkipped, ...] = ()
     localisations: tuple[LocalisationReceived, ...] = ()
+    skipped_at_ns: tuple[int, ...] = ()
+    localised_at_ns: tuple[int, ...] = ()
     plans: tuple[PlanEntry, ...] = ()
     motions: tuple[str, ...] = ()
     verifications: tuple[VerificationMade, ...] = ()
@@ -199,8 +202,8 @@ def _(data: ImageReceived, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 
 @_after.register
-def _(data: ImageSkipped, case: Case, event: Event) -> Case:  # noqa: ARG001
-    return replace(case, skipped=(*case.skipped, data))
+def _(data: ImageSkipped, case: Case, event: Event) -> Case:
+    return replace(case, skipped=(*case.skipped, data), skipped_at_ns=(*case.skipped_at_ns, event.at_ns))
 
 
 @_after.register
@@ -209,8 +212,9 @@ def _(data: ImageCalibrated, case: Case, event: Event) -> Case:  # noqa: ARG001
 
 
 @_after.register
-def _(data: LocalisationReceived, case: Case, event: Event) -> Case:  # noqa: ARG001
-    known = replace(case, localisations=(*case.localisations, data))
+def _(data: LocalisationReceived, case: Case, event: Event) -> Case:
+    at_ns = (*case.localised_at_ns, event.at_ns)
+    known = replace(case, localisations=(*case.localisations, data), localised_at_ns=at_ns)
     if case.staleness_of_image(data.image_sha256, data.case_revision) is not None:
         return known
     accepted = data.verdict == "accepted"

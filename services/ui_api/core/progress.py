@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from services.ui_api.core.computations import STEPS, Computation
+from services.ui_api.core.localising import Localising
 from services.ui_api.core.operations import Operation
 from services.ui_api.core.robot_event_data import CommandVerb, OperationStatus
 from shared.geometry.hexapod import PlatformPose
@@ -63,6 +64,11 @@ def progress_of_operation(operation: Operation, share: float | None = None) -> P
         case _:
             reached = operation.status is OperationStatus.SUCCEEDED
             return Progress(STEPS, STEPS, _ENDED.format(status=operation.status), 1.0 if reached else None)
+
+
+def progress_of_localising(localising: Localising) -> Progress:
+    """Of an image on its way to its localisation."""
+    return Progress(localising.step, STEPS, localising.says, 1.0 if localising.result is not None else None)
 
 
 def progress_of_computation(computation: Computation) -> Progress:

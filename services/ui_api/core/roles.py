@@ -28,6 +28,7 @@ class Action(StrEnum):
     STOP = "stop"
     SEE_METRICS = "see_metrics"
     USE_OWN_ACCOUNT = "use_own_account"
+    DIAGNOSE = "diagnose"
     READ = "read"
     OPEN_CASE = "open_case"
     CHANGE_SET_UP = "change_set_up"
@@ -82,6 +83,11 @@ PERMISSIONS: Final = (
     Permission(Action.STOP, _EVERYBODY, "stop the robot", WithoutLogin.ROOM),
     Permission(Action.SEE_METRICS, _EVERYBODY, "figures for Prometheus", WithoutLogin.ROOM),
     Permission(Action.USE_OWN_ACCOUNT, _EVERYBODY, "see the own account, change its password, sign out"),
+    Permission(
+        Action.DIAGNOSE,
+        frozenset({Role.TECHNICIAN, Role.SURGEON, Role.ADMINISTRATOR}),
+        "what of machine and installation needs attention, with remedies",
+    ),
     Permission(Action.READ, _CLINICAL, "cases, images, results, robot, events, live picture, parts"),
     Permission(Action.OPEN_CASE, _STAFF, "open a case"),
     Permission(Action.CHANGE_SET_UP, _STAFF, "change the set-up of a case"),

@@ -6,15 +6,21 @@ from typing import Final, Literal, assert_never
 from pydantic import Field
 
 from services.ui_api.core.computations import Computation
+from services.ui_api.core.localising import VERB, Localising
 from services.ui_api.core.operations import VERBS_WITH_A_MOTION, Operation
-from services.ui_api.core.progress import Progress, progress_of_computation, progress_of_operation
+from services.ui_api.core.progress import (
+    Progress,
+    progress_of_computation,
+    progress_of_localising,
+    progress_of_operation,
+)
 from services.ui_api.core.robot_event_data import OperationStatus
 from services.ui_api.routes.views import View
 from shared.messages.base import Sha256, UnixNanoseconds
 
 OperationStatusName = Literal["running", "unknown", "succeeded", "failed", "stopped", "cancelled"]
 EndedBy = Literal["cancel", "stop"]
-AnyOperation = Operation | Computation
+AnyOperation = Operation | Computation | Localising
 # To a client, a command on its way to the robot and one that the robot carries out are both under way.
 _STATUS_NAMES: Final[Mapping[OperationStatus, OperationStatusName]] = {
     OperationStatus.REQUESTED: "running",
@@ -47,8 +53,8 @@ class ProgressView(View):
 class OperationView(View):
     """What takes time, and how far it has come; `began` is null while nobody knows.
 
-    A command to the robot (`move`, `reference`, `acknowledge_stop`, `reset`), or something that is computed (`verify`,
-    `report_quality`, `plan`).
+    A command to the robot (`move`, `reference`, `acknowledge_stop`, `reset`), something that is computed (`verify`,
+    `report_quality`, `plan`), or an image on its way to its localisation (`localise`), for which nobody asks.
     """
 
     id: str
@@ -84,6 +90,8 @@ class OperationView(View):
                 return _of_command(operation, progress or progress_of_operation(operation))
             case Computation():
                 return _of_computation(operation)
+            case Localising():
+                return _of_localising(operation)
             case _:
                 assert_never(operation)
 
@@ -131,6 +139,30 @@ def _of_computation(computation: Computation) -> OperationView:
         deviation_deg=None,
         requested_at_ns=computation.requested_at_ns,
         ended_at_ns=computation.ended_at_ns,
+        approver=None,
+        authenticated_by=None,
+        permit_sha256=None,
+    )
+
+
+def _of_localising(localising: Localising) -> OperationView:
+    return OperationView(
+        id=localising.operation_id,
+        verb=VERB,
+        case_id=localising.case_id,
+        plan=None,
+        hold_to_move=False,
+        status=status_name(localising),
+        progress=ProgressView.of(progress_of_localising(localising)),
+        ended_by=None,
+        began=True,
+        code=localising.code,
+        detail=localising.message,
+        result=localising.result,
+        deviation_mm=None,
+        deviation_deg=None,
+        requested_at_ns=localising.requested_at_ns,
+        ended_at_ns=localising.ended_at_ns,
         approver=None,
         authenticated_by=None,
         permit_sha256=None,

@@ -6,6 +6,8 @@ from fastapi import Query, Request, Response
 from pydantic import BaseModel
 
 from services.ui_api.core.computations import Computation
+from services.ui_api.core.ledger import Ledger
+from services.ui_api.core.localising import PREFIX, Localising, localising_of, localisings_of
 from services.ui_api.core.operations import VERBS_WITH_A_MOTION, Operation
 from services.ui_api.core.roles import Action
 from services.ui_api.handlers.refusals import Refused, conflict, unknown
@@ -41,13 +43,14 @@ def list_operations(
     since: Since = None,
     sort: Sort = "oldest",
 ) -> Page[OperationView]:
-    """All operations, in the order in which they were asked for."""
+    """All operations, in the order in which they were asked for, and images on their way to a localisation."""
 
     def wanted(operation: AnyOperation) -> bool:
         return status in (None, status_name(operation)) and is_since(operation.requested_at_ns, since)
 
     ledger = gateway.record.ledger
-    found: list[AnyOperation] = [*ledger.operations.values(), *ledger.computations.values()]
+    localising = (one for case in ledger.cases.values() for one in localisings_of(case))
+    found: list[AnyOperation] = [*ledger.operations.values(), *ledger.computations.values(), *localising]
     found.sort(key=lambda operation: operation.requested_at_ns)
     return page(found, cursor, limit, lambda operation: operation_view(gateway, operation), wanted=wanted, sort=sort)
 
@@ -71,7 +74,7 @@ def cancel_operation(
 
     def act(unit: UnitOfWork) -> Answer:
         operation = _operation(gateway, operation_id)
-        if isinstance(operation, Operation):
+        if not isinstance(operation, Computation):
             raise _not_cancelled(operation)
         gateway.computations.cancel(unit, operation_id, user.name)
         after = gateway.record.ledger.with_events(unit.events)
@@ -86,14 +89,14 @@ def renew_lease(operation_id: str, gateway: TheGateway) -> LeaseView:
     operation = _operation(gateway, operation_id)
     if operation.ended:
         raise conflict("operation_ended", f"operation {operation_id} has ended: it is '{operation.status}'")
-    if isinstance(operation, Computation) or not operation.requested.hold_to_move:
+    if not isinstance(operation, Operation) or not operation.requested.hold_to_move:
         raise conflict("no_lease", f"operation {operation_id} was begun without hold_to_move, so it has no lease")
     if not gateway.leases.renew(operation_id):
         raise conflict("lease_lapsed", f"the lease of operation {operation_id} has lapsed: the robot is stopped")
     return LeaseView(operation=operation_id, expires_in_s=gateway.leases.lease_s)
 
 
-def accepted(operation: AnyOperation, **headers: str) -> Answer:
+def accepted(operation: Operation | Computation, **headers: str) -> Answer:
     """202 with the operation and where to follow it."""
     location = f"/api/v1/operations/{operation.requested.operation_id}"
     return json_answer(202, OperationView.of(operation), location=location, **headers)
@@ -107,13 +110,28 @@ def operation_view(gateway: Gateway, operation: AnyOperation) -> OperationView:
 
 def _operation(gateway: Gateway, operation_id: str) -> AnyOperation:
     ledger = gateway.record.ledger
-    operation = ledger.operations.get(operation_id) or ledger.computations.get(operation_id)
+    asked_for = ledger.operations.get(operation_id) or ledger.computations.get(operation_id)
+    operation = asked_for or _localising(ledger, operation_id)
     if operation is None:
         raise unknown("operation", operation_id, "GET /operations lists them")
     return operation
 
 
-def _not_cancelled(operation: Operation) -> Refused:
+def _localising(ledger: Ledger, operation_id: str) -> Localising | None:
+    if not operation_id.startswith(PREFIX):
+        return None
+    for case in reversed(ledger.cases.values()):
+        image = case.image(operation_id.removeprefix(PREFIX))
+        if image is not None:
+            return localising_of(case, image)
+    return None
+
+
+def _not_cancelled(operation: Operation | Localising) -> Refused:
+    if isinstance(operation, Localising):
+        return conflict(
+            "not_cancellable", "an image is localised by itself, and given up for a newer one; take one more, or wait"
+        )
     requested = operation.requested
     name = f"operation {requested.operation_id} ({requested.verb})"
     if operation.ended:

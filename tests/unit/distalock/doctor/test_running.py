@@ -13,11 +13,11 @@ from pynetdicom import AE
 from pynetdicom.sop_class import Verification  # type: ignore[attr-defined]  # made at run time
 
 from distalock.doctor.command import exit_code, table_of
-from distalock.doctor.finding import Finding, Verdict, attention, unknown, well, wrong
 from distalock.doctor.running import controller_finding, dicom_finding, gateway_findings, ports_finding
 from distalock.readiness import Server
 from services.imaging.settings import ImagingSettings
 from services.robot.settings import RobotSettings
+from shared.doctor.finding import Finding, Verdict, attention, unknown, well, wrong
 from shared.parts.hexapod_file import default_hexapod
 from simulation.controller.servers import tcp_server
 from simulation.controller.virtual_controller import VirtualController

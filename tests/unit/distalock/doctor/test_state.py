@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from distalock.doctor.finding import Verdict
-from distalock.doctor.state import settings_finding, state_findings
+from distalock.doctor.settings import settings_finding
 from shared.bus.tls import PKI_FOLDER
+from shared.doctor.finding import Verdict
+from shared.doctor.state import state_findings
 from shared.parts.approvals import APPROVALS_FILE
 from shared.pki.keystore import Keystore
 from shared.pki.network import network_keystore
