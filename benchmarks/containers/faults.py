@@ -8,7 +8,7 @@ from typing import Final
 
 import httpx
 
-from benchmarks.containers.site import ContainerSite, Injected, cut_off, killed, paused
+from benchmarks.containers.site import ContainerSite, Injected, Prepared, cut_off, killed, paused
 from benchmarks.faults.declaration import SAFE_WITHIN_MM, SAFE_WITHIN_S
 from benchmarks.faults.patient import PatientProcedure, Step, Stuck
 from benchmarks.faults.watch import Motion, ReadinessWatch, ReadyAnswer, at_rest_since_s, locked_since_s, motion_since
@@ -34,7 +34,7 @@ class ContainerFault:
     """What is done to a container."""
 
     name: str
-    injected: Injected
+    prepared: Prepared
 
 
 FAULTS: Final = tuple(
@@ -85,8 +85,9 @@ def play(site: ContainerSite, faults: Sequence[ContainerFault], steps: Sequence[
         for step in steps:
             try:
                 procedure.said.clear()
+                inject = fault.prepared(site)
                 procedure.require_motion() if step is Step.MOVING else procedure.reach(step)
-                yield _played(site, procedure, fault, step)
+                yield _played(site, procedure, fault, step, inject)
                 if procedure.at is not Step.IDLE and step is steps[-1]:
                     procedure.reach(Step.WIRED)
                     procedure.finish()
@@ -94,18 +95,20 @@ def play(site: ContainerSite, faults: Sequence[ContainerFault], steps: Sequence[
                 yield ContainerFinding(fault.name, step, (f"{type(error).__name__}: {error}",), None, 0.0, 0.0)
 
 
-def _played(site: ContainerSite, procedure: PatientProcedure, fault: ContainerFault, step: Step) -> ContainerFinding:
-    before = site.hexapod()
+def _played(
+    site: ContainerSite, procedure: PatientProcedure, fault: ContainerFault, step: Step, inject: Injected
+) -> ContainerFinding:
     unreachable = step is Step.MOVING and fault.name in _UNREACHABLE
     with site.readiness() as watch:
-        with fault.injected(site):
+        before = site.hexapod()
+        with inject():
             motion = motion_since(site, before, at_rest_since_s if unreachable else locked_since_s)
         lifted_s = time.monotonic()
         wrong = _wrong_in_motion(motion, step, unreachable=unreachable)
-        _wait_until_ready(watch)
+        missing = _wait_until_ready(watch)
         ready_s = time.monotonic() - lifted_s
         if ready_s > READY_WITHIN_S:
-            wrong.append(f"ready after {ready_s:.1f} s (limit {READY_WITHIN_S:g} s)")
+            wrong.append(f"ready after {ready_s:.1f} s (limit {READY_WITHIN_S:g} s), {missing}")
         _make_ready(site, watch)
     return ContainerFinding(
         fault.name, step, (*wrong, *_lost(site, procedure)), motion.safe_s, motion.travel_mm, ready_s
@@ -132,12 +135,16 @@ def _is_ready(answer: ReadyAnswer) -> bool:
     return answer.ready or (bool(answer.failed) and answer.failed.keys() <= _ROBOT and "robot_state" in answer.failed)
 
 
-def _wait_until_ready(watch: ReadinessWatch) -> None:
+def _wait_until_ready(watch: ReadinessWatch) -> str:
+    """What was missing last."""
     deadline_s = time.monotonic() + _GIVE_UP_AFTER_S
+    missing = "nothing missing"
     while not _is_ready(answer := watch.ask()):
+        missing = f"at last without {', '.join(answer.failed) or answer.detail}"
         if time.monotonic() > deadline_s:
             raise TimeoutError(f"not ready {_GIVE_UP_AFTER_S:g} s after the fault had gone: {answer.detail}")
         time.sleep(_POLL_S)
+    return missing
 
 
 def _make_ready(site: ContainerSite, watch: ReadinessWatch) -> None:

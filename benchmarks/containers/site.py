@@ -4,9 +4,10 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -24,6 +25,8 @@ from tools.containers.composition import Composition
 ANSWER_S: Final = 180.0
 _IMPATIENT_S: Final = 3.0
 _READY_WITHIN_S: Final = 300.0
+_DOCKER: Final = "/var/run/docker.sock"
+_DOCKER_ANSWERS_WITHIN_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,49 +88,63 @@ def container_site(composition: Composition) -> Iterator[ContainerSite]:
         yield ContainerSite(composition, server, ContainerHands(control), gateway, rest, acknowledged)
 
 
-Injected = Callable[[ContainerSite], AbstractContextManager[None]]
+Injected = Callable[[], AbstractContextManager[None]]
+Prepared = Callable[[ContainerSite], Injected]
+"""Looks up what the fault needs, so that nothing but the fault lies between the look at the robot and the fault."""
 
 
-def killed(service: str) -> Injected:
+def killed(service: str) -> Prepared:
     """SIGKILL to its first process, with which all of them end; docker starts it again at once."""
 
-    @contextmanager
-    def inject(site: ContainerSite) -> Iterator[None]:
-        os.kill(site.composition.pid(service), signal.SIGKILL)
-        yield
+    def prepare(site: ContainerSite) -> Injected:
+        pid = site.composition.pid(service)
 
-    return inject
+        @contextmanager
+        def inject() -> Iterator[None]:
+            os.kill(pid, signal.SIGKILL)
+            yield
+
+        return inject
+
+    return prepare
 
 
-def paused(service: str, for_s: float) -> Injected:
+def paused(service: str, for_s: float) -> Prepared:
     """All its processes frozen for some time."""
 
-    @contextmanager
-    def inject(site: ContainerSite) -> Iterator[None]:
-        container = site.composition.container(service)
-        site.composition.docker("pause", container)
-        began_s = time.monotonic()
-        try:
-            yield
-            time.sleep(max(began_s + for_s - time.monotonic(), 0.0))
-        finally:
-            site.composition.docker("unpause", container)
+    def prepare(site: ContainerSite) -> Injected:
+        place = f"/containers/{site.composition.container(service)}"
+        return lambda: _lasting(for_s, partial(_ask_docker, f"{place}/pause"), partial(_ask_docker, f"{place}/unpause"))
 
-    return inject
+    return prepare
 
 
-def cut_off(service: str, for_s: float) -> Injected:
+def cut_off(service: str, for_s: float) -> Prepared:
     """Its connection to the network of the bus taken away for some time."""
 
-    @contextmanager
-    def inject(site: ContainerSite) -> Iterator[None]:
-        container, network = site.composition.container(service), site.composition.network()
-        site.composition.docker("network", "disconnect", "--force", network, container)
-        began_s = time.monotonic()
-        try:
-            yield
-            time.sleep(max(began_s + for_s - time.monotonic(), 0.0))
-        finally:
-            site.composition.docker("network", "connect", "--alias", service, network, container)
+    def prepare(site: ContainerSite) -> Injected:
+        container, place = site.composition.container(service), f"/networks/{site.composition.network()}"
+        gone = {"Container": container, "Force": True}
+        back = {"Container": container, "EndpointConfig": {"Aliases": [service]}}
+        return lambda: _lasting(
+            for_s, partial(_ask_docker, f"{place}/disconnect", gone), partial(_ask_docker, f"{place}/connect", back)
+        )
 
-    return inject
+    return prepare
+
+
+@contextmanager
+def _lasting(for_s: float, begin: Callable[[], None], end: Callable[[], None]) -> Iterator[None]:
+    begin()
+    began_s = time.monotonic()
+    try:
+        yield
+        time.sleep(max(began_s + for_s - time.monotonic(), 0.0))
+    finally:
+        end()
+
+
+def _ask_docker(path: str, content: Mapping[str, object] | None = None) -> None:
+    """Ask docker itself: its command takes longer to start than a motion may go on."""
+    with httpx.Client(transport=httpx.HTTPTransport(uds=_DOCKER), timeout=_DOCKER_ANSWERS_WITHIN_S) as http:
+        http.post(f"http://docker{path}", json=content).raise_for_status()

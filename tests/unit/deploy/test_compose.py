@@ -136,6 +136,12 @@ def test_what_runs_for_long_has_a_health_check_and_time_to_leave(service: str) -
     assert "stop_grace_period" in block or "<<: *service" in block
 
 
+def test_a_router_that_comes_back_is_not_waited_for_by_its_name() -> None:
+    """The usual resolver waits 5 s for an answer that never comes while the router's name is unknown."""
+    (options,) = re.findall(r"dns_opt: \[(.*)\]", TEXT.split("x-service:")[1])
+    assert '"timeout:1"' in options
+
+
 def test_the_bus_is_a_network_of_its_own_without_a_way_out() -> None:
     networks = {name: re.findall(r"networks: \[(.*)\]", block_of(name)) for name in SERVICES}
     assert {name for name, found in networks.items() if "hospital" in "".join(found)} == {
