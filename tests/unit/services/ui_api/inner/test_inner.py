@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 import h11
 import pytest
 from fastapi import FastAPI, Request, Response
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from services.ui_api.front.heads import forwarded
@@ -31,6 +31,8 @@ def own(name: str) -> bool:
 
 
 @given(TARGET, st.lists(st.tuples(TOKEN.filter(own), VALUE), max_size=5))
+@example("/robot", [("X-Forwarded-For", b"10.0.0.1"), ("x-forwarded-proto", b"http"), ("Forwarded", b"for=10.0.0.1")])
+@example("/a:%20b?c=d: e".replace(" ", ""), [("a", b""), ("a", b": "), ("b", b"\xff")])
 def test_a_head_is_read_back_as_the_fronts_parser_had_it(target: str, fields: list[tuple[str, bytes]]) -> None:
     raw = b"GET %s HTTP/1.1\r\nHost: g\r\n" % target.encode()
     raw += b"".join(b"%s: %s\r\n" % (name.encode(), value) for name, value in fields)
