@@ -23,6 +23,8 @@ READY_WITHIN_S: Final = 5.0
 _GIVE_UP_AFTER_S: Final = 120.0
 _IMAGES_WITHIN_S: Final = 60.0
 _POLL_S: Final = 0.1
+# A service that was killed is on the list of those that are there until its token has gone.
+_NOTICED_WITHIN_S: Final = 0.3
 _STILL_MM: Final = 1e-3
 _ROBOT: Final = frozenset({"robot", "robot_state"})
 # Nothing reaches the controller while the robot's network is gone: the motion ends at its target, under its servo.
@@ -139,6 +141,7 @@ def _wait_until_ready(watch: ReadinessWatch) -> str:
     """What was missing last."""
     deadline_s = time.monotonic() + _GIVE_UP_AFTER_S
     missing = "nothing missing"
+    time.sleep(_NOTICED_WITHIN_S)
     while not _is_ready(answer := watch.ask()):
         missing = f"at last without {', '.join(answer.failed) or answer.detail}"
         if time.monotonic() > deadline_s:

@@ -98,7 +98,10 @@ class LocalisedFrame:
 
 
 class LocalisedFrames:
-    """The last few localised images, and the last accepted one of each place of the robot. Thread-safe."""
+    """The last few localised images, and of the present set-up the last accepted one of each place of the robot.
+
+    Thread-safe.
+    """
 
     def __init__(self, kept: int) -> None:
         self._kept = kept
@@ -131,14 +134,21 @@ class LocalisedFrames:
             return [one for one in self._frames.values() if one.record.localisation.verdict == "accepted"]
 
     def _dispensable(self) -> str:
-        """The oldest image that is not the last accepted one with the robot where it stood; else the oldest."""
+        """The oldest image of a set-up that was left; else the oldest that is not the last accepted one with the robot
+        where it stood; else the oldest. Never the newest, which somebody is about to verify.
+        """
+        *older, newest = self._frames.values()
+        left = (one for one in older if set_up_of(one.case) != set_up_of(newest.case))
+        if (of_another := next(left, None)) is not None:
+            return of_another.record.image.sha256
         needed: list[LocalisedFrame] = []
         for one in reversed(self._frames.values()):
             accepted = one.record.localisation.verdict == "accepted"
             if accepted and not any(moved_between(one, other) is False for other in needed):
                 needed.append(one)
         kept = {one.record.image.sha256 for one in needed}
-        return next((sha256 for sha256 in self._frames if sha256 not in kept), next(iter(self._frames)))
+        sha256s = [one.record.image.sha256 for one in older]
+        return next((sha256 for sha256 in sha256s if sha256 not in kept), sha256s[0])
 
 
 def calibration_of(message: CalibrationMessage) -> Accepted[CArmCalibration] | Rejected:

@@ -22,6 +22,11 @@ def knowing(*frames: LocalisedFrame, kept: int = 10) -> RegistrationState:
     return state
 
 
+def of_case(case_id: str, one: LocalisedFrame) -> LocalisedFrame:
+    context = one.case.context.model_copy(update={"case_id": case_id})
+    return replace(one, case=replace(one.case, context=context))
+
+
 def names(frames: tuple[LocalisedFrame, ...]) -> list[str]:
     known = {sha256_of(name.encode()): name for name in "abcdefgh"}
     return [known[one.record.image.sha256] for one in frames]
@@ -46,6 +51,25 @@ def test_the_last_accepted_image_of_each_place_outlives_a_run() -> None:
     assert names(state.images.accepted_elsewhere(run[-1])) == ["b"]
     assert state.images.get(sha256_of(b"h")) is run[-1]
     assert state.images.get(sha256_of(b"c")) is None
+
+
+def test_the_newest_image_is_kept_although_all_others_are_accepted_and_of_set_ups_that_were_left() -> None:
+    """An image with wires in the holes is rejected, and verified right afterwards: also in the ninth case of a day."""
+    earlier = [of_case(f"case-{name}", frame(localised(name))) for name in "abc"]
+    rejected = of_case("case-d", frame(localised("d", 0.0, 1.0, AMBIGUOUS)))
+    state = knowing(*earlier, rejected, kept=3)
+    assert state.images.get(sha256_of(b"d")) is rejected
+    assert state.images.get(sha256_of(b"a")) is None
+
+
+def test_the_newest_image_is_kept_although_the_robot_stood_at_a_place_of_its_own_for_each_other() -> None:
+    places = [HOME.model_copy(update={"x_mm": x_mm}) for x_mm in (1.0, 2.0, 3.0)]
+    rejected = frame(localised("d", 0.0, 1.0, AMBIGUOUS))
+    state = knowing(
+        *(frame(localised(name), place) for name, place in zip("abc", places, strict=True)), rejected, kept=3
+    )
+    assert state.images.get(sha256_of(b"d")) is rejected
+    assert state.images.get(sha256_of(b"a")) is None
 
 
 def test_pixels_that_come_late_are_not_the_newest() -> None:
