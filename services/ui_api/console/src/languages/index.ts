@@ -1,14 +1,18 @@
 import i18next from "i18next";
 import { initReactI18next } from "react-i18next";
 import english from "./en.json";
+import { learn, type Sentences } from "./gateway";
 
 /** Each in its own words. */
 export const LANGUAGES: Readonly<Record<string, string>> = { en: "English", de: "Deutsch", zh: "中文" };
 const KEPT_UNDER = "distalock-language";
 
-const loaders: Readonly<Record<string, () => Promise<{ default: object }>>> = {
-  de: () => import("./de.json"),
-  zh: () => import("./zh.json"),
+type Loading<Words> = Promise<{ default: Words }>;
+
+/** What the page says, and what the gateway says. */
+const loaders: Readonly<Record<string, () => readonly [Loading<object>, Loading<Sentences>]>> = {
+  de: () => [import("./de.json"), import("./gateway.de.json")],
+  zh: () => [import("./zh.json"), import("./gateway.zh.json")],
 };
 
 /** Begin with the language that was chosen on this machine, else with the browser's, else with English. */
@@ -27,8 +31,11 @@ export async function startLanguages(): Promise<void> {
 /** Change the page's language. */
 export async function speak(code: string): Promise<void> {
   const load = loaders[code];
-  if (load !== undefined && !i18next.hasResourceBundle(code, "translation"))
-    i18next.addResourceBundle(code, "translation", (await load()).default);
+  if (load !== undefined && !i18next.hasResourceBundle(code, "translation")) {
+    const [page, gateway] = await Promise.all(load());
+    learn(code, gateway.default);
+    i18next.addResourceBundle(code, "translation", page.default);
+  }
   await i18next.changeLanguage(code);
   document.documentElement.lang = code;
   localStorage.setItem(KEPT_UNDER, code);

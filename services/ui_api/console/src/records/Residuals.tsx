@@ -4,7 +4,9 @@ import { residualColour } from "../image/ellipse";
 import { type DrawnBall, useDrawing } from "../image/results";
 import { largestPx, placeOf, rmsPx } from "./residuals";
 
-const [WIDTH, HEIGHT, LEFT, BELOW] = [640, 150, 34, 20] as const;
+const [WIDTH, HEIGHT] = [640, 150] as const;
+// Room for the numbers on the left and above, for the last ball, and for the names below.
+const [LEFT, RIGHT, ABOVE, BELOW] = [34, 4, 8, 22] as const;
 const LINES_PX: readonly number[] = [0, 0.25, 0.5, 1];
 
 /** How far each ball lies from where the fit puts it, in the newest localisation of a case. */
@@ -18,12 +20,12 @@ export default function Residuals({ caseId }: { readonly caseId: string }) {
     ["guide", drawing.guide_balls],
   ] as const;
   const balls = groups.flatMap(([kind, all]) => all.map((ball) => ({ kind, ball })));
-  const x = (index: number) => LEFT + ((index + 0.5) / balls.length) * (WIDTH - LEFT);
+  const x = (index: number) => LEFT + ((index + 0.5) / balls.length) * (WIDTH - LEFT - RIGHT);
   const y = (px: number) => (1 - placeOf(px)) * HEIGHT;
   return (
     <figure className="residuals">
       <figcaption>{t("records.residuals", { number: localisation.number })}</figcaption>
-      <svg viewBox={`0 0 ${WIDTH} ${HEIGHT + BELOW}`} aria-hidden="true">
+      <svg viewBox={`0 ${-ABOVE} ${WIDTH} ${ABOVE + HEIGHT + BELOW}`} aria-hidden="true">
         {LINES_PX.map((px) => (
           <g key={px}>
             <line className="residual-line" x1={LEFT} x2={WIDTH} y1={y(px)} y2={y(px)} />
@@ -39,7 +41,7 @@ export default function Residuals({ caseId }: { readonly caseId: string }) {
           <text
             key={kind}
             x={x(index === 0 ? all.length / 2 : balls.length - all.length / 2)}
-            y={HEIGHT + BELOW - 4}
+            y={HEIGHT + BELOW - 5}
             textAnchor="middle"
           >
             {t(`records.balls.${kind}`)}

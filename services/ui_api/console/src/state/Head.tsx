@@ -1,7 +1,7 @@
 import { useTranslation } from "react-i18next";
 import UserMenu from "../access/UserMenu";
 import type { Me, RobotSnapshot } from "../api/types";
-import Alarms from "./Alarms";
+import Alarms, { AlarmSound } from "./Alarms";
 import type { Alarm } from "./alarms";
 import Banner from "./Banner";
 import type { Connection } from "./connection";
@@ -40,6 +40,7 @@ export default function Head({ me, robot, connection, alarms, place }: Props) {
           {t(`state.${connection}`)}
         </p>
         <UserMenu me={me} />
+        <AlarmSound alarms={alarms} />
       </div>
       <Alarms alarms={alarms} />
     </header>

@@ -136,6 +136,17 @@ def test_only_what_is_inside_can_be_removed(kind: ObjectKind) -> None:
         assert step in steps_in_order(Situation(Progress(stage, inside=frozenset({Inside(kind, "distal")}))))
 
 
+@pytest.mark.parametrize("inside", [frozenset(), frozenset({Inside(ObjectKind.WIRE, "distal")})])
+def test_nothing_is_verified_before_the_newest_image_is_localised(inside: frozenset[Inside]) -> None:
+    taken = Progress(Stage.ALIGNED, inside=inside, seen=True)
+    for basis in Basis:
+        following = next_step(Situation(taken, basis=basis, has_images=True))
+        is_localised = basis in (Basis.REJECTED, Basis.SEVERAL, Basis.ACCEPTED)
+        assert following.does is (Action.VERIFY if is_localised else None)
+        assert following.phase is Phase.VERIFICATION
+        assert ("being localised" in following.sentence) is not is_localised
+
+
 def test_what_was_wrong_before_is_right() -> None:
     """A stop in force does not ask for a motion, and wires that are in are not asked for again."""
     stopped = Situation(plan=PlanStanding.APPROVED, robot=RobotCondition.STOPPED)
