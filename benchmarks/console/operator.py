@@ -135,7 +135,9 @@ class ConsoleOperator:
     def _do(self, wanted: str) -> None:
         doing: dict[str, Callable[[], None]] = {
             "acknowledge_stop": lambda: self._click("Acknowledge the stop"),
-            "reference": self._reference,
+            "reference": lambda: self._click_twice("Reference the robot"),
+            # A machine that is too busy answers the robot too late, which is a fault.
+            "reset": lambda: self._click_twice("Reset the robot"),
             "take_image": self.take_image,
             "request_plan": lambda: self._click("Plan the move"),
             "approve_plan": self.approve,
@@ -149,8 +151,8 @@ class ConsoleOperator:
         if wanted in doing:  # otherwise there is to wait
             doing[wanted]()
 
-    def _reference(self) -> None:
-        self._click("Reference the robot")
+    def _click_twice(self, name: str) -> None:
+        self._click(name)
         self._click("Yes, do it")
 
     def approve(self) -> None:

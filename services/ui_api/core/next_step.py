@@ -271,7 +271,7 @@ _TO_THE_MOTION: Final = (
         Phase.APPROVAL,
         _plan(PlanStanding.MADE),
         Action.APPROVE_PLAN,
-        "A surgeon approves the plan, quoting its hash.",
+        "A surgeon checks the plan and approves it.",
     ),
     NextStep(
         Phase.LOCALISATION,

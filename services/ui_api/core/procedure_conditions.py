@@ -176,7 +176,7 @@ APPROVED: Final = Condition(
     lambda s: s.plan is not PlanStanding.MADE,
     "plan_not_approved",
     "plan {plan} is not approved",
-    "a surgeon approves it by its hash",
+    "a surgeon checks it and approves it",
 )
 APPROVED_BY_A_USER: Final = Condition(
     "the surgeon showed who he is",

@@ -64,7 +64,7 @@ function Magnifier({
         {found && <span>{t("image.hole.tilt", { deg: found.tilt_to_ray_deg.toFixed(1) })}</span>}
         {sigma && (
           <span>
-            ± {sigma.entry_mm.toFixed(2)} mm, ± {sigma.axis_deg.toFixed(2)}°
+            ±&nbsp;{sigma.entry_mm.toFixed(2)}&nbsp;mm, ±&nbsp;{sigma.axis_deg.toFixed(2)}°
           </span>
         )}
       </figcaption>
