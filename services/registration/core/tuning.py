@@ -297,6 +297,7 @@ class DisplayCurveFit:
     """The display's curve by place (`core/nail/display_curve.py`); steps are those from metal to background."""
 
     turn_deg: float = tuned(4.5, "°", "turn of the nail by a curve that changes by the levels' range", _CURVE_LEFT)
+    largest_change: float = tuned(0.1, "1", "change beyond which the nail is turned no further", _CURVE_LEFT)
     least_error_ratio: float = tuned(1.5, "times", "disagreement of parts from which it is undone", _CURVED)
     least_explained_share: float = tuned(
         0.4, "1", "share of the edges' residuals that the curve explains where one is evident", _CURVED

@@ -186,8 +186,9 @@ PROCESSING: Final = Criterion(
     "error of the nail's rotation by which parts of the image disagree, over what the noise explains",
     at_most(12.0, "times", decimals=1),
     "switch off local contrast enhancement and noise filters at the C-arm, or export the unprocessed image, and take "
-    "one more; once the bone is drilled through the holes, take it with the K-wires in", "fitted on `distalock bench processing --seeds fit`: filtered images up to 11 times are right; nearer "
-    "by, the uncertainty decides")
+    "one more; once the bone is drilled through the holes, take it with the K-wires in",
+    "fitted on `distalock bench processing --seeds fit`: filtered images up to 11 times are right; nearer by, the "
+    "uncertainty decides")
 AGREEMENT_BESIDE_OBJECTS: Final = Criterion(
     ReasonCode.HOLE_NOT_VISIBLE, "the same, where something dark over the nail was left out",
     at_most(2.5, "times", decimals=1), "take instruments out of the beam, and take one more image",

@@ -88,7 +88,8 @@ def _grown_by_curve(fit_input: FitInput, first: ImageFit | Rejected, found: Imag
     if shown.explained_share < DISPLAY_CURVE.least_explained_share:
         return found.fit
     left = shown if found is first else display_curve_of(found.end.solution.linear, fit_input.pixels)
-    square = np.radians(DISPLAY_CURVE.turn_deg * left.change) ** 2 * np.eye(2)
+    turn_deg = DISPLAY_CURVE.turn_deg * min(left.change, DISPLAY_CURVE.largest_change)
+    square = np.radians(turn_deg) ** 2 * np.eye(2)
     return replace(found.fit, errors=found.fit.errors.with_more(covariance_of_turns(fit_input.nail, square)))
 
 
