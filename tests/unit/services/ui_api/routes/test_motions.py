@@ -52,7 +52,7 @@ def test_the_command_quotes_plan_approval_and_newest_state(room: Room) -> None:
 def test_motion_without_approval_moves_nothing(room: Room) -> None:
     room.image("image", case_id := room.open_case())
     room.post(f"/cases/{case_id}/plans", {"localisation": 1, "hole_ids": ["distal"]})
-    assert "a surgeon approves it" in _assert_refused(room, case_id, 1, "plan_not_approved")
+    assert "a surgeon checks it and approves it" in _assert_refused(room, case_id, 1, "plan_not_approved")
 
 
 @pytest.mark.requirement("GW-02")
