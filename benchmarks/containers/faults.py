@@ -95,6 +95,16 @@ def play(site: ContainerSite, faults: Sequence[ContainerFault], steps: Sequence[
                     procedure.finish()
             except (Stuck, RequestRefused, NotDone, httpx.HTTPError, TimeoutError, ConfigurationError) as error:
                 yield ContainerFinding(fault.name, step, (f"{type(error).__name__}: {error}",), None, 0.0, 0.0)
+                _begin_anew(site, procedure)
+
+
+def _begin_anew(site: ContainerSite, procedure: PatientProcedure) -> None:
+    """Leave nothing of a procedure that is stuck: wires in the guide would spoil all that follow."""
+    with suppress(RequestRefused, NotDone, httpx.HTTPError):
+        site.room.room.remove_wires()
+    with suppress(RequestRefused, NotDone, httpx.HTTPError):
+        procedure.actions.close(procedure.rest)
+    procedure.at = Step.IDLE
 
 
 def _played(

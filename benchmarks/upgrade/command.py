@@ -3,9 +3,11 @@
 usage: distalock bench upgrade [--from REVISION] [--seed 2] [--report FILE]
 
 Every service runs from the sources of the earlier revision first. After each change of one service a whole procedure is
-led with old and new ones side by side; services change in the order of `docs/releases.md`.
+led with old and new ones side by side, by the command of the gateway's version, as people have it; services change in
+the order of `docs/releases.md`.
 """
 
+import subprocess
 import sys
 import tempfile
 import threading
@@ -13,21 +15,21 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
-from benchmarks.common.places import PAGES
-from benchmarks.upgrade.old_sources import last_release, old_sources, running_from
-from distalock.demo import conclusion
+from benchmarks.common.places import PAGES, ROOT
+from benchmarks.upgrade.old_sources import environment_of, last_release, old_sources, running_from
 from distalock.installation import Installation, Ports
-from distalock.procedure import Ending, Outcome
 from distalock.processes import Fleet, ProcessSpec
-from distalock.running_procedure import procedure_at, wait_until_usable
+from distalock.running_procedure import wait_until_usable
 from distalock.version import revision
 from shared.arguments import OneLineParser
 from shared.errors import DistalockError
 
 REPORT: Final = PAGES / "upgrade.md"
+_GATEWAY: Final = "ui_api"
 # Who reads a message is changed before who sends it: `docs/releases.md`.
 ORDER: Final = ("router", "ui_api", "robot", "registration", "imaging")
 _READY_WITHIN_S: Final = 300.0
@@ -88,12 +90,22 @@ class Room:
         wait_until_usable(self.installation.gateway, _READY_WITHIN_S)
         return time.monotonic() - began_s
 
-    def procedure(self) -> Outcome:
-        """Lead a whole case."""
+    def procedure(self, gateway_from: Path) -> str:
+        """Lead a whole case with the command of the gateway's version; empty when both holes were drilled."""
         installation = self.installation
-        return procedure_at(
-            installation.gateway, installation.token, installation.ports.control_url, lambda line: print(f"  {line}")
+        token = self.old.parent / "token"
+        token.write_text(installation.token, encoding="ascii")
+        token.chmod(0o600)
+        words = [sys.executable, "-m", "distalock", "procedure", "--rest", installation.gateway.url]
+        words += ["--room", installation.ports.control_url, "--token-file", str(token)]
+        if (authority := installation.gateway.authority) is not None:
+            words += ["--authority", str(authority)]
+        ended = subprocess.run(
+            words, env=environment_of(gateway_from), cwd=gateway_from, capture_output=True, text=True, check=False
         )
+        said = [*ended.stdout.splitlines(), *ended.stderr.splitlines()] or ["it said nothing"]
+        print("".join(f"  {line}\n" for line in said), end="", flush=True)
+        return "" if ended.returncode == 0 else said[-1]
 
 
 @contextmanager
@@ -112,22 +124,24 @@ def _room(old: str, folder: Path, seed: int) -> Iterator[Room]:
 
 def _steps(room: Room) -> Iterator[Step]:
     wait_until_usable(room.installation.gateway, _READY_WITHIN_S)
-    yield _step("all of before", room, lambda: 0.0)
+    gateway_from = room.old
+    yield _step("all of before", room, lambda: 0.0, gateway_from)
     for name in ORDER:
-        yield _step(f"{name} upgraded", room, lambda name=name: room.change(name, to_old=False))  # type: ignore[misc]
+        gateway_from = ROOT if name == _GATEWAY else gateway_from
+        yield _step(f"{name} upgraded", room, partial(room.change, name, to_old=False), gateway_from)
     for name in reversed(ORDER):
-        yield _step(f"{name} taken back", room, lambda name=name: room.change(name, to_old=True))  # type: ignore[misc]
+        gateway_from = room.old if name == _GATEWAY else gateway_from
+        yield _step(f"{name} taken back", room, partial(room.change, name, to_old=True), gateway_from)
 
 
-def _step(what: str, room: Room, change: Callable[[], float]) -> Step:
+def _step(what: str, room: Room, change: Callable[[], float], gateway_from: Path) -> Step:
     """A change and the procedure after it; the room goes on when one of them fails."""
     ready_s, began_s = 0.0, time.monotonic()
     try:
         ready_s, began_s = change(), time.monotonic()
-        outcome = room.procedure()
+        wrong = room.procedure(gateway_from)
     except (DistalockError, TimeoutError) as error:
         return Step(what, ready_s, time.monotonic() - began_s, f"{type(error).__name__}: {error}")
-    wrong = "" if outcome.ending is Ending.DRILLED else conclusion(outcome)
     return Step(what, ready_s, time.monotonic() - began_s, wrong)
 
 
