@@ -127,7 +127,8 @@ class ConsoleOperator:
 
     def act(self) -> None:
         """Do what is next, and wait until the page asks for something else."""
-        wanted, before = self.next_action, self._said()
+        before = self._said()
+        wanted = before[1]  # of the same look: what is next may change between two
         self.acts.append(wanted)
         self._do(wanted)
         self._wait(lambda: self._said() != before or self.page.locator(".no-case").count() > 0, f"after {wanted}")
