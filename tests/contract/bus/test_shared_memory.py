@@ -38,5 +38,9 @@ def test_frames_of_each_sender_are_shared_and_none_of_it_stays_locked() -> None:
                     threading.Event().wait(AGAIN_S)
         assert sum(sample.by_shared_memory for sample in received.items) >= 0.8 * len(received.items)
         assert all(sample.payload == FRAME for sample in received.items)
+        # the router unlocks now and then, not with each frame
+        deadline_s = time.monotonic() + PATIENCE_S
+        while locked_kib(router.pid) and time.monotonic() < deadline_s:
+            threading.Event().wait(AGAIN_S)
         assert locked_kib(router.pid) == 0
         assert locked_kib(os.getpid()) == 0
