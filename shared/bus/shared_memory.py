@@ -79,7 +79,10 @@ def shared_memory_shortage(limits: MemoryLimits) -> str | None:
 
 
 def unlock_pools() -> None:
-    """Unlock what Zenoh has locked, so that the next pool finds the whole limit again; takes 10 µs."""
+    """Unlock what Zenoh has locked, so that the next pool finds the whole limit again; takes 10 µs.
+
+    It unlocks all memory of the process: nothing else here may rely on locked memory.
+    """
     _LIBC.munlockall()
 
 

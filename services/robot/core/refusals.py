@@ -56,7 +56,8 @@ def _criteria() -> tuple[RefusalCriterion, ...]:
         *_criteria_of_commands(),
         *_criteria_of_permits(),
         *_criteria_of_the_guard_on_supervision_and_plan(),
-        *_criteria_of_the_guard_on_robot_and_path(),
+        *_criteria_of_the_guard_on_the_robot(),
+        *_criteria_of_the_guard_on_the_path(),
     )
 
 
@@ -185,10 +186,9 @@ def _criteria_of_the_guard_on_supervision_and_plan() -> tuple[RefusalCriterion, 
     )
 
 
-def _criteria_of_the_guard_on_robot_and_path() -> tuple[RefusalCriterion, ...]:
+def _criteria_of_the_guard_on_the_robot() -> tuple[RefusalCriterion, ...]:
     code, row = RefusalCode, RefusalCriterion
     return (
-        # The guard: the robot itself
         row(
             code.PLAN_FOR_ANOTHER_ROBOT,
             "hexapod file of the plan",
@@ -225,6 +225,12 @@ def _criteria_of_the_guard_on_robot_and_path() -> tuple[RefusalCriterion, ...]:
             f"{SUPERVISION.read_back}",
             _PLAN_AGAIN,
         ),
+    )
+
+
+def _criteria_of_the_guard_on_the_path() -> tuple[RefusalCriterion, ...]:
+    code, row = RefusalCode, RefusalCriterion
+    return (
         row(
             code.TARGET_INCONSISTENT,
             "distance of the plan's target from where its guide correction leads",

@@ -76,7 +76,7 @@ def _localised(case: Case, image: ImageReceived) -> Localising | None:
     if measured is None:
         return None
     why = f": {', '.join(measured.reason_codes)}" if measured.reason_codes else ""
-    at_ns = case.localised_at_ns[case.localisations.index(measured)]
+    at_ns = case.localised_at_ns[measured.number - 1]
     done = _ended(case, image, ComputationStatus.SUCCEEDED, "", f"it was {measured.verdict}{why}", at_ns)
     return replace(done, result=f"/api/v1/cases/{case.case_id}/localisations/{measured.number}")
 

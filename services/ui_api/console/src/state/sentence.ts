@@ -1,6 +1,6 @@
 import { spoken } from "../languages/gateway";
 
-/** The request that does it, which a program is told: a person has a button. */
+/** The request that does it, which programs read: a person has a button. */
 const REQUEST = /;? ?\(?(see )?(?:GET|POST|PUT|PATCH|DELETE) \/[\w/{}-]+\)?/g;
 const HAN = /\p{Script=Han}[)）]?$/u;
 
