@@ -1,6 +1,9 @@
 """Equipment that is usual unless a case or the command line says otherwise."""
 
-from typing import Final
+from typing import Final, Literal
+
+# Into which nails are made to go, and which are locked with this product.
+Bone = Literal["femur", "tibia"]
 
 # Of the drills for 5 mm interlocking screws.
 USUAL_DRILL_DIAMETER_MM: Final = 4.0

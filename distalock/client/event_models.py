@@ -71,11 +71,20 @@ class BusRefused(ReceivedModel):
 
 
 class PartUse(ReceivedModel):
-    """A part file in use: its name in the catalogue (or `inline`), the hash of its JSON text, its hole ids."""
+    """A part file in use: its name in the catalogue (or `inline`) and the hash of its JSON text.
+
+    Attributes
+    ----------
+    hole_ids
+        Of a guide and a nail.
+    bone
+        That a nail is made for; empty where its file does not say.
+    """
 
     name: str
     sha256: str
     hole_ids: tuple[str, ...] = Field(default=())
+    bone: str = Field(default="")
 
 
 class CaseSetup(ReceivedModel):

@@ -390,6 +390,7 @@ class CatalogueView(ReceivedModel):
     name: str
     kind: Literal["ring", "guide", "nail", "hexapod"]
     sha256: str
+    bone: Literal["femur", "tibia"] | None = Field(description="That a nail is made for; null of other parts.")
 
 
 class ChallengeBody(SentModel):

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.equipment import Bone
 from shared.geometry.bend import section_frame
 from shared.geometry.frames import Nail
 from shared.geometry.lines import Line, unit
@@ -155,6 +156,8 @@ class NailPart:
     other_holes
         Further holes, which run in other directions and are not localised in the same image: images show them across
         or aslant, and what shows the nail has to know them.
+    bone
+        That it is made for; None where its file does not say.
     """
 
     material: Material
@@ -167,6 +170,7 @@ class NailPart:
     tolerance_deg: float | None = None
     curvature_per_m: tuple[float, float] = (0.0, 0.0)
     other_holes: tuple[Hole, ...] = ()
+    bone: Bone | None = None
 
     @property
     def all_holes(self) -> tuple[Hole, ...]:

@@ -4,11 +4,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from shared.equipment import USUAL_DRILL_DIAMETER_MM
+from shared.equipment import USUAL_DRILL_DIAMETER_MM, Bone
 from shared.messages.base import Finite, Identifier, Message, WireModel
 
 Side = Literal["left", "right"]
-Bone = Literal["femur", "tibia"]
 Mount = Literal["bone", "nail_head"]
 HeadExtension = Annotated[float, Field(ge=40.0, le=80.0, allow_inf_nan=False)]
 DrillDiameter = Annotated[float, Field(ge=1.0, le=10.0, allow_inf_nan=False)]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from shared.equipment import Bone
 from shared.errors import PartFileInvalid
 from shared.geometry.lines import Line, read_only
 from shared.geometry.parts import (
@@ -205,6 +206,7 @@ class NailFile(PartModel):
     schema_name: Literal["distalock/nail/1"] = Field(alias="schema")
     units: Literal["mm"]
     name: Name | None = None
+    bone: Bone | None = None
     material: Material
     diameter_mm: Positive
     cannulation_diameter_mm: NotNegative
@@ -355,6 +357,7 @@ def nail_from_json(content: bytes, source: str = "nail file") -> NailPart:
         hash_of(file),
         file.tolerance_mm,
         file.tolerance_deg,
+        bone=file.bone,
     )
 
 

@@ -210,6 +210,7 @@ def _changed_setup(unit: UnitOfWork, setup: CaseSetup, request: SetupRequest) ->
         drill_diameter_mm=request.drill_diameter_mm or setup.drill_diameter_mm,
     )
     _require_holes_in_common(changed)
+    _require_nail_of_bone(changed)
     return changed
 
 
@@ -236,4 +237,13 @@ def _require_holes_in_common(setup: CaseSetup) -> None:
             "no_common_hole",
             f"nail '{setup.nail.name}' has holes {', '.join(setup.nail.hole_ids)}, guide '{setup.guide.name}' has "
             f"{', '.join(setup.guide.hole_ids)}: none in common; use parts whose hole ids belong together",
+        )
+
+
+def _require_nail_of_bone(setup: CaseSetup) -> None:
+    if setup.nail.bone not in ("", setup.bone):
+        raise invalid(
+            "nail_of_other_bone",
+            f"nail '{setup.nail.name}' is made for the {setup.nail.bone}, the case's bone is the {setup.bone}; correct "
+            "the one that is wrong",
         )

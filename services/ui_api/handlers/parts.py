@@ -26,26 +26,35 @@ class PartFile:
     content: bytes
 
 
-def _check_ring(content: bytes, source: str) -> tuple[str, ...]:
+@dataclass(frozen=True, slots=True)
+class _Stated:
+    """What a case has to know of a part's content."""
+
+    hole_ids: tuple[str, ...] = ()
+    bone: str = ""
+
+
+def _check_ring(content: bytes, source: str) -> _Stated:
     ring_from_json(content, source)
-    return ()
+    return _Stated()
 
 
-def _check_guide(content: bytes, source: str) -> tuple[str, ...]:
-    return tuple(h.id for h in guide_from_json(content, source).holes)
+def _check_guide(content: bytes, source: str) -> _Stated:
+    return _Stated(tuple(h.id for h in guide_from_json(content, source).holes))
 
 
-def _check_nail(content: bytes, source: str) -> tuple[str, ...]:
-    return tuple(h.id for h in nail_from_json(content, source).holes)
+def _check_nail(content: bytes, source: str) -> _Stated:
+    nail = nail_from_json(content, source)
+    return _Stated(tuple(h.id for h in nail.holes), nail.bone or "")
 
 
-def _check_hexapod(content: bytes, source: str) -> tuple[str, ...]:
+def _check_hexapod(content: bytes, source: str) -> _Stated:
     hexapod_from_json(content, source)
-    return ()
+    return _Stated()
 
 
-# Each check validates a file's content and returns the ids of its holes; raises `PartFileInvalid`.
-_CHECKS: Mapping[PartKind, Callable[[bytes, str], tuple[str, ...]]] = {
+# Each check validates a file's content; raises `PartFileInvalid`.
+_CHECKS: Mapping[PartKind, Callable[[bytes, str], _Stated]] = {
     "ring": _check_ring,
     "guide": _check_guide,
     "nail": _check_nail,
@@ -69,8 +78,8 @@ def resolve_part(kind: PartKind, given: str | JsonObject) -> PartFile:
         name, content = INLINE, _inline(kind, given)
     _require_schema(kind, name, content)
     source = f"{kind} '{name}'"
-    hole_ids, text = _CHECKS[kind](content, source), canonical_part(content, source)
-    return PartFile(PartUse(name, sha256_of(text), hole_ids), text)
+    stated, text = _CHECKS[kind](content, source), canonical_part(content, source)
+    return PartFile(PartUse(name, sha256_of(text), stated.hole_ids, stated.bone), text)
 
 
 def require_approved(kind: str, given: str | JsonObject, is_approved: Callable[[str], bool]) -> None:

@@ -9,7 +9,8 @@ from services.ui_api.core.event_data import Step
 from services.ui_api.handlers.cases import SetupRequest
 from shared.equipment import USUAL_DRILL_DIAMETER_MM
 from shared.messages.base import Identifier, Sha256
-from shared.messages.cases import Bone, DrillDiameter, HeadExtension, Mount, Side
+from shared.equipment import Bone
+from shared.messages.cases import DrillDiameter, HeadExtension, Mount, Side
 from shared.messages.registration import VerificationOf
 
 # At least one visible character: an approval by "  " is nobody's. No control characters: not every database keeps them.

@@ -111,7 +111,7 @@ function SetUpFields({ known, button, isBusy, onSend }: FieldsProps) {
         name="bone"
         options={["femur", "tibia"]}
         value={value.bone}
-        onChange={(bone) => set({ bone: bone as "femur" })}
+        onChange={(bone) => set({ bone: bone as "femur", nail: withoutCatalogued(value.nail) })}
       />
       <Choice
         name="mount"
@@ -123,6 +123,7 @@ function SetUpFields({ known, button, isBusy, onSend }: FieldsProps) {
         <PartChoice
           key={kind}
           kind={kind}
+          bone={value.bone}
           value={value[kind as "nail"]}
           onChange={(part) => set({ [kind]: part })}
         />
@@ -142,6 +143,11 @@ function SetUpFields({ known, button, isBusy, onSend }: FieldsProps) {
       </button>
     </form>
   );
+}
+
+/** With another bone, another nail: what was chosen from the catalogue is chosen anew. */
+function withoutCatalogued(nail: Part): Part {
+  return typeof nail === "string" ? "" : nail;
 }
 
 interface ChoiceProps {
@@ -176,13 +182,15 @@ function Choice({ name, options, value, onChange }: ChoiceProps) {
 
 interface PartProps {
   readonly kind: Kind;
+  readonly bone: SetUp["bone"];
   readonly value: Part;
   readonly onChange: (value: string) => void;
 }
 
-function PartChoice({ kind, value, onChange }: PartProps) {
+function PartChoice({ kind, bone, value, onChange }: PartProps) {
   const { t } = useTranslation();
-  const parts = (useParts().data ?? []).filter((part) => part.kind === kind);
+  const ofKind = (useParts().data ?? []).filter((part) => part.kind === kind);
+  const parts = ofKind.filter((part) => part.bone === null || part.bone === bone);
   // A part of the scenario's own is sent as it is.
   const isOwn = typeof value !== "string";
   return (

@@ -131,6 +131,19 @@ def test_parts_without_a_hole_in_common_are_refused(quiet_room: Room) -> None:
     assert (answer.status_code, answer.json()["code"]) == (422, "no_common_hole")
 
 
+def test_a_nail_is_locked_in_the_bone_that_it_is_made_for(quiet_room: Room) -> None:
+    femoral, tibial = "nail-femur-ti-10", "nail-tibia-ti-10"
+    refused = quiet_room.post("/cases", samples.case_body(nail=femoral, bone="tibia"))
+    assert (refused.status_code, refused.json()["code"]) == (422, "nail_of_other_bone")
+    assert "'nail-femur-ti-10' is made for the femur, the case's bone is the tibia" in refused.json()["detail"]
+    case_id = quiet_room.post("/cases", samples.case_body(nail=femoral)).json()["id"]
+    for change in ({"nail": tibial}, {"bone": "tibia"}):
+        answer = quiet_room.patch(f"/cases/{case_id}", change)
+        assert (answer.status_code, answer.json()["code"]) == (422, "nail_of_other_bone")
+    both = quiet_room.patch(f"/cases/{case_id}", {"bone": "tibia", "nail": tibial}).json()
+    assert (both["bone"], both["nail"]["name"]) == ("tibia", tibial)
+
+
 def test_a_calibrated_guide_takes_the_place_of_the_nominal_one(room: Room) -> None:
     measured = samples.guide_file() | {"ball_count": 16}
     answer = room.post("/cases", samples.case_body(guide_calibration=measured)).json()
@@ -206,6 +219,8 @@ def test_the_catalogue_lists_what_can_be_named(quiet_room: Room) -> None:
     assert {"name": "hexapod-h70", "kind": "hexapod"}.items() <= next(
         p for p in parts if p["kind"] == "hexapod"
     ).items()
+    bones = {p["name"]: p["bone"] for p in parts}
+    assert (bones["nail-femur-ti-10"], bones["nail-tibia-ti-10"], bones["ring-120"]) == ("femur", "tibia", None)
     part = quiet_room.get("/parts/hexapod-h70")
     assert part.json()["schema"] == "distalock/hexapod/1"
     assert quiet_room.get("/parts/none").json()["code"] == "part_not_found"
