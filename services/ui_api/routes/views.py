@@ -7,7 +7,7 @@ from pydantic import Field
 from services.ui_api.core.case import Case
 from services.ui_api.core.event_data import ImageReceived, PartUse
 from services.ui_api.core.events import Event
-from services.ui_api.core.localising import localising_of
+from services.ui_api.core.localising import operation_id_of
 from services.ui_api.core.situation import Situation
 from services.ui_api.record.codec import data_json
 from services.ui_api.routes.base_view import View as View
@@ -117,7 +117,7 @@ class ImageView(View):
         """From the ledger's value."""
         measured = case.localisation_of(image.image_sha256)
         calibration = case.calibration_of(image.image_sha256)
-        skip, way = case.skip_of(image.image_sha256), localising_of(case, image)
+        skip = case.skip_of(image.image_sha256)
         return ImageView(
             id=image.image_sha256,
             case_id=case.case_id,
@@ -128,7 +128,7 @@ class ImageView(View):
             localisation=None if measured is None else measured.number,
             calibrated=None if calibration is None else calibration.verdict == "accepted",
             skipped=None if skip is None else SkipView(step=skip.step, code=skip.code, message=skip.message),
-            operation=None if way is None else way.operation_id,
+            operation=operation_id_of(case, image),
             age_s=age_s(image.received_at_ns),
         )
 
