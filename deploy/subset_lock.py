@@ -3,9 +3,10 @@
 There is one lock for the whole project; a container installs only what its service asks for. The lock's ``# via``
 comments carry the dependency graph, so no package index and no installed package is needed to cut it.
 
-Usage: ``python deploy/subset_lock.py imaging > imaging.lock``
+Usage: ``python deploy/subset_lock.py imaging [--without numba] > imaging.lock``
 """
 
+import argparse
 import re
 import sys
 import tomllib
@@ -63,11 +64,19 @@ def subset(lock: str, roots: set[str]) -> str:
         needed |= more
 
 
-if __name__ == "__main__":
-    extras = sys.argv[1:] or sys.exit("usage: subset_lock.py EXTRA ...")
-    pyproject_text = (ROOT / "pyproject.toml").read_text()
+def main() -> str:
+    """The lock of an image; ends the process for an extra that there is not."""
+    parser = argparse.ArgumentParser(description="the part of requirements.lock that an image needs")
+    parser.add_argument("extras", nargs="+", metavar="EXTRA", help="extra of pyproject.toml")
+    parser.add_argument("--without", default="", metavar="PACKAGE", help="leave it out, with what it alone asks for")
+    given = parser.parse_args()
+    pyproject = (ROOT / "pyproject.toml").read_text()
     try:
-        wanted = set().union(*(wanted_roots(pyproject_text, extra) for extra in extras))
+        wanted = set().union(*(wanted_roots(pyproject, extra) for extra in given.extras))
     except KeyError as error:
         sys.exit(f"no extra named {error} in pyproject.toml")
-    sys.stdout.write(subset((ROOT / "requirements.lock").read_text(), wanted))
+    return subset((ROOT / "requirements.lock").read_text(), wanted - {normalised(given.without)})
+
+
+if __name__ == "__main__":
+    sys.stdout.write(main())

@@ -17,7 +17,7 @@ from tools.risk.tables import NOT_A_DEVICE, table
 
 AUDIT: Final = FOLDER / "audit.json"
 # What is needed to develop and to measure is no part of the product.
-_NOT_INSTALLED: Final = frozenset({"all", "bench", "dev"})
+_NOT_INSTALLED: Final = frozenset({"all", "bench", "dev", "kernels"})
 _VERSION: Final = re.compile(r"==([^\s;\\]+)")
 _HEAD: Final = f"""{NOT_A_DEVICE} This page is printed by `make generated` from `third-party.yaml` and
 `requirements.lock`, which pins every file by its hash ([releases](../releases.md) has the same as

@@ -7,9 +7,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SecretStr
 from services.ui_api.core.account_rules import MOST_CHARACTERS, USER_NAME_PATTERN
 from services.ui_api.core.event_data import Step
 from services.ui_api.handlers.cases import SetupRequest
-from shared.equipment import USUAL_DRILL_DIAMETER_MM
+from shared.equipment import USUAL_DRILL_DIAMETER_MM, Bone
 from shared.messages.base import Identifier, Sha256
-from shared.equipment import Bone
 from shared.messages.cases import DrillDiameter, HeadExtension, Mount, Side
 from shared.messages.registration import VerificationOf
 

@@ -154,14 +154,21 @@ def test_the_bus_is_a_network_of_its_own_without_a_way_out() -> None:
     assert "  bus:\n    internal: true\n" in TEXT
 
 
-@pytest.mark.parametrize("service", ["imaging", "registration", "virtual-or"])
-def test_images_with_kernels_have_them_compiled(service: str) -> None:
+@pytest.mark.parametrize("service", ["imaging", "registration"])
+def test_services_with_kernels_hold_their_library_and_no_compiler(service: str) -> None:
     assert "target: compute" in block_of(service)
-    compute = DOCKERFILE.split("AS compute")[1]
+    assert "WITHOUT: numba" in block_of(service)
+    compute = DOCKERFILE.split("AS compute")[1].split("FROM")[0]
+    assert "COPY --from=kernels /opt/kernels /opt/packages" in compute
+
+
+def test_the_virtual_room_finds_its_kernels_compiled() -> None:
+    assert "target: simulated" in block_of("virtual-or")
+    simulated = DOCKERFILE.split("AS simulated")[1]
     # the same processor at build and at run: machine code for another one would be made anew at every start
     for line in ("ENV NUMBA_CPU_NAME=${KERNEL_CPU} NUMBA_CPU_FEATURES=", "ARG KERNEL_CPU=x86-64-v3"):
         assert DOCKERFILE.count(line) == 2
-        assert line in compute
+        assert line in simulated
 
 
 def test_images_install_wheels_by_their_hashes_alone() -> None:

@@ -10,7 +10,6 @@ import pytest
 ROOT = Path(__file__).resolve().parents[3]
 SLIM = runpy.run_path(str(ROOT / "deploy" / "slim.py"))
 STARTS = "from ._kdtree import *\n"
-STAND_INS = runpy.run_path(str(ROOT / "deploy" / "stand_ins.py"))
 
 
 def written(folder: Path, files: Mapping[str, str]) -> Path:
@@ -83,11 +82,3 @@ def test_libraries_stay_that_something_of_their_wheel_asks_for(tmp_path: Path) -
         (tmp_path / folder / name).write_bytes(content)
     SLIM["remove_unneeded_libraries"](tmp_path)
     assert {file.name for file in tmp_path.rglob("*.so")} == {"module.so", "libfirst.so", "libsecond.so"}
-
-
-def test_a_stand_in_hands_each_function_on_and_keeps_versions() -> None:
-    text = STAND_INS["assembly"](["dgesv_"], STAND_INS["_HANDED_ON"])
-    assert "dgesv_:\n    jmp scipy_dgesv_@PLT\n" in text
-    assert (
-        STAND_INS["versions"](["av_open@LIB_1", "plain", "av_close@LIB_1"]) == "LIB_1 { global: av_open; av_close; };\n"
-    )

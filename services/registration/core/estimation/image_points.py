@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.robust import cauchy_cost, cauchy_weight, robust_weight
 from services.registration.core.tuning import ROBUST_POINT_FIT
-from shared.compiled import compiled_inline as compiled
+from shared.compiled import compiled, compiled_inline
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Frame
 from shared.geometry.transform import Transform
@@ -121,7 +121,7 @@ def pose_covariance(
     return np.asarray(np.linalg.inv(np.einsum("nik,nil->kl", J, J)))
 
 
-@compiled
+@compiled_inline
 def _turn(rotvec: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation matrix of a rotation vector (Rodrigues' formula), shape (3, 3)."""
     angle = np.sqrt(np.sum(rotvec * rotvec))
@@ -133,7 +133,7 @@ def _turn(rotvec: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.eye(3) + np.sin(angle) / angle * cross + 0.5 * half * half * (cross @ cross))
 
 
-@compiled
+@compiled_inline
 def _stepped(pose: Pose, step: NDArray[np.float64]) -> Pose:
     """A pose after a step in the body's own frame: rotation vector (rad) and translation (mm), shape (6,).
 
@@ -166,7 +166,7 @@ def jacobian_row(
     out[2] = body_mm[0] * out[4] - body_mm[1] * out[3]
 
 
-@compiled
+@compiled_inline
 def _place(pose: Pose, body_mm: NDArray[np.float64], at_camera_mm: NDArray[np.float64]) -> None:
     rotation, translation_mm = pose
     x, y, z = body_mm[0], body_mm[1], body_mm[2]
@@ -174,7 +174,7 @@ def _place(pose: Pose, body_mm: NDArray[np.float64], at_camera_mm: NDArray[np.fl
         at_camera_mm[i] = rotation[i, 0] * x + rotation[i, 1] * y + rotation[i, 2] * z + translation_mm[i]
 
 
-@compiled
+@compiled_inline
 def _residual(
     intrinsic: NDArray[np.float64], at_camera_mm: NDArray[np.float64], seen_px: NDArray[np.float64]
 ) -> tuple[float, float]:
@@ -185,7 +185,7 @@ def _residual(
     )
 
 
-@compiled
+@compiled_inline
 def _cost(intrinsic: NDArray[np.float64], pose: Pose, seen: Observed) -> float:
     cost, at_camera_mm = 0.0, np.empty(3)
     for n in range(seen.px.shape[0]):
@@ -195,7 +195,7 @@ def _cost(intrinsic: NDArray[np.float64], pose: Pose, seen: Observed) -> float:
     return cost
 
 
-@compiled
+@compiled_inline
 def _normal_equations(
     intrinsic: NDArray[np.float64], pose: Pose, seen: Observed
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

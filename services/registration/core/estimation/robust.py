@@ -8,7 +8,7 @@ only bounds the influence of large noise.
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.compiled import compiled_inline as compiled
+from shared.compiled import compiled_inline
 
 # Of a normal error with standard deviation 1: median of its size along one axis, and of its length in the plane.
 _MEDIAN_SIZE = {1: 0.674490, 2: float(np.sqrt(2.0 * np.log(2.0)))}
@@ -22,13 +22,13 @@ def robust_weight(residual: NDArray[np.float64], scale: float) -> NDArray[np.flo
     return np.asarray(1.0 / (1.0 + (residual / scale) ** 2))
 
 
-@compiled
+@compiled_inline
 def cauchy_cost(ratio_squared: float) -> float:
     """Cost of one residual, for compiled loops, from its square over the scale's."""
     return float(np.log1p(ratio_squared))
 
 
-@compiled
+@compiled_inline
 def cauchy_weight(ratio_squared: float) -> float:
     """As `robust_weight`, for compiled loops."""
     return 1.0 / (1.0 + ratio_squared)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from services.registration.core.estimation.image_points import Pose
 from services.registration.core.guide.identity import Discs, GuideIdentity, refined_identity
 from services.registration.core.tuning import GUIDE_SEARCH
-from shared.compiled import compiled_inline as compiled
+from shared.compiled import compiled, compiled_inline
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.transform import Transform
@@ -228,7 +228,7 @@ def _same(a: Pose, b: Pose, angle_deg: float, across_mm: float) -> bool:
     return bool(cos_angle > np.cos(np.radians(angle_deg)) and apart < across_mm)
 
 
-@compiled
+@compiled_inline
 def _placement(
     a: NDArray[np.float64], b: NDArray[np.float64], rays: NDArray[np.float64], depth_range_mm: tuple[float, float]
 ) -> Placement:
@@ -254,7 +254,7 @@ def _placement(
     return t, cos, sin, tx, ty
 
 
-@compiled
+@compiled_inline
 def _balls_on_discs(
     turned_mm: NDArray[np.float64],
     placement: Placement,

@@ -39,7 +39,7 @@ from services.registration.core.nail.rays import (
     tube_of,
     within,
 )
-from shared.compiled import compiled_inline as compiled
+from shared.compiled import compiled, compiled_inline
 
 # Columns of the derivatives: small motion of the nail in its own frame (rotation vector, translation), radii, material.
 MOTION_SIZE = 6
@@ -74,7 +74,7 @@ class RayContext(NamedTuple):
     material: Material  # of the nail
 
 
-@compiled
+@compiled_inline
 def transmission_behind(path_mm: float, material: Material) -> PathTransmission:
     """exp(-f * d) * (1 + h * (1 - f) * d)^(-1 / h) behind a path of depth d; its derivatives by log d and by h.
 
@@ -94,7 +94,7 @@ def transmission_behind(path_mm: float, material: Material) -> PathTransmission:
     return transmission, -(hardest * depth + left) * transmission, (logarithm - left) / hardening * transmission
 
 
-@compiled
+@compiled_inline
 def mean_transmission(low: PathTransmission, middle: PathTransmission, high: PathTransmission) -> PathTransmission:
     """Mean over a short interval (Simpson's rule)."""
     return (
@@ -104,7 +104,7 @@ def mean_transmission(low: PathTransmission, middle: PathTransmission, high: Pat
     )
 
 
-@compiled
+@compiled_inline
 def add_surface_motion(
     x: float, y: float, z: float, gx: float, gy: float, gz: float, share: float, slope: NDArray[np.float32]
 ) -> None:
@@ -117,14 +117,14 @@ def add_surface_motion(
     slope[5] += share * gz
 
 
-@compiled
+@compiled_inline
 def _half_chord(impact_mm: float, radius_mm: float, inner_mm: float) -> float:
     """Half the chord of a tube's cross-section at a distance from its axis."""
     outer, inner = radius_mm**2 - impact_mm**2, inner_mm**2 - impact_mm**2
     return float(np.sqrt(max(outer, 0.0)) - np.sqrt(max(inner, 0.0)))
 
 
-@compiled
+@compiled_inline
 def _tube_at_edge(
     impact: float, radius_mm: float, inner_mm: float, chord: float, context: RayContext
 ) -> tuple[PathTransmission, float, float]:
@@ -144,7 +144,7 @@ def _tube_at_edge(
     return mean_transmission(low, middle, high), by_impact, by_radius
 
 
-@compiled
+@compiled_inline
 def _tube_inside(
     impact: float, radius_mm: float, inner_mm: float, chord: float, context: RayContext
 ) -> tuple[PathTransmission, float, float]:
@@ -161,7 +161,7 @@ def _tube_inside(
     return found, by_half_chord * by_impact, by_half_chord * radius_mm / outer
 
 
-@compiled
+@compiled_inline
 def transmission_through_tube(
     ray: Ray, radius_mm: float, inner_mm: float, context: RayContext, slope: NDArray[np.float32]
 ) -> PathTransmission:
@@ -188,7 +188,7 @@ def transmission_through_tube(
     return found
 
 
-@compiled
+@compiled_inline
 def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float32]) -> float:
     """Add the motion of a path's end on the nail or its cannulation; returns the share that the radius has."""
     ox, oy, oz, dx, dy, dz = ray
@@ -199,7 +199,7 @@ def _add_end(ray: Ray, place: float, share: float, slope: NDArray[np.float32]) -
     return share
 
 
-@compiled
+@compiled_inline
 def _add_cone_end(
     ray: Ray, place: float, inwards: float, bore: Bore, weight: float, slope: NDArray[np.float32]
 ) -> None:
@@ -213,7 +213,7 @@ def _add_cone_end(
     slope[BY_NAIL_RADIUS] += share
 
 
-@compiled
+@compiled_inline
 def _add_wall(
     ray: Ray, tube: Tube, bore: Bore, first: float, last: float, share: float, slope: NDArray[np.float32]
 ) -> None:
@@ -226,7 +226,7 @@ def _add_wall(
     add_surface_motion(x, y, z, gx / norm, gy / norm, gz / norm, share, slope)
 
 
-@compiled
+@compiled_inline
 def _behind_bore(
     ray: Ray,
     tube: Tube,
@@ -269,7 +269,7 @@ def _behind_bore(
     return found
 
 
-@compiled
+@compiled_inline
 def transmission_at_bore(
     ray: Ray, tube: Tube, bore: Bore, context: RayContext, slope: NDArray[np.float32]
 ) -> PathTransmission:
@@ -296,7 +296,7 @@ def transmission_at_bore(
     return mean_transmission(low, central, high)
 
 
-@compiled
+@compiled_inline
 def _add_sample(ray: Ray, tube: Tube, nail: NailShape, context: RayContext, slope: NDArray[np.float32]) -> float:
     """Transmission along one ray; its derivatives are added to `slope`.
 
@@ -316,7 +316,7 @@ def _add_sample(ray: Ray, tube: Tube, nail: NailShape, context: RayContext, slop
     return found[0]
 
 
-@compiled
+@compiled_inline
 def _bore_and_edge_near(cx: float, cy: float, nail: NailShape, reach_mm: float) -> tuple[bool, bool]:
     """Whether a bore, and whether any edge of the nail, is less than `reach_mm` from the ray through (cx, cy, 1)."""
     ray = ray_through(cx, cy, nail.rotation, nail.translation_mm)

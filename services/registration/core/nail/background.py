@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
-from shared.compiled import compiled_inline as compiled
+from shared.compiled import compiled, compiled_inline
 from shared.two_cores import on_both_halves
 
 # A bicubic cell has four by four coefficients.
@@ -176,7 +176,7 @@ class DesignMatrix(NamedTuple):
     weight: NDArray[np.float64]  # shape (N,)
 
 
-@compiled
+@compiled_inline
 def _cell_index(columns: DesignMatrix, cell: int) -> NDArray[np.int64]:
     """Which of all coefficients the pixels of a cell depend on, increasing, shape (16 + D,)."""
     field, dense = columns.field, columns.dense.shape[1]
@@ -188,7 +188,7 @@ def _cell_index(columns: DesignMatrix, cell: int) -> NDArray[np.int64]:
     return index
 
 
-@compiled
+@compiled_inline
 def _cell_rows(columns: DesignMatrix, cell: int) -> NDArray[np.float64]:
     """What is not zero of A in the rows of a cell's pixels, shape (pixels, 16 + D)."""
     field = columns.field
@@ -205,7 +205,7 @@ def _cell_rows(columns: DesignMatrix, cell: int) -> NDArray[np.float64]:
     return rows
 
 
-@compiled
+@compiled_inline
 def _places_and_weights(columns: DesignMatrix, cell: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """A cell's pixels, shape (pixels,), and their weights, shape (pixels, 1)."""
     field = columns.field

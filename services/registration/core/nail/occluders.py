@@ -15,7 +15,7 @@ from services.registration.core.nail.rays import (
     sample_directions,
 )
 from services.registration.core.tuning import BEAM, FIT_REGION
-from shared.compiled import compiled_inline as compiled
+from shared.compiled import compiled, compiled_inline
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.frames import Camera, Guide
 from shared.geometry.lines import read_only
@@ -97,7 +97,7 @@ def add_ball_paths(rays: PixelRays, places_px: NDArray[np.float64], balls: Balls
                 out_mm[n, k] += _path_in_ball(cx, cy, x, y, z, balls.radius_mm[ball])
 
 
-@compiled
+@compiled_inline
 def _path_in_ball(cx: float, cy: float, x: float, y: float, z: float, radius_mm: float) -> float:
     """Length of the ray in direction (cx, cy, 1) in a ball at (x, y, z)."""
     along = (cx * x + cy * y + z) / (cx * cx + cy * cy + 1.0)
@@ -116,7 +116,7 @@ class DrilledBoxes(NamedTuple):
     bores: NDArray[np.float64]  # point, unit direction and radius, shape (H, 7)
 
 
-@compiled
+@compiled_inline
 def _path_in(blocks: DrilledBoxes, origin: NDArray[np.float64], cx: float, cy: float) -> float:
     """Length of the ray in direction (cx, cy, 1) from the focal spot, which is at `origin` in the blocks' frame."""
     turn, boxes, bores, total = blocks.rotation, blocks.boxes_mm, blocks.bores, 0.0
@@ -138,7 +138,7 @@ def _path_in(blocks: DrilledBoxes, origin: NDArray[np.float64], cx: float, cy: f
     return float(max(total, 0.0) * np.sqrt(cx * cx + cy * cy + 1.0))
 
 
-@compiled
+@compiled_inline
 def _between(middle: float, half: float, slope: float, near: float, far: float) -> tuple[float, float]:
     """Part of a ray, from `near` to `far`, that lies between two faces of a box."""
     inverse = 1.0 / slope

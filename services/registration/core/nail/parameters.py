@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.estimation.pose_estimate import POSE_SIZE
 from services.registration.core.tuning import NAIL_PRIORS
-from shared.compiled import compiled_inline as compiled
+from shared.compiled import compiled, compiled_inline
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Nail
 from shared.geometry.lines import unit
@@ -182,17 +182,17 @@ def pose_from_parameters(
     return Transform.from_rotation_translation(*rotation_and_translation(parameters, camera, anchors))
 
 
-@compiled
+@compiled_inline
 def _norm(vector: NDArray[np.float64]) -> float:
     return float(np.sqrt(np.sum(vector * vector)))
 
 
-@compiled
+@compiled_inline
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-@compiled
+@compiled_inline
 def _ray(x_px: float, y_px: float, intrinsic_matrix_px: NDArray[np.float64]) -> NDArray[np.float64]:
     """As `PinholeCamera.rays`, for one pixel."""
     y = (y_px - intrinsic_matrix_px[1, 2]) / intrinsic_matrix_px[1, 1]

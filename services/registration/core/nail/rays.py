@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.registration.core.tuning import BENT_NAIL
-from shared.compiled import compiled_inline as compiled
+from shared.compiled import compiled_inline
 from shared.geometry.bend import places_along
 from shared.geometry.frames import Nail
 from shared.geometry.parts import NailPart
@@ -100,7 +100,7 @@ def sample_directions(rays: PixelRays, places_px: NDArray[np.float64]) -> NDArra
     return np.ascontiguousarray(samples.reshape(-1, 2))
 
 
-@compiled
+@compiled_inline
 def cylinder_interval(
     ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, wx: float, wy: float, wz: float, radius: float
 ) -> tuple[float, float]:
@@ -121,7 +121,7 @@ def cylinder_interval(
     return ((-b - root) / a, (-b + root) / a)
 
 
-@compiled
+@compiled_inline
 def bore_at(bores: NDArray[np.float64], h: int) -> Bore:
     """One of the bores (see `NailShape`) as plain numbers: references to a view of it would be counted at every use."""
     if bores.ndim == _DIMENSIONS_WITH_SLOTS:
@@ -139,7 +139,7 @@ def bore_at(bores: NDArray[np.float64], h: int) -> Bore:
     return (bores[h, 0], bores[h, 1], bores[h, 2], bores[h, 3], bores[h, 4], bores[h, 5], bores[h, 6], bores[h, 7])
 
 
-@compiled
+@compiled_inline
 def ray_through(cx: float, cy: float, rotation: NDArray[np.float64], translation_mm: NDArray[np.float64]) -> Ray:
     """The ray through (cx, cy, 1) in the nail's frame: a point near the nail, and the direction.
 
@@ -157,7 +157,7 @@ def ray_through(cx: float, cy: float, rotation: NDArray[np.float64], translation
     )
 
 
-@compiled
+@compiled_inline
 def tube_of(ray: Ray, radius_mm: float, inner_mm: float) -> Tube:
     """Where the ray is inside the nail, and where inside its cannulation: near, far, inner near, inner far.
 
@@ -178,7 +178,7 @@ def tube_of(ray: Ray, radius_mm: float, inner_mm: float) -> Tube:
     return middle - half, middle + half, middle - inner_half, middle + inner_half
 
 
-@compiled
+@compiled_inline
 def may_touch(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, reach_mm: float) -> bool:
     """Whether a ray comes as near along the nail as a bore reaches that is wider by `reach_mm`.
 
@@ -193,7 +193,7 @@ def may_touch(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, reach_mm: floa
     return bool(abs(ray[0] + middle * ray[3] - bore[0]) < wide_mm + along_mm + half * abs(ray[3]))
 
 
-@compiled
+@compiled_inline
 def outline_near(ray: Ray, radius_mm: float, inner_mm: float, reach_mm: float) -> bool:
     """Whether a ray comes nearer than `reach_mm` to the outline of nail or cannulation."""
     _, oy, oz, _, dy, dz = ray
@@ -201,7 +201,7 @@ def outline_near(ray: Ray, radius_mm: float, inner_mm: float, reach_mm: float) -
     return bool(abs(impact - radius_mm) < reach_mm or (inner_mm > 0.0 and abs(impact - inner_mm) < reach_mm))
 
 
-@compiled
+@compiled_inline
 def within(tube: Tube, first: float, last: float) -> float:
     """Length of a stretch of the ray that lies in the tube's metal."""
     near, far, inner_near, inner_far = tube
@@ -209,7 +209,7 @@ def within(tube: Tube, first: float, last: float) -> float:
     return in_nail - max(0.0, min(last, inner_far) - max(first, inner_near))
 
 
-@compiled
+@compiled_inline
 def in_bore(ray: Ray, bore: Bore, excess_mm: float) -> tuple[float, float]:
     """Where the ray is inside a bore whose radius is larger by so much; nowhere when nothing is left of it."""
     ox, oy, oz, dx, dy, dz = ray
@@ -220,7 +220,7 @@ def in_bore(ray: Ray, bore: Bore, excess_mm: float) -> tuple[float, float]:
     return cylinder_interval(qx, qy, qz, dx, dy, dz, bore[3], bore[4], bore[5], radius)
 
 
-@compiled
+@compiled_inline
 def _slot_interval(
     qx: float, qy: float, qz: float, dx: float, dy: float, dz: float, bore: Bore, radius: float
 ) -> tuple[float, float]:
@@ -241,14 +241,14 @@ def _slot_interval(
     return (first, last) if first < last else (1.0, 0.0)
 
 
-@compiled
+@compiled_inline
 def _slot_direction(bore: Bore) -> tuple[float, float, float]:
     """Across the bore's axis, along the nail as far as can be; unit."""
     across = max(np.sqrt(1.0 - bore[3] * bore[3]), _LEAST_ACROSS)
     return across, -bore[3] * bore[4] / across, -bore[3] * bore[5] / across
 
 
-@compiled
+@compiled_inline
 def _between(place: float, rate: float, half: float) -> tuple[float, float]:
     """Where place + s rate is less than `half` from zero; empty as (1, 0)."""
     if abs(rate) < PARALLEL:
@@ -257,7 +257,7 @@ def _between(place: float, rate: float, half: float) -> tuple[float, float]:
     return middle - reach, middle + reach
 
 
-@compiled
+@compiled_inline
 def beside_bore(px: float, py: float, pz: float, bore: Bore) -> tuple[float, float, float, float]:
     """A place from a bore's point: how far along the axis, and the vector across it from the nearest axis of a slot."""
     along = px * bore[3] + py * bore[4] + pz * bore[5]
@@ -269,7 +269,7 @@ def beside_bore(px: float, py: float, pz: float, bore: Bore) -> tuple[float, flo
     return along, gx, gy, gz
 
 
-@compiled
+@compiled_inline
 def cone(ray: Ray, place: float, bore: Bore) -> tuple[float, float, float, float]:
     """How far a point is inside a bore's chamfer (mm, negative outside), and the gradient of that."""
     px, py, pz = ray[0] + place * ray[3] - bore[0], ray[1] + place * ray[4] - bore[1], ray[2] + place * ray[5] - bore[2]
@@ -280,7 +280,7 @@ def cone(ray: Ray, place: float, bore: Bore) -> tuple[float, float, float, float
     return inside, side * bore[3] - gx / aside, side * bore[4] - gy / aside, side * bore[5] - gz / aside
 
 
-@compiled
+@compiled_inline
 def chamfered(ray: Ray, place: float, inwards: float, bore: Bore) -> float:
     """Length of the ray, in units of its direction, from an end inwards, that a bore's chamfer takes away."""
     inside, gx, gy, gz = cone(ray, place, bore)
@@ -288,7 +288,7 @@ def chamfered(ray: Ray, place: float, inwards: float, bore: Bore) -> float:
     return max(inside, 0.0) / rate if rate > _LEAST_RATE else 0.0
 
 
-@compiled
+@compiled_inline
 def meets(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, excess_mm: float) -> bool:
     """Whether a ray is in both the nail and a bore or its chamfer, all wider by `excess_mm`, as the tube must be."""
     wide_mm = excess_mm + max(radius_mm - bore[7], 0.0)
@@ -298,7 +298,7 @@ def meets(ray: Ray, tube: Tube, bore: Bore, radius_mm: float, excess_mm: float) 
     return bool(min(last, tube[1]) > max(first, tube[0]))
 
 
-@compiled
+@compiled_inline
 def bore_and_rim_near(
     ray: Ray, radius_mm: float, inner_mm: float, bores: NDArray[np.float64], reach_mm: float
 ) -> tuple[bool, bool]:
