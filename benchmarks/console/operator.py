@@ -3,11 +3,14 @@
 import re
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Final
 
 from playwright.sync_api import Locator, Page, Response
+from playwright.sync_api import TimeoutError as NotThereInTime
 
 _PATIENCE_S: Final = 300.0
+_ADVICE_STANDS_S: Final = 5.0
 _MOST_ACTS: Final = 60
 # Of the virtual room's own API all but what the panel reads by itself.
 _HANDS: Final = "/virtual-room/"
@@ -100,7 +103,7 @@ class ConsoleOperator:
             if reached(self):
                 return
             self.act()
-        raise AssertionError(f"not reached after {self.acts}; the page says: {self._panel.inner_text()}")
+        raise AssertionError(f"not reached after {self.acts}; {self._page_says()}")
 
     def states(self) -> Iterator[str]:
         """Open a case and do the whole procedure, with a pause in each state for whoever iterates.
@@ -180,7 +183,8 @@ class ConsoleOperator:
         turn = self.page.get_by_role("button", name="Turn as advised")
         if self.phase == "alignment" and turn.count() > 0 and not self._tried_turn:
             self._tried_turn = True
-            self.room("Turn as advised")
+            with suppress(NotThereInTime):  # advice goes with the image that it is for, when a newer one is localised
+                self.room("Turn as advised", _ADVICE_STANDS_S)
         self.room("Take one image")
 
     def _drill(self) -> None:
@@ -190,10 +194,11 @@ class ConsoleOperator:
         self.drilled.append(f"Drill {name}")
         self.record("Drilled, and the drill is out", name)
 
-    def room(self, name: str) -> None:
+    def room(self, name: str, within_s: float = _PATIENCE_S) -> None:
         """Something that hands do; the virtual room has answered when this returns."""
+        button = self.page.locator(".virtual-room").get_by_role("button", name=name, exact=True)
         with self.page.expect_response(_is_of_hands) as answer:
-            self.page.locator(".virtual-room").get_by_role("button", name=name, exact=True).click()
+            button.click(timeout=1e3 * within_s)
         if not answer.value.ok:
             raise AssertionError(f"the virtual room, {name}: {answer.value.text()}")
 
@@ -211,8 +216,11 @@ class ConsoleOperator:
             if problem.count() > 0:
                 raise AssertionError(f"refused {what}: {problem.first.inner_text()}")
             if time.monotonic() > until:
-                raise AssertionError(f"nothing happened {what}; the page says: {self.page.inner_text('body')[:3000]}")
+                raise AssertionError(f"nothing happened {what}; {self._page_says()}")
             self.page.wait_for_timeout(50)
+
+    def _page_says(self) -> str:
+        return f"the page says: {self.page.inner_text('body')[:3000]}"
 
 
 def _is_of_hands(response: Response) -> bool:
