@@ -51,17 +51,16 @@ class Measured:
     def block(self, motions: PlannedMotions, source: random.Random, trials: int) -> None:
         """Some trials, and what the gateway takes meanwhile."""
         began_s, memory_mib = time.monotonic(), list[float]()
-        for number in range(trials):
+        for _ in range(trials):
             self.motions_s.append(motions.motion_latency_s(source))
             self.stops_s.append(motions.rig.stopped_within_s(source))
-            if number % 5 == 0:
-                memory_mib.append(gateway_memory_mib(motions.rig))
+            memory_mib.append(gateway_memory_mib(motions.rig))
         self.memory_mib.append(memory_mib)
         self.seconds += time.monotonic() - began_s
 
     @property
     def growth(self) -> float:
-        """From the first to the last third of each block, at most."""
+        """From the median of the first third of a block to that of its last, at most."""
         return max(_growth(one) for one in self.memory_mib)
 
 
