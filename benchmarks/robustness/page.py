@@ -38,7 +38,9 @@ it there.
 not render; delete the folder of a kind whose code changed. `benchmarks.robustness.all_kinds.make_scene(kind, seed)`
 makes one scene, `benchmarks.robustness.rows.localised(scene)` scores it. `--rows FILE` keeps a row of each scene: kind,
 parameters, the control's verdict, codes, errors and predictions hole by hole; `--before FILE` puts the rows of an
-earlier revision beside those of this one.
+earlier revision beside those of this one. Rows of
+judged scenes are kept in [rows](rows), each with its revision: with `--rows docs/benchmarks/rows/<bench>.jsonl` a run
+goes on from them, for as long as the estimation is the same.
 
 """
 _COLUMNS = (
