@@ -19,6 +19,8 @@ LONGEST_TASK_MS: Final = 100.0
 _SECONDS: Final = 4.0
 _MOVES_PER_S: Final = 60
 _RUN_MS: Final = 6_000.0
+# The last images of the run are on record and localised: a plan of an image that is no longer the newest is refused.
+_SETTLES_MS: Final = 4_000.0
 _WATCH: Final = """() => {
     globalThis.drawn = { frames: 0, tasks: [] };
     const frame = () => { drawn.frames++; requestAnimationFrame(frame); };
@@ -64,7 +66,9 @@ def _fluoroscopy(page: Page, operator: ConsoleOperator) -> list[Drawn]:
         operator.page.get_by_role("button", name="Hold for 5 s").click()
         page.wait_for_timeout(_RUN_MS)
 
-    return [_during(page, "fluoroscopy, 10 images/s", run)]
+    found = _during(page, "fluoroscopy, 10 images/s", run)
+    page.wait_for_timeout(_SETTLES_MS)
+    return [found]
 
 
 def _all_hands(page: Page) -> list[Drawn]:
