@@ -30,7 +30,6 @@ pytestmark = [
     pytest.mark.timeout(1200),
 ]
 
-_USE_ERRORS: Final = "CONSOLE_USE_ERRORS"
 SURGEON: Final = "s.urgeon"
 PASSWORD: Final = "four words of the console"
 
@@ -197,9 +196,6 @@ def test_a_clock_of_the_page_that_is_wrong_changes_no_age(page: Page) -> None:
     assert float(age.split()[0]) < 60
 
 
-@pytest.mark.skipif(
-    _USE_ERRORS not in os.environ, reason=f"takes minutes, and has not passed each time yet; set {_USE_ERRORS}=1"
-)
 def test_use_errors(page_of_surgeon: Page, site: OperatingRoom) -> None:
     """One case, because an installation has one at a time; each part leaves it so that it can go on."""
     page, operator = page_of_surgeon, ConsoleOperator(page_of_surgeon, PASSWORD)
