@@ -9,6 +9,8 @@ from benchmarks.accuracy.accuracy import statistics
 from benchmarks.accuracy.capture import Capture
 from benchmarks.accuracy.localised_scenes import model_row
 from benchmarks.baselines.methods import run_model
+from benchmarks.robustness.all_kinds import make_scene
+from benchmarks.robustness.rows import localised
 from benchmarks.scenes.random_scenes import nominal_of, parts_of, scene_of_seed
 from services.registration.core.tuning import NAIL_PRIORS
 from simulation.render.image import ImageFaults, Noise, exposed, view_of
@@ -32,6 +34,17 @@ def test_random_scenes_are_localised_or_refused_but_never_wrong() -> None:
     assert found.axis_deg[2] < 0.176
     assert 0.62 < found.normalised_entry < 1.39
     assert 0.49 < found.normalised_axis < 1.11
+
+
+# Its bend undoes the divergence of the rays: it was taken for a straight nail of the reflected tilt, 20° off.
+@pytest.mark.requirement("REG-02")
+@pytest.mark.slow
+def test_a_nail_that_is_bent_as_the_rays_diverge_is_not_taken_for_its_straight_reflection() -> None:
+    codes, holes = localised(make_scene("bent_300_to_700", 65723))
+    print(codes, holes)
+    assert codes == ()
+    assert holes is not None
+    assert all(hole.good for hole in holes)
 
 
 # Two balls lie over a hole in each: one search ended 11° off, and one on a slope.

@@ -348,7 +348,7 @@ class ForeignObjects:
 
 @dataclass(frozen=True, slots=True)
 class BentNail:
-    """Nails that the canal bends (`core/nail/rays.py`, `core/nail/tilt_ambiguity.py`)."""
+    """Nails that the canal bends (`core/nail/rays.py`, `core/nail/bent_nail.py`)."""
 
     section_step_mm: float = tuned(0.5, "mm", "between cross-sections", derived("0.1 um off an arc of 300 mm"))
     about_hole_mm: float = tuned(2.0, "mm", "beyond a hole: its own section", derived("8° of tilt and an edge's reach"))
@@ -359,6 +359,12 @@ class BentNail:
         fitted("`distalock bench bent_nails --seeds fit`: 1.2 at most; `processing --seeds fit`: from 1.9"),
     )
     chi_square: float = tuned(9.2, "1", "of both curvatures beyond what a straight nail has", standard("1 %, 2 dof"))
+    doubtful_margin: float = tuned(
+        5.0,
+        "1",
+        "margin of a straight nail over a bent one reflected, at half resolution, below which both are fitted in full",
+        fitted("seeds 60000-60029 as they are: in full it is 1.4 to 4 times as large, and positive"),
+    )
     least_radius_mm: float = tuned(200.0, "mm", "of an optimum that counts", derived("two thirds of what canals do"))
     first_steps: int = tuned(12, "1", "steps of the fit from each start", _INSPECTION)
 

@@ -205,6 +205,13 @@ MIRROR_MARGIN_OF_ONE_HOLE: Final = Criterion(
     at_least(40.0, "", decimals=1), MIRROR_MARGIN.remedy,
     "fitted by inspection on seeded scenes: one opening alone is explained by a pose 9° or 2 mm off with margins up to "
     "13")
+BENT_MARGIN: Final = Criterion(
+    ReasonCode.MIRROR_AMBIGUOUS,
+    "logarithm of the likelihood ratio between a straight nail and a bent one of another tilt, of which neither is "
+    "accepted as bent",
+    at_least(0.0, "", decimals=1), MIRROR_MARGIN.remedy,
+    "prior: nails of such a bend (radii of about 400 mm) are rare, and an image that tells neither apart counts for "
+    "the straight one; 0.4 is the smallest of the 28 independent images")
 CLEAR_VIEW: Final = Openings(BEST_OPENING, OTHER_OPENING)
 
 # The localisation: guide and nail together

@@ -4,6 +4,7 @@ An image is refused at three places, each with all reasons that apply there: whe
 fit of the nail (`fit_reasons`), and when guide and nail are put together (`localisation_reasons`).
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,6 +12,7 @@ from itertools import pairwise
 from services.registration.core.acceptance.criteria import (
     AGREEMENT_BESIDE_OBJECTS,
     AXIS_BOUND,
+    BENT_MARGIN,
     BEST_RIM,
     CHANCE_TO_PASS,
     CLEAR_VIEW,
@@ -78,6 +80,9 @@ class FitEvidence:
     mirror_margin: float
     error_ratio: float  # of the nail's rotation, over what the noise explains
     rim_shares: tuple[float, ...]  # of each hole's rim that takes part in the fit, in the order of `holes`
+    # Of a straight nail, the same over the pose of a bent one that looks nearly alike, mostly the reflected tilt with a
+    # radius of about 400 mm. Infinite where such a pose was far from explaining the image.
+    bent_margin: float = math.inf
     openings: Openings = CLEAR_VIEW
     objects_left_out: bool = False  # pixels over the nail that are darker than an earlier fit
 
@@ -207,6 +212,12 @@ def _ambiguity(evidence: FitEvidence, remedy: str) -> Iterator[Reason]:
         yield least.reason(
             f"{other} explains the image nearly as well: logarithm of the likelihood ratio "
             f"{least.quoted(evidence.mirror_margin)}{_because_of_processing(evidence.error_ratio)}",
+            remedy,
+        )
+    if not BENT_MARGIN.is_met(evidence.bent_margin):
+        yield BENT_MARGIN.reason(
+            "a nail that is bent, with another tilt, explains the image better than a straight one: logarithm of the "
+            f"likelihood ratio {BENT_MARGIN.quoted(evidence.bent_margin)}",
             remedy,
         )
 

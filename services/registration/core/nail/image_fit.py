@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from services.registration.core.acceptance.criteria import NAIL_OUTSIDE
 from services.registration.core.acceptance.image import FitEvidence
 from services.registration.core.estimation.pose_estimate import PoseErrors
+from services.registration.core.nail.bent_nail import bent_optimum
 from services.registration.core.nail.between_holes import spread_of_holes_mm
 from services.registration.core.nail.covariance import curvature_covariance, errors_of_straight, pose_errors
 from services.registration.core.nail.evidence import agreement_of_parts, hole_views, residual_statistics, rim_shares
@@ -36,7 +37,7 @@ from services.registration.core.nail.parameters import (
     curvature_of,
 )
 from services.registration.core.nail.region import FitInput
-from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, bent_optimum, find_global_optimum
+from services.registration.core.nail.tilt_ambiguity import GlobalOptimum, find_global_optimum
 from services.registration.core.tuning import BENT_NAIL, FINAL_STAGE, NAIL_PRIORS
 from shared.errors import Rejected
 from shared.geometry.frames import Camera, Nail
@@ -64,7 +65,8 @@ class FitEnd:
     problem: Problem
     solution: Solution
     noise: NoiseModel
-    margin: float
+    margin: float  # see `FitEvidence.mirror_margin`
+    bent_margin: float = np.inf  # see `FitEvidence.bent_margin`
 
     @staticmethod
     def of(problem: Problem, solution: Solution, margin: float) -> "FitEnd":
@@ -94,8 +96,9 @@ def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit |
     straight = _refined(model, optimum)
     problem, solution, noise = straight.problem, straight.solution, straight.noise
     freed, there = with_curvature(problem, solution)
-    bent, curvature_sd = _bent(straight, freed, there), NAIL_PRIORS.straightness_sd_per_m
-    if bent is not None:
+    found, curvature_sd = _bent(straight, freed, there, optimum.bent_margin), NAIL_PRIORS.straightness_sd_per_m
+    if found is not None:
+        bent, straight = found
         curvature = np.array(bent.fit.curvature_per_m)
         if bent.fit.evidence.error_ratio > BENT_NAIL.largest_error_ratio:
             curvature_sd = float(np.hypot(curvature_sd, np.linalg.norm(curvature)))
@@ -104,25 +107,33 @@ def fit_image(fit_input: FitInput, start: Transform[Camera, Nail]) -> ImageFit |
     return _with_evidence(straight, errors_of_straight(problem, solution, noise, there, curvature_sd))
 
 
-def _bent(straight: FitEnd, freed: Problem, there: Solution) -> ImageFit | None:
-    """The fit with the curvature free; None where noise explains the curvature that the straight fit leaves.
+def _bent(straight: FitEnd, freed: Problem, there: Solution, bent_margin: float) -> tuple[ImageFit, FitEnd] | None:
+    """The fit with the curvature free, and the straight one with its margin over bent nails.
+
+    None where noise explains the curvature that the straight fit leaves, and the reflected pose of a bent nail is far
+    from explaining the image.
 
     Parameters
     ----------
     freed, there
         The straight nail's problem with the curvature free, and its end with derivatives by it.
+    bent_margin
+        See `GlobalOptimum`.
     """
     step = np.asarray(np.linalg.solve(there.equations.matrix, there.equations.gradient))[-len(CURVATURE) :]
-    if not is_bent(step, curvature_covariance(freed, there, straight.noise)):
+    evident = is_bent(step, curvature_covariance(freed, there, straight.noise))
+    if not evident and bent_margin > BENT_NAIL.doubtful_margin:
         return None
     found = bent_optimum(freed, straight.solution)
     if found is None:
         return None
-    linear, margin = found[0].linear, found[1]
+    linear, margin = found.solution.linear, found.margin
     problem = reweighted(freed, linear, estimate_noise(freed, linear))
     solution = minimise_from(problem, linear, FINAL_STAGE.last_steps, FINAL_STAGE.tolerance)
     end = FitEnd.of(problem, solution, straight.margin if margin is None else margin)
-    return _with_evidence(end, pose_errors(end.problem, end.solution, end.noise))
+    if found.straight_margin is not None:
+        straight = replace(straight, bent_margin=found.straight_margin)
+    return _with_evidence(end, pose_errors(end.problem, end.solution, end.noise)), straight
 
 
 def is_bent(curvature_per_m: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
@@ -142,6 +153,7 @@ def _with_evidence(end: FitEnd, errors: PoseErrors) -> ImageFit:
         hole_radius_excess_mm=float(parameters[Parameter.HOLE_RADIUS_EXCESS_MM]),
         nail_radius_excess_mm=float(parameters[Parameter.NAIL_RADIUS_EXCESS_MM]),
         mirror_margin=end.margin / parts.pull_ratio,
+        bent_margin=end.bent_margin / parts.pull_ratio,
         error_ratio=parts.error_ratio,
         rim_shares=rim_shares(model.region, model.nail),
     )

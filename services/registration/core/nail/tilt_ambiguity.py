@@ -4,17 +4,17 @@ The opening of a bore is the overlap of two nearly equal circles, so that a tilt
 On a smoothed and reduced image the likelihood has hardly any optimum but these two, whatever the start: coarse fits
 from many tilts find the distinct local optima, and the two best are compared with all nuisance parameters free.
 
-A straight nail must reflect the tilts of both holes at once, and the divergence of the rays then contradicts it. A bent
-one can also reflect one of two holes, and a change of curvature makes up for the divergence: its fit, where the
-straight one leaves a curvature unexplained, starts from all of these.
+A straight nail reflects the tilts of both holes at once. The bent nail that looks most like its reflection is compared,
+too; what comes of that is decided at full resolution (`bent_nail`).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.registration.core.nail.bent_nail import cost_limit_beside, reflected_and_bent
 from services.registration.core.nail.forward_model import model_at
 from services.registration.core.nail.least_squares import (
     Problem,
@@ -26,29 +26,23 @@ from services.registration.core.nail.least_squares import (
     problem_for,
 )
 from services.registration.core.nail.parameters import (
-    CURVATURE,
     PARAMETER_COUNT,
     POSE_ONLY,
     STRAIGHT_NAIL,
     TILTS,
     Parameter,
-    curvature_of,
     level_tilts,
     prior_mean,
 )
 from services.registration.core.nail.region import FitInput
 from services.registration.core.tuning import (
-    BENT_NAIL,
     CENTRING_STAGE,
     COMPARISON_STAGE,
-    FINAL_STAGE,
     NAIL_SOLVER,
     TILT_SEARCH_STAGE,
 )
-from shared.geometry.bend import MM_PER_M
 from shared.geometry.frames import Camera, Nail
-from shared.geometry.lines import angle_between_rad, unit
-from shared.geometry.parts import hole_axis
+from shared.geometry.lines import angle_between_rad
 from shared.geometry.transform import Transform
 
 _ANCHORS_ONLY = np.arange(PARAMETER_COUNT) < Parameter.PITCH_RAD
@@ -58,11 +52,22 @@ _AXES = np.array([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GlobalOptimum:
-    """Best optimum: all parameters, pose, and the margin (see `FitEvidence.mirror_margin`)."""
+    """Best optimum of a straight nail.
+
+    Attributes
+    ----------
+    parameters, camera_from_nail
+        All parameters, and the pose.
+    margin
+        Over other poses of a straight nail (see `FitEvidence.mirror_margin`).
+    bent_margin
+        The same over the reflected pose of a nail that is bent as the rays diverge: such a nail looks nearly alike.
+    """
 
     parameters: NDArray[np.float64]
     camera_from_nail: Transform[Camera, Nail]
     margin: float
+    bent_margin: float
 
 
 def find_global_optimum(fit_input: FitInput, start: Transform[Camera, Nail]) -> GlobalOptimum | None:
@@ -157,7 +162,7 @@ def _compared(fit_input: FitInput, poses: list[Transform[Camera, Nail]]) -> Glob
     problem = evenly_weighted(problem, estimate_noise(problem, first.linear))
     optima = [minimise_from(problem, first.linear, stage.most_steps, stage.tolerance)]
     for pose in poses[1:2]:
-        start, cost_limit = model.with_pose(first.parameters, pose), _cost_limit(optima[0])
+        start, cost_limit = model.with_pose(first.parameters, pose), cost_limit_beside(optima[0])
         optima.append(minimise(problem, start, stage.most_steps, stage.tolerance, cost_limit))
     best, *others = distinct(optima)
     if others:
@@ -168,7 +173,9 @@ def _compared(fit_input: FitInput, poses: list[Transform[Camera, Nail]]) -> Glob
             lambda end: _nearby(problem, end),
             lambda end: minimise_from(problem, end.linear, stage.most_steps, stage.tolerance),
         )
-    return GlobalOptimum(best.parameters, model.pose(best.parameters), 0.5 * (next_cost - best.cost))
+    bent_cost = reflected_and_bent(problem, best).least_cost
+    margin, bent_margin = (0.5 * (cost - best.cost) for cost in (next_cost, bent_cost))
+    return GlobalOptimum(best.parameters, model.pose(best.parameters), margin, bent_margin)
 
 
 def converged_optimum(
@@ -208,16 +215,11 @@ def _nearby(problem: Problem, best: Solution) -> Solution:
             _tilted(best.parameters, best.parameters[TILTS] + tilt),
             stage.nearby_steps,
             NAIL_SOLVER.coarse_tolerance,
-            _cost_limit(best),
+            cost_limit_beside(best),
         )
         for tilt in np.radians(stage.nearby_tilt_deg * _AXES)
     ]
     return min(found, key=lambda solution: solution.least_cost)
-
-
-def _cost_limit(best: Solution) -> float:
-    """Cost of a pose that is so much worse that it is not followed to its end."""
-    return best.cost + 2.0 * COMPARISON_STAGE.abandoned_margin
 
 
 def _reduction(fit_input: FitInput, start: Transform[Camera, Nail], hole_width_px: float) -> int:
@@ -225,64 +227,3 @@ def _reduction(fit_input: FitInput, start: Transform[Camera, Nail], hole_width_p
     px_per_mm = fit_input.calibration.camera.focal_length_px / float(start.translation_mm[2])
     smallest_mm = min(hole.diameter_mm for hole in fit_input.nail.holes)
     return max(TILT_SEARCH_STAGE.least_reduction, round(smallest_mm * px_per_mm / hole_width_px))
-
-
-def bent_optimum(problem: Problem, straight: Solution) -> tuple[Solution, float | None] | None:
-    """Fit with the curvature free from where the straight fit ended, and from its reflections.
-
-    Returns the best end, and its margin over the next (see `FitEvidence.mirror_margin`) or, without another, None. No
-    optimum is found when none is a nail's: canals bend nails to radii of 300 mm and more.
-    """
-    steps, tolerance = BENT_NAIL.first_steps, FINAL_STAGE.tolerance
-    found = [minimise_from(problem, straight.linear, steps, tolerance)]
-    for start in reflections(problem, found[0].parameters):
-        limit = _cost_limit(min(found, key=lambda one: one.cost))
-        found.append(minimise(problem, start, steps, tolerance, limit))
-    most_per_m = MM_PER_M / BENT_NAIL.least_radius_mm
-    nails = [one for one in found if np.hypot(*curvature_of(one.parameters)) <= most_per_m]
-    if not nails:
-        return None
-    best = min(nails, key=lambda one: one.cost)
-    others = [one.least_cost for one in found if _differ(problem, one, best)]
-    return best, 0.5 * (min(others) - best.cost) if others else None
-
-
-def reflections(problem: Problem, parameters: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Parameters with the tilts of all holes reflected, of those before the middle, and of those behind it.
-
-    In the plane of nail and ray the tilt at a distance x from the middle of the anchors is p - c x, with p the nail's
-    own and c the sum of its curvature and the ray's divergence per length. Where one hole's tilt is reflected, p and
-    c times the distance change places. Across that plane nothing but roll tilts a hole, and all alike.
-    """
-    model = problem.model
-    pose = model.pose(parameters)
-    half_mm = 0.5 * (model.anchors.second_x_mm - model.anchors.first_x_mm)
-    middle = pose @ np.array([0.5 * (model.anchors.first_x_mm + model.anchors.second_x_mm), 0.0, 0.0])
-    ray, divergence = unit(middle), 1.0 / float(np.linalg.norm(middle))
-    curvature = pose.directions(np.array([0.0, *curvature_of(parameters)])) / MM_PER_M
-    level_pitch, level_roll = level_tilts(model.nail)
-    pitch, roll = parameters[Parameter.PITCH_RAD] - level_pitch, parameters[Parameter.ROLL_RAD] - level_roll
-    rate = float(curvature @ ray) + divergence
-    for other_pitch, other_rate, sign in (
-        (-pitch, -rate, -1.0),
-        (rate * half_mm, pitch / half_mm, 1.0),
-        (-rate * half_mm, -pitch / half_mm, 1.0),
-    ):
-        start = parameters.copy()
-        start[TILTS] = level_pitch + other_pitch, level_roll + sign * roll
-        turned = model.pose(start).rotation
-        aside = curvature - float(curvature @ ray) * ray
-        start[CURVATURE] = MM_PER_M * ((aside + (other_rate - divergence) * ray) @ turned)[1:]
-        yield start
-
-
-def hole_directions(problem: Problem, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Directions of the hole axes in the camera's frame, shape (H, 3)."""
-    nail = problem.model.nail.bent(curvature_of(parameters))
-    axes = np.stack([hole_axis(nail, hole).direction for hole in nail.holes])
-    return problem.model.pose(parameters).directions(axes)
-
-
-def _differ(problem: Problem, one: Solution, other: Solution) -> bool:
-    pairs = zip(hole_directions(problem, one.parameters), hole_directions(problem, other.parameters), strict=True)
-    return bool(max(angle_between_rad(a, b) for a, b in pairs) > np.radians(TILT_SEARCH_STAGE.distinct_deg))

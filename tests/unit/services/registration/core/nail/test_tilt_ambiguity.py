@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from services.registration.core.nail import image_fit as nail_fit
 from services.registration.core.nail.background import BorderedFactor, DesignMatrix
+from services.registration.core.nail.bent_nail import hole_directions, reflections
 from services.registration.core.nail.fit import measure_nail
 from services.registration.core.nail.forward_model import ForwardModel, TracedTransmission
 from services.registration.core.nail.image_fit import NailFit, is_bent
@@ -17,7 +18,7 @@ from services.registration.core.nail.least_squares import LinearSolution, Normal
 from services.registration.core.nail.occluders import Occluders
 from services.registration.core.nail.parameters import CURVATURE, Anchors, Parameter, prior_mean
 from services.registration.core.nail.region import FitInput, FitRegion
-from services.registration.core.nail.tilt_ambiguity import converged_optimum, hole_directions, reflections
+from services.registration.core.nail.tilt_ambiguity import converged_optimum
 from services.registration.core.tuning import BENT_NAIL, NAIL_PRIORS, TILT_SEARCH_STAGE
 from shared.errors import Accepted
 from shared.geometry.camera import PinholeCamera
