@@ -11,7 +11,8 @@ from typing import Final
 
 from distalock.arguments import PORTS
 from distalock.demo_user import TOKEN_FILE, demo_token
-from distalock.processes import Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
+from distalock.local_ports import free_ports, require_free_port, tcp_port_answers
+from distalock.processes import Fleet, ProcessSpec
 from distalock.readiness import GatewayReady, Server
 from shared.bus.access import EXPORTER
 from shared.bus.tls import PKI_FOLDER, TlsFiles

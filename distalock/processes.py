@@ -7,7 +7,6 @@ import fcntl
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -245,41 +244,3 @@ def taken_folder(log_dir: Path) -> IO[bytes]:
             f"{_LEAST_FREE_BYTES / 2**20:.0f} MiB are needed; free some, or choose another with --state"
         )
     return lock
-
-
-def tcp_port_answers(port: int, host: str = "127.0.0.1") -> bool:
-    """Whether something accepts connections on a local port."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.settimeout(0.2)
-        return probe.connect_ex((host, port)) == 0
-
-
-def require_free_port(port: int, used_for: str, option: str) -> None:
-    """Refuse a port that is taken, before anything is started.
-
-    Raises
-    ------
-    ConfigurationError
-        Naming the port, its purpose and the option that chooses another.
-    """
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError as error:
-            raise ConfigurationError(
-                f"port {port} for {used_for} is in use ({error.strerror}); end the program that holds it "
-                f"or choose another with {option}"
-            ) from None
-
-
-def free_ports(count: int) -> list[int]:
-    """Ports that are free now, all different."""
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_STREAM) for _ in range(count)]
-    try:
-        for s in sockets:
-            s.bind(("127.0.0.1", 0))
-        return [int(s.getsockname()[1]) for s in sockets]
-    finally:
-        for s in sockets:
-            s.close()

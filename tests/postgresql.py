@@ -14,6 +14,8 @@ from pathlib import Path
 
 import psycopg
 
+from distalock.local_ports import free_ports
+
 PATIENCE_S = 60.0
 _INSTALLED = Path("/usr/lib/postgresql")
 
@@ -45,9 +47,7 @@ class Server:
         self._folder = folder
         self._password = secrets.token_hex(16)
         self._process: subprocess.Popen[bytes] | None = None
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = int(free.getsockname()[1])
+        (self.port,) = free_ports(1)
         secret = folder / "password"
         secret.write_text(self._password)
         if (owner := _owner()) is not None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.bus.ends import KINDS, Kind, NearEnd, near_end
 from benchmarks.common.places import PAGES
-from distalock.processes import free_ports, tcp_port_answers
+from distalock.local_ports import free_ports, tcp_port_answers
 from shared.arguments import OneLineParser
 from shared.bus.shared_memory import MemoryLimits, shared_memory_shortage
 from shared.bus.tls import PKI_FOLDER, TlsFiles

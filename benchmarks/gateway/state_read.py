@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.common.places import PAGES
 from benchmarks.robot.stop_latency_rig import StopRig, stop_rig
 from distalock.arguments import whole_number, writable_file
-from distalock.processes import free_ports
+from distalock.local_ports import free_ports
 from distalock.rest_client import bearer
 from shared.arguments import OneLineParser
 from shared.scheduling import ordinary

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.rooms.relay import Network, network_to
-from distalock.processes import free_ports, tcp_port_answers
+from distalock.local_ports import free_ports, tcp_port_answers
 from distalock.site.command import router_arguments
 from shared.bus.access import EXPORTER
 from shared.bus.port import Sample

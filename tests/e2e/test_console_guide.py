@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
 from benchmarks.common.operating_room import OperatingRoom
-from distalock.processes import free_ports
+from distalock.local_ports import free_ports
 from tests.e2e.conftest import SEED, operating_room
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from distalock.processes import free_ports
+from distalock.local_ports import free_ports
 from distalock.readiness import Server
 from distalock.version import revision
 from shared.bus.shared_memory import LOCKED_BYTES, MemoryLimits, pool_bytes

@@ -2,7 +2,6 @@
 
 import itertools
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -12,6 +11,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Generic, Protocol, Self, TypeVar
 
+from distalock.local_ports import free_ports
 from shared.bus.memory_bus import MemoryRouter
 from shared.bus.port import Bus
 from shared.bus.zenoh_bus import BusSettings, open_bus
@@ -44,9 +44,8 @@ class MemoryRoom:
 
 
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    (port,) = free_ports(1)
+    return port
 
 
 class RouterProcess:

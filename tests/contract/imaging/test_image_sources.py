@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pydicom.uid import ExplicitVRLittleEndian, RLELossless, SecondaryCaptureImageStorage
 from pynetdicom import AE
 
+from distalock.local_ports import free_ports
 from services.imaging.devices.dicom_receiver import DicomSource, Endpoint
 from services.imaging.devices.folder_source import FolderSource
 from services.imaging.devices.image_file import read_image
@@ -77,9 +78,7 @@ class DicomRig:
     """A C-arm that sends compressed and plain objects in turn."""
 
     def __init__(self) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self._port = int(free.getsockname()[1])
+        (self._port,) = free_ports(1)
         self.source: ImageSource = DicomSource(Endpoint("127.0.0.1", self._port, "DISTALOCK"), LOG)
 
     def show(self, number: int) -> None:

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -11,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from distalock.processes import MOST_OUTPUT_BYTES, Fleet, ProcessSpec, free_ports, require_free_port, tcp_port_answers
+from distalock.local_ports import free_ports
+from distalock.processes import MOST_OUTPUT_BYTES, Fleet, ProcessSpec
 from shared.errors import ConfigurationError
 
 
@@ -86,22 +86,6 @@ def test_a_stop_event_ends_the_starting(tmp_path: Path) -> None:
         Fleet([never_ready(tmp_path, "slow")], tmp_path / "logs", stop=stop),
     ):
         pytest.fail("entered a fleet that was interrupted")
-
-
-def test_a_port_in_use_is_refused_with_the_option_that_helps() -> None:
-    with socket.socket() as holder:
-        holder.bind(("127.0.0.1", 0))
-        holder.listen()
-        port = holder.getsockname()[1]
-        assert tcp_port_answers(port)
-        with pytest.raises(ConfigurationError, match=rf"port {port} for REST is in use .*--rest-port"):
-            require_free_port(port, "REST", "--rest-port")
-
-
-def test_free_ports_differ() -> None:
-    ports = free_ports(5)
-    assert len(set(ports)) == 5
-    assert sys.platform != "linux" or not any(tcp_port_answers(p) for p in ports)
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from pynetdicom.sop_class import Verification  # type: ignore[attr-defined]  # m
 
 from distalock.doctor.command import exit_code, table_of
 from distalock.doctor.running import controller_finding, dicom_finding, gateway_findings, ports_finding
+from distalock.local_ports import free_ports
 from distalock.readiness import Server
 from services.imaging.settings import ImagingSettings
 from services.robot.settings import RobotSettings
@@ -57,9 +58,8 @@ def gateway() -> Iterator[str]:
 
 
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    (port,) = free_ports(1)
+    return port
 
 
 def test_each_check_of_a_gateway_is_a_finding_with_its_remedy() -> None:

@@ -1,6 +1,5 @@
 import queue
 import shutil
-import socket
 import subprocess
 import time
 from contextlib import suppress
@@ -12,6 +11,7 @@ import pytest
 import structlog
 from numpy.typing import NDArray
 
+from distalock.local_ports import free_ports
 from services.imaging.devices.image_file import read_image
 from services.imaging.devices.video_source import Region, VideoSettings, VideoSource, cut, device_of, grey_of
 from shared.errors import ConfigurationError
@@ -99,13 +99,6 @@ def test_a_region_beyond_the_frame_takes_what_is_there() -> None:
     assert cut(frame, Region(500, 500, 100, 100)).shape == (20, 30)
 
 
-def free_port(protocol: str) -> int:
-    kind = socket.SOCK_DGRAM if protocol == "udp" else socket.SOCK_STREAM
-    with socket.socket(socket.AF_INET, kind) as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
-
-
 def first_image_of(settings: VideoSettings, sender: subprocess.Popen[bytes]) -> NDArray[np.float32]:
     """Wait for an image; the sender takes one connection only, so that nobody may try beforehand if it is there."""
     deadline = time.monotonic() + PATIENCE_S
@@ -128,7 +121,8 @@ FFMPEG = shutil.which("ffmpeg")
 def test_a_stream_of_ffmpeg_is_received(tmp_path: Path, protocol: str) -> None:
     assert FFMPEG is not None
     file = film(tmp_path / "film.avi", [0.0] * 50)
-    address = f"{protocol}://127.0.0.1:{free_port(protocol)}"
+    (port,) = free_ports(1)
+    address = f"{protocol}://127.0.0.1:{port}"
     listen = ["-listen", "1"] if protocol == "tcp" else []
     with subprocess.Popen(
         [FFMPEG, "-loglevel", "error", "-stream_loop", "-1", "-re", "-i", str(file), "-f", "mpegts", *listen, address]

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from distalock.processes import free_ports
+from distalock.local_ports import free_ports
 from services.ui_api.core.account_event_data import AccountChanged
 from services.ui_api.core.roles import Role
 from shared.pki.private_files import write_private
