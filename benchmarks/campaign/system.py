@@ -121,12 +121,12 @@ class System:
             (KEYS.case_context, registration._on_case),
             (KEYS.frame, registration._on_frame),
             (KEYS.calibration, registration._on_calibration),
-            (KEYS.frame, inbox._frame_later),
             (KEYS.calibration, inbox._recorded_later(inbox._calibration)),
             (KEYS.localisation, inbox._recorded_later(inbox._localisation)),
             (KEYS.robot_state, inbox._robot_state),
         ):
             self.bus.subscribe(key, handler)
+        self.bus.subscribe_attachments(KEYS.frame, inbox._frame_later)
         self.bus.queryable(KEYS.plan_request, registration._on_plan_request)
         self.bus.queryable(KEYS.verification_request, registration._on_verification_request)
 

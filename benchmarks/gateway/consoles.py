@@ -1,6 +1,6 @@
 """Fifty consoles that watch, and one that is stuck: motion, stop and the gateway's memory beside those without.
 
-usage: distalock bench consoles [--trials 100] [--blocks 4] [--consoles 50] [--report FILE]
+usage: distalock bench consoles [--trials 200] [--blocks 8] [--consoles 50] [--report FILE]
 
 Real processes of router, gateway and robot service, and a virtual controller in this process that notes when a command
 arrives. A console watches the live picture (30 images of 2 MB a second on the bus) and the events; the stuck one asks
@@ -28,8 +28,8 @@ from distalock.arguments import whole_number, writable_file
 from shared.arguments import OneLineParser
 
 REPORT: Final = PAGES / "consoles.md"
-TRIALS: Final = 100
-BLOCKS: Final = 4
+TRIALS: Final = 200
+BLOCKS: Final = 8
 CONSOLES: Final = 50
 LARGEST_RATIO: Final = 1.2
 # Of each block's first samples: whatever is made once, for the first consoles, is no growth.
@@ -166,7 +166,7 @@ def page_of(found: Compared, consoles: int) -> str:
         f"| watched | {most[1]:.0f} MiB | {watched.growth:+.1%} (limit {LARGEST_GROWTH:.0%}) |\n\n"
         f"Meanwhile {frames:.0f} images/s were published; each console received {pictures:.1f} pictures/s and "
         f"{events:.0f} events/s, and {again} of their connections\nwere closed; "
-        f"{sum(found.not_begun.values())} motions did not begin. The consoles run on the same machine, at nice 10.\n\n"
+        f"{sum(found.not_begun.values())} motions did not begin. The consoles run on the same machine, at nice 19.\n\n"
         f"{''.join(f'- {count} times: {why}' + chr(10) for why, count in found.not_begun.items())}"
         f"Load average of the five minutes before the end of this run: {os.getloadavg()[1]:.1f}, "
         f"on {os.cpu_count()} processors.\n"

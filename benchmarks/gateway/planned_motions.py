@@ -10,7 +10,7 @@ from benchmarks.robot.plans import HOLE_IDS, plan_between, reachable_target
 from benchmarks.robot.stop_latency_rig import TARGET_SIZE, StopRig
 from distalock.case_client import CaseClient
 from distalock.client import Client
-from distalock.client.models import OperationView
+from distalock.client.models import MotionBody, OperationView
 
 MOST_NOT_BEGUN: Final = 20
 # More than the time to live of a command, which is never carried out later.
@@ -32,7 +32,8 @@ class PlannedMotions:
         self.rig = rig
         self.not_begun: Counter[str] = Counter()
         self._last: OperationView | None = None
-        self._case = CaseClient(Client(rig.installation.ports.rest_url, rig.installation.token), rig.case[0])
+        self._client = Client(rig.installation.ports.rest_url, rig.installation.token)
+        self._case = CaseClient(self._client, rig.case[0])
         self._registration = StandInRegistration(rig)
 
     def motion_latency_s(self, source: random.Random) -> float:
@@ -54,8 +55,9 @@ class PlannedMotions:
         plan = self._case.plan(self._registration.offer(offered), HOLE_IDS)
         self._case.approve(plan)
         self.rig.controller.move_heard.clear()
-        asked_s = time.monotonic()  # the client reads the case first, as a console does
-        self._last = self._case.begin_motion(plan)
+        self._case.read()  # as a console, which has read the case before somebody presses the button
+        asked_s = time.monotonic()
+        self._last = self._client.begin_motion(self._case.id, MotionBody(plan=plan.number))
         if not self.rig.controller.move_heard.wait(_BEGINS_WITHIN_S):
             ended = self._case.follow(self._last)
             self.not_begun[f"{ended.code or ended.status}: {ended.detail}"] += 1

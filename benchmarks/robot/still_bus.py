@@ -58,6 +58,10 @@ class StillBus:
         self._subscribers.append((key, handler))
         return _Declared()
 
+    def subscribe_attachments(self, key: str, handler: Callable[[bytes], None]) -> _Declared:
+        """See `Bus`."""
+        return self.subscribe(key, lambda sample: handler(sample.attachment))
+
     def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> _Declared:
         """See `Bus`."""
         return self.subscribe(key, handler)

@@ -186,7 +186,7 @@ def _report(alone: Latencies, loaded: Sequence[Loaded]) -> str:
         f"`tests/e2e/test_stop_latency.py` holds each of its trials to it.\nThe controller goes mute "
         f"{1e3 * MUTE_BEFORE_S:.0f} ms before the stop: the stop that the driver sends by itself after 250 ms\n"
         "of silence comes too late to pass for the one that is timed. The clients of the last load and the source "
-        "of its frames run on the same machine,\nat nice 10, and take their share of it. Front, router, robot service "
+        "of its frames run on the same machine,\nat nice 19, and take their share of it. Front, router, robot service "
         f"and the process that measures {'had' if real_time else 'did not have'} real-time scheduling.\n\n"
         f"Load average of the five minutes before the end of this run: {os.getloadavg()[1]:.1f}, "
         f"on {os.cpu_count()} processors.\n"

@@ -1,10 +1,11 @@
 """The process that turns frames into pictures for viewers: `python -m services.ui_api.encoder`, started by the gateway.
 
 Its standard input is a socket: one frame comes in, one picture goes out, until the other end closes. It has no link to
-the bus, no files and no settings, so that whatever happens in it happens to the live picture alone. Like the
-application, whose priority it inherits, it gives way to robot and front: a picture may be late, a stop may not.
+the bus, no files and no settings, so that whatever happens in it happens to the live picture alone. It gives way to the
+application, as that does to robot and front: a picture may be late, a motion and a stop may not.
 """
 
+import os
 import socket
 import struct
 import sys
@@ -19,10 +20,13 @@ REQUEST: Final = struct.Struct("<II")
 # Length of the picture that follows, in bytes.
 REPLY: Final = struct.Struct("<I")
 BYTES_PER_PIXEL: Final = 4
+# Than the application that started it.
+_LESS_URGENT: Final = 5
 
 
 def main() -> int:
     """Exit code: 0 when the gateway has closed its end."""
+    os.nice(_LESS_URGENT)
     with socket.socket(fileno=sys.stdin.fileno()) as gateway:
         while encode_one(gateway):
             pass

@@ -137,7 +137,7 @@ def _assemble(
     services = ServiceHealth(bus, keys, clock, WATCHED_SERVICES)
     disk = DiskSpace(settings, settings.images(), services)
     link_up = bus.presence().link_up
-    live = LiveHandler(bus, keys, clock, PictureEncoder())
+    live = LiveHandler(bus, keys, clock, PictureEncoder(), acting)
     asked = ReadinessParts(
         record, view, inbox, services, refusals, runtime.status, link_up, settings, clock, live.paths
     )

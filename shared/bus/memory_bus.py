@@ -139,6 +139,10 @@ class MemoryBus:
         """See `Bus`."""
         return self._router.add(self._keep(Subscriber(key, self._router.remove, handler)))
 
+    def subscribe_attachments(self, key: str, handler: Callable[[bytes], None]) -> Subscriber:
+        """See `Bus`."""
+        return self.subscribe(key, lambda sample: handler(sample.attachment))
+
     def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> Subscriber:
         """See `Bus`."""
         subscriber = self._keep(Subscriber(key, self._router.remove, handler))

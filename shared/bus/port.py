@@ -71,6 +71,9 @@ class Bus(Protocol):
     def subscribe(self, key: str, handler: Callable[[Sample], None]) -> Subscription:
         """Every sample from now on."""
 
+    def subscribe_attachments(self, key: str, handler: Callable[[bytes], None]) -> Subscription:
+        """The attachment of every sample from now on, for whoever has no use for megabytes of payload."""
+
     def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> Subscription:
         """The last retained value, if any, then every sample."""
 

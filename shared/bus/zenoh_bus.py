@@ -172,8 +172,16 @@ class ZenohBus:
 
     def subscribe(self, key: str, handler: Callable[[Sample], None]) -> Declared:
         """See `Bus`."""
-        channel = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(_STREAM_DEPTH))
-        return self._serve(channel, lambda sample: handler(_sample(sample)), key)
+        return self._subscribe(key, lambda sample: handler(_sample(sample)))
+
+    def subscribe_attachments(self, key: str, handler: Callable[[bytes], None]) -> Declared:
+        """See `Bus`."""
+        return self._subscribe(key, lambda sample: handler(_bytes(sample.attachment)))
+
+    def _subscribe(self, key: str, handle: Callable[[zenoh.Sample], None]) -> Declared:
+        return self._serve(
+            self._session.declare_subscriber(key, zenoh.handlers.RingChannel(_STREAM_DEPTH)), handle, key
+        )
 
     def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> Declared:
         """See `Bus`."""

@@ -46,6 +46,10 @@ class SilentBus:
         self._subscribers[key] = handler
         return _Declared()
 
+    def subscribe_attachments(self, key: str, handler: Callable[[bytes], None]) -> "_Declared":
+        """Keep the handler."""
+        return self.subscribe(key, lambda sample: handler(sample.attachment))
+
     def subscribe_retained(self, key: str, handler: Callable[[Sample], None]) -> "_Declared":
         """Keep the handler."""
         return self.subscribe(key, handler)

@@ -66,13 +66,24 @@ class Acting:
         def wake() -> None:
             loop.call_soon_threadsafe(free.set)
 
-        with self._lock:
-            self._wakers.add(wake)
-        try:
+        with self._woken(wake):
             left_s = self._left_s()  # it may have ended before the waker was there
             if left_s > 0.0:
                 with suppress(TimeoutError):
                     await asyncio.wait_for(free.wait(), left_s)
+
+    def wait_until_nobody(self) -> None:
+        """The same for a thread."""
+        free = threading.Event()
+        with self._woken(free.set):
+            free.wait(max(self._left_s(), 0.0))
+
+    @contextmanager
+    def _woken(self, wake: Callable[[], None]) -> Iterator[None]:
+        with self._lock:
+            self._wakers.add(wake)
+        try:
+            yield
         finally:
             with self._lock:
                 self._wakers.discard(wake)

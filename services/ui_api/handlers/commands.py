@@ -65,7 +65,13 @@ class _Waiting:
 
 
 class CommandHandler:
-    """Sends commands in the order in which they were recorded, one at a time, never twice."""
+    """Sends commands in the order in which they were recorded, one at a time, never twice.
+
+    Attributes
+    ----------
+    acting
+        Counts commands until the robot has answered.
+    """
 
     def __init__(
         self,
@@ -79,7 +85,7 @@ class CommandHandler:
         permits: PermitHandler,
         acting: Acting | None = None,
     ) -> None:
-        self._acting = acting or Acting()
+        self.acting = acting or Acting()
         self._permits = permits
         self._bus, self._keys, self._record = bus, keys, record
         self._view, self._stops, self._leases, self._clock = view, stops, leases, clock
@@ -160,9 +166,9 @@ class CommandHandler:
         return Operation(requested, draft.case_id, event.at_ns)
 
     def _hand_over(self, waiting: _Waiting) -> None:
-        self._acting.begin()  # until the robot has answered; the request that asked for it ends before
+        self.acting.begin()  # until the robot has answered; the request that asked for it ends before
         sending = self._sender.submit(carried(supervised("commands", self._send)), waiting)
-        sending.add_done_callback(lambda _: self._acting.end())
+        sending.add_done_callback(lambda _: self.acting.end())
 
     def _send(self, waiting: _Waiting) -> None:
         """Send a command and record what came of it; whatever goes wrong, the operation does not stay as it was."""

@@ -99,7 +99,7 @@ class Inbox:
     def start(self) -> None:
         """Begin to listen and to record."""
         self._thread.start()
-        self._bus.subscribe(self._keys.frame, self._frame_later)
+        self._bus.subscribe_attachments(self._keys.frame, self._frame_later)
         for key, handle in ((self._keys.calibration, self._calibration), (self._keys.localisation, self._localisation)):
             self._bus.subscribe_retained(key, self._recorded_later(handle))
         self._bus.subscribe_retained(self._keys.robot_state, self._robot_state)
@@ -168,8 +168,8 @@ class Inbox:
         for payload in self._run.end():
             self._record_calibration(decode(CalibrationMessage, payload), payload)
 
-    def _frame_later(self, sample: Sample) -> None:
-        self._frames.put(sample.attachment)
+    def _frame_later(self, attachment: bytes) -> None:
+        self._frames.put(attachment)
         self._put(self._record_frames)
 
     def _recorded_later(self, handle: Callable[[bytes], None]) -> Callable[[Sample], None]:
@@ -208,7 +208,11 @@ class Inbox:
             unit.append(EventDraft(data, case.case_id if case else None, who))
 
     def _record_frames(self) -> None:
-        """Record all frames that have come, in one transaction; a record that takes nothing leaves them waiting."""
+        """Record all frames that have come, in one transaction; a record that takes nothing leaves them waiting.
+
+        Whoever acts writes first: of thirty frames a second those of a moment are recorded together.
+        """
+        self._commands.acting.wait_until_nobody()
         count, headers = self._frames.waiting()
         if headers:
             newest = headers[-1]

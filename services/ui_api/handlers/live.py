@@ -12,6 +12,7 @@ from typing import Final
 
 import structlog
 
+from services.ui_api.handlers.acting import Acting
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.feed import Feed
 from services.ui_api.handlers.picture_encoder import EncoderFailed, PictureEncoder
@@ -64,8 +65,8 @@ class LiveHandler:
         How many watch: event loops, each of which may show the picture to many.
     """
 
-    def __init__(self, bus: Bus, keys: Keys, clock: Clock, encoder: PictureEncoder) -> None:
-        self._bus, self._keys, self._clock, self._encoder = bus, keys, clock, encoder
+    def __init__(self, bus: Bus, keys: Keys, clock: Clock, encoder: PictureEncoder, acting: Acting) -> None:
+        self._bus, self._keys, self._clock, self._encoder, self._acting = bus, keys, clock, encoder, acting
         self._changed = threading.Condition()
         self._heard: _HeardFrame | None = None
         self._taken: _HeardFrame | None = None
@@ -147,9 +148,14 @@ class LiveHandler:
             self._encoder.close()
 
     def _wait_for_frame(self) -> _HeardFrame | None:
-        """The newest frame, once somebody watches and it has no picture yet; None when closed."""
+        """The newest frame, once somebody watches and it has no picture yet; None when closed.
+
+        While somebody acts no picture is begun: a processor that encodes is one less for what acts.
+        """
         with self._changed:
             self._changed.wait_for(lambda: self.feed.closed or (self.viewers and self._heard is not self._taken))
+        self._acting.wait_until_nobody()
+        with self._changed:
             self._taken = self._heard
             return None if self.feed.closed else self._heard
 

@@ -101,7 +101,8 @@ def _prepare_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None
 def _begin_sqlite(connection: Connection) -> None:
     """Writers take the lock at once, so that no transaction fails half-way for want of it."""
     options = connection.get_execution_options()
-    connection.exec_driver_sql(f"PRAGMA busy_timeout={options.get(BUSY_MS, _BUSY_MS)}")
+    if BUSY_MS in options:  # on a connection of its own: see `unpooled`
+        connection.exec_driver_sql(f"PRAGMA busy_timeout={options[BUSY_MS]}")
     writes = options.get(WRITES, False)
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import Connection, Engine, RowMapping, Select, delete, func, insert, select
+from sqlalchemy import Connection, Engine, RowMapping, Select, bindparam, delete, func, insert, select
 from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError, ProgrammingError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
@@ -31,6 +31,9 @@ PAGE = 500
 # A client repeats a request within seconds; a day leaves room for one that was switched off over night.
 ANSWERS_LAST_NS: Final = 24 * 3600 * 10**9
 _PROBE_BUSY_MS: Final = 1000
+# Made once: see `unit_of_work`.
+_READ_DOCUMENT: Final = select(DOCUMENTS.c.content).where(DOCUMENTS.c.sha256 == bindparam("named"))
+_READ_ANSWER: Final = select(ANSWERS).where(ANSWERS.c.idempotency_key == bindparam("named"))
 
 
 class CaseRecord:
@@ -157,7 +160,7 @@ class CaseRecord:
     def document(self, sha256: str) -> bytes:
         """A document's content; raises `KeyError` when there is none of that hash."""
         with self._reading() as connection:
-            row = connection.execute(select(DOCUMENTS.c.content).where(DOCUMENTS.c.sha256 == sha256)).first()
+            row = connection.execute(_READ_DOCUMENT, {"named": sha256}).first()
         if row is None:
             raise KeyError(sha256)
         return bytes(row[0])
@@ -165,7 +168,7 @@ class CaseRecord:
     def remembered(self, key: str) -> RememberedAnswer | None:
         """The answer that was given under an idempotency key, if any."""
         with self._reading() as connection:
-            row = connection.execute(select(ANSWERS).where(ANSWERS.c.idempotency_key == key)).mappings().first()
+            row = connection.execute(_READ_ANSWER, {"named": key}).mappings().first()
         if row is None:
             return None
         answer = Answer(row["status"], row["body_json"], json.loads(row["headers_json"]))

@@ -3,8 +3,9 @@
 import json
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import Final
 
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import Connection, bindparam, delete, insert, select, update
 from sqlalchemy.sql.dml import UpdateBase
 
 from services.ui_api.core.chain import ChainEntry, entry_sha256
@@ -31,6 +32,13 @@ class RememberedAnswer:
     answer: Answer
 
 
+# Made once: a statement that is made anew takes longer than the database takes for it.
+_INSERT_EVENT: Final = insert(EVENTS)
+_INSERT_DOCUMENT: Final = insert(DOCUMENTS)
+_INSERT_ANSWER: Final = insert(ANSWERS)
+_FIND_DOCUMENT: Final = select(DOCUMENTS.c.sha256).where(DOCUMENTS.c.sha256 == bindparam("named"))
+
+
 class UnitOfWork:
     """What may be done within one transaction. `CaseRecord.write` makes it and commits it."""
 
@@ -49,7 +57,7 @@ class UnitOfWork:
         kind = KIND_OF_DATA[type(draft.data)]
         entry = ChainEntry(sequence, self.now_ns, draft.case_id, draft.who, draft.why, kind, text, self.head_sha256, "")
         entry = replace(entry, sha256=entry_sha256(entry))
-        self._connection.execute(insert(EVENTS).values(_columns(entry)))
+        self._connection.execute(_INSERT_EVENT, _columns(entry))
         self._head_sequence, self.head_sha256 = sequence, entry.sha256
         event = event_of(sequence, self.now_ns, draft)
         self.events.append(event)
@@ -58,24 +66,24 @@ class UnitOfWork:
     def put_document(self, content: bytes, media_type: str = "application/json") -> str:
         """Store a document once, under its SHA-256, which is returned."""
         sha256 = sha256_of(content)
-        known = self._connection.execute(select(DOCUMENTS.c.sha256).where(DOCUMENTS.c.sha256 == sha256)).first()
+        known = self._connection.execute(_FIND_DOCUMENT, {"named": sha256}).first()
         if known is None:
-            self._connection.execute(insert(DOCUMENTS).values(sha256=sha256, media_type=media_type, content=content))
+            columns = {"sha256": sha256, "media_type": media_type, "content": content}
+            self._connection.execute(_INSERT_DOCUMENT, columns)
         return sha256
 
     def remember(self, key: str, request_sha256: str, answer: Answer) -> None:
         """Store an answer with its idempotency key."""
-        self._connection.execute(
-            insert(ANSWERS).values(
-                idempotency_key=key,
-                request_sha256=request_sha256,
-                status=answer.status,
-                headers_json=json.dumps(dict(answer.headers)),
-                body_json=answer.body_json,
-                event_sequence=self._head_sequence or None,
-                answered_at_ns=self.now_ns,
-            )
-        )
+        columns = {
+            "idempotency_key": key,
+            "request_sha256": request_sha256,
+            "status": answer.status,
+            "headers_json": json.dumps(dict(answer.headers)),
+            "body_json": answer.body_json,
+            "event_sequence": self._head_sequence or None,
+            "answered_at_ns": self.now_ns,
+        }
+        self._connection.execute(_INSERT_ANSWER, columns)
 
     def erase_case(self, case_id: str, announcement: Event, documents: Collection[str]) -> None:
         """Empty all events of a case, and delete documents, after the event that records it was appended.

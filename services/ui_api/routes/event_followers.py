@@ -1,7 +1,7 @@
 """Followers of the log: what is new is one piece of text for all who are at the same place in it."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -74,13 +74,14 @@ class EventFollower:
 
 def event_programme(gateway: Gateway) -> Programme[EventFollower]:
     """The log as it grows."""
-    return Programme("event followers", gateway.feed.listening, lambda followers: _serve(gateway, followers))
+    return Programme("event followers", gateway.feed.listening, lambda: _round(gateway))
 
 
-def _serve(gateway: Gateway, followers: Sequence[EventFollower]) -> None:
+def _round(gateway: Gateway) -> Callable[[EventFollower], None]:
     newest = _Newest(gateway.tail.after)
     now_s = gateway.clock.monotonic_s()
-    for follower in followers:
+
+    def serve(follower: EventFollower) -> None:
         if gateway.feed.closed:
             follower.write(_GATEWAY_ENDS if follower.reads else b"", now_s)
             follower.end()
@@ -88,6 +89,8 @@ def _serve(gateway: Gateway, followers: Sequence[EventFollower]) -> None:
             follower.end()
         elif follower.reads and not follower.is_far_behind:
             _bring_up(follower, newest, now_s)
+
+    return serve
 
 
 def _bring_up(follower: EventFollower, newest: "_Newest", now_s: float) -> None:

@@ -1,7 +1,7 @@
 """Viewers of the live picture: each new picture, and each new word of guidance, is one message for all of them."""
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Final, Literal
@@ -74,15 +74,16 @@ def live_programme(gateway: Gateway) -> Programme[Viewer]:
         with gateway.live.watching(waker), gateway.feed.listening(waker):
             yield
 
-    return Programme("live viewers", listening, lambda viewers: _serve(gateway, viewers))
+    return Programme("live viewers", listening, lambda: _round(gateway))
 
 
-def _serve(gateway: Gateway, viewers: Sequence[Viewer]) -> None:
+def _round(gateway: Gateway) -> Callable[[Viewer], None]:
     live = gateway.live
     frame = live.frame
     heard = None if frame is None else live.guidance(frame.header.case_id)
     messages: dict[bool, bytes] = {}
-    for viewer in viewers:
+
+    def serve(viewer: Viewer) -> None:
         if live.feed.closed:
             viewer.end(SERVICE_RESTART, _GATEWAY_ENDS)
         elif not gateway.access.still_admits(viewer.user):
@@ -93,6 +94,8 @@ def _serve(gateway: Gateway, viewers: Sequence[Viewer]) -> None:
                 messages[fresh] = _message(live, frame, heard, with_picture=fresh)
             viewer.outlet.write(messages[fresh])
             viewer.shown = (frame, heard)
+
+    return serve
 
 
 def _reads(viewer: Viewer) -> bool:

@@ -18,6 +18,17 @@ def test_sample_arrives_whole(room: Room) -> None:
         got.wait_for(Sample("whole/a", b"payload", b"header"))
 
 
+def test_who_has_no_use_for_payloads_gets_attachments(room: Room) -> None:
+    got: Collector[bytes] = Collector()
+    with room.open() as sender, room.open() as receiver:
+        publisher = sender.publisher("whole/b")
+        receiver.subscribe_attachments("whole/b", got.add)
+        until_known(receiver, sender)
+        for attachment in (b"", b"header"):
+            publisher.put(b"payload", attachment)
+            got.wait_for(attachment)
+
+
 def test_frames_of_four_megabytes_arrive(room: Room) -> None:
     got: Collector[tuple[int, bytes]] = Collector()
     arrived = threading.Event()

@@ -44,6 +44,19 @@ def test_a_command_whose_outcome_cannot_be_recorded_is_settled_by_the_robots_sta
         room.wait_for_status(str(begun["id"]), "succeeded")
 
 
+def test_whoever_acts_writes_before_frames_that_have_come(tmp_path: Path) -> None:
+    with open_room(tmp_path) as room:
+        case_id = room.open_case()
+        ledger, units = room.gateway.record.ledger, list[float]()
+        wait_until(lambda: room.gateway.acting.count == 0)  # a request ends a moment after its answer
+        room.gateway.record.on_write = units.append
+        with room.gateway.acting.acting():
+            headers = [room.imaging.send(f"image {k}", case_id) for k in range(10)]
+            wait_until(lambda: room.gateway.acting.waiting == 1)
+        room.log.wait_for(lambda: all(ledger.cases[case_id].image(header.sha256) is not None for header in headers))
+        assert len(units) < len(headers)
+
+
 def test_frames_that_had_to_wait_are_recorded_together(tmp_path: Path) -> None:
     """Behind a slow disk frames come faster than they go one by one: the inbox would fill, and an X-ray wait behind."""
     with open_room(tmp_path) as room:

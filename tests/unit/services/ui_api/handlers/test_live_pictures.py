@@ -10,6 +10,7 @@ from contextlib import ExitStack
 
 import pytest
 
+from services.ui_api.handlers.acting import Acting
 from services.ui_api.handlers.clock import Clock
 from services.ui_api.handlers.live import LiveHandler
 from services.ui_api.handlers.picture_encoder import EncoderFailed, PictureEncoder
@@ -72,7 +73,9 @@ class Watched:
 
     def __init__(self, stack: ExitStack, encoder: PictureEncoder, viewers: int) -> None:
         self.bus = stack.enter_context(MemoryRouter().open())
-        self.live = LiveHandler(self.bus, Keys("test"), Clock(), encoder)
+        self.now_s = 100.0
+        self.acting = Acting(lambda: self.now_s)
+        self.live = LiveHandler(self.bus, Keys("test"), Clock(), encoder, self.acting)
         self.live.start()
         stack.callback(self.live.close)
         self.frames = self.bus.publisher(Keys("test").frame)
@@ -118,6 +121,22 @@ def test_nothing_is_encoded_while_nobody_watches_and_a_viewer_gets_the_newest() 
         wait_until(lambda: watched.live._heard is not None and watched.live._heard.header == last)
         assert encoder.encoded == []
         watched.watch(1)
+        watched.wait(1)
+    assert encoder.encoded == [last.sha256]
+
+
+def test_while_somebody_acts_no_picture_is_begun_and_the_newest_comes_afterwards() -> None:
+    encoder = CountingEncoder()
+    with ExitStack() as stack:
+        watched = Watched(stack, encoder, 1)
+        watched.acting.begin()
+        watched.now_s = 0.0  # his moment is not over for 100 s
+        watched.send("one")
+        wait_until(lambda: watched.acting.waiting == 1)
+        last = watched.send("two")
+        wait_until(lambda: watched.live._heard is not None and watched.live._heard.header == last)
+        assert encoder.encoded == []
+        watched.acting.end()
         watched.wait(1)
     assert encoder.encoded == [last.sha256]
 

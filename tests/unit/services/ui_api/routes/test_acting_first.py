@@ -76,6 +76,26 @@ def test_who_acts_on_another_thread_is_waited_for() -> None:
     assert not watching.is_alive()
 
 
+def test_a_thread_waits_for_who_acts_but_not_for_ever() -> None:
+    acting, waited = Acting(), threading.Event()
+
+    def wait() -> None:
+        acting.wait_until_nobody()
+        waited.set()
+
+    acting.begin()
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    wait_until(lambda: acting.waiting == 1)
+    assert not waited.is_set()
+    acting.end()
+    waiting.join(PATIENCE_S)
+    assert waited.is_set()
+    acting.begin()
+    acting.wait_until_nobody()  # returns after a moment
+    assert acting.count == 1
+
+
 def test_who_acts_for_long_is_waited_for_once() -> None:
     """A plan takes seconds: viewers would see three pictures in each of them."""
     now_s = [100.0]
