@@ -288,6 +288,8 @@ class AgreementOfParts:
     softness_of_one_deviation: float = tuned(1.0, "sd", "softness beyond it that doubles the variance", _PROCESSED)
     usual_sharpening: float = tuned(2.0, "sd", "edge enhancement that plain images have too", _PROCESSED)
     sharpening_of_one_deviation: float = tuned(1.0, "sd", "sharpening beyond it that doubles the variance", _PROCESSED)
+    usual_tails: float = tuned(1.05, "1", "variance of residuals over that by their median in plain images", _FILTERED)
+    largest_deviation: float = tuned(4.0, "sd", "residual beyond which it counts no more for this", _FILTERED)
     processed_from: float = tuned(2.5, "1", "growth of the variance from where an image counts as processed", _FILTERED)
     processed_sd_deg: float = tuned(0.3, "°", "error of a tilt by processing, whatever the noise", _FILTERED)
 

@@ -110,13 +110,15 @@ class Agreement:
     noise_inflation: float  # what noise is left correlated after whitening, in pixels: filters leave much
     softness: float  # hardening of the beam below the usual one, in standard deviations of the prior
     sharpening: float  # edge enhancement beside the usual one, either way, in standard deviations of the prior
+    tails: float  # variance of the residuals over the one by their median: filters against noise leave a few large ones
     between_holes: NDArray[np.float64]  # mean square of the holes' own turns across them, in rad², shape (2, 2)
 
     @property
     def variance_ratio(self) -> float:
         """By how much the variance of the nail's rotation and shape grows.
 
-        What plain images show too counts nothing; beyond it each symptom adds the square of its excess.
+        What plain images show too counts nothing; beyond it each symptom adds the square of its excess. Where a filter
+        has left heavy tails, what is left of the noise says nothing of the errors, however well the parts agree.
         """
         s = AGREEMENT_OF_PARTS
         excesses = (
@@ -126,7 +128,8 @@ class Agreement:
             (self.softness - s.usual_softness) / s.softness_of_one_deviation,
             (self.sharpening - s.usual_sharpening) / s.sharpening_of_one_deviation,
         )
-        return self.pull_ratio * (1.0 + sum(max(excess, 0.0) ** 2 for excess in excesses))
+        by_symptoms = self.pull_ratio * (1.0 + sum(max(excess, 0.0) ** 2 for excess in excesses))
+        return max(by_symptoms, (self.tails / s.usual_tails) ** 2)
 
     @property
     def error_ratio(self) -> float:
@@ -186,8 +189,15 @@ def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) 
         noise_inflation=float(noise.inflation.mean()),
         softness=-float(deviations[Parameter.HARDENING]),
         sharpening=abs(float(deviations[Parameter.SHARPENING])),
+        tails=_tails(solution.linear.residual, noise),
         between_holes=turns_between_holes(problem, solution, noise),
     )
+
+
+def _tails(residual: NDArray[np.float64], noise: NoiseModel) -> float:
+    """Mean square of standardised residuals, shape (N,), without what foreign objects may have left."""
+    most = AGREEMENT_OF_PARTS.largest_deviation
+    return float(np.mean(np.clip(residual / np.sqrt(noise.variance), -most, most) ** 2))
 
 
 def _scale_excess(nail: NailPart, parameters: NDArray[np.float64]) -> float:

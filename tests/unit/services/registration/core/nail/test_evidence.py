@@ -37,7 +37,7 @@ def test_one_part_that_has_nearly_all_the_weight_proves_little() -> None:
     assert pull_ratio(pulls, variances) == pytest.approx((4.0 + 4.0) / 5.0, rel=1e-3)
 
 
-USUAL = Agreement(1.0, 0.1, 0.7, 0.003, 4.0, 1.3, 2.0, np.zeros((2, 2)))
+USUAL = Agreement(1.0, 0.1, 0.7, 0.003, 4.0, 1.3, 2.0, 1.05, np.zeros((2, 2)))
 ERRORS = PoseErrors(np.zeros(3), np.eye(9), np.zeros((9, 3)), np.zeros((9, 1)))
 POSE, NAIL = posed_nail(10.0), nail_part()
 
@@ -57,6 +57,7 @@ def test_what_plain_images_show_changes_nothing() -> None:
         ("noise_inflation", 6.6, 5.0),
         ("softness", 2.3, 2.0),
         ("sharpening", 3.0, 2.0),
+        ("tails", 2.1, 4.0),
     ],
 )
 def test_each_symptom_of_processing_enlarges_the_variance(symptom: str, value: float, ratio: float) -> None:
@@ -66,6 +67,11 @@ def test_each_symptom_of_processing_enlarges_the_variance(symptom: str, value: f
 
 def test_symptoms_add_and_the_pulls_multiply() -> None:
     assert replace(USUAL, pull_ratio=3.0, bulge=0.3, shape=1.0).variance_ratio == pytest.approx(9.0)
+
+
+def test_heavy_tails_are_the_least_that_an_image_counts_as_filtered() -> None:
+    assert replace(USUAL, pull_ratio=3.0, tails=2.1).variance_ratio == pytest.approx(4.0)
+    assert replace(USUAL, pull_ratio=5.0, tails=2.1).variance_ratio == pytest.approx(5.0)
 
 
 def test_rotation_grows_by_the_ratio_and_position_by_its_root() -> None:
