@@ -25,6 +25,7 @@ _MUSCLE: Final = physical("60-80 kV behind 100-200 mm of muscle")
 _SPECTRUM_END: Final = physical("end of the spectrum at 60-80 kV: law off by 0.08 % at most")
 _FOREIGN: Final = fitted("by inspection on scenes of `distalock bench foreign_objects --seeds fit`")
 _FILTERED: Final = fitted("`distalock bench processing --seeds fit --count 12`: bilateral filter and local contrast")
+_TAILS: Final = fitted("by inspection: seeds 60000-60023, plain and through three filters (decision 0018)")
 _PROCESSED: Final = fitted("by inspection: own scenes 30024-30063 through local contrast and filters (decision 0018)")
 _CURVED: Final = fitted("`distalock bench processing --seeds fit`: local contrast, monitor chain (decision 0045)")
 _CURVE_LEFT: Final = fitted(
@@ -288,8 +289,8 @@ class AgreementOfParts:
     softness_of_one_deviation: float = tuned(1.0, "sd", "softness beyond it that doubles the variance", _PROCESSED)
     usual_sharpening: float = tuned(2.0, "sd", "edge enhancement that plain images have too", _PROCESSED)
     sharpening_of_one_deviation: float = tuned(1.0, "sd", "sharpening beyond it that doubles the variance", _PROCESSED)
-    usual_tails: float = tuned(1.05, "1", "variance of residuals over that by their median in plain images", _FILTERED)
-    largest_deviation: float = tuned(4.0, "sd", "residual beyond which it counts no more for this", _FILTERED)
+    usual_tails: float = tuned(1.05, "1", "variance of residuals over that by their median in plain images", _TAILS)
+    largest_deviation: float = tuned(4.0, "sd", "residual that is counted as no larger for this", _TAILS)
     processed_from: float = tuned(2.5, "1", "growth of the variance from where an image counts as processed", _FILTERED)
     processed_sd_deg: float = tuned(0.3, "°", "error of a tilt by processing, whatever the noise", _FILTERED)
 

@@ -195,7 +195,10 @@ def agreement_of_parts(problem: Problem, solution: Solution, noise: NoiseModel) 
 
 
 def _tails(residual: NDArray[np.float64], noise: NoiseModel) -> float:
-    """Mean square of standardised residuals, shape (N,), without what foreign objects may have left."""
+    """Mean square of standardised residuals, from residuals of shape (N,).
+
+    Each counts up to a limit, so that a few pixels of a foreign object do not look like a filter.
+    """
     most = AGREEMENT_OF_PARTS.largest_deviation
     return float(np.mean(np.clip(residual / np.sqrt(noise.variance), -most, most) ** 2))
 

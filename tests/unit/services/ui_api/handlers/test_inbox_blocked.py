@@ -50,7 +50,10 @@ def test_whoever_acts_writes_before_frames_that_have_come(tmp_path: Path) -> Non
         ledger, units = room.gateway.record.ledger, list[float]()
         wait_until(lambda: room.gateway.acting.count == 0)  # a request ends a moment after its answer
         room.gateway.record.on_write = units.append
+        now_s = [100.0]
+        room.gateway.acting._clock_s = lambda: now_s[0]
         with room.gateway.acting.acting():
+            now_s[0] = 0.0  # his moment is not over for 100 s
             headers = [room.imaging.send(f"image {k}", case_id) for k in range(10)]
             wait_until(lambda: room.gateway.acting.waiting == 1)
         room.log.wait_for(lambda: all(ledger.cases[case_id].image(header.sha256) is not None for header in headers))

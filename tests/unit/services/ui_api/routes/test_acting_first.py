@@ -77,13 +77,15 @@ def test_who_acts_on_another_thread_is_waited_for() -> None:
 
 
 def test_a_thread_waits_for_who_acts_but_not_for_ever() -> None:
-    acting, waited = Acting(), threading.Event()
+    now_s, waited = [100.0], threading.Event()
+    acting = Acting(lambda: now_s[0])
 
     def wait() -> None:
         acting.wait_until_nobody()
         waited.set()
 
     acting.begin()
+    now_s[0] = 0.0  # his moment is not over for 100 s
     waiting = threading.Thread(target=wait)
     waiting.start()
     wait_until(lambda: acting.waiting == 1)
