@@ -1,7 +1,7 @@
 """For any pose: after the correction the mean tilt is zero, and undoing the turn gives the nail's pose back."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -15,6 +15,7 @@ offsets = st.floats(-60.0, 60.0)
 
 
 @given(spin=st.floats(-180.0, 180.0), x=angles, y=angles, left=offsets, up=offsets, depth=st.floats(500.0, 900.0))
+@example(spin=56.0, x=5.9, y=-15.0, left=-60.0, up=60.0, depth=500.0)
 def test_the_correction_takes_the_mean_tilt_away(
     spin: float, x: float, y: float, left: float, up: float, depth: float
 ) -> None:
@@ -29,7 +30,9 @@ def test_the_correction_takes_the_mean_tilt_away(
     np.testing.assert_allclose(mean, 0.0, atol=1e-7)
     before = hole_tilts(pose, nail)
     size = np.hypot(turn.about_x_deg, turn.about_y_deg)
-    assert abs(size - np.hypot(*np.mean([(t.about_x_deg, t.about_y_deg) for t in before], axis=0))) < 0.05 + 0.02 * size
+    # To first order only: the holes lie beside the point that the C-arm turns about. In the corner that is the example
+    # the two differ by 0.42 deg of 15.3, more than anywhere else in this range.
+    assert abs(size - np.hypot(*np.mean([(t.about_x_deg, t.about_y_deg) for t in before], axis=0))) < 0.05 + 0.03 * size
 
 
 @given(x=angles, y=angles)
