@@ -171,6 +171,11 @@ BENCHMARKS: Final = {
     "soak": Benchmark(
         "robot.soak", "soak", "all clients at once for an hour: memory, handles, threads, queues, and stops"
     ),
+    "soak_day": Benchmark(
+        "robot.soak_day",
+        "soak-day",
+        "procedures of eight hours one after another: memory, handles, threads, what is kept, and stops",
+    ),
     "process_loss": Benchmark(
         "faults.process_loss", "robot-process-loss", "each process killed and stopped in motion: time to rest, way"
     ),

@@ -7,7 +7,6 @@ noted; stops are timed after the warm-up and before the end.
 
 import os
 import random
-import re
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,9 +17,9 @@ import numpy as np
 
 from benchmarks.common.places import PAGES
 from benchmarks.robot.loads import EVENT_CLIENTS, IDLE_CONNECTIONS, VIEWERS, clients, stops_on_record
-from benchmarks.robot.process_figures import ProcessFigures, family, figures_of
+from benchmarks.robot.process_figures import WARM_UP, Sample, growth, process_table, queue_table
 from benchmarks.robot.stop_latency_rig import StopRig, stop_rig
-from distalock.arguments import whole_number
+from distalock.arguments import whole_number, writable_file
 from shared.arguments import OneLineParser
 
 REPORT = PAGES / "soak.md"
@@ -30,18 +29,6 @@ SEED: Final = 79
 LIMIT_GROWTH: Final = 0.01
 LIMIT_P99_S: Final = 0.050
 _SAMPLE_EVERY_S: Final = 5.0
-_WARM_UP: Final = 0.25  # of the time
-_METRIC: Final = re.compile(r'^distalock_(?:queued|front)\{(?:queue|figure)="(\w+)"\} ([\d.e+-]+)$', re.MULTILINE)
-_QUEUES: Final = ("inbox", "stop_record", "stops", "relays", "streams", "connections")
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """Everything at one moment; `at_s` counts from the load's beginning."""
-
-    at_s: float
-    processes: Mapping[str, ProcessFigures]
-    queues: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,18 +41,13 @@ class Soak:
     received: Mapping[str, int]
     stops_missing: int
 
-    @property
-    def settled(self) -> list[Sample]:
-        """Samples after the warm-up."""
-        return [sample for sample in self.samples if sample.at_s >= _WARM_UP * self.samples[-1].at_s]
-
 
 def soak(rig: StopRig, minutes: int, stops: int) -> Soak:
     """Bring all clients, wait, and watch."""
     source, before = random.Random(SEED), stops_on_record(rig.installation.state_dir)
     with clients(rig) as received:
         began_s = time.monotonic()
-        samples = list(_samples(rig, began_s, _WARM_UP * 60.0 * minutes))
+        samples = list(_samples(rig, began_s, WARM_UP * 60.0 * minutes))
         first = _stops(rig, source, stops)
         samples += _samples(rig, began_s, 60.0 * minutes)
         last = _stops(rig, source, stops)
@@ -80,9 +62,7 @@ def _stops(rig: StopRig, source: random.Random, count: int) -> tuple[float, ...]
 def _samples(rig: StopRig, began_s: float, until_s: float) -> Iterator[Sample]:
     while True:
         at_s = time.monotonic() - began_s
-        processes = {name: figures_of(pid) for name, pid in family(rig.pids).items()}
-        queues = {name: float(value) for name, value in _METRIC.findall(rig.rest.get_bytes("/metrics").decode())}
-        yield Sample(at_s, processes, queues)
+        yield Sample.of(rig.pids, rig.rest, at_s)
         if at_s >= until_s:
             return
         time.sleep(min(_SAMPLE_EVERY_S, max(until_s - at_s, 0.1)))
@@ -93,36 +73,23 @@ def main(arguments: Sequence[str]) -> int:
     parser = OneLineParser(prog="distalock bench soak", description="all clients at once, for as long as one likes")
     parser.add_argument("--minutes", type=whole_number("minutes", 1, 10**5), default=MINUTES, help=f"({MINUTES})")
     parser.add_argument("--stops", type=whole_number("stops", 2, 10**4), default=STOPS, help=f"each time ({STOPS})")
+    parser.add_argument("--report", type=writable_file, default=REPORT, help="file for the page")
     given = parser.parse_args(list(arguments))
     with stop_rig() as rig:
         result = soak(rig, given.minutes, given.stops)
     report = _report(result, given.minutes)
     print(report)
-    REPORT.write_text(report)
+    given.report.write_text(report)
     return 0 if _holds(result) else 1
-
-
-def growth(result: Soak, name: str) -> float:
-    """How much the memory of a process grew, from the median of the first third after the warm-up to the last."""
-    values = [sample.processes[name].memory_mib for sample in result.settled if name in sample.processes]
-    third = max(len(values) // 3, 1)
-    return float(np.median(values[-third:]) / np.median(values[:third])) - 1.0
 
 
 def _holds(result: Soak) -> bool:
     first_s, last_s = (float(np.percentile(v, 99.0)) for v in (result.first_stops_s, result.last_stops_s))
-    flat = all(growth(result, name) <= LIMIT_GROWTH for name in result.samples[-1].processes)
+    flat = all(growth(result.samples, name) <= LIMIT_GROWTH for name in result.samples[-1].processes)
     return flat and max(first_s, last_s) <= LIMIT_P99_S and result.stops_missing == 0
 
 
 def _report(result: Soak, minutes: int) -> str:
-    last = result.samples[-1]
-    rows = "".join(_row(result, name) for name in last.processes)
-    queues = "".join(
-        f"| {name} | {np.median([s.queues.get(name, 0.0) for s in result.settled]):.0f} "
-        f"| {max(s.queues.get(name, 0.0) for s in result.samples):.0f} | {last.queues.get(name, 0.0):.0f} |\n"
-        for name in _QUEUES
-    )
     stops = "".join(
         f"| {name} | {len(values)} | {1e3 * np.median(values):.1f} ms | {1e3 * np.percentile(values, 99.0):.1f} ms |\n"
         for name, values in (("after the warm-up", result.first_stops_s), ("at the end", result.last_stops_s))
@@ -135,26 +102,12 @@ def _report(result: Soak, minutes: int) -> str:
         "and robot service. Memory is anonymous resident memory; growth compares the medians of the first and last "
         f"third\nafter a warm-up of a quarter of the time. Limits: memory {LIMIT_GROWTH:.0%}, 99 % of stops "
         f"{1e3 * LIMIT_P99_S:.0f} ms, no stop missing on record.\n\n"
-        "| process | memory after warm-up | at the end | growth | handles: most | at the end | threads: most "
-        f"| at the end | processor |\n|---|---|---|---|---|---|---|---|---|\n{rows}\n"
-        f"| queue of the gateway | median | most | at the end |\n|---|---|---|---|\n{queues}\n"
+        f"{process_table(result.samples)}\n{queue_table(result.samples)}\n"
         f"| stop | trials | median | 99 % |\n|---|---|---|---|\n{stops}\n"
         f"Stops missing on record: {result.stops_missing}. Received ({result.received.get('frames', 0)} frames were "
         f"published): {received}.\n\n"
         f"Load average of the five minutes before the end of this run: {os.getloadavg()[1]:.1f}, "
         f"on {os.cpu_count()} processors.\n"
-    )
-
-
-def _row(result: Soak, name: str) -> str:
-    seen = [sample.processes[name] for sample in result.samples if name in sample.processes]
-    first = next(s.processes[name] for s in result.settled if name in s.processes)
-    last, span_s = seen[-1], max(result.samples[-1].at_s, 1.0)
-    share = (last.cpu_s - seen[0].cpu_s) / span_s
-    return (
-        f"| {name} | {first.memory_mib:.1f} MiB | {last.memory_mib:.1f} MiB | {growth(result, name):+.1%} "
-        f"| {max(f.handles for f in seen)} | {last.handles} | {max(f.threads for f in seen)} | {last.threads} "
-        f"| {share:.0%} |\n"
     )
 
 
