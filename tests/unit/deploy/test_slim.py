@@ -42,12 +42,14 @@ def test_modules_stay_that_the_service_reaches_also_from_within_a_function(tmp_p
 
 
 @pytest.mark.parametrize(("reader", "left"), [("shared.parts.catalogue", True), ("shared.other", False)])
-def test_parts_of_the_catalogue_stay_where_a_program_reads_them(tmp_path: Path, reader: str, left: bool) -> None:
+def test_parts_of_the_catalogue_stay_where_a_program_reads_them(tmp_path: Path, reader: str, *, left: bool) -> None:
     code = written(
         tmp_path,
         {
             "services/one/main.py": f"import {reader}\n",
             "shared/other.py": "",
+            "shared/runtime/health.py": "",
+            "shared/runtime/ready_check.py": "",
             "shared/parts/catalogue.py": "",
             "shared/parts/catalogue/nail.json": "{}",
         },
@@ -57,7 +59,7 @@ def test_parts_of_the_catalogue_stay_where_a_program_reads_them(tmp_path: Path, 
 
 
 @pytest.mark.parametrize(("modules", "left"), [(49, False), (60, True)])
-def test_byte_code_stays_where_there_is_much_to_compile(tmp_path: Path, modules: int, left: bool) -> None:
+def test_byte_code_stays_where_there_is_much_to_compile(tmp_path: Path, modules: int, *, left: bool) -> None:
     code = written(tmp_path, {f"shared/m{number}.py": "" for number in range(modules)})
     written(code, {"shared/__pycache__/m0.cpython-311.pyc": ""})
     SLIM["remove_byte_code_of_few"](code)
