@@ -35,6 +35,7 @@ SEED: Final = 2
 HOURS_EACH: Final = 1.0 / 6.0
 LIMIT_GROWTH_AN_HOUR: Final = 0.01
 LIMIT_STOP_RATIO: Final = 1.5
+_VIRTUAL_ROOM: Final = "virtual-or"
 _STOPS: Final = 10
 _FLUOROSCOPY: Final = {"images": 120, "images_per_s": 30.0, "places": 4, "about_image_x_deg": 1.0}
 # Where the guide was mounted for each patient, from where the scenario has it, along each axis of the base.
@@ -137,11 +138,16 @@ def growth_an_hour(samples: Sequence[Sample], name: str) -> float:
     return growth(samples, name) / hours
 
 
+def _of_the_product(samples: Sequence[Sample]) -> list[str]:
+    """Names of the processes but for the virtual room, which stands for hardware."""
+    return [name for name in samples[-1].processes if not name.startswith(_VIRTUAL_ROOM)]
+
+
 def failures(played: Sequence[Played]) -> list[str]:
     """What did not hold."""
     samples = [one.sample for one in played]
     wrong = [f"procedure {n}: {one.ending}" for n, one in enumerate(played, 1) if one.ending != Ending.DRILLED]
-    grown = {name: growth_an_hour(samples, name) for name in samples[-1].processes}
+    grown = {name: growth_an_hour(samples, name) for name in _of_the_product(samples)}
     limit = LIMIT_GROWTH_AN_HOUR
     wrong += [f"{name} grew by {by:.2%} an hour (limit {limit:.0%})" for name, by in grown.items() if by > limit]
     first, last = stop_p99_ms(played)
@@ -185,7 +191,7 @@ def page(played: Sequence[Played], plot: str) -> str:
     samples, wrong = [one.sample for one in played], failures(played)
     drilled = sum(one.ending == Ending.DRILLED for one in played)
     first, last = stop_p99_ms(played)
-    growths = "".join(f"| {name} | {growth_an_hour(samples, name):+.2%} |\n" for name in samples[-1].processes)
+    growths = "".join(f"| {name} | {growth_an_hour(samples, name):+.2%} |\n" for name in _of_the_product(samples))
     kept = "".join(
         f"| {name} | {played[0].kept_mb.get(name, 0.0):.1f} MB | {size:.1f} MB |\n"
         for name, size in played[-1].kept_mb.items()
