@@ -23,6 +23,8 @@ from shared.messages.schema_files import SCHEMAS
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 KEPT_SCHEMAS: Final = ROOT / "tests" / "contract" / "messages" / "releases"
+# Part files travel in messages, as text of their own.
+PART_SCHEMAS: Final = ROOT / "docs" / "schemas"
 _UNRELEASED: Final = "## Unreleased\n"
 _NUMBER: Final = re.compile(r"^(\d+)\.(\d+)\.(\d+)$")
 _VERSION_LINE: Final = re.compile(r'(?m)^version = "([^"]*)"$')
@@ -96,10 +98,10 @@ def with_release(changelog: str, version: str, day: date) -> str:
 
 
 def keep_schemas(folder: Path) -> None:
-    """Keep the schemas of all messages as those of a release."""
+    """Keep the schemas of all messages and part files as those of a release."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    for file in SCHEMAS.glob("*.json"):
+    for file in (*SCHEMAS.glob("*.json"), *PART_SCHEMAS.glob("*.json")):
         shutil.copy(file, folder)
 
 

@@ -30,8 +30,8 @@ from shared.errors import DistalockError
 
 REPORT: Final = PAGES / "upgrade.md"
 _GATEWAY: Final = "ui_api"
-# Who reads a message is changed before who sends it: `docs/releases.md`.
-ORDER: Final = ("router", "ui_api", "robot", "registration", "imaging")
+# The gateway sends part files, in which a field may be new, so who reads them is changed before it: `docs/releases.md`.
+ORDER: Final = ("router", "robot", "registration", "imaging", "ui_api")
 _READY_WITHIN_S: Final = 300.0
 
 

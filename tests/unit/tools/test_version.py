@@ -55,5 +55,5 @@ def test_schemas_of_a_release_replace_those_that_were_kept(tmp_path: Path) -> No
     (tmp_path / "0.2.0").mkdir()
     (tmp_path / "0.2.0" / "gone-1.json").write_text("{}")
     keep_schemas(tmp_path / "0.2.0")
-    assert "robot-state-1.json" in {file.name for file in (tmp_path / "0.2.0").iterdir()}
+    assert {"robot-state-1.json", "nail-1.json"} <= {file.name for file in (tmp_path / "0.2.0").iterdir()}
     assert not (tmp_path / "0.2.0" / "gone-1.json").exists()
