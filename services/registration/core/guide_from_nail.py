@@ -14,8 +14,9 @@ from services.registration.core.estimation.pose_estimate import (
 )
 from services.registration.core.guide.locate import GuideFit, distortion_correlation_px
 from services.registration.core.hole_axes import rims_of
+from services.registration.core.nail.evidence import covariance_of_turns
 from services.registration.core.nail.image_fit import NailFit
-from services.registration.core.tuning import HOLE_RIMS
+from services.registration.core.tuning import HOLE_RIMS, LAG
 from shared.geometry.calibration import CArmCalibration
 from shared.geometry.camera import PinholeCamera
 from shared.geometry.frames import Camera, Guide, Nail
@@ -75,7 +76,24 @@ def guide_from_nail_of(
         by_calibration += np.outer(motion, motion)
     ray, depth_sd_mm = ray_to(camera_from_nail.mean), _depth_errors_mm(calibration, nail, camera_from_nail.mean)
     by_calibration[3:, 3:] += depth_sd_mm @ depth_sd_mm * np.outer(ray, ray)
-    return PoseEstimate(chained.mean, chained.errors.with_more(by_calibration))
+    by_lag = _covariance_by_lag(calibration, nail, guide_fit.lag_px, camera_from_nail.mean)
+    return PoseEstimate(chained.mean, chained.errors.with_more(by_calibration + by_lag))
+
+
+def _covariance_by_lag(
+    calibration: CArmCalibration, nail: NailPart, lag_px: float, camera_from_nail: Transform[Camera, Nail]
+) -> NDArray[np.float64]:
+    """Covariance of the nail's pose in the guide's frame by earlier frames in the image, shape (6, 6).
+
+    They displace the nail across the ray and turn it: tails lie on one side of its edges.
+    """
+    depth_mm = float(camera_from_nail.translation_mm[2])
+    shift_mm = LAG.entry_per_tail * lag_px * depth_mm / calibration.camera.focal_length_px
+    turn_rad = np.radians(LAG.turn_deg_per_px * lag_px)
+    covariance = covariance_of_turns(nail, turn_rad**2 * np.eye(2))
+    ray = ray_to(camera_from_nail)
+    covariance[3:, 3:] += shift_mm**2 * (np.eye(3) - np.outer(ray, ray))
+    return covariance
 
 
 def _depth_errors_mm(

@@ -124,6 +124,7 @@ def conclude(
             correction,
             found_nail.error_ratio,
             found_nail.hole_spread_mm,
+            found_guide.lag_px,
         )
     )
     return LocalisationResult(reasons, found_guide, found_nail, guide_from_nail, holes, correction)

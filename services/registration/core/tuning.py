@@ -480,6 +480,7 @@ _BETWEEN: Final = derived("a guide between focal spot and ring, about 1 m from s
 _ROWS_BESIDE_EDGES: Final = fitted(
     "a hundred seeded scenes (docs/decisions/0014); 0.02 suffices for single balls, not for rows beside an edge"
 )
+_LAGGING: Final = fitted("`distalock bench processing --kind lag --seeds fit --count 22` (decision 0018)")
 _DISTORTION: Final = fitted(
     "a hundred seeded scenes (docs/decisions/0014): the calibration's own posterior has 50 to 240 px, median 90"
 )
@@ -625,6 +626,18 @@ class GuideMeasurement:
     calibration_rms_px: float = tuned(0.3, "px", "most in `robot calibrate-guide`: else bent or another", _UNRECORDED)
     surroundings_detector_mm: float = tuned(14.1, "mm", "radius about a ball that shows the noise", _INSPECTION)
     distortion_correlation_detector_mm: float = tuned(18.8, "mm", "correlation length of distortion", _DISTORTION)
+
+
+@dataclass(frozen=True, slots=True)
+class Lag:
+    """Earlier frames in an image, from tails of the balls' shadows (`core/guide/lag.py`)."""
+
+    tail_detector_mm: float = tuned(1.05, "mm", "beyond a ball's edge that belongs to its shadow", _LAGGING)
+    rim_detector_mm: float = tuned(2.0, "mm", "beyond a ball's edge that shows the background", _LAGGING)
+    fewest_balls: int = tuned(8, "1", "balls without which no lag is reported", _LAGGING)
+    chance_sigmas: float = tuned(2.5, "sd", "of the tails' median that are chance", _LAGGING)
+    entry_per_tail: float = tuned(2.5, "1", "shift of the nail against the guide over the tails' length", _LAGGING)
+    turn_deg_per_px: float = tuned(0.7, "°/px", "turn of the nail by a tail of a pixel", _LAGGING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -926,6 +939,7 @@ GUIDE_CANDIDATES: Final = GuideCandidates()
 GUIDE_SEARCH: Final = GuideSearch()
 GUIDE_IDENTIFICATION: Final = GuideIdentification()
 GUIDE_MEASUREMENT: Final = GuideMeasurement()
+LAG: Final = Lag()
 GUIDE_AS_BUILT: Final = GuideAsBuilt()
 NAIL_AS_BUILT: Final = NailAsBuilt()
 HEAD_ERRORS: Final = HeadErrors()

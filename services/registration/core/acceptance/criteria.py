@@ -195,6 +195,8 @@ AGREEMENT_BESIDE_OBJECTS: Final = Criterion(
     "fitted on `distalock bench foreign_objects`, seeds 65000-65009: 29 right fits have 2.4 at most, a wrong one 3.7")
 # From here processing is the larger part of the error, and dose would not help.
 MUCH_PROCESSED: Final = 2.0
+# Where frames of a C-arm that moved are the reason: what was averaged with earlier ones has tails.
+LAG_REMEDY: Final = "keep C-arm and patient still for a second, or switch off frame averaging, and take one more image"
 MIRROR_MARGIN: Final = Criterion(
     ReasonCode.MIRROR_AMBIGUOUS, "logarithm of the likelihood ratio between the pose and its reflected tilt",
     at_least(8.0, "", decimals=1), "turn the C-arm by 5° and take one more image",

@@ -21,6 +21,7 @@ from services.registration.core.acceptance.criteria import (
     DISTORTION_DEVIATION,
     ENTRY_BOUND,
     HOLE_ORDER,
+    LAG_REMEDY,
     MIRROR_MARGIN,
     MIRROR_MARGIN_OF_ONE_HOLE,
     MUCH_PROCESSED,
@@ -100,6 +101,7 @@ class LocalisationEvidence:
     correction: CArmTurn
     error_ratio: float = 1.0  # of the nail's rotation, over what the noise explains
     hole_spread_mm: float = 0.0  # of the nail's holes about their places in the file, as the image shows it
+    lag_px: float = 0.0  # how far the guide's balls reach to one side: earlier frames are in the image
 
 
 def fit_reasons(evidence: FitEvidence) -> tuple[Reason, ...]:
@@ -123,17 +125,20 @@ def localisation_reasons(evidence: LocalisationEvidence) -> tuple[Reason, ...]:
         *_extrapolated(evidence),
         *_exchanged(evidence),
         *(reason for hole in evidence.holes for reason in _tilted(hole, evidence.correction)),
-        *uncertainty_reasons(evidence.holes, evidence.error_ratio, evidence.hole_spread_mm),
+        *uncertainty_reasons(evidence.holes, evidence.error_ratio, evidence.hole_spread_mm, evidence.lag_px),
     )
 
 
 def uncertainty_reasons(
-    holes: tuple[HoleEstimate, ...], error_ratio: float = 1.0, hole_spread_mm: float = 0.0
+    holes: tuple[HoleEstimate, ...], error_ratio: float = 1.0, hole_spread_mm: float = 0.0, lag_px: float = 0.0
 ) -> tuple[Reason, ...]:
     """Reasons against holes whose axes are too uncertain, whether from one image or from several."""
-    cause = _because_of_processing(error_ratio), PROCESSING.remedy
-    if not cause[0]:
-        cause = _because_of_the_nail(hole_spread_mm), DIAMETER_EXCESS.remedy
+    causes = (
+        (_because_of_processing(error_ratio), PROCESSING.remedy),
+        (_because_of_lag(lag_px), LAG_REMEDY),
+        (_because_of_the_nail(hole_spread_mm), DIAMETER_EXCESS.remedy),
+    )
+    cause = next((one for one in causes if one[0]), ("", ""))
     return tuple(reason for hole in holes for reason in _uncertain(hole, *cause))
 
 
@@ -278,6 +283,12 @@ def _because_of_processing(error_ratio: float) -> str:
     if error_ratio <= MUCH_PROCESSED:
         return ""
     return f"; parts of the image disagree by {error_ratio:.1f} times what the noise explains"
+
+
+def _because_of_lag(lag_px: float) -> str:
+    if lag_px <= 0.0:
+        return ""
+    return f"; the guide's balls have tails that draw them {lag_px:.2f} px to one side: earlier frames are in the image"
 
 
 def _because_of_the_nail(hole_spread_mm: float) -> str:

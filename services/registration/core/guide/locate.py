@@ -1,6 +1,6 @@
 """Where the drill guide is: its balls identified, measured where they must be, and fitted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from services.registration.core.guide.as_built import (
     px_per_mm,
 )
 from services.registration.core.guide.identity import GuideIdentity
+from services.registration.core.guide.lag import lag_px
 from services.registration.core.guide.measure import GuideImage, measured_and_fitted, ring_shadows, shrinkage
 from services.registration.core.guide.search import search_guide
 from services.registration.core.tuning import GUIDE_AS_BUILT, GUIDE_CANDIDATES, GUIDE_MEASUREMENT
@@ -57,6 +58,7 @@ class GuideFit:
     # axis; it is in the standard deviations above
     displacement_sd_mm: float = 0.0
     focal_length: FocalLength = NO_FOCAL_LENGTH  # as the balls give it, beside the calibration's
+    lag_px: float = 0.0  # how far the balls' shadows reach to one side: earlier frames are in the image
 
     @property
     def camera_from_guide(self) -> Transform[Camera, Guide]:
@@ -122,7 +124,7 @@ def measured_guide(
         return Rejected((_displacement_reason(guide, fit),))
     if not GUIDE_FOCAL_LENGTH.is_met(abs(fit.focal_length.sigmas(calibration.focal_length_deviation))):
         return Rejected((_focal_length_reason(calibration, fit),))
-    return Accepted(fit)
+    return Accepted(replace(fit, lag_px=lag_px(image, pixels, fit.camera_from_guide, used)))
 
 
 def needed_balls(count: int) -> int:

@@ -83,6 +83,14 @@ def test_uncertainty_by_holes_beside_their_places_asks_for_the_nails_file() -> N
     assert "nail's file" not in processed.message
 
 
+def test_uncertainty_by_lag_asks_for_stillness() -> None:
+    uncertain = replace(LOCALISED, holes=(hole(entry_sd_mm=2.0),))
+    (lagging,) = localisation_reasons(replace(uncertain, lag_px=0.42))
+    assert "draw them 0.42 px to one side: earlier frames are in the image" in lagging.message
+    assert "still for a second" in lagging.message
+    assert "dose" not in lagging.message
+
+
 def test_a_hole_without_a_rim_share_is_an_error() -> None:
     with pytest.raises(ValueError, match="shorter"):
         fit_reasons(replace(FIT, rim_shares=FIT.rim_shares[:1]))
