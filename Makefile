@@ -25,7 +25,7 @@ CONSOLE := .venv/.console
 
 help:
 	@echo "make demo    the whole procedure in the virtual operating room"
-	@echo "make test    everything CI runs"
+	@echo "make test    all tests; CI runs them and more"
 	@echo "make check   lint, types, import contracts, unit tests"
 	@echo "make unit    unit tests; of one file or folder with T=tests/unit/..."
 	@echo "make attacks  tries to get past the controls of a running system, and rewrites docs/attacks.md"
